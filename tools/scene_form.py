@@ -8,8 +8,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from jld_core.scene import cracks, search
 from jld_core.scene import schema as structure
-from jld_core.scene import search
 from jld_core.scene.schema import BodyLoad, PointLoad, Scene
 from tools.scene_meanings import MEANINGS, Meaning
 
@@ -34,7 +34,11 @@ def json_schema() -> Node:
 def parts() -> Iterator[tuple[str, type[BaseModel]]]:
     """Every part of a scene once, in order, with the path of the key that holds it."""
     schema = Scene.model_json_schema()
-    models = {name: model for name, model in (vars(structure) | vars(search)).items() if isinstance(model, type)}
+    models = {
+        name: model
+        for name, model in (vars(structure) | vars(search) | vars(cracks)).items()
+        if isinstance(model, type)
+    }
     seen = {"Scene"}
     pending = [("", "Scene")]
     while pending:
@@ -100,6 +104,8 @@ def _kind(node: Node) -> str:
         return "object"
     if "anyOf" in node:
         return " or ".join(dict.fromkeys(_kind(form) for form in node["anyOf"] if form.get("type") != "null"))
+    if "const" in node:
+        return f"`{json.dumps(node['const'])}`"
     if "enum" in node:
         return " or ".join(f"`{json.dumps(value)}`" for value in node["enum"])
     if node.get("type") == "array":

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 from pydantic import BaseModel
 
-from jld_core.scene import schema, search
+from jld_core.scene import cracks, schema, search
 
 
 class Meaning(NamedTuple):
@@ -53,6 +53,7 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "settlements": Meaning("", "Movements of supports, for `jld settlement`."),
         "labels": Meaning("", "The scene's own labelling; else blocks decide: inner within one, dry between two."),
         "search": Meaning("", "What `jld explore` may relabel, and which layouts count."),
+        "cracks": Meaning("", "How blocks crack: along faces of the grid, of finer cells, or anywhere by fields."),
     },
     schema.Units: {
         "length": Meaning("", "The unit of length, in words."),
@@ -152,6 +153,7 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "force": Meaning("force", "The force."),
         "at": Meaning("length", "Where it acts, outside the element too; the centroid where it is not given."),
         "moment": Meaning("force·length", "A moment: a number in the plane (counter-clockwise), a vector in space."),
+        "width": Meaning("length", "Patch that the force is spread on by `cracks` as fields; else its free face."),
     },
     schema.BodyLoad: {
         "body": Meaning("", "On every free element its weight, as a positive number, times this vector."),
@@ -229,6 +231,14 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "count": Meaning("", "A count: `dry_faces`, `dry_length` (in space an area), `blocks`, or a registered one."),
         "counts": Meaning("", "Two counts instead of one: a front of three objectives."),
         "sense": Meaning("", "Whether more of it or less is better; of two counts a list, or one word for both."),
+    },
+    cracks.CellCracks: {
+        "kind": Meaning("", "The crack model."),
+        "cell": Meaning("length", "Size of the cells; of a grid, its width and height are multiples of it."),
+    },
+    cracks.FieldCracks: {
+        "kind": Meaning("", "The crack model."),
+        "gap": Meaning("", "Relative width of the bracket at which refinement ends."),
     },
 }
 """By part of the scene and by key, in the order of the schema."""

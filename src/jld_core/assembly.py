@@ -216,6 +216,8 @@ class LoadCase:
         Required load factor; λ is divided by it, so that 1 is just enough.
     live_points : Points
         Live point forces, for drawing.
+    live_widths : tuple of float or None
+        Lengths of the patches that these forces are spread on by fields, None where not stated; () for none stated.
     """
 
     name: str
@@ -223,6 +225,7 @@ class LoadCase:
     live: Floats
     required: float = 1.0
     live_points: Points = ()
+    live_widths: tuple[float | None, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -266,6 +269,8 @@ class Assembly(NotebookRepr):
         Pairs of supports that share a face; they are of one block.
     nominal : Strengths or None
         Nominal strengths, where `strengths` holds the low values of materials.
+    live_widths : tuple of float or None
+        Lengths of the patches of the live point forces, as in `LoadCase`.
     """
 
     name: str
@@ -284,6 +289,7 @@ class Assembly(NotebookRepr):
     cases: tuple[LoadCase, ...] = ()
     touching: tuple[tuple[int, int], ...] = ()
     nominal: Strengths | None = None
+    live_widths: tuple[float | None, ...] = ()
 
     def __repr__(self) -> str:
         kind = "planar" if self.dimension == 2 else "spatial"
@@ -311,6 +317,7 @@ class Assembly(NotebookRepr):
                 dead=case.dead,
                 live=case.live,
                 live_points=case.live_points,
+                live_widths=case.live_widths,
                 cases=(),
             )
             for case in self.cases

@@ -141,7 +141,7 @@ def explore(
     assembly = build_robust(scene) if settings.robust else build_assembly(scene)
     if assembly.warnings and settings.strict:
         raise InputError("", assembly.warnings[0], "a scene without warnings, or no --strict")
-    _refuse_together(settings, assembly)
+    _refuse_together(scene, settings, assembly)
     # Announce warnings only once the search begins; a refused search gives its error alone.
     said = [f"warning: {warning}" for warning in assembly.warnings]
     space = _space_of(scene, assembly, settings.driver)
@@ -194,8 +194,10 @@ def _space_of(scene: Scene, assembly: Assembly, driver: str | Driver | None) -> 
     return space
 
 
-def _refuse_together(settings: ExploreSettings, assembly: Assembly) -> None:
+def _refuse_together(scene: Scene, settings: ExploreSettings, assembly: Assembly) -> None:
     """Raise InputError for settings that exclude each other or do not support the loads."""
+    if scene.cracks != "faces":
+        raise InputError("cracks", "a search knows cracks by faces alone", '"faces"')
     if settings.certificate is not None and settings.robust:
         raise InputError("--certificate", "it speaks of one value of each strength", "a search without --robust")
     if settings.certificate is not None and settings.by_experiment:

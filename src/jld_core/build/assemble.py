@@ -105,6 +105,7 @@ def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
         live=cases[0].live,
         labels=_own_labels(scene, elements, interfaces, given),
         live_points=cases[0].live_points,
+        live_widths=cases[0].live_widths,
         moved=geometry.moved,
         cases=cases if scene.loads.cases is not None else (),
         touching=geometry.touching,
@@ -194,7 +195,7 @@ def _case(
     total = loads.generalised(live, elements, f"{key}.live")
     if not np.any(total):
         raise InputError(f"{key}.live", "the live load is zero", "at least one load that acts on a free element")
-    return LoadCase(name, dead, total, required, _points(live, elements))
+    return LoadCase(name, dead, total, required, _points(live, elements), _widths(live))
 
 
 def _points(live: Sequence[PointLoad | BodyLoad], elements: Elements) -> Points:
@@ -205,3 +206,9 @@ def _points(live: Sequence[PointLoad | BodyLoad], elements: Elements) -> Points:
             at = entry.at or elements.centroid[elements.index[entry.element]].tolist()
             points.append((tuple(at), tuple(entry.force)))
     return tuple(points)
+
+
+def _widths(live: Sequence[PointLoad | BodyLoad]) -> tuple[float | None, ...]:
+    """Return the width of the patch of each live point load; () where none states one."""
+    widths = tuple(entry.width for entry in live if isinstance(entry, PointLoad) and entry.force is not None)
+    return widths if any(width is not None for width in widths) else ()

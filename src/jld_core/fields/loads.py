@@ -62,6 +62,19 @@ class _FreeFace:
     length: float
 
 
+@dataclass(frozen=True)
+class _Force:
+    """Live force on a free face: distance from its start, vector (2,), width of its patch or None."""
+
+    at: float
+    vector: Floats
+    width: float | None
+
+
+_Piece = tuple[float, float, Floats]
+"""Part of a free face, from and to a distance from its start, with the tractions (2, 2) at its ends."""
+
+
 def thickness_of(assembly: Assembly) -> float:
     """Return the thickness of a planar assembly, length."""
     return float(assembly.interfaces.l2[0])
@@ -75,9 +88,9 @@ def loaded_mesh(assembly: Assembly, patch: float | None = None) -> tuple[Mesh, F
     assembly : Assembly
         Planar assembly with one load case.
     patch : float, optional
-        Length of the patch that each live force on a free face is spread on, centred at its place. By default all
-        forces on one face become one linear traction: over the whole face where the resultant lies within its middle
-        third, else uniform over the largest part of the face that is centred at the resultant.
+        Length of the patch that each live force without a width of its own is spread on, centred at its place. By
+        default all of these on one face become one linear traction: over the whole face where the resultant lies within
+        its middle third, else uniform over the largest part of the face that is centred at the resultant.
 
     Returns
     -------
@@ -93,19 +106,26 @@ def loaded_mesh(assembly: Assembly, patch: float | None = None) -> tuple[Mesh, F
     """
     plain = outlines_of(assembly)
     faces = [face for cell in range(len(plain.cells)) for face in _free_faces(plain, cell)]
-    chosen: dict[int, list[tuple[float, Floats]]] = {}
+    chosen: dict[int, list[_Force]] = {}
     taken = np.zeros_like(assembly.live)
-    for place, vector in zip(*_points(assembly), strict=True):
+    for place, vector, width in _points(assembly):
         found = _face_of(assembly, faces, place, vector, taken)
         if found is None:
+            if width is not None:
+                raise InputError(
+                    "loads.live",
+                    f"the force at ({place[0]:g}, {place[1]:g}) has a width and no free face",
+                    "a place on a free face of the element, or no width",
+                )
             continue
         face = faces[found]
-        chosen.setdefault(found, []).append((float((place - face.start) @ face.along), vector))
+        at = float((place - face.start) @ face.along)
+        chosen.setdefault(found, []).append(_Force(at, vector, patch if width is None else width))
         arm = place - assembly.elements.centroid[face.cell]
         taken[face.cell] += (*vector, arm[0] * vector[1] - arm[1] * vector[0])
     segments: list[Segment] = []
     for index, forces in chosen.items():
-        segments += _segments(assembly, faces[index], forces, patch)
+        segments += _segments(assembly, faces[index], forces)
     ends = np.array([end for segment in segments for end in segment.ends]).reshape(-1, 2)
     coarse = coarse_mesh(outlines_of(assembly, ends))
     _require_cover(assembly, coarse)
@@ -137,13 +157,13 @@ def _require_cover(assembly: Assembly, mesh: Mesh) -> None:
         )
 
 
-def _points(assembly: Assembly) -> tuple[Floats, Floats]:
-    """Places (k, 2) and vectors (k, 2) of live point forces, those at one place added up."""
-    if not assembly.live_points:
-        return np.zeros((0, 2)), np.zeros((0, 2))
-    places = np.array([place for place, _ in assembly.live_points], dtype=float)
-    vectors = np.array([vector for _, vector in assembly.live_points], dtype=float)
-    return places, vectors
+def _points(assembly: Assembly) -> list[tuple[Floats, Floats, float | None]]:
+    """Places (2,), vectors (2,) and stated widths of the live point forces."""
+    widths = assembly.live_widths or (None,) * len(assembly.live_points)
+    return [
+        (np.array(place, dtype=float), np.array(vector, dtype=float), width)
+        for (place, vector), width in zip(assembly.live_points, widths, strict=True)
+    ]
 
 
 def _free_faces(outlines: Outlines, index: int) -> list[_FreeFace]:
@@ -204,52 +224,69 @@ def _face_of(assembly: Assembly, faces: list[_FreeFace], place: Floats, vector: 
     return best[2]
 
 
-def _segments(
-    assembly: Assembly, face: _FreeFace, forces: list[tuple[float, Floats]], patch: float | None
-) -> list[Segment]:
-    """Return the loaded segments of one free face under forces at distances from its start."""
+def _segments(assembly: Assembly, face: _FreeFace, forces: list[_Force]) -> list[Segment]:
+    """Loaded segments of one free face under forces at distances from its start, those that overlap added up."""
+    pieces = [_stated(assembly, face, force) for force in forces if force.width is not None]
+    plain = [force for force in forces if force.width is None]
+    if plain:
+        pieces.append(_spread(assembly, face, plain))
+    if len(pieces) == 1:
+        low, high, ends = pieces[0]
+        return [_segment(face, low, high, ends)]
+    reach = 10.0 * tolerances.CONTACT * assembly.size
+    cuts = sorted(end for piece in pieces for end in piece[:2])
+    segments = []
+    for low, high in pairwise(cuts):
+        over = [one for one in pieces if one[0] <= 0.5 * (low + high) <= one[1]]
+        if high - low > reach and over:
+            segments.append(
+                _segment(face, low, high, sum((_between(one, low, high) for one in over), np.zeros((2, 2))))
+            )
+    return segments
+
+
+def _between(piece: _Piece, low: float, high: float) -> Floats:
+    """Tractions (2, 2) at both ends of a part of a linear piece."""
+    start, stop, ends = piece
+    shares = (np.array([low, high]) - start) / (stop - start)
+    return np.asarray(ends[0] * (1.0 - shares[:, None]) + ends[1] * shares[:, None])
+
+
+def _spread(assembly: Assembly, face: _FreeFace, forces: list[_Force]) -> _Piece:
+    """Linear traction of the resultant of forces: over the face, or uniform about a place beyond the middle third."""
     thickness = thickness_of(assembly)
-    if patch is not None:
-        return _stated(assembly, face, forces, patch)
     normal = np.array([face.along[1], -face.along[0]])
-    total = np.sum([vector for _, vector in forces], axis=0)
-    push = [float(vector @ normal) for _, vector in forces]
-    moment = sum(p * (at - 0.5 * face.length) for p, (at, _) in zip(push, forces, strict=True))
+    total = np.sum([force.vector for force in forces], axis=0)
+    push = [float(force.vector @ normal) for force in forces]
+    moment = sum(p * (force.at - 0.5 * face.length) for p, force in zip(push, forces, strict=True))
     gross = float(np.sum(np.abs(push)))
     one_sign = gross > 0.0 and abs(sum(push)) >= gross * (1.0 - tolerances.ROUNDING)
     offset = moment / sum(push) if one_sign else 0.0
     if one_sign and abs(offset) > face.length * (1.0 / 6.0 + tolerances.CONTACT):
-        half = 0.5 * face.length - abs(offset)
+        middle, half = 0.5 * face.length + offset, 0.5 * face.length - abs(offset)
         if 2.0 * half < _LEAST_PATCH * face.length:
-            raise _no_room(assembly, face, 0.5 * face.length + offset)
-        return [_segment(face, 0.5 * face.length + offset, half, total / (2.0 * half * thickness))]
+            raise _no_room(assembly, face, middle)
+        traction = total / (2.0 * half * thickness)
+        return middle - half, middle + half, np.array([traction, traction])
     mean = total / (face.length * thickness)
     lean = 6.0 * moment / (face.length**2 * thickness) * normal
-    ends = np.array([face.start, face.start + face.length * face.along])
-    return [Segment(face.cell, ends, np.array([mean - lean, mean + lean]))]
+    return 0.0, face.length, np.array([mean - lean, mean + lean])
 
 
-def _stated(assembly: Assembly, face: _FreeFace, forces: list[tuple[float, Floats]], patch: float) -> list[Segment]:
-    """Uniform patches of a given length, those that overlap added up."""
-    thickness, reach = thickness_of(assembly), 10.0 * tolerances.CONTACT * assembly.size
-    cuts: list[float] = []
-    for at, _ in forces:
-        if at - 0.5 * patch < -reach or at + 0.5 * patch > face.length + reach:
-            raise _no_room(assembly, face, at)
-        cuts += [max(0.0, at - 0.5 * patch), min(face.length, at + 0.5 * patch)]
-    cuts.sort()
-    segments = []
-    for low, high in pairwise(cuts):
-        inside = [vector for at, vector in forces if abs(at - 0.5 * (low + high)) <= 0.5 * patch]
-        if high - low > reach and inside:
-            middle, half = 0.5 * (low + high), 0.5 * (high - low)
-            segments.append(_segment(face, middle, half, np.sum(inside, axis=0) / (patch * thickness)))
-    return segments
+def _stated(assembly: Assembly, face: _FreeFace, force: _Force) -> _Piece:
+    """Uniform patch of stated width about one force."""
+    assert force.width is not None
+    reach = 10.0 * tolerances.CONTACT * assembly.size
+    low, high = force.at - 0.5 * force.width, force.at + 0.5 * force.width
+    if low < -reach or high > face.length + reach:
+        raise _no_room(assembly, face, force.at)
+    traction = force.vector / (force.width * thickness_of(assembly))
+    return max(0.0, low), min(face.length, high), np.array([traction, traction])
 
 
-def _segment(face: _FreeFace, middle: float, half: float, traction: Floats) -> Segment:
-    ends = np.array([face.start + (middle - half) * face.along, face.start + (middle + half) * face.along])
-    return Segment(face.cell, ends, np.array([traction, traction]))
+def _segment(face: _FreeFace, low: float, high: float, traction: Floats) -> Segment:
+    ends = np.array([face.start + low * face.along, face.start + high * face.along])
+    return Segment(face.cell, ends, traction)
 
 
 def _no_room(assembly: Assembly, face: _FreeFace, at: float) -> InputError:

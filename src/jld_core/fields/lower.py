@@ -36,13 +36,14 @@ class StressField:
     """Certified stress field.
 
     factor: λ that it carries, scaled. stress: (t, 3, 3) stresses (m, d, s) at the corners, scaled. room: least room
-    to a yield condition, after what is missing from exact equilibrium was charged. rate: (t, 3) what λ gains by
+    to a yield condition, after what is missing from exact equilibrium was charged. charge: that stress. rate: (t, 3) what λ gains by
     stronger material at each corner, by the multipliers of the solver: it steers refinement and proves nothing.
     """
 
     factor: float
     stress: Floats
     room: float
+    charge: float
     rate: Floats
 
 
@@ -100,7 +101,7 @@ class LowerBound:
         projected, rest = self._project(stress, factor)
         field = projected.reshape(-1, 3, 3)
         room = self.room(field, labels) - rest
-        return StressField(factor, field, room, np.zeros((self._triangles, 3))) if room >= 0.0 else None
+        return StressField(factor, field, room, rest, np.zeros((self._triangles, 3))) if room >= 0.0 else None
 
     def _rate(self, dual: Floats) -> Floats:
         """Multipliers of yield times strengths at the corners (t, 3)."""
@@ -115,11 +116,16 @@ class LowerBound:
         least = [float(p.material.slack(stress).min())]
         rows = np.flatnonzero(p.is_dry(labels))
         if rows.size:
-            normal, shear = self.tractions(stress, rows)
-            face = p.face[rows]
-            mu, c, crush = (v[face][:, None] for v in (p.joints.friction, p.joints.cohesion, p.joints.crushing))
-            least += [float(-normal.max()), float((c - mu * normal - abs(shear)).min()), float((crush + normal).min())]
+            least.append(float(self.joint_room(stress, rows).min()))
         return min(least)
+
+    def joint_room(self, stress: Floats, rows: Ints) -> Floats:
+        """Return the least room (k, 2) of stresses (t, 3, 3) to the yield of dry joints at both ends of some edges."""
+        p = self.problem
+        normal, shear = self.tractions(stress, rows)
+        face = p.face[rows]
+        mu, c, crush = (v[face][:, None] for v in (p.joints.friction, p.joints.cohesion, p.joints.crushing))
+        return np.minimum(np.minimum(-normal, c - mu * normal - abs(shear)), crush + normal)
 
     def tractions(self, stress: Floats, rows: Ints) -> tuple[Floats, Floats]:
         """Return normal (tension positive) and shear tractions (k, 2) at both ends of some edges."""

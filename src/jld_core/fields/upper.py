@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jld_core import tolerances
-from jld_core.arrays import Bits, Floats
+from jld_core.arrays import Bits, Floats, Ints
 from jld_core.fields.conic import Answer
 from jld_core.fields.opening import opening_motion
 from jld_core.fields.problem import Problem
@@ -116,8 +116,7 @@ class UpperBound:
                 share = worst * (1.0 + 1e-9)
                 velocity = velocity + share * motion
                 rates = self.rates(velocity)
-            # what is left is zero by construction and shows in floating point only
-            allowance = tolerances.ROUNDING * float(abs(velocity).max()) * self._steep
+            allowance = self.allowance(velocity)
             if self._worst(rates, labels) > allowance:
                 return None
         work = float((self.live * velocity).sum())
@@ -129,6 +128,23 @@ class UpperBound:
         slack = tolerances.SUMMATION * (float(power.sum()) + float(abs(dead).sum()))
         factor = (float(power.sum()) - float(dead.sum()) + slack) / work
         return VelocityField(factor, velocity / work, power / work, share) if np.isfinite(factor) else None
+
+    def allowance(self, velocity: Floats) -> float:
+        """Return the opening that flow rules may lack and that counts as rounding: zero by construction."""
+        return tolerances.ROUNDING * float(abs(velocity).max()) * self._steep
+
+    def repaired(self, velocity: Floats, share: float) -> Floats:
+        """Return velocities for which no flow rule, of joint or material, lacks a small share of the largest velocity.
+
+        Rules that lack more stay violated. Without an opening motion velocities are returned as they are.
+        """
+        every = np.ones(len(self.problem.supported), dtype=bool)
+        rates = self.rates(velocity)
+        lacks = np.concatenate([part.ravel() for b in (every, ~every) for part in self.lacking(rates, b)])
+        small = lacks[lacks <= share * float(abs(velocity).max())]
+        worst = float(small.max(initial=0.0))
+        motion = self._opening() if worst > 0.0 else None
+        return velocity if motion is None else velocity + worst * (1.0 + 1e-9) * motion
 
     def _worst(self, rates: Rates, labels: Bits) -> float:
         return max(float(part.max(initial=-np.inf)) for part in self.lacking(rates, labels))
@@ -181,15 +197,21 @@ class UpperBound:
         power = p.mesh.area * p.material.dissipation(rates.trace, rates.shear, allowance)
         dry = p.is_dry(labels)
         ends = p.material.dissipation(rates.opening, np.hypot(rates.opening, rates.slip), allowance)
-        face = p.face[dry]
-        slip, opening = abs(rates.slip[dry]), rates.opening[dry]
-        mu, c, crush = (v[face][:, None] for v in (p.joints.friction, p.joints.cohesion, p.joints.crushing))
-        lack = mu * slip - opening
-        with np.errstate(invalid="ignore"):
-            ends[dry] = c * slip + np.where(lack > np.where(np.isinf(crush), allowance, 0.0), crush * lack, 0.0)
+        ends[dry] = self.joint_power(rates, np.flatnonzero(dry), allowance)
         ends[p.outer] = 0.0
         total = 0.5 * e.length * ends.sum(axis=1)
         both = e.b >= 0
         np.add.at(power, e.a, np.where(both, 0.5, 1.0) * total)
         np.add.at(power, e.b[both], 0.5 * total[both])
         return power
+
+    def joint_power(self, rates: Rates, rows: Ints, allowance: float = 0.0) -> Floats:
+        """Return the power (k, 2) per area at both ends of edges on faces, as dry joints; inf beyond friction."""
+        p = self.problem
+        face = p.face[rows]
+        slip, opening = abs(rates.slip[rows]), rates.opening[rows]
+        mu, c, crush = (v[face][:, None] for v in (p.joints.friction, p.joints.cohesion, p.joints.crushing))
+        lack = mu * slip - opening
+        with np.errstate(invalid="ignore"):
+            crushed = np.where(lack > np.where(np.isinf(crush), allowance, 0.0), crush * lack, 0.0)
+        return np.asarray(c * slip + crushed)

@@ -11,6 +11,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 
 from jld_core.errors import InputError
 from jld_core.scene.complaints import first_complaint
+from jld_core.scene.cracks import FORMS, CrackModel, cracks_by_kind
 from jld_core.scene.part import Angle, LabelName, NonNegative, Pair, Part, Positive, PositiveValue, Value, Vector
 from jld_core.scene.search import Labels, Search
 
@@ -362,6 +363,8 @@ class PointLoad(Part):
         Point of application in the scene; None for the element's centroid.
     moment : float or list of float
         Moment, planar a number, spatial a vector.
+    width : float or None
+        Length of the patch on a free face that the force is spread on where blocks crack by fields.
     """
 
     element: Annotated[str, Field(description='the id of a free element, or "body" for a load on all')]
@@ -371,14 +374,17 @@ class PointLoad(Part):
         float | Annotated[list[float], Field(min_length=3, max_length=3)],
         Field(description="a number, spatial a vector"),
     ] = 0.0
+    width: Annotated[Positive | None, Field(description="a length above 0")] = None
 
     @model_validator(mode="after")
     def _something(self) -> Self:
-        """Check that a force or moment is given, and a force if "at" is given."""
+        """Check that a force or moment is given, and a force if "at" or "width" is given."""
         if self.force is None and "moment" not in self.model_fields_set:
             raise InputError("", "it does nothing", '"force" or "moment"')
         if self.at is not None and self.force is None:
             raise InputError(".at", 'it stands without "force"', "a force to apply there")
+        if self.width is not None and self.force is None:
+            raise InputError(".width", 'it stands without "force"', "a force to spread")
         return self
 
 
@@ -514,6 +520,8 @@ class Scene(Part):
         The scene's own labelling.
     search : Search
         Candidates, limits and objectives of a search.
+    cracks : "faces", CellCracks or FieldCracks
+        How blocks crack.
     """
 
     name: Annotated[str, Field(min_length=1)] = "scene"
@@ -531,6 +539,9 @@ class Scene(Part):
     settlements: list[Settling] = []
     labels: Labels = Labels()
     search: Search = Search()
+    cracks: Annotated[CrackModel, Field(description=FORMS)] = "faces"
+
+    _crack_model = field_validator("cracks", mode="before")(cracks_by_kind)
 
     @model_validator(mode="after")
     def _one_geometry(self) -> Self:

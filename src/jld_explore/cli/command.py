@@ -25,14 +25,31 @@ from jld_core.build import build_assembly, build_robust, settlements_of
 from jld_core.errors import InputError
 from jld_core.limit import FLOOR_SECONDS, Condense, Contacts, Friction, LimitAnalysisResult, SolveOptions, Status
 from jld_core.mechanics import InnerBending, require_materials
-from jld_core.models import cost_estimate, require_memory, require_model, sensitivities
+from jld_core.models import (
+    FIELD_SECONDS,
+    cost_estimate,
+    require_cracks,
+    require_memory,
+    require_model,
+    sensitivities,
+)
 from jld_core.models import solve as solve_assembly
-from jld_core.scene import Scene, load_scene
+from jld_core.scene import FieldCracks, Scene, load_scene
 from jld_core.solvers import SOLVERS
 from jld_core.tolerances import GAP
 from jld_explore import Exploration, ExploreSettings, explore
 from jld_explore.cli import exchange, overview, plot, samples
 from jld_explore.cli.assembly import assembly as laying
+from jld_explore.cli.cracks import (
+    Cracks,
+    FieldSeconds,
+    check_cracks,
+    named,
+    of_cells,
+    result_in_words,
+    say_by_fields,
+    with_cracks,
+)
 from jld_explore.cli.ending import UNCERTIFIED, raise_on_signals, run
 from jld_explore.cli.experiment import experiment
 from jld_explore.cli.layout import layout_of
@@ -139,6 +156,8 @@ def check(scene: SceneFile, strict: Strict = False) -> None:
     with error_context(scene):
         require_materials(assembly, assembly.labels, ~assembly.labels)
         settlements_of(parsed, assembly)
+        require_cracks(parsed, assembly)
+        of_cells(parsed, assembly, assembly.labels)
     _warn_of(scene, assembly)
     say(words.assembly(parsed, assembly, space))
 
@@ -163,6 +182,8 @@ def solve(
     out: Annotated[Path | None, typer.Option(help="Folder for result.json and pictures.")] = None,
     strict: Strict = False,
     robust: Robust = False,
+    cracks: Cracks = None,
+    field_seconds: FieldSeconds = FIELD_SECONDS,
     as_json: AsJson = False,
 ) -> None:
     """Collapse load factor of the scene's own labelling, with a two-sided bracket."""
@@ -189,12 +210,20 @@ def solve(
         _check_search(scene, parsed, assembly)
     if robust:
         assembly = build_robust(parsed)
+    parsed = with_cracks(parsed, cracks)
     with error_context(scene):
         require_materials(assembly, labels, ~labels)
         settlements_of(parsed, assembly)
         require_model(assembly, options, labels)
+        check_cracks(parsed, assembly, cracks, options, robust)
+        if not isinstance(parsed.cracks, FieldCracks):
+            assembly, labels = of_cells(parsed, assembly, labels)
     if own and not as_json:
         _warn_of(scene, assembly)
+    if isinstance(parsed.cracks, FieldCracks):
+        with error_context(scene):
+            say_by_fields(parsed, assembly, labels, field_seconds, out, as_json)
+        return
     if (long := cost_estimate(assembly).long) is not None and not as_json:
         warn(f"jld: {long}")
     with error_context(scene):
@@ -205,10 +234,10 @@ def solve(
             result, extra={**result.extra, "load_factor_nominal": None if math.isnan(nominal) else nominal}
         )
     rates = {name: rate.to_json() for name, rate in sensitivities(result).items()}
-    result = replace(result, extra={**result.extra, "sensitivities": rates})
+    result = named(parsed, replace(result, extra={**result.extra, "sensitivities": rates}))
     if out is not None:
         _write_result(result, out)
-    say(json.dumps(result.to_json(), indent=1) if as_json else words.result(result))
+    say(json.dumps(result.to_json(), indent=1) if as_json else result_in_words(parsed, result))
     if result.status is Status.UNCERTIFIED:
         raise typer.Exit(UNCERTIFIED)
 

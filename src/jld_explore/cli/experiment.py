@@ -16,6 +16,7 @@ from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.models import solve
+from jld_explore.cli.cracks import rigid_cells
 from jld_explore.cli.ending import UNCERTIFIED
 from jld_explore.cli.layout import layout_of
 from jld_explore.cli.options import AsJson, Rank, Source, error_context
@@ -70,9 +71,10 @@ def experiment(
         residual_friction=residual_friction,
     )
     settings = Settings(scheme=scheme, segments=segments, moving=moving)
-    _, assembly, labels = layout_of(source, rank)
+    scene, assembly, labels = layout_of(source, rank)
     start = time.perf_counter()
     with error_context(source):
+        assembly, labels = rigid_cells(scene, assembly, labels)
         curve = run_experiment(assembly, labels, joints=joints, settings=settings)
         spent = time.perf_counter() - start
         limit = solve(assembly, labels)

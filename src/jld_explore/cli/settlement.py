@@ -12,6 +12,7 @@ import typer
 from jld_core.build import settlements_of
 from jld_core.errors import InputError
 from jld_core.limit import Settled, settle
+from jld_explore.cli.cracks import rigid_cells
 from jld_explore.cli.ending import UNCERTIFIED
 from jld_explore.cli.layout import layout_of
 from jld_explore.cli.options import AsJson, Rank, error_context
@@ -35,6 +36,7 @@ def settlement(
     if not scene.settlements:
         raise InputError(f"{source}: settlements", "the scene has none", "a list of movements of supports")
     with error_context(source):
+        assembly, labels = rigid_cells(scene, assembly, labels)
         found = [settle(assembly, one, labels) for one in settlements_of(scene, assembly)]
     told = {"name": scene.name, "settlements": [one.to_json() for one in found]}
     if out is not None:

@@ -53,7 +53,7 @@ def assembly(scene: Scene, found: Assembly, space: SearchSpace) -> str:
         Lines with dimension, counts, loads, program size, candidates and symmetries.
     """
     spots = int(np.count_nonzero(space.candidates))
-    return _lines(
+    return lines(
         {
             "scene": scene.name,
             **facts_of_assembly(found),
@@ -63,12 +63,12 @@ def assembly(scene: Scene, found: Assembly, space: SearchSpace) -> str:
     )
 
 
-def result(found: LimitAnalysisResult) -> str:
-    """Describe a limit analysis result for `jld solve`."""
-    return _lines(facts_of_result(found))
+def result(found: LimitAnalysisResult, more: dict[str, str] | None = None) -> str:
+    """Describe a limit analysis result for `jld solve`, with further facts at its end."""
+    return lines({**facts_of_result(found), **(more or {})})
 
 
-def _lines(facts: dict[str, str]) -> str:
+def lines(facts: dict[str, str]) -> str:
     """Return facts as lines with aligned names."""
     width = max(12, *(len(name) for name in facts))
     return "\n".join(f"{name:<{width}} {value}" for name, value in facts.items())
@@ -151,8 +151,8 @@ def exploration(done: Exploration, top: int = 10) -> str:
     """Describe a finished search for `jld explore`: best rows, front and proof."""
     return "\n".join(
         [
-            _lines(facts_of_exploration(done)),
-            *([_lines(others)] if (others := apart(done)) else []),
+            lines(facts_of_exploration(done)),
+            *([lines(others)] if (others := apart(done)) else []),
             "",
             _table(best_rows(done, top)),
             "",

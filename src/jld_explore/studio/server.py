@@ -102,9 +102,12 @@ def opened(source: Path | None) -> tuple[Scene, Path, Path | None]:
     """Return the scene, the folder for output, and the study's folder if one was opened."""
     if source is None:
         return parse_scene(START), Path("studio"), None
+    scene = read_folder(source).scene if source.is_dir() else load_scene(source)
+    if scene.cracks != "faces":
+        raise InputError(f"{source}: cracks", "the studio shows λ by faces alone", '"faces", or jld solve')
     if source.is_dir():
-        return read_folder(source).scene, source / "studio", source
-    return load_scene(source), source.with_name(f"{source.stem}_studio"), None
+        return scene, source / "studio", source
+    return scene, source.with_name(f"{source.stem}_studio"), None
 
 
 def first_data(desk: StudioSession, root: Path, study: Path | None) -> PageData:

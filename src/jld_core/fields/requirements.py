@@ -1,0 +1,50 @@
+"""What bounds by fields ask of an assembly, and one line for what lacks it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from jld_core.arrays import Bits
+from jld_core.assembly import Assembly
+from jld_core.errors import InputError
+from jld_core.fields.loads import loaded_mesh
+from jld_core.fields.material import material_of
+
+
+def require_fields(assembly: Assembly, patch: float | None = None) -> None:
+    """Raise InputError if λ of an assembly cannot be bounded by fields, whatever its labels.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Assembly, with or without load cases.
+    patch : float, optional
+        As in `bounds_by_fields`.
+
+    Raises
+    ------
+    InputError
+        Spatial scenes, inner strengths that are missing, zero or different, loads without room for their patch, and
+        outlines or interfaces that no mesh fits.
+    """
+    require_planar(assembly)
+    material_of(assembly)
+    for case in assembly.by_case:
+        loaded_mesh(case, patch)
+
+
+def require_planar(assembly: Assembly) -> None:
+    """Raise InputError for a spatial assembly."""
+    if assembly.dimension != 2:
+        raise InputError("cracks", "fields are for planar scenes, and this one is spatial", '"faces"')
+
+
+def require_labels(assembly: Assembly, labels: Bits | None) -> Bits:
+    """Return labels (m,) of an assembly; raise InputError for a wrong shape, or a dry face without friction."""
+    given = np.asarray(assembly.labels if labels is None else labels)
+    if given.shape != (len(assembly.interfaces),) or given.dtype != bool:
+        raise InputError("labels", f"shape {given.shape} of {given.dtype}", f"({len(assembly.interfaces)},) of bool")
+    missing = np.flatnonzero(given & np.isnan(assembly.strengths.friction))
+    if missing.size:
+        raise InputError("materials.dry", f"face {assembly.pair(int(missing[0]))} is dry", "a friction coefficient")
+    return given

@@ -1,0 +1,169 @@
+"""What one certified field proves for other labellings: mechanisms bound λ from above, stresses from below.
+
+A mechanism dissipates in blocks and on faces; only the latter depends on labels, each face on its own. A stress field
+is within yield everywhere, so that it stands under every labelling whose dry faces it presses within friction.
+Formulas: docs/method.md (9.13) and (9.14).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jld_core import tolerances
+from jld_core.arrays import Bits, Bools, Floats
+from jld_core.fields.lower import LowerBound, StressField
+from jld_core.fields.upper import UpperBound, VelocityField
+
+_REPAIRED = (1e-7, 1e-9, 0.0)
+"""Opening that a flow rule may lack, over the largest velocity, and that an opening motion makes good.
+
+The first that costs little is taken: where cells hardly open, their motion dissipates much.
+"""
+
+_COST = 1e-3
+"""Relative rise of the bound of the field's own labelling up to which a repair costs little."""
+
+
+@dataclass(frozen=True)
+class FieldMechanism:
+    """Upper bound on λ of every labelling, by one velocity field: constant + Σ dry or inner of each face.
+
+    Attributes
+    ----------
+    constant : float
+        Dissipation in the blocks less dead work, at live work one; scene units of λ.
+    dry, inner : (m,) float array
+        Dissipation on each face under that label, inf where its flow rule is violated.
+    """
+
+    constant: float
+    dry: Floats
+    inner: Floats
+
+    def bounds(self, labellings: Bits) -> Floats:
+        """Return the upper bound on λ of each labelling.
+
+        Parameters
+        ----------
+        labellings : (k, m) bool array
+            Labels, True = dry.
+
+        Returns
+        -------
+        (k,) float array
+            Bounds, inf where the mechanism is none of the labelling.
+        """
+        dry, inner = (np.where(np.isfinite(part), part, 0.0) for part in (self.dry, self.inner))
+        found = self.constant + inner.sum() + labellings @ (dry - inner)
+        wrong = (labellings & np.isinf(self.dry)) | (~labellings & np.isinf(self.inner))
+        # sums in another order round differently
+        size = abs(self.constant) + float((np.abs(dry) + np.abs(inner)).sum())
+        return np.where(wrong.any(axis=1), np.inf, found + tolerances.SUMMATION * size)
+
+
+@dataclass(frozen=True)
+class FieldStresses:
+    """Lower bound on λ of every labelling whose dry faces are among some, by one stress field.
+
+    Attributes
+    ----------
+    load_factor : float
+        λ that the field carries, scene units.
+    may_be_dry : (m,) bool array
+        Faces on which tractions are within friction, cohesion and crushing of the dry joint.
+    """
+
+    load_factor: float
+    may_be_dry: Bools
+
+    def bounds(self, labellings: Bits) -> Floats:
+        """Return the lower bound on λ of each labelling.
+
+        Parameters
+        ----------
+        labellings : (k, m) bool array
+            Labels, True = dry.
+
+        Returns
+        -------
+        (k,) float array
+            Bounds, −inf where the field does not fit the labelling.
+        """
+        return np.where((labellings & ~self.may_be_dry).any(axis=1), -np.inf, self.load_factor)
+
+
+def mechanism_of(upper: UpperBound, field: VelocityField, labels: Bits) -> FieldMechanism | None:
+    """Return what a velocity field proves for all labellings.
+
+    Faces that stand still up to rounding are opened a little, so that they may have either label.
+
+    Parameters
+    ----------
+    upper : UpperBound
+        The problem.
+    field : VelocityField
+        Field that `upper` certified.
+    labels : (m,) bool array
+        The labelling that it belongs to.
+
+    Returns
+    -------
+    FieldMechanism or None
+        None where the live load does no work, or the blocks would dissipate without limit.
+    """
+    own = field.factor * upper.problem.units.load
+    for share in _REPAIRED:
+        found = _mechanism(upper, upper.repaired(field.velocity, share))
+        if found is not None and found.bounds(labels[None])[0] <= own + _COST * abs(own):
+            return found
+    return None
+
+
+def _mechanism(upper: UpperBound, velocity: Floats) -> FieldMechanism | None:
+    """Weigh a velocity field (t, 3, 2) in the blocks, and on each face under both labels."""
+    p, e = upper.problem, upper.problem.edges
+    rates = upper.rates(velocity)
+    allowance = upper.allowance(velocity)
+    work = float((upper.live * velocity).sum())
+    if not work > 0.0:
+        return None
+    half = 0.5 * e.length
+    ends = p.material.dissipation(rates.opening, np.hypot(rates.opening, rates.slip), allowance)
+    inside = half[p.inside] * ends[p.inside].sum(axis=1)
+    blocks = p.mesh.area * p.material.dissipation(rates.trace, rates.shear, allowance)
+    dead = upper.dead * velocity
+    slack = tolerances.SUMMATION * (float(inside.sum()) + float(blocks.sum()) + float(np.abs(dead).sum()))
+    constant = (float(inside.sum()) + float(blocks.sum()) - float(dead.sum()) + slack) / work
+    if not np.isfinite(constant):
+        return None
+    rows = p.on_faces
+    face, count = p.face[rows], len(p.supported)
+    joint = half[rows] * upper.joint_power(rates, rows, allowance).sum(axis=1)
+    crack = half[rows] * ends[rows].sum(axis=1)
+    load = p.units.load
+    dry, inner = (np.bincount(face, part, minlength=count) * (load / work) for part in (joint, crack))
+    return FieldMechanism(constant * load, dry, inner)
+
+
+def stresses_of(lower: LowerBound, field: StressField) -> FieldStresses:
+    """Return what a certified stress field proves for all labellings.
+
+    Parameters
+    ----------
+    lower : LowerBound
+        The problem.
+    field : StressField
+        Field in equilibrium and within yield of the blocks.
+
+    Returns
+    -------
+    FieldStresses
+        Faces are taken as they may be dry with the room that the field lacks in equilibrium.
+    """
+    p = lower.problem
+    rows = p.on_faces
+    fits = lower.joint_room(field.stress, rows).min(axis=1) >= field.charge
+    wrong = np.bincount(p.face[rows], ~fits, minlength=len(p.supported))
+    return FieldStresses(field.factor * p.units.load, wrong == 0)

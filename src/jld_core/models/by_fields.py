@@ -1,0 +1,283 @@
+"""λ of one labelling whose blocks crack anywhere: bounds by fields under every load case, as one result."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from jld_core.arrays import Bits
+from jld_core.assembly import Assembly
+from jld_core.errors import InputError
+from jld_core.fields import FieldBounds, FieldStatus, bounds_by_fields, require_fields
+from jld_core.limit import Governing, Known, SolveOptions, Status, governing, number
+from jld_core.scene import CellCracks, FieldCracks, Scene, cracks_in_words, cracks_to_json
+from jld_core.threads import one_thread
+
+FIELD_SECONDS: Final = 60.0
+"""Default time for the bounds of one load case, s; no mesh is begun that is not expected to be done by then."""
+
+
+@dataclass(frozen=True)
+class FieldResult:
+    """λ of one labelling by stress and velocity fields.
+
+    Attributes
+    ----------
+    assembly : Assembly
+        The structure analysed.
+    labels : (m,) bool array
+        Labels, True = dry.
+    cracks : FieldCracks
+        The crack model, with the gap asked for.
+    cases : dict of str to FieldBounds
+        Bounds of each load case by its name; a single load has the name "".
+    seconds : float
+        Wall-clock time, s.
+    """
+
+    assembly: Assembly
+    labels: Bits
+    cracks: FieldCracks
+    cases: dict[str, FieldBounds]
+    seconds: float
+
+    @property
+    def governing(self) -> Governing:
+        """Governing factor, the least over cases of λ / required; its value is the lower bound."""
+        known = [known_of(bounds) for bounds in self.cases.values()]
+        found = governing(known, self.assembly.required.tolist())
+        return Governing(found.status, found.low, found.high, found.low, found.case)
+
+    @property
+    def status(self) -> Status:
+        """Collapse where the gap is reached, unstable where an upper bound is below 0, else uncertified."""
+        return self.governing.status
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the object that `jld solve --cracks fields --json` prints.
+
+        Returns
+        -------
+        dict
+            Plain numbers, strings, lists and dicts; None stands for NaN and infinities.
+        """
+        found, several = self.governing, bool(self.assembly.cases)
+        ids, faces = self.assembly.elements.ids, self.assembly.interfaces
+        first = next(iter(self.cases.values()))
+        return {
+            "name": self.assembly.name,
+            "cracks": cracks_to_json(self.cracks),
+            "load_factor": number(found.load_factor),
+            "bracket": [number(found.low), number(found.high)],
+            "gap": number(_width(found.low, found.high)),
+            "status": str(found.status),
+            "stands_at_zero": _stands(found),
+            "friction": "associative",
+            "contact": "convex",
+            "dimension": self.assembly.dimension,
+            "elements": len(ids),
+            "interfaces": len(faces),
+            "seconds": {"total": self.seconds},
+            "warnings": list(self.assembly.warnings),
+            **(
+                {
+                    "governing": list(self.cases)[found.case],
+                    "cases": {name: _bounds_to_json(bounds) for name, bounds in self.cases.items()},
+                }
+                if several
+                else {key: value for key, value in _bounds_to_json(first).items() if key in ("triangles", "history")}
+            ),
+            "faces": [
+                {"index": k, "elements": [ids[a], ids[b]], "label": "dry" if dry else "inner"}
+                for k, (a, b, dry) in enumerate(zip(faces.a, faces.b, self.labels, strict=True))
+            ],
+        }
+
+    def facts(self) -> dict[str, str]:
+        """Describe the result by named facts, for the terminal.
+
+        Returns
+        -------
+        dict of str to str
+            Facts by name.
+        """
+        found, several = self.governing, bool(self.assembly.cases)
+        width = _width(found.low, found.high)
+        bracket = f"{_shown(found.low)} {_shown(found.high)}"
+        facts = {
+            "cracks": cracks_in_words(self.cracks),
+            "status": str(found.status),
+            **({"governing": list(self.cases)[found.case]} if several else {}),
+            "λ / required" if several else "λ": _shown(found.load_factor),
+            "bracket": bracket + (f"   (relative width {width:.1e})" if math.isfinite(width) else ""),
+        }
+        if found.status is Status.UNCERTIFIED:
+            facts["reason"] = self._reason()
+        for (name, bounds), required in zip(self.cases.items(), self.assembly.required, strict=True):
+            ends = f"{_shown(bounds.lower)} {_shown(bounds.upper)}"
+            if several:
+                facts[f"λ {name}"] = f"{ends} of {required:g} required ({bounds.status.value})"
+        stands = _stands(found)
+        facts["stands at 0"] = "undecided" if stands is None else "yes" if stands else "no"
+        facts["triangles"] = ", ".join(str(bounds.triangles) for bounds in self.cases.values())
+        facts["seconds"] = f"{self.seconds:.3g}"
+        return facts
+
+    def _reason(self) -> str:
+        """Say why the gap was not reached, in one sentence."""
+        bounds = list(self.cases.values())[self.governing.case]
+        words = {
+            FieldStatus.NO_LOWER: "no stress field was found: the blocks may be too weak for their own weight",
+            FieldStatus.NO_UPPER: "no velocity field could be certified",
+        }
+        limit = f"time or triangles ended refinement before the gap of {self.cracks.gap:g}"
+        return words.get(bounds.status, f"{limit}; a larger gap or more --seconds may settle it")
+
+
+def known_of(bounds: FieldBounds) -> Known:
+    """Return status and bounds of one load case.
+
+    Parameters
+    ----------
+    bounds : FieldBounds
+        Bounds by fields.
+
+    Returns
+    -------
+    Known
+        Its value is the lower bound; NaN where a bound is missing.
+    """
+    if bounds.upper < 0.0:
+        return Known(Status.UNSTABLE, math.nan, math.nan, math.nan)
+    low = bounds.lower if math.isfinite(bounds.lower) else math.nan
+    high = bounds.upper if math.isfinite(bounds.upper) else math.nan
+    status = Status.COLLAPSE if bounds.status is FieldStatus.CLOSED else Status.UNCERTIFIED
+    return Known(status, low, high, low)
+
+
+@one_thread()
+def solve_by_fields(
+    assembly: Assembly, labels: Bits | None = None, *, gap: float = 0.05, seconds: float = FIELD_SECONDS
+) -> FieldResult:
+    """Bound λ of one labelling whose blocks may crack anywhere, under every load case.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Planar assembly, with or without load cases.
+    labels : (m,) bool array, optional
+        Labels, True = dry. Default: the labels of the scene.
+    gap : float
+        Relative width of the bracket at which refinement ends; above 0.
+    seconds : float
+        Time for each load case, s (see `bounds_by_fields`).
+
+    Returns
+    -------
+    FieldResult
+        Result in scene units; with load cases λ is the governing factor.
+
+    Raises
+    ------
+    InputError
+        As `bounds_by_fields`.
+
+    Notes
+    -----
+    Formulas: docs/method.md (9.6) to (9.12).
+    """
+    start = time.perf_counter()
+    own = assembly.labels if labels is None else np.asarray(labels, dtype=bool)
+    names = [case.name for case in assembly.cases] or [""]
+    cases = {
+        name: bounds_by_fields(one, own, gap=gap, seconds=seconds)
+        for name, one in zip(names, assembly.by_case, strict=True)
+    }
+    return FieldResult(assembly, own, FieldCracks(kind="fields", gap=gap), cases, time.perf_counter() - start)
+
+
+def require_cracks(
+    scene: Scene, assembly: Assembly, options: SolveOptions | None = None, where: str = "cracks"
+) -> None:
+    """Raise InputError if a scene cannot be analysed with its crack model.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene with the crack model.
+    assembly : Assembly
+        Its assembly.
+    options : SolveOptions, optional
+        Model options; fields take their defaults only.
+    where : str
+        Key or option that states the crack model, for error messages.
+
+    Raises
+    ------
+    InputError
+        Cells that do not divide the grid, options that fields do not know, and what `require_fields` refuses.
+    """
+    if isinstance(scene.cracks, CellCracks):
+        _require_cells(scene, scene.cracks.cell, where)
+    if not isinstance(scene.cracks, FieldCracks):
+        return
+    default = SolveOptions()
+    for name, value in vars(options or default).items():
+        if value != getattr(default, name):
+            option = name.replace("_", "-")
+            raise InputError(f"--{option}", "cracks by fields do not know it", "the default, or cracks by faces")
+    require_fields(assembly)
+
+
+def _require_cells(scene: Scene, cell: float, where: str) -> None:
+    """Raise InputError unless cells of a size divide the grid; of general elements any size is accepted here."""
+    if scene.grid is None:
+        return
+    for name, length in zip(("width", "height"), scene.grid.cell, strict=True):
+        parts = length / cell
+        if round(parts) < 1 or abs(parts - round(parts)) > _DIVIDES * parts:
+            raise InputError(
+                where,
+                f"cells of {cell:g} do not divide the {name} {length:g} of a cell of the grid",
+                f"{length:g} over a whole number, as {length / max(2, round(parts)):g}",
+            )
+
+
+_DIVIDES: Final = 1e-9
+"""Relative error that a whole number of cells may have."""
+
+
+def _bounds_to_json(bounds: FieldBounds) -> dict[str, Any]:
+    """Return the bounds of one load case as plain numbers."""
+    known = known_of(bounds)
+    return {
+        "load_factor": number(known.low),
+        "bracket": [number(known.low), number(known.high)],
+        "gap": number(_width(known.low, known.high)),
+        "status": str(known.status),
+        "triangles": bounds.triangles,
+        "history": [
+            {"triangles": s.triangles, "lower": number(s.lower), "upper": number(s.upper), "seconds": s.seconds}
+            for s in bounds.history
+        ],
+    }
+
+
+def _width(low: float, high: float) -> float:
+    """Return the width of a bracket over its larger end, NaN where a bound is missing."""
+    return (high - low) / max(abs(high), abs(low), 1e-300)
+
+
+def _stands(found: Governing) -> bool | None:
+    """Return whether λ = 0 is admissible, None where undecided."""
+    if found.status is Status.UNSTABLE:
+        return False
+    return True if found.low >= 0.0 else None
+
+
+def _shown(value: float) -> str:
+    return f"{value:.9g}" if math.isfinite(value) else "none"

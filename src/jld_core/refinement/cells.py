@@ -1,0 +1,111 @@
+"""Finer rigid cells inside the joint grid: pieces of one joint face share its label, all other faces are inner."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jld_core.arrays import Bits, Floats, Ints
+from jld_core.assembly import Assembly
+from jld_core.build import build_assembly, build_robust
+from jld_core.errors import InputError
+from jld_core.refinement.refine import refine
+from jld_core.scene import Scene
+
+
+@dataclass(frozen=True)
+class CrackCells:
+    """Assembly of finer cells, whose faces belong to faces of the joint grid or lie inside an element.
+
+    Attributes
+    ----------
+    fine : Assembly
+        The cells; the assembly of the joint grid itself where no element is larger than a cell.
+    face : (M,) int array
+        Face of the joint grid that each face of the cells is a piece of, −1 inside an element.
+    """
+
+    fine: Assembly
+    face: Ints
+
+    def labels(self, labels: Bits) -> Bits:
+        """Return the labels of the cells' faces.
+
+        Parameters
+        ----------
+        labels : (..., m) bool array
+            Labels of the joint grid, True = dry.
+
+        Returns
+        -------
+        (..., M) bool array
+            Pieces have the label of their face; faces inside an element are inner.
+        """
+        return np.asarray(np.where(self.face >= 0, labels[..., np.maximum(self.face, 0)], False))
+
+
+def crack_cells(scene: Scene, assembly: Assembly, cell: float) -> CrackCells:
+    """Split the elements of a scene into cells along which blocks may crack.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene with inner material, without stated interfaces.
+    assembly : Assembly
+        Its assembly, the joint grid; at low values of materials where it has nominal ones.
+    cell : float
+        Size of the cells along every axis, length.
+
+    Returns
+    -------
+    CrackCells
+        The finer assembly, and the joint face of each of its faces.
+
+    Raises
+    ------
+    InputError
+        As `refine`.
+    """
+    try:
+        refined = refine(scene, (cell,))
+    except InputError as error:
+        where = "cracks" if error.where.startswith("--cell") else error.where
+        raise InputError(where, error.problem, error.expected) from None
+    if len(refined.parent) == len(assembly.elements):
+        return CrackCells(assembly, np.arange(len(assembly.interfaces)))
+    fine = build_assembly(refined.scene) if assembly.nominal is None else build_robust(refined.scene)
+    return CrackCells(fine, _joint_faces(assembly, fine, refined.parent))
+
+
+def _joint_faces(joints: Assembly, fine: Assembly, parent: dict[str, str]) -> Ints:
+    """Return for each face of the cells (M,) the joint face that it is a piece of, −1 inside an element."""
+    element = np.array([joints.elements.index[parent[name]] for name in fine.elements.ids])
+    between: dict[tuple[int, int], list[int]] = {}
+    for face, pair in enumerate(zip(joints.interfaces.a.tolist(), joints.interfaces.b.tolist(), strict=True)):
+        between.setdefault((min(pair), max(pair)), []).append(face)
+    found = np.full(len(fine.interfaces), -1, dtype=np.int64)
+    for k, (a, b) in enumerate(zip(element[fine.interfaces.a], element[fine.interfaces.b], strict=True)):
+        if a == b:
+            continue
+        candidates = between.get((int(min(a, b)), int(max(a, b))), [])
+        if not candidates:
+            ids = joints.elements.ids
+            raise InputError(
+                "cracks",
+                f"cells of {ids[a]!r} and {ids[b]!r} touch, and these elements do not",
+                "another size of cells",
+            )
+        away = [_distance(joints, face, fine.interfaces.origin[k]) for face in candidates]
+        found[k] = candidates[int(np.argmin(away))]
+    return found
+
+
+def _distance(joints: Assembly, face: int, place: Floats) -> float:
+    """Return the distance of a place from a planar face, in space from its centroid."""
+    if joints.dimension == 3:
+        return float(np.linalg.norm(joints.interfaces.origin[face] - place))
+    start, end = np.asarray(joints.interfaces.polygon[face], dtype=float)
+    along = end - start
+    share = np.clip((place - start) @ along / (along @ along), 0.0, 1.0)
+    return float(np.linalg.norm(start + share * along - place))

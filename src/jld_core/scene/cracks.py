@@ -1,0 +1,137 @@
+"""How blocks crack: along the faces of the grid, in finer cells, or anywhere by fields."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Final, Literal
+
+from pydantic import Field, ValidationError
+
+from jld_core.errors import InputError
+from jld_core.scene.complaints import first_complaint, shown
+from jld_core.scene.part import Part, Positive
+
+FORMS: Final = '"faces", {"kind": "cells", "cell": SIZE} or {"kind": "fields", "gap": GAP}'
+"""Values of the key "cracks", for error messages."""
+
+_OPTION: Final = "--cracks"
+_OPTIONS: Final = "faces, cells:SIZE or fields[:GAP]"
+
+
+class CellCracks(Part):
+    """Cracks along the faces of finer rigid cells inside the elements.
+
+    Attributes
+    ----------
+    kind : "cells"
+        Name of the crack model.
+    cell : float
+        Size of the cells, length.
+    """
+
+    kind: Literal["cells"]
+    cell: Annotated[Positive, Field(description="a length above 0")]
+
+
+class FieldCracks(Part):
+    """Cracks anywhere, by stress and velocity fields in triangles (docs/method.md, section 9).
+
+    Attributes
+    ----------
+    kind : "fields"
+        Name of the crack model.
+    gap : float
+        Relative width of the bracket at which refinement ends.
+    """
+
+    kind: Literal["fields"]
+    gap: Annotated[Positive, Field(description="a number above 0")] = 0.05
+
+
+CrackModel = Literal["faces"] | CellCracks | FieldCracks
+"""How blocks crack."""
+
+
+def cracks_by_kind(given: Any) -> Any:
+    """Validate the key "cracks" by its kind, so that messages refer to the kind that was meant."""
+    if given == "faces" or isinstance(given, CellCracks | FieldCracks):
+        return given
+    kind = given.get("kind") if isinstance(given, dict) else None
+    models: dict[Any, type[Part]] = {"cells": CellCracks, "fields": FieldCracks}
+    if not isinstance(kind, str) or kind not in models:
+        raise InputError("", f"{shown(given)} is wrong", FORMS)
+    try:
+        return models[kind].model_validate(given)
+    except ValidationError as error:
+        found = first_complaint(error, models[kind])
+        raise InputError(f".{found.where}" if found.where else "", found.problem, found.expected) from None
+
+
+def parse_cracks(text: str) -> CrackModel:
+    """Return the crack model that the option --cracks names.
+
+    Parameters
+    ----------
+    text : str
+        "faces", "cells:SIZE" (length) or "fields", "fields:GAP".
+
+    Returns
+    -------
+    "faces", CellCracks or FieldCracks
+        The crack model.
+
+    Raises
+    ------
+    InputError
+        The text names no crack model, or its number is not above 0.
+    """
+    kind, colon, number = text.partition(":")
+    if kind == "faces" and not colon:
+        return "faces"
+    if kind == "fields" and not colon:
+        return FieldCracks(kind="fields")
+    if kind not in ("cells", "fields"):
+        raise InputError(_OPTION, f"{text!r} names no crack model", _OPTIONS)
+    try:
+        value = float(number)
+    except ValueError:
+        raise InputError(_OPTION, f"{text!r} has no number after its colon", _OPTIONS) from None
+    if not 0.0 < value < math.inf:
+        raise InputError(_OPTION, f"{number} is wrong", f"a {'length' if kind == 'cells' else 'number'} above 0")
+    return CellCracks(kind="cells", cell=value) if kind == "cells" else FieldCracks(kind="fields", gap=value)
+
+
+def cracks_in_words(cracks: CrackModel) -> str:
+    """Return a crack model in words, for the terminal and the page.
+
+    Parameters
+    ----------
+    cracks : "faces", CellCracks or FieldCracks
+        The crack model.
+
+    Returns
+    -------
+    str
+        One phrase.
+    """
+    if isinstance(cracks, CellCracks):
+        return f"by cells of {cracks.cell:g} inside the elements"
+    if isinstance(cracks, FieldCracks):
+        return f"by fields, anywhere in the blocks, to a gap of {cracks.gap:g}"
+    return "by faces of the grid alone"
+
+
+def cracks_to_json(cracks: CrackModel) -> Any:
+    """Return a crack model as the value of the key "cracks".
+
+    Parameters
+    ----------
+    cracks : "faces", CellCracks or FieldCracks
+        The crack model.
+
+    Returns
+    -------
+    str or dict
+        What a scene file holds.
+    """
+    return cracks if isinstance(cracks, str) else cracks.model_dump(mode="json")

@@ -1,0 +1,87 @@
+"""Options and output of the crack models: `--cracks faces|cells:SIZE|fields[:GAP]`."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from jld_core.arrays import Bits
+from jld_core.assembly import Assembly
+from jld_core.errors import InputError
+from jld_core.limit import LimitAnalysisResult, SolveOptions, Status
+from jld_core.models import require_cracks, solve_by_fields
+from jld_core.refinement import crack_cells
+from jld_core.scene import CellCracks, FieldCracks, Scene, cracks_in_words, cracks_to_json, parse_cracks
+from jld_explore.cli.ending import UNCERTIFIED
+from jld_explore.cli.streams import say
+from jld_explore.report import check_writable, words, write_text
+
+Cracks = Annotated[
+    str | None,
+    typer.Option(
+        help="How blocks crack: faces, cells:SIZE or fields[:GAP]; default: as the scene says, or along its faces."
+    ),
+]
+FieldSeconds = Annotated[
+    float, typer.Option("--seconds", help="With --cracks fields: time for the bounds of each load case.")
+]
+
+_OPTION = "--cracks"
+
+
+def with_cracks(scene: Scene, text: str | None) -> Scene:
+    """Return the scene with the crack model of the option, if one is given."""
+    return scene if text is None else scene.model_copy(update={"cracks": parse_cracks(text)})
+
+
+def check_cracks(scene: Scene, assembly: Assembly, text: str | None, options: SolveOptions, robust: bool) -> None:
+    """Raise InputError if the scene or the options do not support its crack model."""
+    if isinstance(scene.cracks, FieldCracks) and robust:
+        raise InputError("--robust", "cracks by fields take one value of each strength", "cracks by faces or cells")
+    require_cracks(scene, assembly, options, "cracks" if text is None else _OPTION)
+
+
+def say_by_fields(
+    scene: Scene, assembly: Assembly, labels: Bits, seconds: float, out: Path | None, as_json: bool
+) -> None:
+    """Solve by fields and print the result; exit with the code of `uncertified` where the gap is not reached."""
+    assert isinstance(scene.cracks, FieldCracks)
+    found = solve_by_fields(assembly, labels, gap=scene.cracks.gap, seconds=seconds)
+    content = json.dumps(found.to_json(), indent=1)
+    if out is not None:
+        check_writable(out)
+        out.mkdir(parents=True, exist_ok=True)
+        write_text(out / "result.json", content)
+    say(content if as_json else words.lines(found.facts()))
+    if found.status is Status.UNCERTIFIED:
+        raise typer.Exit(UNCERTIFIED)
+
+
+def rigid_cells(scene: Scene, assembly: Assembly, labels: Bits) -> tuple[Assembly, Bits]:
+    """Return assembly and labels for a command that needs rigid cells; raise InputError for cracks by fields."""
+    if isinstance(scene.cracks, FieldCracks):
+        raise InputError("cracks", "this command needs rigid cells, and fields have none", '"faces" or "cells"')
+    require_cracks(scene, assembly)
+    return of_cells(scene, assembly, labels)
+
+
+def of_cells(scene: Scene, assembly: Assembly, labels: Bits) -> tuple[Assembly, Bits]:
+    """Return assembly and labels with which a labelling is solved, of finer cells where cracks are by cells."""
+    if not isinstance(scene.cracks, CellCracks):
+        return assembly, labels
+    cells = crack_cells(scene, assembly, scene.cracks.cell)
+    return cells.fine, cells.labels(labels)
+
+
+def named(scene: Scene, result: LimitAnalysisResult) -> LimitAnalysisResult:
+    """Return the result with its crack model among its facts."""
+    return replace(result, extra={"cracks": cracks_to_json(scene.cracks), **result.extra})
+
+
+def result_in_words(scene: Scene, result: LimitAnalysisResult) -> str:
+    """Describe a limit analysis for the terminal, with its crack model."""
+    return words.result(result, {"cracks": cracks_in_words(scene.cracks)})
