@@ -85,9 +85,9 @@ def experiments(name: str, assembly: Assembly, quick: bool) -> tuple[list[dict[s
     """λ, the range without dilation, and the experiments of one layout."""
     span = solve(assembly, friction="zero-dilation", range=True)
     rows: list[dict[str, Any]] = [
-        {"layout": name, "what": "λ, with dilation", "newton": span.extra["associative_load_factor"]},
-        {"layout": name, "what": "λ, without: lowest found", "newton": span.extra["lowest_found"]},
-        {"layout": name, "what": "λ, without: highest found", "newton": span.extra["highest_found"]},
+        {"layout": name, "what": "λ, with dilation", "newton": span.facts["associative_load_factor"]},
+        {"layout": name, "what": "λ, without: lowest found", "newton": span.facts["lowest_found"]},
+        {"layout": name, "what": "λ, without: highest found", "newton": span.facts["highest_found"]},
     ]
     curves = {}
     for kind, joints, gaps in KINDS[3:] if quick else KINDS:

@@ -15,6 +15,9 @@ class View(Protocol):
     def svg(self, thing: Any) -> str | None:
         """Return the drawing as SVG text; None if it is too large to be drawn without request."""
 
+    def figure(self, thing: Any, **options: bool) -> Any:
+        """Return the drawing as a matplotlib figure."""
+
     def html(self, thing: Any, drawing: str | None) -> str:
         """Return the facts and the drawing as HTML."""
 
@@ -47,6 +50,16 @@ class NotebookRepr:
         """SVG text from the registered view, computed once; None without a view."""
         view = _VIEWS.get(type(self))
         return None if view is None else view.svg(self)
+
+    def drawn(self, **options: bool) -> Any:
+        """Return the drawing as a matplotlib figure.
+
+        Parameters
+        ----------
+        **options : bool
+            Options of the view.
+        """
+        return _VIEWS[type(self)].figure(self, **options)
 
     def _repr_svg_(self) -> str | None:
         """Return the drawing, as Jupyter calls for it."""

@@ -12,7 +12,7 @@ from typing import Final
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly, build_robust
 from jld_core.deadline import Deadline, DeadlinePassed
-from jld_core.errors import InputError
+from jld_core.errors import InputError, ParameterError
 from jld_core.memory import memory_limit
 from jld_core.models import cost_estimate, require_memory, require_model
 from jld_core.scene import Scene
@@ -140,7 +140,7 @@ def explore(
         settings = replace(settings, driver=driver)
     assembly = build_robust(scene) if settings.robust else build_assembly(scene)
     if assembly.warnings and settings.strict:
-        raise InputError("", assembly.warnings[0], "a scene without warnings, or no --strict")
+        raise InputError("", assembly.warnings[0], "a scene without warnings, or `strict=False`")
     _refuse_together(settings, assembly)
     # Announce warnings only once the search begins; a refused search gives its error alone.
     said = [f"warning: {warning}" for warning in assembly.warnings]
@@ -197,13 +197,15 @@ def _space_of(scene: Scene, assembly: Assembly, driver: str | Driver | None) -> 
 def _refuse_together(settings: ExploreSettings, assembly: Assembly) -> None:
     """Raise InputError for settings that exclude each other or do not support the loads."""
     if assembly.cases and settings.certificates:
-        raise InputError("--certificates", "they speak of one load, and the scene has cases", "a search without them")
+        raise ParameterError("certificates", "they speak of one load, and the scene has cases", "a search without them")
     if settings.robust and settings.certificates:
-        raise InputError("--certificates", "they speak of one strength, not of a low and a nominal one", "one of both")
+        raise ParameterError(
+            "certificates", "they speak of one strength, not of a low and a nominal one", "one of both"
+        )
     if settings.certificate is not None and settings.robust:
-        raise InputError("--certificate", "it speaks of one value of each strength", "a search without --robust")
+        raise ParameterError("certificate", "it speaks of one value of each strength", "a search with `robust=False`")
     if settings.certificate is not None and settings.by_experiment:
-        raise InputError("--certificate", "an experiment is no proof", "--objective associative")
+        raise ParameterError("certificate", "an experiment is no proof", '`objective="associative"`')
 
 
 def _refuse_unfit(scene: Scene, assembly: Assembly, settings: ExploreSettings, driver: Driver) -> None:
@@ -212,8 +214,8 @@ def _refuse_unfit(scene: Scene, assembly: Assembly, settings: ExploreSettings, d
     If a certificate is requested, also restrict the exact driver to proofs that a certificate can hold.
     """
     if driver.modular and not replace(settings.model, friction="associative").modular:
-        raise InputError(
-            "--driver", f"{driver.name} has no bounds for this model", "convex contact on whole faces, paper bending"
+        raise ParameterError(
+            "driver", f"{driver.name} has no bounds for this model", "convex contact on whole faces, uncoupled bending"
         )
     space = driver.space
     dry = (space.candidates | space.fixed) & (space.assembly.interfaces.b != space.assembly.sink)
@@ -314,12 +316,14 @@ def _bound_all(study: Study, *, sure: bool) -> None:
 def _refuse_beside_void(settings: ExploreSettings, driver: Driver) -> None:
     """Raise InputError for options that need a single structure if cells may be left out."""
     for option, asked in (
-        ("--certificates", settings.certificates),
-        ("--experiment", settings.experiment is not None or settings.by_experiment),
-        ("--driver", driver.modular),
+        ("certificates", settings.certificates),
+        ("experiment", settings.experiment is not None or settings.by_experiment),
+        ("driver", driver.modular),
     ):
         if asked:
-            raise InputError(option, "it speaks of one structure, and search.void leaves cells out", "a search without")
+            raise ParameterError(
+                option, "it speaks of one structure, and search.void leaves cells out", "a search without"
+            )
 
 
 def choose_driver(
@@ -350,7 +354,7 @@ def choose_driver(
     """
     wanted = settings.driver
     if isinstance(wanted, str) and wanted not in DRIVERS:
-        raise InputError("--driver", f"no driver is named {wanted!r}", "one of " + ", ".join(DRIVERS))
+        raise ParameterError("driver", f"no driver is named {wanted!r}", "one of " + ", ".join(DRIVERS))
     # A driver chosen by name needs the size of the space for progress reports only.
     quick = isinstance(wanted, str) and wanted != Enumeration.name
     deadline = Deadline() if deadline is None else deadline
@@ -388,4 +392,4 @@ def _nothing_found(space: SearchSpace, seconds: float | None = None) -> InputErr
             problem = "no layout that satisfies the constraints was found"
     if seconds is None:
         return InputError(where, problem, remedy)
-    return InputError(where, f"{problem} within --seconds {seconds:g}", f"{remedy}, or more seconds")
+    return InputError(where, f"{problem} within `seconds={seconds:g}`", f"{remedy}, or more seconds")

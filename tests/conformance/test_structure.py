@@ -45,6 +45,7 @@ ORDER = [
         "jld_core.notebook_repr",
         "jld_core.arrays",
         "jld_core.deadline",
+        "jld_core.deprecation",
         "jld_core.errors",
         "jld_core.files",
         "jld_core.memory",
@@ -165,8 +166,8 @@ def test_public_names() -> None:
     import jld_core
     import jld_explore
 
-    core = """Scene load_scene parse_scene Assembly build_assembly SolveOptions solve LimitAnalysis LimitAnalysisResult
-    Status InputError SolverError samples views solvers"""
+    core = """Scene load_scene parse_scene Assembly build_assembly SolveOptions solve solve_many BatchResult
+    LimitAnalysis LimitAnalysisResult Status InputError SolverError samples views solvers"""
     explore = (
         "explore ExploreSettings Exploration read_folder SearchSpace search_space Driver Evaluation Progress StopReason"
     )

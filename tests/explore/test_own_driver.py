@@ -107,13 +107,13 @@ def test_it_goes_by_its_name(named: None, tmp_path: Path) -> None:
     done = run(tmp_path / "out", "backwards", options={"step": 7})
     assert done.summary["driver"] == "backwards"
     for options, words in (
-        ({"step": 0}, "--step: 0 is wrong; expected a whole number greater than or equal to 1"),
-        ({"step": "many"}, "--step: 'many' is wrong; expected a whole number"),
+        ({"step": 0}, "step: 0 is wrong; expected a whole number greater than or equal to 1"),
+        ({"step": "many"}, "step: 'many' is wrong; expected a whole number"),
         (
             {"aim": "best"},
-            "--aim: the driver backwards has no such option; expected --driver genetic or --driver exact",
+            'aim: the driver backwards has no such option; expected `driver="genetic"` or `driver="exact"`',
         ),
-        ({"stride": 2}, "--stride: the driver backwards has no such option"),
+        ({"stride": 2}, "stride: the driver backwards has no such option"),
     ):
         with pytest.raises(InputError) as error:
             run(tmp_path / "bad", "backwards", options=options)

@@ -193,7 +193,7 @@ def test_a_cluster_that_is_none_is_refused(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setattr("jld_explore.evaluation.cluster._ANSWER", 0.5)
     scene = parse_scene(grid_document(["aa", "##"]))
     for url in ("tcp://127.0.0.1:9", "nonsense"):
-        with pytest.raises(InputError, match="--cluster") as complaint:
+        with pytest.raises(InputError, match="cluster: ") as complaint:
             explore(scene, tmp_path / "out", ExploreSettings(pictures=False, cluster=url))
         assert "\n" not in str(complaint.value)
         assert not (tmp_path / "out").exists()

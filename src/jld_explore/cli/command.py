@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal, get_type_hints
+from typing import Annotated, Any, Final, Literal, cast, get_type_hints
 
 import typer
 from typer.core import TyperGroup
@@ -22,8 +22,17 @@ from jld_core._version import __version__
 from jld_core.assembly import Assembly
 from jld_core.batch import described as kernel_in_use
 from jld_core.build import build_assembly, build_robust, settlements_of
-from jld_core.errors import InputError
-from jld_core.limit import FLOOR_SECONDS, Condense, Contacts, Friction, LimitAnalysisResult, SolveOptions, Status
+from jld_core.errors import InputError, ParameterError
+from jld_core.limit import (
+    FLOOR_SECONDS,
+    RENAMED_BENDING,
+    Condense,
+    Contacts,
+    Friction,
+    LimitAnalysisResult,
+    SolveOptions,
+    Status,
+)
 from jld_core.mechanics import InnerBending, require_materials
 from jld_core.models import cost_estimate, require_memory, require_model, sensitivities
 from jld_core.models import solve as solve_assembly
@@ -90,7 +99,10 @@ Contact = Annotated[
     Contacts, typer.Option(help="Resultants at centres of pressure, or points at the corners of dry faces.")
 ]
 Bending = Annotated[
-    InnerBending, typer.Option(help="Bending of spatial inner faces: uncoupled, or by elastic edge stress.")
+    Literal["uncoupled", "kern", "paper"],
+    typer.Option(
+        help="Bending of spatial inner faces: uncoupled, or by elastic edge stress; paper is uncoupled by its old name."
+    ),
 ]
 Blocks = Annotated[
     Condense, typer.Option(help="Rigid blocks, cracked on demand; auto: where inner faces are very strong.")
@@ -104,6 +116,14 @@ Strict = Annotated[bool, typer.Option("--strict", help="Take what is possible bu
 Robust = Annotated[
     bool, typer.Option("--robust", help="λ at the low values of materials, and at the nominal ones besides.")
 ]
+
+
+def _current_bending(given: str) -> InnerBending:
+    """Return the value of --inner-bending by its present name; warn about a name of version 0.2."""
+    if given not in RENAMED_BENDING:
+        return cast(InnerBending, given)
+    warn(f"jld: warning: --inner-bending {given} is now {RENAMED_BENDING[given]}; the old name works until version 0.4")
+    return RENAMED_BENDING[given]
 
 
 def _load(path: Path, strict: bool = False) -> tuple[Scene, Assembly]:
@@ -156,7 +176,7 @@ def solve(
     ] = FLOOR_SECONDS,
     effective_area: EffectiveArea = False,
     contact: Contact = "convex",
-    inner_bending: Bending = "paper",
+    inner_bending: Bending = "uncoupled",
     condense: Blocks = "auto",
     solver: First = "auto",
     gap: Gap = GAP,
@@ -174,7 +194,7 @@ def solve(
         floor_seconds=floor_seconds,
         effective_area=effective_area,
         contact=contact,
-        inner_bending=inner_bending,
+        inner_bending=_current_bending(inner_bending),
         condense=condense,
         solver=solver,
         gap=gap,
@@ -202,10 +222,10 @@ def solve(
     if robust:
         nominal = solve_assembly(assembly.at_nominal, result.labels, **vars(result.model)).load_factor
         result = replace(
-            result, extra={**result.extra, "load_factor_nominal": None if math.isnan(nominal) else nominal}
+            result, facts={**result.facts, "load_factor_nominal": None if math.isnan(nominal) else nominal}
         )
     rates = {name: rate.to_json() for name, rate in sensitivities(result).items()}
-    result = replace(result, extra={**result.extra, "sensitivities": rates})
+    result = replace(result, facts={**result.facts, "sensitivities": rates})
     if out is not None:
         _write_result(result, out)
     say(json.dumps(result.to_json(), indent=1) if as_json else words.result(result))
@@ -279,7 +299,7 @@ def explore_command(
     robust: Robust = False,
     effective_area: EffectiveArea = False,
     contact: Contact = "convex",
-    inner_bending: Bending = "paper",
+    inner_bending: Bending = "uncoupled",
     condense: Blocks = "auto",
     solver: First = "auto",
     gap: Gap = GAP,
@@ -304,7 +324,7 @@ def explore_command(
     if certificate is not None:
         refuse_itself(scene, certificate)
     if jobs is not None and jobs > most:
-        raise InputError("--jobs", f"{jobs} processes would starve one another", f"at most {most} on this machine")
+        raise ParameterError("jobs", f"{jobs} processes would starve one another", f"at most {most} on this machine")
     raise_on_signals()
     settings = ExploreSettings(
         driver=driver,
@@ -314,7 +334,7 @@ def explore_command(
             floor_seconds=_floor_seconds(objective),
             effective_area=effective_area,
             contact=contact,
-            inner_bending=inner_bending,
+            inner_bending=_current_bending(inner_bending),
             condense=condense,
             solver=solver,
             gap=gap,

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from jld_core.build import build_assembly
-from jld_core.errors import InputError
+from jld_core.errors import InputError, ParameterError
 from jld_core.exchange import FORMATS, ImportOptions, Layout, blocks_csv, export, import_file
 from jld_core.models import solve
 from jld_core.refinement import KINDS, refine
@@ -106,10 +106,10 @@ def refine_command(
     seed: Annotated[int, typer.Option(min=0, help="Seed of Voronoi cells.")] = 0,
 ) -> None:
     """Split every element of a scene into cells, so that any drawing becomes a grid of candidate faces."""
-    sizes = _numbers("--cell", cell)
-    middle = None if centre is None else _numbers("--centre", centre)
+    sizes = _numbers("cell", cell)
+    middle = None if centre is None else _numbers("centre", centre)
     if middle is not None and len(middle) != 2:
-        raise InputError("--centre", f"{centre!r} is wrong", "x,y")
+        raise ParameterError("centre", f"{centre!r} is wrong", "x,y")
     parsed = load_scene(scene)
     place = None if middle is None else (middle[0], middle[1])
     with error_context(scene):
@@ -125,4 +125,4 @@ def _numbers(option: str, text: str) -> tuple[float, ...]:
     try:
         return tuple(float(part) for part in text.split(","))
     except ValueError:
-        raise InputError(option, f"{text!r} is wrong", "numbers, as 0.1,0.2") from None
+        raise ParameterError(option, f"{text!r} is wrong", "numbers, as 0.1,0.2") from None

@@ -13,7 +13,7 @@ import typer
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.errors import InputError
+from jld_core.errors import ParameterError
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.models import solve
 from jld_explore.cli.ending import UNCERTIFIED
@@ -90,7 +90,7 @@ def _tangent(text: str) -> float:
     with contextlib.suppress(ValueError):
         if 0.0 <= (value := float(text)) < math.inf:
             return value
-    raise InputError("--dilation", f"{text!r} is no dilation", "0, friction or a tangent")
+    raise ParameterError("dilation", f"{text!r} is no dilation", "0, friction or a tangent")
 
 
 def _without_dilation(assembly: Assembly, labels: Bits) -> dict[str, Any]:
@@ -102,8 +102,8 @@ def _without_dilation(assembly: Assembly, labels: Bits) -> dict[str, Any]:
     found = solve(assembly, labels, friction="zero-dilation", range=planar, floor_seconds=_FLOOR)
     if found.status is not Status.COLLAPSE:
         return {"zero_dilation_lowest": None, "zero_dilation_highest": None, "zero_dilation_proven": None}
-    highest = found.extra["highest_found"] if planar else found.load_factor
-    proven = found.extra["lowest_proven"] if planar else None
+    highest = found.facts["highest_found"] if planar else found.load_factor
+    proven = found.facts["lowest_proven"] if planar else None
     lowest = found.load_factor
     return {"zero_dilation_lowest": lowest, "zero_dilation_highest": highest, "zero_dilation_proven": proven}
 

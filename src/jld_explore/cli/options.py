@@ -21,12 +21,13 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object and 
 def error_context(file: Path, *outside: str) -> Iterator[None]:
     """Add the file name to errors about its content.
 
-    Errors about options, or about paths that begin with one of `outside`, stay unchanged.
+    Errors about parameters, or about paths that begin with one of `outside`, stay unchanged.
     """
     try:
         yield
     except InputError as error:
-        raise (error if error.where.startswith(("--", *outside)) else error.within(str(file))) from None
+        unchanged = error.parameter or (outside and error.where.startswith(outside))
+        raise (error if unchanged else error.within(str(file))) from None
 
 
 def refuse_itself(source: Path, out: Path) -> None:

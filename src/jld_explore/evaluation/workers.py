@@ -30,7 +30,7 @@ from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.batch import chosen
 from jld_core.deadline import Deadline, DeadlinePassed
-from jld_core.errors import InputError
+from jld_core.errors import ParameterError
 from jld_core.threads import one_thread
 from jld_explore.evaluation.cases import evaluator_of
 from jld_explore.evaluation.evaluation import FAILED, Evaluation
@@ -111,7 +111,9 @@ class WorkerSpec:
             known = _last.get(self.digest)
             if known is None:
                 if self.version != __version__:
-                    raise InputError("--cluster", f"a worker has jld {__version__}", f"jld {self.version} on every one")
+                    raise ParameterError(
+                        "cluster", f"a worker has jld {__version__}", f"jld {self.version} on every one"
+                    )
                 make, assembly, settings = pickle.loads(self.content)
                 made = make(assembly, settings)
                 _last.clear()

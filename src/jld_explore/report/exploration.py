@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jld_core.assembly import Assembly
-from jld_core.errors import InputError
+from jld_core.errors import ParameterError
 from jld_core.exchange import Layout
 from jld_core.limit import LimitAnalysisResult, SolveOptions, Status
 from jld_core.models import solve
@@ -109,11 +109,11 @@ class Exploration(NotebookRepr):
         ranked = int(np.count_nonzero(self.results["status"] == str(Status.COLLAPSE)))
         if rank is None and not ranked:
             problem = f"no layout of {self.folder} has a load factor to be ranked by"
-            raise InputError("--rank", problem, f"a row of results.csv, 1 to {len(self.results)}")
+            raise ParameterError("rank", problem, f"a row of results.csv, 1 to {len(self.results)}")
         number = 1 if rank is None else rank
         if not 1 <= number <= len(self.results):
             expected = (
                 f"1 to {len(self.results)}, the rows of results.csv" if len(self.results) else "a search with rows"
             )
-            raise InputError("--rank", f"{self.folder} has no layout of rank {number}", expected)
+            raise ParameterError("rank", f"{self.folder} has no layout of rank {number}", expected)
         return self.results.iloc[number - 1]

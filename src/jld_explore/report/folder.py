@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from jld_core.deadline import Deadline
-from jld_core.errors import InputError
+from jld_core.errors import InputError, ParameterError
 from jld_core.exchange import blocks_csv
 from jld_core.files import require_writable, whole_file
 from jld_core.limit import LimitAnalysisResult
@@ -65,7 +65,9 @@ def check_folder(folder: Path, resume: bool) -> None:
     if not folder.exists() or not any(folder.iterdir()):
         return
     if not resume:
-        raise InputError(str(folder), "the folder is not empty", "an empty or new folder, or --resume to go on with it")
+        raise InputError(
+            str(folder), "the folder is not empty", "an empty or new folder, or `resume=True` to go on with it"
+        )
     if not (folder / RECORDS_FILE).exists():
         raise InputError(
             str(folder), f"nothing to go on with: no {RECORDS_FILE} in it", "a folder written by jld explore"
@@ -111,16 +113,16 @@ def check_certificate_file(path: Path, folder: Path) -> None:
     InputError
         The file cannot be written, or is one that the search itself writes. Nothing stays on disk then.
     """
-    option, expected = "--certificate", "a file in a folder that can be written into"
+    option, expected = "certificate", "a file in a folder that can be written into"
     place, results = Path(os.path.realpath(path)), Path(os.path.realpath(folder))
     if place == results or path.is_dir():
-        raise InputError(option, f"{path} is a folder", "a file")
+        raise ParameterError(option, f"{path} is a folder", "a file")
     if place.parent == results and place.name in RESERVED:
-        raise InputError(option, f"the search writes {path} itself", "another name")
+        raise ParameterError(option, f"the search writes {path} itself", "another name")
     try:
         require_writable(place)
     except OSError as error:
-        raise InputError(option, f"{path} cannot be written ({error.strerror})", expected) from None
+        raise ParameterError(option, f"{path} cannot be written ({error.strerror})", expected) from None
 
 
 def write_tables(study: Study, reason: StopReason) -> Exploration:

@@ -277,8 +277,8 @@ def within(solution: dict[str, Any], assembly: Assembly, text: str) -> dict[str,
 
 def _case(name: str, result: LimitAnalysisResult) -> dict[str, Any]:
     """Return the data of one load case: λ, forces, thrust and mechanism."""
-    if result.falling is not None:
-        result = replace(result, mechanism=result.falling)  # Show the mechanism that proves instability.
+    if result.instability_mechanism is not None:
+        result = replace(result, mechanism=result.instability_mechanism)  # Show the mechanism that proves instability.
     assembly, forces, mechanism = result.assembly, result.forces, result.mechanism
     found: dict[str, Any] = {
         "name": name,
