@@ -69,7 +69,7 @@ def timed(scene: Scene, settings: ExploreSettings) -> tuple[float, dict[str, Any
     with tempfile.TemporaryDirectory() as folder:
         start = time.process_time()
         done = explore(scene, Path(folder) / "out", settings)
-        return time.process_time() - start, done.summary
+        return time.process_time() - start, done.summary.facts
 
 
 def settings_of(kind: str) -> ExploreSettings:

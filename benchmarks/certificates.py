@@ -65,7 +65,7 @@ def _run(scene: Scene, certificates: bool) -> tuple[pd.DataFrame, int, float, fl
         done = explore(scene, Path(folder) / "out", settings)
         spent = time.process_time() - start
     table_ = done.results.set_index("labelling").sort_index()
-    return table_, int(done.summary["solved"]), float(done.summary["seconds"]), spent
+    return table_, int(done.summary.solved), float(done.summary.seconds), spent
 
 
 def _timed(assembly: Assembly, labels: Bits) -> float:

@@ -30,7 +30,7 @@ def row(name: str, scene: Scene, seconds: float) -> list[str]:
         path = Path(folder) / "proof.jld"
         start = time.perf_counter()
         settings = ExploreSettings(jobs=1, pictures=False, driver="exact", seconds=seconds, certificate=path)
-        facts = explore(scene, Path(folder) / "out", settings).summary
+        facts = explore(scene, Path(folder) / "out", settings).summary.facts
         spent = time.perf_counter() - start
         done = verify(path, scene)
     return [

@@ -47,5 +47,5 @@ def front_by(kind: type[Exact], scene: Scene, most: float) -> tuple[Exact, float
     driver = kind(search_space(scene, build_assembly(scene)), aim="front")
     settings = ExploreSettings(jobs=1, pictures=False, seconds=most)
     with tempfile.TemporaryDirectory() as folder, patch("time.perf_counter", time.process_time):
-        facts = explore(scene, Path(folder) / "out", settings, driver=driver).summary
+        facts = explore(scene, Path(folder) / "out", settings, driver=driver).summary.facts
     return driver, facts["seconds"]

@@ -21,7 +21,8 @@ from benchmarks.search_scenes import ENUMERATED, LARGE, built
 from jld_core.batch import described
 from jld_core.scene import Scene
 from jld_explore.drivers import make_driver
-from jld_explore.study import ExploreSettings, Progress, Study
+from jld_explore.settings import ExploreSettings
+from jld_explore.study import Progress, Study
 
 WARM: Final = 500
 BUDGETS: Final = {"flagship, 24 faces": 6_000, "planar, 88 faces": 6_000}

@@ -259,7 +259,7 @@ def certificates() -> Reduction:
         with tempfile.TemporaryDirectory() as folder:
             settings = ExploreSettings(driver="enumeration", jobs=1, certificates=pool)
             done = explore(scene, Path(folder) / "out", settings)
-        summary = done.summary
+        summary = done.summary.facts
         return done.results.set_index("labelling").sort_index(), int(summary["solved"]), float(summary["seconds"])
 
     plain, every, slow = run(False)

@@ -257,7 +257,7 @@ def annealed(scene: Scene) -> float:
     """λ that annealing finds."""
     settings = ExploreSettings(jobs=1, pictures=False, driver="anneal", seconds=SECONDS)
     with tempfile.TemporaryDirectory() as folder:
-        return float(explore(scene, Path(folder) / "out", settings).summary["best"])
+        return float(explore(scene, Path(folder) / "out", settings).summary.facts["best"])
 
 
 def beams() -> list[list[str]]:

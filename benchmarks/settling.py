@@ -30,7 +30,8 @@ from jld_core.threads import one_thread
 from jld_explore.drivers import make_driver
 from jld_explore.evaluation import Evaluation, Evaluator, EvaluatorSettings, MakeEvaluator, Proofs, evaluator_of
 from jld_explore.evaluation.certificates import forces_of, mechanism_of
-from jld_explore.study import ExploreSettings, Study
+from jld_explore.settings import ExploreSettings
+from jld_explore.study import Study
 
 DRIVERS: Final = ("enumeration", "random", "genetic")
 DECISION: Final = """**What follows.** Interior proofs are made sooner than vertices and settle less: they do not

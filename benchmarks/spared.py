@@ -37,7 +37,7 @@ def summary(scene: Scene, **settings: Any) -> dict[str, Any]:
     sys.stderr.write(f"{scene.name}: {settings}\n")
     with tempfile.TemporaryDirectory() as folder:
         chosen = ExploreSettings(jobs=JOBS, seconds=SECONDS, **settings)
-        return explore(scene, Path(folder) / "out", chosen).summary
+        return explore(scene, Path(folder) / "out", chosen).summary.facts
 
 
 def settled_shares(scenes: dict[str, Scene]) -> list[list[str]]:

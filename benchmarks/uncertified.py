@@ -19,6 +19,7 @@ from benchmarks.common import about, table, write
 from benchmarks.trust_scenes import draw
 from jld_core import Assembly, InputError, build_assembly, parse_scene, solve
 from jld_core.arrays import Bits
+from jld_core.limit import Friction
 
 SCENES: Final = 300
 
@@ -42,7 +43,7 @@ def scenes(dimension: int) -> Iterator[tuple[Assembly, Bits]]:
 def tally(kind: str, count: int) -> Counter[str]:
     """Statuses of `count` labellings."""
     found: Counter[str] = Counter()
-    friction = "zero-dilation" if "dilation" in kind else "associative"
+    friction: Friction = "zero-dilation" if "dilation" in kind else "associative"
     for assembly, labels in scenes(3 if kind == "spatial" else 2):
         try:
             found[str(solve(assembly, labels, friction=friction).status)] += 1

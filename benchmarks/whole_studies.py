@@ -30,7 +30,8 @@ from jld_core.batch.library import SWITCH
 from jld_core.threads import one_thread
 from jld_core.views.figures import save_figure
 from jld_explore.drivers import make_driver
-from jld_explore.study import ExploreSettings, Study
+from jld_explore.settings import ExploreSettings
+from jld_explore.study import Study
 
 STUDIES: Final = (
     ("flagship", "random", 512, 1024),

@@ -102,7 +102,7 @@ def search(quick: bool) -> tuple[pd.DataFrame, Assembly, bool]:
     """Every segmentation of the arch into blocks of as many cells as its own; table, assembly, proven."""
     wanted = {"block_cells": [3, 4] if quick else list(LIMITS), "front": {"count": "blocks", "sense": "max"}}
     done = searched(leonardo_flat_arch(search=wanted), ExploreSettings(driver="enumeration", jobs=1))
-    return done.results, done.assembly, bool(done.summary["proven"])
+    return done.results, done.assembly, bool(done.summary.proven)
 
 
 def _proven(extra: dict[str, Any]) -> str:

@@ -78,7 +78,7 @@ def strongest(scene: Scene, driver: str, budget: int | None) -> tuple[LimitAnaly
     with tempfile.TemporaryDirectory() as folder:
         settings = ExploreSettings(driver=driver, budget=budget, pictures=False)
         done = explore(scene, Path(folder) / "search", settings)
-    return solve(done.assembly, from_string(done.summary["best_labelling"])), bool(done.summary["proven"])
+    return solve(done.assembly, from_string(done.summary.facts["best_labelling"])), bool(done.summary.proven)
 
 
 def experiments(name: str, assembly: Assembly, quick: bool) -> tuple[list[dict[str, Any]], dict[str, Curve]]:

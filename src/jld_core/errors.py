@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 
@@ -66,6 +69,31 @@ class ParameterError(InputError):
     def __init__(self, parameter: str, problem: str, expected: str) -> None:
         super().__init__(parameter, problem, expected)
         self.parameter = parameter
+
+
+@contextmanager
+def error_context(file: str | Path, *outside: str) -> Iterator[None]:
+    """Add the name of a file to errors about its content.
+
+    Errors about parameters, or about paths that begin with one of `outside`, stay unchanged.
+
+    Parameters
+    ----------
+    file : str or Path
+        File whose content is used within the context.
+    *outside : str
+        Paths of other files and folders.
+
+    Raises
+    ------
+    InputError
+        The error raised within the context.
+    """
+    try:
+        yield
+    except InputError as error:
+        unchanged = error.parameter or (outside and error.where.startswith(outside))
+        raise (error if unchanged else error.within(str(file))) from None
 
 
 class SolverError(RuntimeError):

@@ -15,7 +15,7 @@ class View(Protocol):
     def svg(self, thing: Any) -> str | None:
         """Return the drawing as SVG text; None if it is too large to be drawn without request."""
 
-    def figure(self, thing: Any, **options: bool) -> Any:
+    def figure(self, thing: Any, *, ids: bool = False, values: bool = False) -> Any:
         """Return the drawing as a matplotlib figure."""
 
     def html(self, thing: Any, drawing: str | None) -> str:
@@ -51,15 +51,15 @@ class NotebookRepr:
         view = _VIEWS.get(type(self))
         return None if view is None else view.svg(self)
 
-    def drawn(self, **options: bool) -> Any:
-        """Return the drawing as a matplotlib figure.
+    def drawn(self, *, ids: bool = False, values: bool = False) -> Any:
+        """Return the drawing of the registered view as a matplotlib figure.
 
         Parameters
         ----------
-        **options : bool
-            Options of the view.
+        ids, values : bool
+            Also write the ids of elements, and the values of loads and forces, where the view has them.
         """
-        return _VIEWS[type(self)].figure(self, **options)
+        return _VIEWS[type(self)].figure(self, ids=ids, values=values)
 
     def _repr_svg_(self) -> str | None:
         """Return the drawing, as Jupyter calls for it."""

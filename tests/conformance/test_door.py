@@ -202,9 +202,9 @@ def test_the_gap_at_zero_is_beside_the_weight(tmp_path: Path) -> None:
         tmp_path / "out",
         ExploreSettings(driver="enumeration", jobs=1, pictures=False),
     )
-    assert done.summary["best"] == pytest.approx(0.0, abs=1e-9)
-    assert done.summary["proven"] is True
-    assert done.summary["gap"] <= 1e-6
+    assert done.summary.best == pytest.approx(0.0, abs=1e-9)
+    assert done.summary.proven is True
+    assert done.summary.gap <= 1e-6
 
 
 def test_the_best_bound_outlives_whatever_stops_a_search(tmp_path: Path) -> None:
@@ -212,11 +212,11 @@ def test_the_best_bound_outlives_whatever_stops_a_search(tmp_path: Path) -> None
     settings = ExploreSettings(driver="random", budget=3, jobs=1, pictures=False)
     done = explore(parse_scene(small()), tmp_path / "out", settings)
     every = explore(parse_scene(small()), tmp_path / "every", ExploreSettings(jobs=1, pictures=False))
-    bound = done.summary["bound"]
-    assert every.summary["best"] <= bound
-    assert done.summary["gap"] > 0.0
-    assert done.summary["next"] == "--resume goes on to a proof, 3 of 51 classes so far"
-    assert every.summary["next"] is None
+    bound = done.summary.bound
+    assert every.summary.best <= bound
+    assert done.summary.gap > 0.0
+    assert done.summary.next == "--resume goes on to a proof, 3 of 51 classes so far"
+    assert every.summary.next is None
     records = Records(tmp_path / "r", {}, 10)
     for value in (3.0, 2.0, 5.0):
         records.keep_bound(value)

@@ -23,6 +23,7 @@ ORDER = [
     ["jld_explore.experiments"],
     ["jld_explore.report"],
     ["jld_explore.study"],
+    ["jld_explore.settings"],
     ["jld_explore.drivers"],
     ["jld_explore.evaluation"],
     ["jld_explore.space"],
@@ -168,8 +169,7 @@ def test_public_names() -> None:
 
     core = """Scene load_scene parse_scene Assembly build_assembly SolveOptions solve solve_many BatchResult
     LimitAnalysis LimitAnalysisResult Status InputError SolverError samples views solvers"""
-    explore = (
-        "explore ExploreSettings Exploration read_folder SearchSpace search_space Driver Evaluation Progress StopReason"
-    )
+    explore = """explore ModelSettings BudgetSettings ParallelSettings SearchMethod OutputSettings ExploreSettings
+    Exploration Summary read_folder SearchSpace search_space Driver Evaluation Progress StopReason"""
     assert sorted(jld_core.__all__) == sorted(core.split())
     assert sorted(jld_explore.__all__) == sorted(explore.split())

@@ -251,6 +251,6 @@ def test_exact_with_all_of_it_in_space(tmp_path: Path) -> None:
     assert Exact(search_space(scene, build_assembly(scene)), 0).name == "exact"
     every = explore(scene, tmp_path / "every", ExploreSettings(driver="enumeration", pictures=False))
     found = explore(scene, tmp_path / "exact", ExploreSettings(driver="exact", pictures=False))
-    assert found.summary["proven"] is True
-    assert found.summary["best"] == pytest.approx(every.summary["best"], rel=1e-6)
-    assert math.isfinite(found.summary["bound"])
+    assert found.summary.proven is True
+    assert found.summary.best == pytest.approx(every.summary.best, rel=1e-6)
+    assert math.isfinite(found.summary.bound)

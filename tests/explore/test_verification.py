@@ -84,7 +84,7 @@ def certificate(document: dict[str, Any], folder: Path) -> tuple[Path, float | N
     every = explore(scene, folder / "every", ExploreSettings(pictures=False, driver="enumeration"))
     path = folder / "proof.jld"
     explore(scene, folder / "exact", ExploreSettings(pictures=False, driver="exact", certificate=path))
-    return path, every.summary["best"]
+    return path, every.summary.best
 
 
 @pytest.mark.parametrize("name", SCENES)

@@ -24,8 +24,8 @@ from jld_core.scene import parse_scene
 from jld_explore import Progress, explore
 from jld_explore.drivers import Enumeration
 from jld_explore.evaluation import Evaluation, EvaluatorSettings, Workers, WorkerSpec, batch_size
+from jld_explore.settings import ExploreSettings
 from jld_explore.space import search_space
-from jld_explore.study import ExploreSettings
 
 CANCELLED = "ignore:.*tasks which were still being processed.*:UserWarning"
 """What joblib says of the tasks of a pool that was given up, which is what is tested."""

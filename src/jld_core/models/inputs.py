@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
-from jld_core.errors import InputError, ParameterError
+from jld_core.errors import ParameterError, error_context
 from jld_core.scene import Scene, load_scene
 
 Structure = str | Path | Scene | Assembly
@@ -51,10 +51,8 @@ def assembly_of(structure: Structure) -> Assembly:
         problem = f"{type(structure).__name__!r} is no structure"
         raise ParameterError("structure", problem, "the name of a scene file, a Scene or an Assembly")
     scene = load_scene(Path(structure))
-    try:
+    with error_context(structure):
         return build_assembly(scene)
-    except InputError as error:
-        raise error.within(str(structure)) from None
 
 
 def labels_of(assembly: Assembly, labels: Labels | None) -> Bits:

@@ -174,7 +174,7 @@ def solve_many(
 
 def _solve_many(assembly: Assembly, labels: Bits, model: SolveOptions) -> BatchResult:
     """Solve labellings (k, m) under one load, by the batch solver where it settles them."""
-    require_materials(assembly, labels.any(axis=0), ~labels.all(axis=0))
+    require_materials(assembly, np.asarray(labels.any(axis=0)), np.asarray(~labels.all(axis=0)))
     analysis = limit_analysis(assembly, model)
     scale, count = analysis.template.scaling.load, len(labels)
     load_factor, low, high = (np.full(count, np.nan) for _ in "123")

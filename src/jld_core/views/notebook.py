@@ -181,11 +181,11 @@ class AssemblyView:
 
         return figures.svg_of(figures.figure_of_assembly(thing))
 
-    def figure(self, thing: Assembly, **options: bool) -> Figure:
+    def figure(self, thing: Assembly, *, ids: bool = False, values: bool = False) -> Figure:
         """Return the figure; options as `figure_of_assembly`."""
         from jld_core.views import figures
 
-        return figures.figure_of_assembly(thing, **options)
+        return figures.figure_of_assembly(thing, ids=ids, values=values)
 
     def html(self, thing: Assembly, drawing: str | None) -> str:
         """Return the HTML of facts and drawing."""
@@ -203,11 +203,11 @@ class ResultView:
 
         return figures.svg_of(figures.figure_of_result(thing))
 
-    def figure(self, thing: LimitAnalysisResult, **options: bool) -> Figure:
+    def figure(self, thing: LimitAnalysisResult, *, ids: bool = False, values: bool = False) -> Figure:
         """Return the figure; options as `figure_of_result`."""
         from jld_core.views import figures
 
-        return figures.figure_of_result(thing, **options)
+        return figures.figure_of_result(thing, ids=ids, values=values)
 
     def html(self, thing: LimitAnalysisResult, drawing: str | None) -> str:
         """Return the HTML of facts and drawing."""

@@ -8,13 +8,13 @@ from typing import Annotated
 import typer
 
 from jld_core.build import build_assembly
-from jld_core.errors import InputError, ParameterError
+from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.exchange import FORMATS, ImportOptions, Layout, blocks_csv, export, import_file
 from jld_core.models import solve
 from jld_core.refinement import KINDS, refine
 from jld_core.scene import load_scene, parse_scene
 from jld_explore.cli.layout import layout_of
-from jld_explore.cli.options import Rank, SceneFile, Source, error_context, refuse_itself
+from jld_explore.cli.options import Rank, SceneFile, Source, refuse_itself
 from jld_explore.cli.samples import Out, write_scene
 from jld_explore.cli.streams import say
 from jld_explore.report import write_text

@@ -13,12 +13,12 @@ import typer
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.errors import ParameterError
+from jld_core.errors import ParameterError, error_context
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.models import solve
 from jld_explore.cli.ending import UNCERTIFIED
 from jld_explore.cli.layout import layout_of
-from jld_explore.cli.options import AsJson, Rank, Source, error_context
+from jld_explore.cli.options import AsJson, Rank, Source
 from jld_explore.cli.streams import say
 from jld_explore.report import check_writable, csv_of, write_text
 

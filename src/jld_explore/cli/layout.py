@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Final
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
-from jld_core.errors import ParameterError
+from jld_core.errors import ParameterError, error_context
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.scene import Scene, load_scene
-from jld_explore.cli.options import error_context
 from jld_explore.report import Exploration, read_folder
 
 if TYPE_CHECKING:

@@ -8,11 +8,11 @@ from typing import Annotated, Literal
 import typer
 
 from jld_core.build import build_assembly
-from jld_core.errors import ParameterError
+from jld_core.errors import ParameterError, error_context
 from jld_core.models import solve
 from jld_core.scene import load_scene
 from jld_explore.cli.layout import layout_of, plot_ranks
-from jld_explore.cli.options import Source, error_context, refuse_itself
+from jld_explore.cli.options import Source, refuse_itself
 from jld_explore.cli.streams import say
 from jld_explore.report import read_folder, scene_page, write_pictures, write_report, write_text
 

@@ -18,6 +18,8 @@
 - `IncumbentFront`: largest λ known for each combination of front counts
 - `MakeEvaluator`: type of a function that makes the evaluator of a worker
 - `Mechanism`: mechanism as an upper bound on λ for many labellings
+- `OwnObjective`: type of a function of the user that replaces λ as the objective
+- `OwnObjectiveEvaluator`: evaluator whose load factors are the values of such a function
 - `Pool`: bounds from past solves, limited in number
 - `PoolWorker`: process or cluster worker that keeps state between its tasks
 - `Proofs`: lower and upper bounds that one solve proves for other labellings
@@ -58,6 +60,7 @@ from jld_explore.evaluation.deferred_signals import raise_deferred
 from jld_explore.evaluation.evaluation import BOUND, CERTIFICATE, FAILED, Evaluation
 from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings
 from jld_explore.evaluation.force_method import ForceMethod, Vertex
+from jld_explore.evaluation.own_objective import OwnObjective, OwnObjectiveEvaluator
 from jld_explore.evaluation.pruning import IncumbentFront
 from jld_explore.evaluation.ranking import (
     ORDER,
@@ -98,6 +101,8 @@ __all__ = [
     "IncumbentFront",
     "MakeEvaluator",
     "Mechanism",
+    "OwnObjective",
+    "OwnObjectiveEvaluator",
     "Pool",
     "PoolWorker",
     "Proofs",

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
 
+import cloudpickle
 import joblib
 import numpy as np
 
@@ -94,7 +95,7 @@ class WorkerSpec:
     @classmethod
     def of(cls, assembly: Assembly, settings: EvaluatorSettings, make: MakeEvaluator = evaluator_of) -> WorkerSpec:
         """Make the specification of an assembly, settings and a function that makes evaluators."""
-        content = pickle.dumps((make, assembly, settings))
+        content = cloudpickle.dumps((make, assembly, settings))  # pickle refuses functions defined in a program
         # Include the batch solver in the digest, since results depend on it.
         kernel = (chosen() or "none").encode()
         return cls(content, hashlib.sha256(kernel + content).hexdigest(), os.getpid())

@@ -3,6 +3,7 @@
 - `CaseSolver`: solver of labellings under all load cases that reuses its templates
 - `Exploration`: finished search with its tables
 - `Page`: page of a search for a notebook
+- `Summary`: outcome of a search by named fields
 - `assembly`: describe an assembly and its search space for `jld check`
 - `asset`: return the text of a front-end file
 - `asset_names`: list the front-end files that a browser loads
@@ -45,6 +46,7 @@ from jld_explore.report.page import asset, asset_names, filled
 from jld_explore.report.page_data import loads_of, page_data, solution_of
 from jld_explore.report.page_of_study import CaseSolver, scene_page, study_data, study_page, write_report
 from jld_explore.report.reading import read_folder
+from jld_explore.report.summary import Summary
 from jld_explore.report.tables import results_table
 from jld_explore.report.words import assembly
 
@@ -52,6 +54,7 @@ __all__ = [
     "CaseSolver",
     "Exploration",
     "Page",
+    "Summary",
     "assembly",
     "asset",
     "asset_names",

@@ -15,11 +15,13 @@ from jld_core.limit import LimitAnalysisResult, SolveOptions, Status
 from jld_core.models import solve
 from jld_core.notebook_repr import NotebookRepr
 from jld_core.scene import Scene
+from jld_explore.report.summary import Summary
 from jld_explore.space import cut
 from jld_explore.study import StopReason
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -38,8 +40,8 @@ class Exploration(NotebookRepr):
         One row per class, ranked, with the columns of results.csv.
     front : DataFrame
         Rows of `results` on the front, with a column `evidence`.
-    summary : dict
-        Content of summary.json.
+    summary : Summary
+        Best layout, proof and course of the search, as in summary.json.
     folder : Path
         Results folder.
     stop_reason : StopReason
@@ -52,17 +54,26 @@ class Exploration(NotebookRepr):
     assembly: Assembly
     results: pd.DataFrame
     front: pd.DataFrame
-    summary: dict[str, Any]
+    summary: Summary
     folder: Path
     stop_reason: StopReason
     model: SolveOptions = field(default_factory=SolveOptions)
 
     def __repr__(self) -> str:
-        best = self.summary["best"]
-        found = (
-            "none ranked" if best is None else f"best λ = {best:.9g}" + (", proven" if self.summary["proven"] else "")
-        )
+        best, proven = self.summary.best, ", proven" if self.summary.proven else ""
+        found = "none ranked" if best is None else f"best λ = {best:.9g}{proven}"
         return f"Exploration({self.scene.name!r}, {len(self.results)} classes, {found}, in {self.folder})"
+
+    def plot(self) -> Figure:
+        """Draw λ against the counts of the front, with the layouts on the front.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            Figure; save it by `savefig`.
+        """
+        figure: Figure = self.drawn()
+        return figure
 
     def layout(self, rank: int | None = None) -> Layout:
         """Return one layout as blocks.

@@ -28,8 +28,8 @@ class ExplorationView:
 
         return svg_of(front_picture(thing))
 
-    def figure(self, thing: Exploration, **options: bool) -> Figure:
-        """Return the figure of the front with its layouts; there are no options."""
+    def figure(self, thing: Exploration, *, ids: bool = False, values: bool = False) -> Figure:
+        """Return the figure of the front with its layouts, which has no ids or values."""
         from jld_explore.report.pictures_of_three import front_picture
 
         return front_picture(thing)

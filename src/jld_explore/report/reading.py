@@ -19,6 +19,7 @@ from jld_explore.evaluation import RECORDS_FILE
 from jld_explore.report import tables
 from jld_explore.report.evidence import with_evidence
 from jld_explore.report.exploration import Exploration
+from jld_explore.report.summary import Summary
 from jld_explore.space import is_labelling
 from jld_explore.study import StopReason
 
@@ -104,7 +105,7 @@ def read_folder(folder: Path) -> Exploration:
         assembly=assembly,
         results=results,
         front=with_evidence(tables.front_table(results, axes), summary, counts),
-        summary=summary,
+        summary=Summary.of(summary),
         folder=folder,
         stop_reason=StopReason(summary["stop_reason"]),
         model=_model(folder / "summary.json", summary["model"]),
