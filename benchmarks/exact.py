@@ -225,7 +225,7 @@ def summary_of(scene: Scene, **settings: Any) -> dict[str, Any]:
     """What a study of a scene comes to, its seconds those of one processor."""
     # one process: its own seconds say the same whoever else is at work on the machine
     with tempfile.TemporaryDirectory() as folder, patch("time.perf_counter", time.process_time):
-        return explore(scene, Path(folder) / "out", ExploreSettings(jobs=1, pictures=False, **settings)).summary
+        return explore(scene, Path(folder) / "out", ExploreSettings(jobs=1, pictures=False, **settings)).summary.facts
 
 
 def proofs(most: float, long: float) -> list[list[str]]:
@@ -264,7 +264,7 @@ def by_two() -> list[list[str]]:
         scene, _, asked = scenes()[name]
         with tempfile.TemporaryDirectory() as folder:
             settings = ExploreSettings(jobs=2, pictures=False, driver="exact", seconds=most)
-            facts = explore(scene, Path(folder) / "out", settings).summary
+            facts = explore(scene, Path(folder) / "out", settings).summary.facts
         ends = [f"{facts[key]:.7g}" for key in ("best", "bound")]
         row = [name, *ends, f"{facts['gap']:.1%}", str(facts["stop_reason"]), f"{facts['seconds']:.1f}", asked]
         rows.append(row)

@@ -78,7 +78,7 @@ def row_of(verdict: Verdict) -> list[str]:
         {True: "yes", False: "**no**", None: "left open"}[verdict.right],
         str(found.iterations),
         f"{verdict.seconds:.3g}",
-        " → ".join(found.route),
+        " → ".join(found.solve_log),
     ]
 
 
@@ -98,7 +98,7 @@ def look_of(verdict: Verdict) -> str:
         return "uncertified"
     if verdict.found.status is not Status.COLLAPSE:
         return "locked or unstable, proven"
-    return "bracket, first solve" if len(verdict.found.route) == 1 else "bracket, after fallbacks"
+    return "bracket, first solve" if len(verdict.found.solve_log) == 1 else "bracket, after fallbacks"
 
 
 def draw(verdicts: list[Verdict]) -> Figure:
@@ -130,7 +130,7 @@ def main() -> None:
     verdicts = [judge(case) for case in hard_cases()]
     head = ["what is hard", "which", "status", "bracket", "gap", "off by", "right", "programs", "s", "route"]
     counted = Counter(verdict.right for verdict in verdicts)
-    first = sum(len(verdict.found.route) == 1 for verdict in verdicts)
+    first = sum(len(verdict.found.solve_log) == 1 for verdict in verdicts)
     save_figure(draw(verdicts), RESULTS / "hard_cases.png")
     text = about(__doc__)
     summary = (

@@ -48,7 +48,7 @@ def measure(name: str, assembly: Assembly) -> list[str]:
         times.append((before, after))
         widths.append((usual.gap, kernel.gap))
         same += usual.status is kernel.status
-        left += kernel.route != ("lanes",)
+        left += kernel.solve_log != ("lanes",)
         differ = max(differ, abs(usual.load_factor - kernel.load_factor) / abs(usual.load_factor))
     before, after = np.median(times, axis=0)
     wide, narrow = np.nanmedian(widths, axis=0)

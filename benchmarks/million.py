@@ -41,7 +41,8 @@ def search(folder: Path, count: int) -> dict[str, Any]:
     from importlib import import_module
     from unittest.mock import patch
 
-    from jld_explore.study import ExploreSettings, Study
+    from jld_explore.settings import ExploreSettings
+    from jld_explore.study import Study
 
     whole = import_module("jld_explore.explore")
     parts: dict[str, Part] = {}
@@ -67,7 +68,7 @@ def search(folder: Path, count: int) -> dict[str, Any]:
         "memory": memory(),
         "rows": len(done.results),
         "front": len(done.front),
-        "statuses": done.summary["counts_by_status"],
+        "statuses": done.summary.counts_by_status,
     }
 
 

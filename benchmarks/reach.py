@@ -24,8 +24,9 @@ from benchmarks.common import table, write
 from jld_core import Scene, build_assembly, parse_scene
 from jld_explore import ExploreSettings, explore
 from jld_explore.drivers import REACH, size_up_to
+from jld_explore.settings import SMALL
 from jld_explore.space import search_space
-from jld_explore.study import SMALL, Interrupted, Progress
+from jld_explore.study import Interrupted, Progress
 
 SECONDS: Final = 10.0
 

@@ -81,7 +81,7 @@ def measure(case: str, courses: int, solver: str) -> dict[str, Any]:
         "stands": stands,
         "load_factor": result.load_factor,
         "gap": result.gap,
-        "route": list(result.route),
+        "route": list(result.solve_log),
         "iterations": timed.iterations,
         "seconds": seconds,
         "memory": memory,

@@ -139,9 +139,9 @@ def of_the_plane(count: int, seconds: float) -> str:
     for turn in range(count):
         bricks, courses = shapes[turn % 2]
         friction = float(rng.uniform(0.3, 0.9))
-        plane = solve(build_assembly(_with(halved_bond(bricks, courses), friction)), **_range(seconds)).extra
+        plane = solve(build_assembly(_with(halved_bond(bricks, courses), friction)), **_range(seconds)).facts
         deep = _with(wall(bricks, courses, float(rng.uniform(0.6, 3.0)), (1.0, 0.0, 0.0)), friction)
-        space = solve(build_assembly(deep), **_range(seconds)).extra
+        space = solve(build_assembly(deep), **_range(seconds)).facts
         if space["lowest_proven"] is None:
             continue
         worst = max(worst, space["lowest_proven"] / plane["lowest_found"] - 1.0)

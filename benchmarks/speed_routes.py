@@ -88,7 +88,7 @@ def ours(
     if route is not None:
         analysis.route = route
     found = analysis.solve(stands=False)
-    return Found(found.load_factor, *found.bracket, " → ".join(found.route))
+    return Found(found.load_factor, *found.bracket, " → ".join(found.solve_log))
 
 
 def forced(assembly: Assembly, method: str) -> Found:

@@ -37,8 +37,9 @@ from jld_core.solvers import SchurSolver
 from jld_core.views.figures import save_figure
 from jld_explore.drivers import make_driver
 from jld_explore.evaluation import Records
+from jld_explore.settings import ExploreSettings
 from jld_explore.space import search_space, unpack
-from jld_explore.study import ExploreSettings, Study
+from jld_explore.study import Study
 
 PARTS: Final = ("solver", "proof", "assembly", "driver", "store", "other Python")
 PROOF: Final = {

@@ -133,7 +133,9 @@ def _compare(
     try:
         if stopped is not None:
             explore(scene, folder / "out", settings, driver=Exact(space, **options, programs=stopped))
-        facts = explore(scene, folder / "out", replace(settings, resume=stopped is not None), driver=driver).summary
+        facts = explore(
+            scene, folder / "out", replace(settings, resume=stopped is not None), driver=driver
+        ).summary.facts
     except InputError as error:
         if not known and "no labelling" in str(error):
             return ""

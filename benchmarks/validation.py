@@ -61,7 +61,7 @@ def _least(scene: Callable[[float], Scene], low: float, high: float, width: floa
     return high
 
 
-def _cubes(count: int, bending: Any = "paper", direction: float | None = None, **keys: Any) -> float:
+def _cubes(count: int, bending: Any = "uncoupled", direction: float | None = None, **keys: Any) -> float:
     scene = stacked_cubes(count, direction=direction, **keys)
     return solve(build_assembly(scene), inner_bending=bending).load_factor
 

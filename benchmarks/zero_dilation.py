@@ -108,7 +108,7 @@ def run(assembly: Assembly, scheme: ProximalOptions | Smoothing) -> Row:
         result = smoothed(analysis, scheme, associative)
     else:
         result = zero_dilation(analysis, scheme=scheme, associative=associative, stands=False)
-    extra = result.extra
+    extra = result.facts
     return Row(
         load=result.load_factor,
         associative=associative.load_factor * analysis.template.scaling.load,

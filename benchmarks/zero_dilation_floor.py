@@ -71,7 +71,7 @@ def row(name: str, scene: Scene, seconds: float) -> str:
     """One line of the table of ranges."""
     start = time.process_time()
     result = solve(build_assembly(scene), friction="zero-dilation", range=True, floor_seconds=seconds)
-    spent, extra = time.process_time() - start, result.extra
+    spent, extra = time.process_time() - start, result.facts
     bound = extra["lowest_bound"]
     said = "not sought" if bound is None else ("proven" if extra["proven"] else "bound, not proven")
     return (

@@ -114,9 +114,9 @@ def row(name: str, scene: Scene, known: str, seconds: float) -> str:
     """One line of the table."""
     assembly = build_assembly(scene)
     start = time.process_time()
-    started = solve(assembly, friction="zero-dilation", range=True, floor_seconds=0.0).extra["lowest_found"]
+    started = solve(assembly, friction="zero-dilation", range=True, floor_seconds=0.0).facts["lowest_found"]
     search = time.process_time() - start
-    extra = solve(assembly, friction="zero-dilation", range=True, floor_seconds=seconds).extra
+    extra = solve(assembly, friction="zero-dilation", range=True, floor_seconds=seconds).facts
     bound, tolerance = extra["lowest_bound"], extra["bound_tolerance"]
     said = "proven, closed" if extra["closed"] else "proven"
     if not extra["proven"]:

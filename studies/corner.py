@@ -109,7 +109,7 @@ def run(out: Path, quick: bool = False) -> pd.DataFrame:
             f"λ never exceeds μ = 0.6, sliding on the slab: largest {wide.to_numpy().max():.4f}.",
             f"The regular interlocking bond is the strongest of all {len(done.results)} classes of bonds of {level} "
             f"courses pushed outward: {best.load_factor:.4f} against {own['interlocking']:.4f}, "
-            f"{'every one solved, hence proven' if done.summary['proven'] else 'not proven'}.",
+            f"{'every one solved, hence proven' if done.summary.proven else 'not proven'}.",
             f"Pushed outward, four courses, convex contact and point contacts: {same['interlocking', 'convex']:.4f} "
             f"and {same['interlocking', 'concave']:.4f} interlocking, {same['plain', 'convex']:.4f} and "
             f"{same['plain', 'concave']:.4f} with the straight joint: the model of contact moves λ by less than "

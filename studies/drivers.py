@@ -58,7 +58,7 @@ class Run:
 
     def row(self, optimum: float) -> dict[str, Any]:
         """The run's row of the table; how soon it came to its own best."""
-        best = float(self.done.summary["best"])
+        best = float(self.done.summary.facts["best"])
         first = int(np.argmax(self.steps[:, 2] >= best))
         return {
             "driver": self.driver,
@@ -70,7 +70,7 @@ class Run:
             "reached": bool(best >= optimum * (1.0 - SAME)),
             "solves_to_best": int(self.steps[first, 0]),
             "seconds_to_best": float(self.steps[first, 1]),
-            "proven": bool(self.done.summary["proven"]),
+            "proven": bool(self.done.summary.proven),
         }
 
 
@@ -106,7 +106,7 @@ def search(wall: Scene, driver: str, seed: int, budget: int | None) -> Run:
     settings = ExploreSettings(driver=name, budget=budget, seed=seed, jobs=1, options=options)
     done = searched(wall, settings, report=note)
     # a search may be over before it is time to report
-    steps.append((done.summary["solved"], time.process_time() - start, float(done.summary["best"])))
+    steps.append((done.summary.solved, time.process_time() - start, float(done.summary.facts["best"])))
     return Run(driver, seed, done, np.array(steps))
 
 
@@ -114,7 +114,7 @@ def run(out: Path, quick: bool = False) -> pd.DataFrame:
     """Search with every driver, write table, picture and page into a folder; returns the table of the runs."""
     wall = scene(quick)
     exact = search(wall, "exact", 0, None)
-    optimum = float(exact.done.summary["best"])
+    optimum = float(exact.done.summary.facts["best"])
     runs = [
         search(wall, driver, seed, min(budget, 20) if quick else budget)
         for driver, budget in BUDGETS.items()
@@ -146,7 +146,7 @@ def run(out: Path, quick: bool = False) -> pd.DataFrame:
 
 
 def _findings(table: pd.DataFrame, exact: Run, optimum: float) -> tuple[str, ...]:
-    facts, own = exact.done.summary, exact.row(optimum)
+    facts, own = exact.done.summary.facts, exact.row(optimum)
     found = [
         f"The exact driver proves λ = {optimum:.4f} (bound {float(facts['bound']):.4f}) after {own['solves']} solves "
         f"and {own['seconds']:.1f} s, {own['seconds_to_best']:.1f} s of which it took to find it.",
@@ -187,7 +187,7 @@ def _picture(runs: list[Run], exact: Run, optimum: float) -> Figure:
     ]  # fmt: skip
     handles.append(Line2D([], [], color=GREY, ls=(0, (4, 2)), lw=1.0, label="proven optimum"))
     legend_at(figure, handles, 0.85, 3.1, 7)
-    result = solve(build_assembly(exact.done.scene), from_string(str(exact.done.summary["best_labelling"])))
+    result = solve(build_assembly(exact.done.scene), from_string(str(exact.done.summary.best_labelling)))
     for k, draw in enumerate((draw_assembly, draw_mechanism)):
         ax = axes_at(figure, 2.3 + 4.6 * k, 0.8, 3.2, 1.95)
         draw(ax, result.assembly, result.labels) if draw is draw_assembly else draw_mechanism(ax, result)

@@ -50,7 +50,7 @@ def run(out: Path, quick: bool = False) -> pd.DataFrame:
     equal = own["load_factor"] >= own["load_factor_best"] * (1.0 - 1e-6)
     reached = int(equal.groupby([own["blocks"], own["shapes"]]).any().sum())
     few = table.iloc[0]
-    best = float(done.summary["best"])
+    best = float(done.summary.facts["best"])
     report = Report(
         name=NAME,
         title="Few shapes of block: what moulds cost in strength",
@@ -67,7 +67,7 @@ def run(out: Path, quick: bool = False) -> pd.DataFrame:
         differs=(
             f"The strongest layout carries {best:.4g}; the strongest with {few['shapes']:.0f} shapes "
             f"{few['load_factor']:.4g}, {100.0 * few['share']:.1f} % of it: here few moulds cost next to nothing.",
-            f"With convex blocks only the strongest carries {float(convex.summary['best']):.4g}.",
+            f"With convex blocks only the strongest carries {float(convex.summary.facts['best']):.4g}.",
             "Shapes are outlines: what a mould costs, or how blocks are turned in it, is not modelled.",
         ),
         pictures={

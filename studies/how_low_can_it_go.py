@@ -72,7 +72,7 @@ def ranges(cases: tuple[Case, ...]) -> tuple[pd.DataFrame, dict[str, LimitAnalys
     rows, lowest = [], {}
     for case in cases:
         result = solve(build_assembly(case.scene()), friction="zero-dilation", range=True, floor_seconds=case.seconds)
-        extra = result.extra
+        extra = result.facts
         lowest[case.name] = result
         rows.append(
             {

@@ -67,7 +67,7 @@ def run(out: Path, quick: bool = False) -> pd.DataFrame:
     table = rows.assign(props=[props(assembly, str(text)) for text in rows["labelling"]]).reset_index(drop=True)
     standing = table[table["props"] < 1e-3]
     worst = table.iloc[int(table["props"].argmax())]
-    cost = 1.0 - kept.summary["best"] / free.summary["best"]
+    cost = 1.0 - kept.summary.facts["best"] / free.summary.facts["best"]
     weight = float(-assembly.elements.weight[assembly.elements.free].sum())
     report = Report(
         name=NAME,
@@ -80,7 +80,7 @@ def run(out: Path, quick: bool = False) -> pd.DataFrame:
         'cells. `search.assemble: "standing"`: an order of laying whose every stage stands under its own weight.',
         agrees=(
             f"Asking for a layout that stands at every stage costs {100 * cost:.2f} % of λ here: the strongest, "
-            f"λ = {free.summary['best']:.2f} N, is one (both proven).",
+            f"λ = {free.summary.best:.2f} N, is one (both proven).",
             f"{len(standing)} of {len(table)} layouts that carry a load stand at every stage of the order found.",
             f"The others need props of up to {worst.props:.3g} N while they are laid, "
             f"{100 * worst.props / weight:.0f} % of all their weight; that one carries λ = {worst.load_factor:.1f} N.",

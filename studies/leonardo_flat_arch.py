@@ -59,7 +59,7 @@ def without_dilation(assembly: Assembly, labels: Bits, seconds: float = 0.0) -> 
 
 def facts_of(part: str, result: LimitAnalysisResult, blocks: int) -> dict[str, Any]:
     """One row of the table from a result of `without_dilation`."""
-    extra = result.extra
+    extra = result.facts
     return {
         "part": part,
         "friction": FRICTION,
@@ -91,7 +91,7 @@ def sensitivity(quick: bool) -> pd.DataFrame:
             row: dict[str, Any] = {"part": f"by {name}", **given, "associative_N": result.load_factor}
             row["status"] = str(result.status)
             if row["status"] == "collapse":
-                span = without_dilation(assembly, assembly.labels).extra
+                span = without_dilation(assembly, assembly.labels).facts
                 row |= {"zero_lowest_N": span["lowest_found"], "zero_highest_N": span["highest_found"]}
             rows.append(row)
     return pd.DataFrame(rows)
@@ -101,7 +101,7 @@ def search(quick: bool) -> tuple[pd.DataFrame, Assembly, bool]:
     """Every segmentation of the arch into blocks of as many cells as its own; table, assembly, proven."""
     wanted = {"block_cells": [3, 4] if quick else list(LIMITS), "front": {"count": "blocks", "sense": "max"}}
     done = searched(leonardo_flat_arch(search=wanted), ExploreSettings(driver="enumeration", jobs=1))
-    return done.results, done.assembly, bool(done.summary["proven"])
+    return done.results, done.assembly, bool(done.summary.proven)
 
 
 def _proven(extra: dict[str, Any]) -> str:
@@ -137,7 +137,7 @@ def run(out: Path, quick: bool = False) -> pd.DataFrame:
         facts_of("strongest segmentation", best_zero, blocks),
         facts_of("this arch between abutments", confined, 5),
     ]
-    zero, zero_best, zero_held = (row.extra for row in (lowest, best_zero, confined))
+    zero, zero_best, zero_held = (row.facts for row in (lowest, best_zero, confined))
     published = [{"part": f"published, {name}", "associative_N": value} for name, value in PUBLISHED.items()]
     table = pd.concat([pd.DataFrame(rows), pd.DataFrame(published), moved], ignore_index=True)
     gain = best.load_factor / own.load_factor

@@ -77,16 +77,16 @@ def strongest(scene: Scene, driver: str, budget: int | None) -> tuple[LimitAnaly
     with tempfile.TemporaryDirectory() as folder:
         settings = ExploreSettings(driver=driver, budget=budget, pictures=False)
         done = explore(scene, Path(folder) / "search", settings)
-    return solve(done.assembly, from_string(done.summary["best_labelling"])), bool(done.summary["proven"])
+    return solve(done.assembly, from_string(done.summary.facts["best_labelling"])), bool(done.summary.proven)
 
 
 def experiments(name: str, assembly: Assembly, quick: bool) -> tuple[list[dict[str, Any]], dict[str, Curve]]:
     """λ, the range without dilation, and the experiments of one layout."""
     span = solve(assembly, friction="zero-dilation", range=True)
     rows: list[dict[str, Any]] = [
-        {"layout": name, "what": "λ, with dilation", "newton": span.extra["associative_load_factor"]},
-        {"layout": name, "what": "λ, without: lowest found", "newton": span.extra["lowest_found"]},
-        {"layout": name, "what": "λ, without: highest found", "newton": span.extra["highest_found"]},
+        {"layout": name, "what": "λ, with dilation", "newton": span.facts["associative_load_factor"]},
+        {"layout": name, "what": "λ, without: lowest found", "newton": span.facts["lowest_found"]},
+        {"layout": name, "what": "λ, without: highest found", "newton": span.facts["highest_found"]},
     ]
     curves = {}
     for kind, joints, gaps in KINDS[3:] if quick else KINDS:

@@ -36,15 +36,15 @@ REGIONS: Final = {
 """Mechanisms of two cubes, with words, fill and hatch."""
 
 ONE: Final = (
-    ("one block, inner base: τA/W = 0.2, σt = 0", 1, 0.5, 0.0, 0.2, "paper"),
-    ("τA/W = 0.9, σt = 0, paper's bending", 1, 0.5, 0.0, 0.9, "paper"),
+    ("one block, inner base: τA/W = 0.2, σt = 0", 1, 0.5, 0.0, 0.2, "uncoupled"),
+    ("τA/W = 0.9, σt = 0, paper's bending", 1, 0.5, 0.0, 0.9, "uncoupled"),
     ("τA/W = 0.9, σt = 0, kern bending", 1, 0.5, 0.0, 0.9, "kern"),
 )
 TWO: Final = (
-    ("μ = 0.2, τA/W = 0.9, σtA = W: slides", 2, 0.2, 1.0, 0.9, "paper"),
-    ("μ = 0.9, τA/W = 0.27, σtA = W: shears", 2, 0.9, 1.0, 0.27, "paper"),
-    ("μ = 0.9, τA/W = 0.9, σt = 0: opens", 2, 0.9, 0.0, 0.9, "paper"),
-    ("μ = 0.9, τA/W = 0.9, σtA = W: rocks", 2, 0.9, 1.0, 0.9, "paper"),
+    ("μ = 0.2, τA/W = 0.9, σtA = W: slides", 2, 0.2, 1.0, 0.9, "uncoupled"),
+    ("μ = 0.9, τA/W = 0.27, σtA = W: shears", 2, 0.9, 1.0, 0.27, "uncoupled"),
+    ("μ = 0.9, τA/W = 0.9, σt = 0: opens", 2, 0.9, 0.0, 0.9, "uncoupled"),
+    ("μ = 0.9, τA/W = 0.9, σtA = W: rocks", 2, 0.9, 1.0, 0.9, "uncoupled"),
     ("as the third, kern bending: opens", 2, 0.9, 0.0, 0.9, "kern"),
 )
 """Cases by direction: name, cubes, μ, σtA/W, τA/W, form of the inner bending."""
@@ -57,7 +57,7 @@ def closed_form(cubes: int, angle: float, friction: float, tension: float, shear
     stress at a corner. Base rocking: about an edge of the dry base, 2 W at height 1.
     """
     along, across = abs(np.cos(angle)), abs(np.sin(angle))
-    reach = max(along, across) if bending == "paper" else along + across
+    reach = max(along, across) if bending == "uncoupled" else along + across
     opening = (1.0 + tension) / 3.0 / reach
     if cubes == 1:
         return float(min(shear, opening))

@@ -157,7 +157,7 @@ def free_joints(load: str, quick: bool) -> Freed:
     across = np.array([_ring(assembly, k) for k in range(len(assembly.interfaces))])
     radial = [not (from_string(text) & across).any() for text in done.results["labelling"]]
     unit = "N" if load == "point" else "weight"
-    return Freed(load, unit, done.results.assign(radial=radial), assembly, bool(done.summary["proven"]))
+    return Freed(load, unit, done.results.assign(radial=radial), assembly, bool(done.summary.proven))
 
 
 def _ring(assembly: Assembly, face: int) -> bool:

@@ -56,7 +56,7 @@ def run(out: Path, quick: bool = False) -> pd.DataFrame:
     for robust in (False, True):
         for required in QUICK if quick else REQUIRED:
             settings = ExploreSettings(pictures=False, driver="exact", jobs=1, robust=robust)
-            found = searched(scene(required), settings).summary["require"]
+            found = searched(scene(required), settings).summary.facts["require"]
             rows.append(
                 {
                     "values": "low" if robust else "nominal",

@@ -55,7 +55,7 @@ def run(out: Path, quick: bool = False) -> pd.DataFrame:
         text, result = pick(tied.items(), key=lambda pair: (round(pair[1].load_factor, 6), pair[0]))
         ties.append([one.load_factor for one in tied.values()])
         each = {f"load_factor[{name}]": result.cases[name].load_factor for name in NAMES}
-        proven = bool(done.summary["proven"])
+        proven = bool(done.summary.proven)
         rows.append({"layout": layout, "load_factor": result.load_factor, **each, "proven": proven, "labelling": text})
     table = pd.DataFrame(rows)
     one, both = table["load_factor"]

@@ -79,9 +79,9 @@ def known(quick: bool) -> pd.DataFrame:
     cases = [(f"wall {k}", build_assembly(load_scene(SCENES / f"ferris_tinloi_{k}.json"))) for k in numbers]
     for name, assembly in [*cases, ("flat arch, N", build_assembly(leonardo_flat_arch()))]:
         span = solve(assembly, friction="zero-dilation", range=True)
-        row: dict[str, Any] = {"part": "known", "name": name, "associative": span.extra["associative_load_factor"]}
-        row |= {"zero_lowest": span.extra["lowest_found"], "zero_highest": span.extra["highest_found"]}
-        row |= {"zero_proven": np.nan if span.extra["lowest_proven"] is None else span.extra["lowest_proven"]}
+        row: dict[str, Any] = {"part": "known", "name": name, "associative": span.facts["associative_load_factor"]}
+        row |= {"zero_lowest": span.facts["lowest_found"], "zero_highest": span.facts["highest_found"]}
+        row |= {"zero_proven": np.nan if span.facts["lowest_proven"] is None else span.facts["lowest_proven"]}
         row |= {"zero_named": FLOORS.get(name, np.nan)}
         periods = 60.0 if quick else 800.0
         slow = Settings(scheme="limit", periods=periods, length=12.0)

@@ -62,9 +62,9 @@ def run(out: Path, quick: bool = False) -> pd.DataFrame:
     ranked = done.results[done.results["status"] == "collapse"]
     front = ranked.sort_values("load_factor", ascending=False, kind="stable").drop_duplicates("dry_faces")
     front = front.sort_values("dry_faces", kind="stable").reset_index(drop=True)
-    bounds = {part["count"]: part for part in done.summary.get("front", [])}
+    bounds = {part["count"]: part for part in done.summary.facts.get("front", [])}
     # of counts that tie only the best is on the front of a summary
-    all_known = {"proven": done.summary["proven"], "bound": np.nan}
+    all_known = {"proven": done.summary.proven, "bound": np.nan}
     known = [bounds.get(k, all_known) for k in front["dry_faces"]]
     proven = [bool(part["proven"]) for part in known]
     table = front[["dry_faces", "blocks", "load_factor", "bracket_lo", "bracket_hi", "labelling"]].assign(
@@ -77,7 +77,7 @@ def run(out: Path, quick: bool = False) -> pd.DataFrame:
     equal = int(front[front["load_factor"] >= bond.load_factor * (1.0 - 1e-2)]["dry_faces"].max())
     same = front[front["dry_faces"] == _joints(bond)]["load_factor"]
     blocks = "2–3" if quick else "1–3"
-    evaluated = f"{done.summary['evaluated']} layouts solved, driver {done.summary['driver']}"
+    evaluated = f"{done.summary.evaluated} layouts solved, driver {done.summary.driver}"
     report = Report(
         name=NAME,
         title="Wall with an opening: the strongest way to cut it",

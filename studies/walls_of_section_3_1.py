@@ -67,8 +67,8 @@ def solve_wall(wall: int, quick: bool) -> tuple[LimitAnalysisResult, list[LimitA
                 "block": block,
                 "load_factor": found.load_factor,
                 "status": str(found.status),
-                "complementarity_gap": found.extra["complementarity_gap"],
-                "friction_violation": found.extra["friction_violation"],
+                "complementarity_gap": found.facts["complementarity_gap"],
+                "friction_violation": found.facts["friction_violation"],
                 "programs": found.iterations,
             }
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -101,3 +102,27 @@ def rotation(x: float, y: float, z: float) -> Array:
     about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
     about_z = np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]])
     return np.asarray(about_z @ about_y @ about_x)
+
+
+SPATIAL: dict[str, Callable[[], Assembly]] = {
+    # one structure for each spatial yield set that the batch solver knows
+    "stools": lambda: stools([OBLONG, OBLONG[::-1] * 0.9]),
+    "running bond": lambda: assembly(wall(2, 2)),
+    "rough bond": lambda: assembly(
+        wall(2, 1),
+        materials={
+            "dry": {"friction_coefficient": 0.4, "cohesion": 0.2},
+            "inner": {"tensile_strength": 0.3, "shear_strength": 0.5, "friction_coefficient": 0.8},
+        },
+    ),
+    "turned bond": lambda: assembly(
+        wall(3, 1, 1, turn=rotation(0.3, -0.2, 0.5)),
+        loads={"live": [{"body": [0.3, 1, 0.2]}]},
+    ),
+}
+SPATIAL |= {
+    "hulls": lambda: stools([IRREGULAR, TRIANGLE, ELL]),
+    "kern bond": SPATIAL["rough bond"],
+    "pressed bond": lambda: assembly(wall(2, 1), loads={"live": [{"body": [0.1, 0, -1]}]}),
+    "slippery bond": lambda: assembly(wall(2, 1), materials={"dry": {"friction_coefficient": 0.0}}),
+}

@@ -16,7 +16,7 @@ def certify(result: LimitAnalysisResult) -> None:
     assembly = result.assembly
     assert result.forces is not None
     assert result.mechanism is not None
-    assert result.extra["converged"]
+    assert result.facts["converged"]
     dead, live = load_vectors(assembly)
     forces, dry = result.forces, result.labels
     left = equilibrium_matrix(assembly) @ forces.ravel() + dead + result.load_factor * live

@@ -67,7 +67,7 @@ def _judged(path: Path, folder: Path, is_whole: bool, tally: Tally) -> str:
         return f"a found load factor {claim.load_factor} above the bound {claim.bound} is accepted"
     try:
         settings = ExploreSettings(driver="enumeration", pictures=False)
-        found = explore(parse_scene(claim.scene), folder, settings).summary
+        found = explore(parse_scene(claim.scene), folder, settings).summary.facts
     except InputError:
         return ""  # no layout at all: any bound holds
     best = math.inf if found["unbounded"] else found["best"]

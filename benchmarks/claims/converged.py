@@ -62,7 +62,7 @@ def case(seed: int, tally: Tally) -> str:
         low, high = result.bracket
         missing = [word for word, end in (("lower", low), ("upper", high)) if not math.isfinite(end)]
         name += f" ({' and '.join(missing) or 'wide'})"
-        print(f"seed {seed}: {name} {result.bracket} {result.route}", flush=True)
+        print(f"seed {seed}: {name} {result.bracket} {result.solve_log}", flush=True)
     tally.notes[name] = tally.notes.get(name, 0) + 1
     return weighed(assembly, labels, result, effective)
 

@@ -245,7 +245,7 @@ def _stop_and_resume(
         folder = Path(place) / "out"
         explore(scene, folder, settings, driver=Exact(space, 0, **options, programs=programs))
         done = explore(scene, folder, replace(settings, resume=True), driver=Exact(space, 0, **options))
-    facts = done.summary
+    facts = done.summary.facts
     found = Proof(facts["best"], facts["bound"], bool(facts["proven"]), seconds=facts["seconds"])
     found.check_seconds = facts.get("proof_check", {}).get("seconds", 0.0)
     if aim == "front":

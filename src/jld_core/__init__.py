@@ -1,6 +1,7 @@
 """Limit analysis of one assembly: the load factor λ of a labelling, with proven lower and upper bounds.
 
 - `Assembly`: one structure with loads and materials, before any labelling is chosen
+- `BatchResult`: λ of many labellings, with proven bounds
 - `InputError`: error for a scene, option or folder that cannot be used, in one line
 - `LimitAnalysis`: solver of many labellings of one assembly
 - `LimitAnalysisResult`: λ with its bracket, status, forces and mechanism
@@ -13,6 +14,7 @@
 - `parse_scene`: make a scene from a dictionary
 - `samples`: parametric scenes by name
 - `solve`: compute λ of one labelling, with a two-sided bracket
+- `solve_many`: compute λ of many labellings by the compiled batch solver
 - `solvers`: solvers of conic and linear programs
 - `views`: drawings and notebook output
 """
@@ -25,11 +27,12 @@ from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.errors import InputError, SolverError
 from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Status
-from jld_core.models import SolveOptions, solve
+from jld_core.models import BatchResult, SolveOptions, solve, solve_many
 from jld_core.scene import Scene, load_scene, parse_scene
 
 __all__ = [
     "Assembly",
+    "BatchResult",
     "InputError",
     "LimitAnalysis",
     "LimitAnalysisResult",
@@ -42,6 +45,7 @@ __all__ = [
     "parse_scene",
     "samples",
     "solve",
+    "solve_many",
     "solvers",
     "views",
 ]

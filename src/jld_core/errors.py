@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
 
 class InputError(ValueError):
-    """Error for a scene, an option or a folder that cannot be used.
+    """Error for a scene, a parameter or a folder that cannot be used.
 
-    The message is one line made of the three parameters.
+    The message is one line made of the three parameters. Parameters of functions that it names stand in backticks,
+    as in `friction="zero-dilation"`; the command line replaces them by its flags.
 
     Parameters
     ----------
@@ -16,11 +22,22 @@ class InputError(ValueError):
         What is wrong.
     expected : str
         What would be right.
+
+    Attributes
+    ----------
+    parameter : str
+        Name of the parameter with a wrong value; "" if the error is about a file, an element or a folder.
     """
+
+    parameter: str = ""
 
     def __init__(self, where: str, problem: str, expected: str) -> None:
         self.where, self.problem, self.expected = where, problem, expected
         super().__init__(" ".join(f"{where}: {problem}; expected {expected}".split()))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return the constructor call, so that workers can send the error to another process."""
+        return type(self), (self.where, self.problem, self.expected)
 
     def within(self, file: str) -> InputError:
         """Return the same error with the name of a file in front of `where`.
@@ -32,6 +49,51 @@ class InputError(ValueError):
         """
         where = f"{file}: {self.where}" if self.where else file
         return InputError(where, self.problem, self.expected)
+
+
+class ParameterError(InputError):
+    """Error for a parameter of a function, or an option of a command, with a wrong value.
+
+    In Python the message names the parameter; the command line names its flag instead.
+
+    Parameters
+    ----------
+    parameter : str
+        Name of the parameter: ``inner_bending``.
+    problem : str
+        What is wrong.
+    expected : str
+        What would be right.
+    """
+
+    def __init__(self, parameter: str, problem: str, expected: str) -> None:
+        super().__init__(parameter, problem, expected)
+        self.parameter = parameter
+
+
+@contextmanager
+def error_context(file: str | Path, *outside: str) -> Iterator[None]:
+    """Add the name of a file to errors about its content.
+
+    Errors about parameters, or about paths that begin with one of `outside`, stay unchanged.
+
+    Parameters
+    ----------
+    file : str or Path
+        File whose content is used within the context.
+    *outside : str
+        Paths of other files and folders.
+
+    Raises
+    ------
+    InputError
+        The error raised within the context.
+    """
+    try:
+        yield
+    except InputError as error:
+        unchanged = error.parameter or (outside and error.where.startswith(outside))
+        raise (error if unchanged else error.within(str(file))) from None
 
 
 class SolverError(RuntimeError):

@@ -15,6 +15,9 @@ class View(Protocol):
     def svg(self, thing: Any) -> str | None:
         """Return the drawing as SVG text; None if it is too large to be drawn without request."""
 
+    def figure(self, thing: Any, *, ids: bool = False, values: bool = False) -> Any:
+        """Return the drawing as a matplotlib figure."""
+
     def html(self, thing: Any, drawing: str | None) -> str:
         """Return the facts and the drawing as HTML."""
 
@@ -47,6 +50,16 @@ class NotebookRepr:
         """SVG text from the registered view, computed once; None without a view."""
         view = _VIEWS.get(type(self))
         return None if view is None else view.svg(self)
+
+    def drawn(self, *, ids: bool = False, values: bool = False) -> Any:
+        """Return the drawing of the registered view as a matplotlib figure.
+
+        Parameters
+        ----------
+        ids, values : bool
+            Also write the ids of elements, and the values of loads and forces, where the view has them.
+        """
+        return _VIEWS[type(self)].figure(self, ids=ids, values=values)
 
     def _repr_svg_(self) -> str | None:
         """Return the drawing, as Jupyter calls for it."""

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from jld_core.errors import InputError
+from jld_core.errors import InputError, ParameterError
 
 RATE_ERROR: Final = 5e-3
 """Relative difference of the collapse loads at two rates above which an experiment is uncertified."""
@@ -61,15 +61,17 @@ class Joints:
         for name in ("normal_stiffness", "shear_stiffness", "inner_ratio"):
             value = getattr(self, name)
             if value is not None and not (value > 0.0 and math.isfinite(value)):
-                raise InputError(f"--{name.replace('_', '-')}", f"{value!r} is no stiffness", "a number above 0")
+                raise ParameterError(name, f"{value!r} is no stiffness", "a number above 0")
         if self.dilation != "friction" and not (isinstance(self.dilation, (int, float)) and self.dilation >= 0.0):
-            raise InputError(
-                "--dilation", f"{self.dilation!r} is no dilation", "0, friction, or the tangent of an angle"
+            raise ParameterError(
+                "dilation", f"{self.dilation!r} is no dilation", "0, friction, or the tangent of an angle"
             )
         if self.inner not in ("plastic", "brittle"):
-            raise InputError("--inner", f"no law of inner faces is named {self.inner!r}", "brittle or plastic")
+            raise ParameterError("inner", f"no law of inner faces is named {self.inner!r}", "brittle or plastic")
         if not (self.residual_friction >= 0.0 and math.isfinite(self.residual_friction)):
-            raise InputError("--residual-friction", f"{self.residual_friction!r} is no friction", "a number, 0 or more")
+            raise ParameterError(
+                "residual_friction", f"{self.residual_friction!r} is no friction", "a number, 0 or more"
+            )
 
 
 @dataclass(frozen=True)

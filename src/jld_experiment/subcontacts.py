@@ -10,7 +10,7 @@ import shapely
 
 from jld_core import Assembly
 from jld_core.arrays import Bits, Floats, Ints
-from jld_core.errors import InputError
+from jld_core.errors import ParameterError
 from jld_core.geometry import area_of
 
 SCHEMES: Final = ("trapezoid", "simpson", "midpoint", "limit")
@@ -57,9 +57,9 @@ def sub_contacts(assembly: Assembly, labels: Bits, scheme: str, segments: int) -
     Raises InputError for an unknown scheme or too few segments (1, for midpoint 2).
     """
     if scheme not in SCHEMES:
-        raise InputError("--scheme", f"no scheme is named {scheme!r}", " or ".join(SCHEMES))
+        raise ParameterError("scheme", f"no scheme is named {scheme!r}", " or ".join(SCHEMES))
     if segments < 1 or (scheme == "midpoint" and segments < 2):
-        raise InputError("--segments", f"{segments} give a face no resistance to rotation", "a larger number")
+        raise ParameterError("segments", f"{segments} give a face no resistance to rotation", "a larger number")
     faces, rows, counts = assembly.interfaces, [], []
     for face in range(len(faces)):
         if assembly.dimension == 2:

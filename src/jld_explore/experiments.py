@@ -23,7 +23,7 @@ from jld_core.files import whole_file
 from jld_core.limit import SolveOptions, Status
 from jld_explore.drivers import make_driver
 from jld_explore.evaluation import Evaluation, Evaluator, EvaluatorSettings
-from jld_explore.report import Exploration, csv_of, write_text
+from jld_explore.report import Exploration, Summary, csv_of, write_text
 from jld_explore.space import SearchSpace, from_string, to_string
 
 if TYPE_CHECKING:
@@ -232,7 +232,7 @@ def add_experiments(
     write_text(done.folder / "results.csv", csv_of(found.results))
     with whole_file(done.folder / "results.parquet") as fresh:
         found.results.to_parquet(fresh, index=False)
-    write_text(done.folder / "summary.json", json.dumps(found.summary, indent=1))
+    write_text(done.folder / "summary.json", json.dumps(found.summary.to_json(), indent=1))
     return found
 
 
@@ -244,8 +244,8 @@ def with_experiments(done: Exploration, experiments: Experiments, objective: boo
     table = experiments.table()
     ranked = table[table["status"] == "collapse"]
     # A layout without λ has no upper bound on its experiment.
-    unknown = {"locked", "uncertified", "failed"} & set(done.summary["counts_by_status"])
-    complete = done.summary["stop_reason"] == "exhausted" and len(ranked) > 0 and not unknown
+    unknown = {"locked", "uncertified", "failed"} & set(done.summary.counts_by_status)
+    complete = done.summary.stop_reason == "exhausted" and len(ranked) > 0 and not unknown
     left = done.results[~done.results["labelling"].isin(list(rows))]["load_factor_associative"]
     facts = {
         "runs": len(table),
@@ -257,5 +257,5 @@ def with_experiments(done: Exploration, experiments: Experiments, objective: boo
         "none_better": bool(complete and not (left > experiments.best).any()),
         "searched": objective,
     }
-    summary = {**done.summary, "experiment": facts}
+    summary = Summary.of({**done.summary.facts, "experiment": facts})
     return replace(done, results=results, summary=summary)

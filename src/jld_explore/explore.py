@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import tempfile
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Mapping
+from contextlib import nullcontext, suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly, build_robust
 from jld_core.deadline import Deadline, DeadlinePassed
-from jld_core.errors import InputError
+from jld_core.errors import InputError, ParameterError, error_context
+from jld_core.limit import SolveOptions
 from jld_core.memory import memory_limit
 from jld_core.models import cost_estimate, require_memory, require_model
-from jld_core.scene import Scene
+from jld_core.scene import Scene, load_scene
 from jld_core.threads import one_thread
 from jld_explore.drivers import (
     DRIVERS,
@@ -29,7 +32,7 @@ from jld_explore.drivers import (
     make_driver,
     size_up_to,
 )
-from jld_explore.evaluation import MakeEvaluator, VoidCellsEvaluator, evaluator_of, on_cluster
+from jld_explore.evaluation import MakeEvaluator, OwnObjectiveEvaluator, VoidCellsEvaluator, evaluator_of, on_cluster
 from jld_explore.experiments import DEFAULT, Experiments, add_experiments
 from jld_explore.report import (
     Exploration,
@@ -40,8 +43,9 @@ from jld_explore.report import (
     write_tables,
     write_text,
 )
+from jld_explore.settings import ExploreSettings, Objective
 from jld_explore.space import SearchSpace, from_string, search_space
-from jld_explore.study import ExploreSettings, Interrupted, Progress, StopReason, Study
+from jld_explore.study import Interrupted, Progress, StopReason, Study
 
 CLASSES: Final = "classes (layouts, those alike by symmetry once)"
 """Term "classes" with its explanation, used where it first appears."""
@@ -77,33 +81,79 @@ After an interrupt it also limits the solves for the page, which always shows th
 """
 
 
-@one_thread()
 def explore(
-    scene: Scene,
-    folder: Path,
+    scene: str | Path | Scene,
+    out: str | Path | None = None,
     settings: ExploreSettings | None = None,
     report: Callable[[Progress], None] | None = None,
     announce: Callable[[str], None] | None = None,
     *,
     driver: str | Driver | None = None,
+    objective: Objective | None = None,
+    seconds: float | None = None,
+    budget: int | None = None,
+    jobs: int | None = None,
+    seed: int | None = None,
+    model: SolveOptions | None = None,
+    options: Mapping[str, Any] | None = None,
+    robust: bool | None = None,
+    experiment: int | None = None,
+    resume: bool | None = None,
+    pictures: bool | None = None,
+    certificate: str | Path | None = None,
+    cluster: str | None = None,
+    strict: bool | None = None,
     started: float | None = None,
 ) -> Exploration:
     """Search the labellings of a scene and write all results (docs/scene.md) into a folder.
 
+    Each keyword that is given replaces the field of that name in `settings`.
+
     Parameters
     ----------
-    scene : Scene
-        Validated scene.
-    folder : Path
-        Results folder, new or empty unless `settings.resume` is set.
+    scene : str, Path or Scene
+        Scene file or scene.
+    out : str or Path, optional
+        Results folder, new or empty unless `resume` is set. Default: a new temporary folder, which the result names.
     settings : ExploreSettings, optional
-        Settings of the search.
+        Settings of the search, from which the keywords take their defaults.
     report : callable, optional
         Function called with each `Progress`.
     announce : callable, optional
         Function called with messages, for example the name of the chosen driver.
     driver : str or Driver, optional
-        Name of a driver, or a driver made for the scene's space; overrides the settings.
+        Name of a driver, or a driver made for the scene's space. Default: one that proves where a proof is in reach.
+    objective : str or callable, optional
+        "associative" (default), "zero-dilation", "zero-dilation-floor" or "experiment"; or a function of an
+        `Evaluation` with λ, the assembly and the labels (m,), which returns the number to be maximised. Layouts
+        without λ are not ranked then, nothing is proven, and a search has neither the exact driver, certificates, low
+        material values, experiments, omitted cells nor a required load factor.
+    seconds : float, optional
+        Time limit, s.
+    budget : int, optional
+        Largest number of classes to evaluate.
+    jobs : int, optional
+        Number of worker processes, default 1.
+    seed : int, optional
+        Seed of the driver, default 0.
+    model : SolveOptions, optional
+        Options of model and solver; the objective sets `friction`, `range` and `floor_seconds`.
+    options : mapping of str to object, optional
+        Options of a named driver.
+    robust : bool, optional
+        Rank by λ at the low values of materials.
+    experiment : int, optional
+        Number of best layouts that are tested in the virtual experiment at the end.
+    resume : bool, optional
+        Continue the search in the folder.
+    pictures : bool, optional
+        Write page and pictures at the end, default True.
+    certificate : str or Path, optional
+        File for the proof of the exact driver.
+    cluster : str, optional
+        URL of a dask scheduler whose workers evaluate.
+    strict : bool, optional
+        Treat plausibility warnings as errors.
     started : float, optional
         Start of the time limit on the clock `time.perf_counter`, s. Default: now.
 
@@ -115,33 +165,66 @@ def explore(
     Raises
     ------
     InputError
-        If the folder or the settings cannot be used, or if no layout was found.
+        If scene, folder or settings cannot be used, or if no layout was found.
     Interrupted
         If a signal ended the search, after tables and page were written.
+
+    Examples
+    --------
+    >>> found = explore("scenes/flat_beam_arch.json", driver="exact", seconds=60)
+    >>> found.summary.best, found.summary.proven
     """
-    settings = settings or ExploreSettings()
+    given: dict[str, Any] = {
+        "driver": driver,
+        "seconds": seconds,
+        "budget": budget,
+        "jobs": jobs,
+        "seed": seed,
+        "model": model,
+        "options": None if options is None else dict(options),
+        "robust": robust,
+        "experiment": experiment,
+        "resume": resume,
+        "pictures": pictures,
+        "certificate": None if certificate is None else Path(certificate),
+        "cluster": cluster,
+        "strict": strict,
+    }
+    asked = {name: value for name, value in given.items() if value is not None}
+    settings = replace(settings or ExploreSettings(), **asked)
+    if objective is not None:
+        settings = settings.maximising(objective)
+    if out is None and settings.resume:
+        raise ParameterError("out", "a search is resumed in its own folder", "the name of that folder")
+    parsed = scene if isinstance(scene, Scene) else load_scene(Path(scene))
+    folder = Path(tempfile.mkdtemp(prefix="jld-")) if out is None else Path(out)
+    with nullcontext() if isinstance(scene, Scene) else error_context(scene, str(folder)):
+        return _search(parsed, folder, settings, report, announce, started)
+
+
+@one_thread()
+def _search(
+    scene: Scene,
+    folder: Path,
+    settings: ExploreSettings,
+    report: Callable[[Progress], None] | None,
+    announce: Callable[[str], None] | None,
+    started: float | None,
+) -> Exploration:
+    """Run a search with complete settings, see `explore`."""
     deadline = Deadline(settings.seconds, started)
     if settings.cluster is not None:
         check_folder(folder, settings.resume)
         with on_cluster(settings.cluster):
-            return explore(
-                scene,
-                folder,
-                replace(settings, cluster=None),
-                report,
-                announce,
-                driver=driver,
-                started=deadline.started,
-            )
+            return _search(scene, folder, replace(settings, cluster=None), report, announce, deadline.started)
     check_folder(folder, settings.resume)
     if settings.certificate is not None:
         check_certificate_file(settings.certificate, folder)
-    if driver is not None:
-        settings = replace(settings, driver=driver)
     assembly = build_robust(scene) if settings.robust else build_assembly(scene)
     if assembly.warnings and settings.strict:
-        raise InputError("", assembly.warnings[0], "a scene without warnings, or no --strict")
+        raise InputError("", assembly.warnings[0], "a scene without warnings, or `strict=False`")
     _refuse_together(scene, settings, assembly)
+    _refuse_beside_own_objective(scene, settings)
     # Announce warnings only once the search begins; a refused search gives its error alone.
     said = [f"warning: {warning}" for warning in assembly.warnings]
     space = _space_of(scene, assembly, settings.driver)
@@ -151,6 +234,8 @@ def explore(
     said.append(f"driver: {chosen.name}" + (f", {total} {CLASSES}" if total is not None else ""))
     _refuse_unfit(scene, assembly, settings, chosen)
     make: MakeEvaluator = evaluator_of
+    if settings.own_objective is not None:
+        make = partial(OwnObjectiveEvaluator, settings.own_objective)
     if space.void is not None:
         _refuse_beside_void(settings, chosen)
         assembly, make = space.assembly, VoidCellsEvaluator
@@ -172,8 +257,9 @@ def explore(
     write_text(folder / "scene.json", scene.model_dump_json(indent=1, exclude_defaults=True))
     done = write_tables(study, _run(study, deadline))
     if settings.certificate is not None and isinstance(chosen, Exact):
-        best, load = done.summary["best_labelling"], done.summary["best"]
-        certify(chosen, scene, settings.certificate, None if best is None else (from_string(best), float(load)))
+        best, load = done.summary.best_labelling, done.summary.best
+        found = None if best is None or load is None else (from_string(best), load)
+        certify(chosen, scene, settings.certificate, found)
     if settings.experiment or settings.by_experiment:
         done = _experimented(study, done)
     if settings.pictures:
@@ -199,9 +285,27 @@ def _refuse_together(scene: Scene, settings: ExploreSettings, assembly: Assembly
     if scene.cracks != "faces":
         raise InputError("cracks", "a search knows cracks by faces alone", '"faces"')
     if settings.certificate is not None and settings.robust:
-        raise InputError("--certificate", "it speaks of one value of each strength", "a search without --robust")
+        raise ParameterError("certificate", "it speaks of one value of each strength", "a search with `robust=False`")
     if settings.certificate is not None and settings.by_experiment:
-        raise InputError("--certificate", "an experiment is no proof", "--objective associative")
+        raise ParameterError("certificate", "an experiment is no proof", '`objective="associative"`')
+
+
+def _refuse_beside_own_objective(scene: Scene, settings: ExploreSettings) -> None:
+    """Raise InputError for what needs bounds on λ, or another ranking, beside an objective of the user."""
+    if settings.own_objective is None:
+        return
+    driver = settings.driver
+    proves = driver.modular if isinstance(driver, Driver) else driver == Exact.name
+    for name, asked in (
+        ("`driver`", proves),
+        ("`certificate`", settings.certificate is not None),
+        ("`robust`", settings.robust),
+        ("`experiment`", settings.experiment is not None),
+        ("search.void", scene.search.void is not None),
+        ("search.require", scene.search.require is not None),
+    ):
+        if asked:
+            raise ParameterError("objective", f"{name} speaks of λ, not of a function", "one of both")
 
 
 def _refuse_unfit(scene: Scene, assembly: Assembly, settings: ExploreSettings, driver: Driver) -> None:
@@ -210,8 +314,8 @@ def _refuse_unfit(scene: Scene, assembly: Assembly, settings: ExploreSettings, d
     If a certificate is requested, also restrict the exact driver to proofs that a certificate can hold.
     """
     if driver.modular and not replace(settings.model, friction="associative").modular:
-        raise InputError(
-            "--driver", f"{driver.name} has no bounds for this model", "convex contact on whole faces, paper bending"
+        raise ParameterError(
+            "driver", f"{driver.name} has no bounds for this model", "convex contact on whole faces, uncoupled bending"
         )
     space = driver.space
     dry = (space.candidates | space.fixed) & (space.assembly.interfaces.b != space.assembly.sink)
@@ -304,7 +408,7 @@ def _affordable(assembly: Assembly, settings: ExploreSettings, said: list[str]) 
 def _bound_all(study: Study, *, sure: bool) -> None:
     """Record a bound on all labellings if none is known and `sure` says that there is time."""
     study.records = study.open_records()
-    if study.bound is None and sure:
+    if study.bound is None and sure and study.settings.own_objective is None:
         study.keep_bound(bound_of_all(study.space, study.settings.model))
     study.records.close()
 
@@ -312,11 +416,13 @@ def _bound_all(study: Study, *, sure: bool) -> None:
 def _refuse_beside_void(settings: ExploreSettings, driver: Driver) -> None:
     """Raise InputError for options that need a single structure if cells may be left out."""
     for option, asked in (
-        ("--experiment", settings.experiment is not None or settings.by_experiment),
-        ("--driver", driver.modular),
+        ("experiment", settings.experiment is not None or settings.by_experiment),
+        ("driver", driver.modular),
     ):
         if asked:
-            raise InputError(option, "it speaks of one structure, and search.void leaves cells out", "a search without")
+            raise ParameterError(
+                option, "it speaks of one structure, and search.void leaves cells out", "a search without"
+            )
 
 
 def choose_driver(
@@ -347,7 +453,7 @@ def choose_driver(
     """
     wanted = settings.driver
     if isinstance(wanted, str) and wanted not in DRIVERS:
-        raise InputError("--driver", f"no driver is named {wanted!r}", "one of " + ", ".join(DRIVERS))
+        raise ParameterError("driver", f"no driver is named {wanted!r}", "one of " + ", ".join(DRIVERS))
     # A driver chosen by name needs the size of the space for progress reports only.
     quick = isinstance(wanted, str) and wanted != Enumeration.name
     deadline = Deadline() if deadline is None else deadline
@@ -359,7 +465,7 @@ def choose_driver(
     if isinstance(wanted, Driver):
         return wanted, known
     if wanted is None:
-        many = settings.by_experiment or settings.experiment is not None
+        many = settings.by_experiment or settings.experiment is not None or settings.own_objective is not None
         chosen = driver_for(space, settings.seed, settings.model, known, settings.options, many=many)
         return chosen, known
     return make_driver(wanted, space, settings.seed, **settings.options), known
@@ -385,4 +491,4 @@ def _nothing_found(space: SearchSpace, seconds: float | None = None) -> InputErr
             problem = "no layout that satisfies the constraints was found"
     if seconds is None:
         return InputError(where, problem, remedy)
-    return InputError(where, f"{problem} within --seconds {seconds:g}", f"{remedy}, or more seconds")
+    return InputError(where, f"{problem} within `seconds={seconds:g}`", f"{remedy}, or more seconds")

@@ -8,10 +8,9 @@ A study resumes by replay: the driver runs again from its seed and receives reco
 from __future__ import annotations
 
 import platform
-import warnings
 from collections import deque
 from collections.abc import Callable
-from dataclasses import InitVar, dataclass, field
+from dataclasses import dataclass
 from enum import StrEnum
 from importlib.metadata import version
 from pathlib import Path
@@ -24,7 +23,7 @@ from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.batch import chosen
 from jld_core.deadline import Deadline, DeadlinePassed
-from jld_core.limit import SolveOptions, Status, exceeds, load_scale, relative_width
+from jld_core.limit import Status, exceeds, load_scale, relative_width
 from jld_core.models import cost_estimate
 from jld_core.scene import Scene
 from jld_explore.drivers import Driver, first_layout
@@ -41,20 +40,14 @@ from jld_explore.evaluation import (
     WorkerSpec,
     evaluator_of,
 )
+from jld_explore.settings import ExploreSettings
 from jld_explore.space import SearchSpace, unpack
-
-NO_CERTIFICATES: Final = "certificates has no effect and will be refused in version 0.4; leave it out"
-"""Warning about the former setting `certificates`, by which past solves settled further labellings."""
 
 _ROW: Final = 4e-5
 """Seconds per recorded labelling that are reserved from a time limit for tables and page."""
 
 PORTION: Final = 128
 """Largest number of labellings requested at a time if pruning thresholds can avoid solves."""
-
-
-SMALL: Final = 20_000
-"""Default of `ExploreSettings.small`: number of classes up to which a space is enumerated by default."""
 
 
 _HANGS: Final = 20.0
@@ -122,74 +115,6 @@ class Progress:
     gap: float = np.nan
 
 
-@dataclass(frozen=True)
-class ExploreSettings:
-    """Settings of a search.
-
-    Attributes
-    ----------
-    driver : str, Driver or None
-        Name of a driver, a driver, or None to choose one.
-    model : SolveOptions
-        Model whose λ is maximised.
-    budget : int or None
-        Largest number of classes to evaluate.
-    seconds : float or None
-        Time limit, s.
-    jobs : int
-        Number of worker processes.
-    seed : int
-        Seed of the random numbers.
-    resume : bool
-        Continue the study in the folder.
-    experiment : int or None
-        Number of best layouts by λ that are tested in the virtual experiment at the end.
-    by_experiment : bool
-        Search by experiment at the end, starting from the best layouts by λ.
-        The number of experiments is `experiment`, default 500.
-    pictures : bool
-        Write page and pictures at the end.
-    strict : bool
-        Treat plausibility warnings as errors.
-    robust : bool
-        Rank by λ at the low values of materials.
-    small : int
-        Number of classes up to which a space is counted beforehand, and enumerated if no driver is named.
-        0 omits the count.
-    certificate : Path or None
-        File for the proof of the exact driver.
-    cluster : str or None
-        URL of a dask scheduler whose workers evaluate.
-    options : dict
-        Options of a named driver.
-    certificates : bool
-        No effect; accepted with a warning until version 0.4.
-    """
-
-    driver: str | Driver | None = None
-    model: SolveOptions = field(default_factory=SolveOptions)
-    budget: int | None = None
-    seconds: float | None = None
-    jobs: int = 1
-    seed: int = 0
-    resume: bool = False
-    experiment: int | None = None
-    by_experiment: bool = False
-    pictures: bool = True
-    strict: bool = False
-    robust: bool = False
-    small: int = SMALL
-    certificate: Path | None = None
-    cluster: str | None = None
-    options: dict[str, Any] = field(default_factory=dict)
-    certificates: InitVar[bool] = False
-
-    def __post_init__(self, certificates: bool) -> None:
-        """Warn about an argument without effect."""
-        if certificates:
-            warnings.warn(NO_CERTIFICATES, FutureWarning, stacklevel=3)
-
-
 class Study:
     """One search over labellings of a scene.
 
@@ -239,12 +164,13 @@ class Study:
     @property
     def header(self) -> dict[str, Any]:
         """Facts in which a record must agree with a study that resumes it."""
-        model = self.settings.model.facts()
+        model, own = self.settings.model.facts(), self.settings.own_objective
         return {
             "scene": self.scene.fingerprint,
             "driver": self.driver.name,
             "seed": self.settings.seed,
             **{f"driver's {name}": value for name, value in self.driver.settings.items()},
+            **({} if own is None else {"own objective": name_of(own)}),
             "objective": model.pop("friction") + ("-floor" if self.settings.model.by_floor else ""),
             "bracket width": model.pop("gap"),
             **model,
@@ -254,7 +180,8 @@ class Study:
 
     def open_records(self) -> Records:
         """Open the record in the folder, existing or new."""
-        values = len(self.assembly.cases) + (self.assembly.nominal is not None)
+        own = self.settings.own_objective is not None
+        values = len(self.assembly.cases) + (self.assembly.nominal is not None) + own
         return Records(self.folder, self.header, len(self.assembly.interfaces), values)
 
     @property
@@ -326,7 +253,9 @@ class Study:
             hang=max(HANG, _HANGS * cost_estimate(self.assembly).seconds),
             batch=self._make is evaluator_of and settings.batched and recipe.evaluator().settles,
         )
-        front = IncumbentFront(self.space) if self.settings.model.friction == "zero-dilation" else None
+        # Bounds on λ without dilation spare solves, unless another objective takes the place of λ.
+        spare = self.settings.model.friction == "zero-dilation" and self.settings.own_objective is None
+        front = IncumbentFront(self.space) if spare else None
         recorded = RecordedEvaluator(
             workers,
             self.records,
@@ -439,6 +368,12 @@ class Study:
             total = total if budget is None else min(budget, total or budget)
             gap = relative_width(self._best, bound, self._floor)
             self.report(Progress(self.evaluated, total, self.solved, self._best, self.elapsed, bound, gap))
+
+
+def name_of(function: Callable[..., Any]) -> str:
+    """Return the name by which a function of the user is recorded: module and qualified name."""
+    named = getattr(function, "__qualname__", type(function).__qualname__)
+    return f"{getattr(function, '__module__', '')}.{named}".lstrip(".")
 
 
 def versions() -> dict[str, str]:

@@ -57,9 +57,9 @@ def test_a_page_opens_from_disk_with_its_best_layout(visit: Open, study: Path) -
     done = read_folder(study)
     assert found.text("h1") == "two courses"
     assert "Rank 1" in found.text(".pane h3")
-    assert f"{done.summary['best']:.5g}" in found.text(".pane .verdict")
+    assert f"{done.summary.best:.5g}" in found.text(".pane .verdict")
     assert found.text(".count") == f"{len(done.results)} layouts"
-    assert f"{done.summary['bound']:.9g}" in found.text("#facts")
+    assert f"{done.summary.bound:.9g}" in found.text("#facts")
     looks_like(found, "report", "#picture")  # words around it may change
 
 
@@ -198,7 +198,7 @@ def test_downloads_are_the_scene_the_summary_and_the_table(visit: Open, study: P
         elif name == "scene.json":
             parse_scene(json.loads(content))
         else:
-            assert json.loads(content)["best"] == read_folder(study).summary["best"]
+            assert json.loads(content)["best"] == read_folder(study).summary.best
     with found.page.expect_download() as waiting:
         found.page.locator(".save-picture").click()
     assert Path(waiting.value.path()).read_text(encoding="utf-8").startswith("<svg")

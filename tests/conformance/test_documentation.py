@@ -40,6 +40,7 @@ def test_examples_of_the_guide(
 ) -> None:
     """A page's examples run from top to bottom, as a reader would paste them."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     (tmp_path / "scenes").symlink_to(ROOT / "scenes")
     space: dict[str, object] = {}
     for block in re.findall(r"```python\n(.*?)```", page.read_text("utf-8"), flags=re.S):

@@ -101,7 +101,7 @@ DAMAGE: dict[str, Callable[[Path], None]] = {
     "summary.json: best_labelling: it is": with_summary(best_labelling="x" * 10),
     "summary.json: stop_reason: ": with_summary(stop_reason="bored"),
     "summary.json: model: ": with_summary(model={"wings": 2}),
-    "summary.json: model: --friction": with_summary(model={"friction": "sticky"}),
+    "summary.json: model: friction": with_summary(model={"friction": "sticky"}),
     "results.parquet: it is damaged (Could": overwritten("results.parquet", ""),
     "results.parquet: it is damaged": overwritten("results.parquet", "no table"),
     "results.parquet: it has no column load_factor": with_results(lambda t: t.drop(columns="load_factor")),
@@ -202,9 +202,9 @@ def test_the_gap_at_zero_is_beside_the_weight(tmp_path: Path) -> None:
         tmp_path / "out",
         ExploreSettings(driver="enumeration", jobs=1, pictures=False),
     )
-    assert done.summary["best"] == pytest.approx(0.0, abs=1e-9)
-    assert done.summary["proven"] is True
-    assert done.summary["gap"] <= 1e-6
+    assert done.summary.best == pytest.approx(0.0, abs=1e-9)
+    assert done.summary.proven is True
+    assert done.summary.gap <= 1e-6
 
 
 def test_the_best_bound_outlives_whatever_stops_a_search(tmp_path: Path) -> None:
@@ -212,11 +212,11 @@ def test_the_best_bound_outlives_whatever_stops_a_search(tmp_path: Path) -> None
     settings = ExploreSettings(driver="random", budget=3, jobs=1, pictures=False)
     done = explore(parse_scene(small()), tmp_path / "out", settings)
     every = explore(parse_scene(small()), tmp_path / "every", ExploreSettings(jobs=1, pictures=False))
-    bound = done.summary["bound"]
-    assert every.summary["best"] <= bound
-    assert done.summary["gap"] > 0.0
-    assert done.summary["next"] == "--resume goes on to a proof, 3 of 51 classes so far"
-    assert every.summary["next"] is None
+    bound = done.summary.bound
+    assert every.summary.best <= bound
+    assert done.summary.gap > 0.0
+    assert done.summary.next == "--resume goes on to a proof, 3 of 51 classes so far"
+    assert every.summary.next is None
     records = Records(tmp_path / "r", {}, 10)
     for value in (3.0, 2.0, 5.0):
         records.keep_bound(value)
@@ -307,17 +307,17 @@ def test_what_falls_is_named_and_drawn(tmp_path: Path) -> None:
     document = grid_document(["aabc", "a...", "#..."], live=[{"element": "c1r0", "force": [0, -1]}])
     result = solve(build_assembly(parse_scene(document)))
     assert (str(result.status), result.mechanism) == ("unstable", None)
-    assert result.falling is not None
+    assert result.instability_mechanism is not None
     elements = result.assembly.elements
-    assert np.linalg.norm(result.falling[:, :2], axis=1).max() == pytest.approx(1.0)
-    dead = float((result.assembly.dead * result.falling)[elements.free].sum())
-    live = float((result.assembly.live * result.falling)[elements.free].sum())
+    assert np.linalg.norm(result.instability_mechanism[:, :2], axis=1).max() == pytest.approx(1.0)
+    dead = float((result.assembly.dead * result.instability_mechanism)[elements.free].sum())
+    live = float((result.assembly.live * result.instability_mechanism)[elements.free].sum())
     assert dead > 0.0
     assert live >= -1e-9
     facts = facts_of_result(result)
     assert facts["falls"].startswith("c3r0, c2r0")
     assert "support what falls" in facts["next"]
-    assert json.loads(json.dumps(result.to_json()))["falling"]["c0r2"] == [0.0, 0.0, 0.0]
+    assert json.loads(json.dumps(result.to_json()))["instability_mechanism"]["c0r2"] == [0.0, 0.0, 0.0]
     figure = figure_of_result(result)
     assert any("Falls whatever the live load" in ax.get_title() for ax in figure.axes)
 

@@ -21,8 +21,9 @@ from jld_core.scene import Scene, parse_scene
 from jld_explore.drivers import DRIVERS, Driver, Enumeration, make_driver
 from jld_explore.evaluation import Evaluation, EvaluatorSettings
 from jld_explore.report import tables
+from jld_explore.settings import ExploreSettings
 from jld_explore.space import SearchSpace, canonical, feasible, keys, search_space
-from jld_explore.study import ExploreSettings, Interrupted, StopReason, Study
+from jld_explore.study import Interrupted, StopReason, Study
 
 NAMES = [*(name for name in DRIVERS if name not in ("optuna", "exact")), "optuna:Random", "optuna:NSGAII"]
 DOWN = [{"element": "c1r0", "force": [0, -1]}]

@@ -26,8 +26,8 @@ SCENE = grid_document(["aaaa", "aaaa", "aaaa", "####"], block_cells=[1, 3])
 def test_however_short_the_time_there_is_something_to_show(driver: str, tmp_path: Path) -> None:
     settings = ExploreSettings(driver=driver, seconds=0.0, jobs=1, pictures=False)
     done = explore(parse_scene(SCENE), tmp_path / "out", settings)
-    assert (done.summary["stop_reason"], len(done.results)) == ("time", 1)
-    assert done.summary["bound"] >= done.summary["best"]
+    assert (done.summary.stop_reason, len(done.results)) == ("time", 1)
+    assert done.summary.bound >= done.summary.best
 
 
 def test_an_evaluation_that_outlasts_the_limit_is_done_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -37,9 +37,9 @@ def test_an_evaluation_that_outlasts_the_limit_is_done_once(tmp_path: Path, monk
     scene = parse_scene(SCENE)
     settings = ExploreSettings(driver="random", seconds=0.0, jobs=2, pictures=False)
     done = explore(scene, tmp_path / "out", settings)
-    assert (done.summary["stop_reason"], len(done.results)) == ("time", 1)
+    assert (done.summary.stop_reason, len(done.results)) == ("time", 1)
     alone = evaluator_of(build_assembly(scene), EvaluatorSettings())
-    assert done.summary["best"] == pytest.approx(alone.evaluate(done.layout(1).labels).load_factor, rel=1e-9)
+    assert done.summary.best == pytest.approx(alone.evaluate(done.layout(1).labels).load_factor, rel=1e-9)
 
 
 def test_what_takes_long_is_said_beforehand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

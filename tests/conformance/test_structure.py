@@ -25,6 +25,7 @@ ORDER = [
     ["jld_explore.experiments"],
     ["jld_explore.report"],
     ["jld_explore.study"],
+    ["jld_explore.settings"],
     ["jld_explore.drivers"],
     ["jld_explore.evaluation"],
     ["jld_explore.space"],
@@ -48,6 +49,7 @@ ORDER = [
         "jld_core.notebook_repr",
         "jld_core.arrays",
         "jld_core.deadline",
+        "jld_core.deprecation",
         "jld_core.errors",
         "jld_core.files",
         "jld_core.memory",
@@ -192,10 +194,9 @@ def test_public_names() -> None:
     import jld_core
     import jld_explore
 
-    core = """Scene load_scene parse_scene Assembly build_assembly SolveOptions solve LimitAnalysis LimitAnalysisResult
-    Status InputError SolverError samples views solvers"""
-    explore = (
-        "explore ExploreSettings Exploration read_folder SearchSpace search_space Driver Evaluation Progress StopReason"
-    )
+    core = """Scene load_scene parse_scene Assembly build_assembly SolveOptions solve solve_many BatchResult
+    LimitAnalysis LimitAnalysisResult Status InputError SolverError samples views solvers"""
+    explore = """explore ModelSettings BudgetSettings ParallelSettings SearchMethod OutputSettings ExploreSettings
+    Exploration Summary read_folder SearchSpace search_space Driver Evaluation Progress StopReason"""
     assert sorted(jld_core.__all__) == sorted(core.split())
     assert sorted(jld_explore.__all__) == sorted(explore.split())

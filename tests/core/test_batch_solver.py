@@ -18,6 +18,7 @@ from scipy.sparse.csgraph import connected_components
 
 import cases_spatial
 from cases import CASES, grid_assembly
+from cases_spatial import SPATIAL
 from jld_core import Assembly, LimitAnalysis
 from jld_core.arrays import Bits
 from jld_core.batch import (
@@ -42,29 +43,6 @@ from jld_core.limit import Relaxation
 from kernel_proofs import LAST_DIGITS, assert_proven, lanes_of
 
 PLANAR = list(CASES)
-SPATIAL = {
-    "stools": lambda: cases_spatial.stools([cases_spatial.OBLONG, cases_spatial.OBLONG[::-1] * 0.9]),
-    "running bond": lambda: cases_spatial.assembly(cases_spatial.wall(2, 2)),
-    "rough bond": lambda: cases_spatial.assembly(
-        cases_spatial.wall(2, 1),
-        materials={
-            "dry": {"friction_coefficient": 0.4, "cohesion": 0.2},
-            "inner": {"tensile_strength": 0.3, "shear_strength": 0.5, "friction_coefficient": 0.8},
-        },
-    ),
-    "turned bond": lambda: cases_spatial.assembly(
-        cases_spatial.wall(3, 1, 1, turn=cases_spatial.rotation(0.3, -0.2, 0.5)),
-        loads={"live": [{"body": [0.3, 1, 0.2]}]},
-    ),
-}
-SPATIAL |= {
-    "hulls": lambda: cases_spatial.stools([cases_spatial.IRREGULAR, cases_spatial.TRIANGLE, cases_spatial.ELL]),
-    "kern bond": SPATIAL["rough bond"],
-    "pressed bond": lambda: cases_spatial.assembly(cases_spatial.wall(2, 1), loads={"live": [{"body": [0.1, 0, -1]}]}),
-    "slippery bond": lambda: cases_spatial.assembly(
-        cases_spatial.wall(2, 1), materials={"dry": {"friction_coefficient": 0.0}}
-    ),
-}
 EXTRA = {"crushable inner": (["aaaa", "aaaa", "####"], {"crush_inner": 3e4, "tension": 1e4})}
 
 
@@ -102,7 +80,7 @@ def test_a_library_of_other_sources_is_not_taken(kernel: str, monkeypatch: pytes
 
 def analysis_of(name: str) -> LimitAnalysis:
     if name in SPATIAL:
-        return LimitAnalysis(SPATIAL[name](), inner_bending="kern" if "kern" in name else "paper")
+        return LimitAnalysis(SPATIAL[name](), inner_bending="kern" if "kern" in name else "uncoupled")
     rows, options = (CASES | EXTRA)[name]
     return LimitAnalysis(grid_assembly(rows, **options))
 

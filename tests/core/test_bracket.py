@@ -59,7 +59,7 @@ def test_an_unconverged_solver_is_overruled_or_named(iterations: int) -> None:
     assert result.status in (Status.COLLAPSE, Status.UNCERTIFIED)
     if result.status is Status.COLLAPSE:
         assert result.load_factor == pytest.approx(truth.load_factor, rel=1e-6)
-    assert any("limit" in step for step in result.route)
+    assert any("limit" in step for step in result.solve_log)
 
 
 def test_forces_and_mechanism_prove_the_bracket_in_scene_units() -> None:

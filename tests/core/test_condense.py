@@ -82,7 +82,7 @@ def test_endless_strength_is_no_numerical_trouble(strength: float) -> None:
     labels = random_segmentation(assembly, 5, np.random.default_rng(8))
     result = solve(assembly, labels)
     assert worth_condensing(LimitAnalysis(assembly).template, labels)
-    assert "rigid_blocks" in result.extra
+    assert "rigid_blocks" in result.facts
     assert result.gap < 1e-8
     moderate = grid_assembly(["aaaa", "aaaa", "aaaa", "####"], tension=2e6, shear=2e6)
     assert result.load_factor == pytest.approx(solve(moderate, labels, condense="off").load_factor, rel=1e-8)

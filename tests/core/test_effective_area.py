@@ -52,11 +52,11 @@ def test_prism_in_torsion(eccentric: float, axis: int) -> None:
     expected = FRICTION * 2.0 * rectangle_torsion_length(*sides[:, None])[0]
     assert result.status is Status.COLLAPSE
     assert result.load_factor == pytest.approx(expected, rel=1e-8)
-    assert result.extra["load_factor_whole_faces"] == pytest.approx(whole, rel=1e-8)
-    assert result.extra["effective_area"]["fixed_point"] <= 1e-8
+    assert result.facts["load_factor_whole_faces"] == pytest.approx(whole, rel=1e-8)
+    assert result.facts["effective_area"]["fixed_point"] <= 1e-8
     json.dumps(result.to_json(), allow_nan=False)
     if eccentric:
-        assert result.load_factor < result.extra["load_factor_whole_faces"] - 1e-3
+        assert result.load_factor < result.facts["load_factor_whole_faces"] - 1e-3
     zero = solve_zero_dilation(analysis.assembly, effective_area=True)
     assert zero.status is Status.COLLAPSE
     assert zero.load_factor == pytest.approx(expected, rel=1e-7)
@@ -69,7 +69,7 @@ def test_walls_reach_a_fixed_point(live: list[float]) -> None:
     analysis = LimitAnalysis(assembly, reference=dry)
     result = solve(assembly, dry, effective_area=True)
     assert result.status is Status.COLLAPSE
-    assert result.extra["effective_area"]["fixed_point"] <= 1e-8
+    assert result.facts["effective_area"]["fixed_point"] <= 1e-8
     assert result.forces is not None
     scaled = result.forces / analysis.template.scaling.face
     areas = areas_under(assembly, scaled, dry)
@@ -85,7 +85,7 @@ def test_faces_that_are_no_rectangles_keep_their_whole_area() -> None:
     odd = int((~assembly.interfaces.rectangle).sum())
     result = solve(assembly, np.ones(len(assembly.interfaces), dtype=bool), effective_area=True)
     assert result.status is Status.COLLAPSE
-    assert result.extra["effective_area"]["fixed_point"] <= 1e-8
+    assert result.facts["effective_area"]["fixed_point"] <= 1e-8
     assert 0 < odd < len(assembly.interfaces)
     assert f"{odd} of {len(assembly.interfaces)} dry faces are no rectangles" in result.notes[0]
     assert result.notes[0] in result.to_json()["warnings"]
@@ -95,7 +95,7 @@ def test_a_load_factor_above_that_of_whole_faces_is_said() -> None:
     """About its own centre of pressure a face bears shear that twists it about its centroid, so λ may rise."""
     assembly, labels = drawn(11)
     result = solve(assembly, labels, effective_area=True)
-    whole = result.extra["load_factor_whole_faces"]
+    whole = result.facts["load_factor_whole_faces"]
     assert result.load_factor > 1.01 * whole
     share = f"{result.load_factor / whole - 1.0:.1%}"
     assert any(f"{share} above that of whole faces" in note for note in result.notes)
@@ -169,9 +169,9 @@ def test_locked_is_proven_by_forces_within_their_own_areas(seed: int, locked: bo
         return
     analysis = LimitAnalysis(assembly)
     assert result.forces is not None
-    assert result.growing is not None
+    assert result.unbounded_forces is not None
     for load in (1e2, 1e4, 1e6):
-        forces = (result.forces + load * result.growing) / analysis.template.scaling.face
+        forces = (result.forces + load * result.unbounded_forces) / analysis.template.scaling.face
         frozen = frozen_areas(analysis.template, areas_under(assembly, forces, labels))
         assert frozen.yield_set.slack(forces, labels).min() >= -1e-12 * load
 

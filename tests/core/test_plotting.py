@@ -76,7 +76,7 @@ def outcome(assembly: Assembly, forces: Any = None, mechanism: Any = None, **cha
         "forces": forces,
         "mechanism": mechanism,
         "iterations": 1,
-        "route": (),
+        "solve_log": (),
         "seconds": {},
     }
     return LimitAnalysisResult(assembly=assembly, **{**values, **changes})

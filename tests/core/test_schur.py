@@ -43,7 +43,7 @@ def compare(built: Assembly, count: int, seed: int, template: Template | None = 
         labels = rng.random(len(built.interfaces)) < share
         first, second = one.solve(labels, stands=False), two.solve(labels, stands=False)
         assert second.status is first.status
-        assert second.route[0].startswith("schur")
+        assert second.solve_log[0].startswith("schur")
         if first.status is Status.COLLAPSE:
             size = max(abs(first.load_factor), 1e-3 * built.total_dead / built.total_live)
             assert second.bracket[0] <= first.bracket[1] + 1e-9 * size
@@ -87,7 +87,7 @@ def test_walls_in_running_bond(courses: int, direction: tuple[float, float, floa
     result = LimitAnalysis(built, solver="schur").solve(stands=False)
     assert len(built.elements.free) == courses * (courses + 1)
     assert result.status is Status.COLLAPSE
-    assert result.route == ("schur",)
+    assert result.solve_log == ("schur",)
     assert result.gap < 1e-7
     assert result.load_factor == pytest.approx(expected, abs=1e-7)
 
@@ -98,7 +98,7 @@ def test_large_assemblies_take_it_by_themselves() -> None:
     assert analysis.template.structure.equalities >= LARGE[True]
     assert analysis.route.name == "schur"
     assert LimitAnalysis(SPATIAL["stools"]()).route.name == "clarabel"
-    assert solve(built).route[0] == "schur"
+    assert solve(built).solve_log[0] == "schur"
 
 
 @pytest.mark.parametrize("name", ["arch", "weak arch", "wall", "overhang", "crushable arch", "very strong"])
@@ -118,7 +118,7 @@ def test_repairs_of_large_assemblies(name: str, monkeypatch: pytest.MonkeyPatch)
         if other.status is not Status.UNCERTIFIED:
             assert (found.status, found.stands_at_zero) == (other.status, other.stands_at_zero)
         assert found.status is not Status.UNCERTIFIED
-        assert found.route[0].startswith("schur")
+        assert found.solve_log[0].startswith("schur")
 
 
 def test_opening_by_forces(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -56,7 +56,7 @@ MATERIALS: dict[str, dict[str, dict[str, float]]] = {
         "inner": {"tensile_strength": 0.5, "shear_strength": 0.0},
     },
 }
-CASES = [(name, bending) for name in MATERIALS for bending in ("paper", "kern")]
+CASES = [(name, bending) for name in MATERIALS for bending in ("uncoupled", "kern")]
 
 
 def faces_under(name: str, bending: InnerBending) -> tuple[Assembly, SpatialYield]:
@@ -233,12 +233,12 @@ def test_dry_crushing_wants_rectangles() -> None:
         spatial_yield(built, scaling_of(built))
 
 
-def template(built: Assembly, bending: InnerBending = "paper") -> Template:
+def template(built: Assembly, bending: InnerBending = "uncoupled") -> Template:
     scaling = scaling_of(built)
     return Template(built, scaling, spatial_yield(built, scaling, bending))
 
 
-def solved(built: Assembly, bending: InnerBending = "paper") -> float:
+def solved(built: Assembly, bending: InnerBending = "uncoupled") -> float:
     """λ through the program of the package."""
     made = template(built, bending)
     answer = ClarabelSolver().solve(made.program(built.labels))
@@ -275,12 +275,12 @@ def test_published_assemblies(name: str, tolerance: float, direction: str, given
 
 VARIANTS: dict[str, tuple[list[str], list[float], float | None, InnerBending]] = {
     # labels; tensile, shear, compressive strength of glue (0: none); compressive strength of joints; form
-    "glued": (["inner", "dry"], [3.0, 6.0, 0.0], None, "paper"),
+    "glued": (["inner", "dry"], [3.0, 6.0, 0.0], None, "uncoupled"),
     "glued, kern": (["inner", "inner"], [9.0, 4.0, 0.0], None, "kern"),
-    "all glued": (["inner", "inner"], [12.0, 18.0, 0.0], None, "paper"),
-    "soft": (["dry", "dry"], [0.0, 0.0, 0.0], 40.0, "paper"),
-    "softer": (["dry", "dry"], [0.0, 0.0, 0.0], 18.0, "paper"),
-    "soft and glued": (["inner", "dry"], [6.0, 12.0, 72.0], 60.0, "paper"),
+    "all glued": (["inner", "inner"], [12.0, 18.0, 0.0], None, "uncoupled"),
+    "soft": (["dry", "dry"], [0.0, 0.0, 0.0], 40.0, "uncoupled"),
+    "softer": (["dry", "dry"], [0.0, 0.0, 0.0], 18.0, "uncoupled"),
+    "soft and glued": (["inner", "dry"], [6.0, 12.0, 72.0], 60.0, "uncoupled"),
     "soft and glued, kern": (["inner", "inner"], [12.0, 9.0, 90.0], None, "kern"),
 }
 
@@ -320,7 +320,7 @@ def test_variants_that_stand_by_strength_fall_without_it() -> None:
     assert softer < soft - 1e-3 < solved(build_assembly(parse_scene(hard))) - 2e-3
 
 
-@pytest.mark.parametrize(("bending", "expected"), [("paper", np.sqrt(2.0) / 3.0), ("kern", np.sqrt(2.0) / 6.0)])
+@pytest.mark.parametrize(("bending", "expected"), [("uncoupled", np.sqrt(2.0) / 3.0), ("kern", np.sqrt(2.0) / 6.0)])
 def test_uncoupled_bending_against_kern(bending: InnerBending, expected: float) -> None:
     """docs/method.md (2.6): two cubes loaded at 45°, inner joint without tensile strength: 0.471 against 0.236."""
     blocks = [box("top", [0, 0, 1], [1, 1, 2]), box("low", [0, 0, 0], [1, 1, 1])]
@@ -366,7 +366,7 @@ def test_point_contact_keeps_glued_faces_and_drops_moments_of_the_rest() -> None
     assert active[:9, :3].all()
 
 
-@pytest.mark.parametrize("bending", ["paper", "kern"])
+@pytest.mark.parametrize("bending", ["uncoupled", "kern"])
 def test_updated_programs_equal_programs_set_up_anew(bending: InnerBending) -> None:
     """One structure for all labellings, strengths of every kind: 1e-8."""
     scene = document("cubes")

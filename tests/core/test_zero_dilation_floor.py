@@ -92,9 +92,9 @@ def test_crushing_is_refused() -> None:
     assembly = grid_assembly(rows, **options)
     assert modes_of(LimitAnalysis(assembly).template, assembly.labels) is None
     result = solve(assembly, friction="zero-dilation", range=True)
-    assert result.extra["lowest_found"] is not None
-    assert result.extra["lowest_proven"] is None
-    assert not result.extra["proven"]
+    assert result.facts["lowest_found"] is not None
+    assert result.facts["lowest_proven"] is None
+    assert not result.facts["proven"]
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -328,5 +328,5 @@ def test_a_face_that_nothing_can_press() -> None:
     document["loads"]["live"] = [{"element": "right", "force": [13.5636, -11.7106], "at": [0.167843, 0.117409]}]
     document["labels"] = {"default": "dry", "inner": [["left", "ground"]]}
     result = solve(build_assembly(parse_scene(document)), friction="zero-dilation", range=True, floor_seconds=1.0)
-    assert result.extra["lowest_proven"] <= result.extra["lowest_found"] * (1.0 + 1e-9)
-    assert result.extra["closed"]
+    assert result.facts["lowest_proven"] <= result.facts["lowest_found"] * (1.0 + 1e-9)
+    assert result.facts["closed"]

@@ -86,7 +86,7 @@ def program(
 
 
 def ends(assembly: Assembly, seconds: float = 30.0, **options: Any) -> dict[str, Any]:
-    extra = solve(assembly, friction="zero-dilation", range=True, floor_seconds=seconds, **options).extra
+    extra = solve(assembly, friction="zero-dilation", range=True, floor_seconds=seconds, **options).facts
     assert extra["lowest_proven"] <= extra["lowest_found"] * (1.0 + 1e-9)
     assert extra["lowest_found"] <= extra["highest_found"]
     return extra
@@ -160,7 +160,7 @@ def test_directions_stay_within_the_circle() -> None:
 
 def test_a_wall_with_a_depth_has_the_bound_of_the_plane() -> None:
     """The ground course slides at μ, as in test_zero_dilation_floor.py; space has more solutions, none lower."""
-    planar = solve(build_assembly(halved_bond(1, 2)), friction="zero-dilation", range=True).extra
+    planar = solve(build_assembly(halved_bond(1, 2)), friction="zero-dilation", range=True).facts
     extra = ends(extruded(1, 2))
     assert extra["proven"]
     assert extra["closed"]
@@ -171,7 +171,7 @@ def test_a_wall_with_a_depth_has_the_bound_of_the_plane() -> None:
 @pytest.mark.parametrize("live", [(0.6, 0.8, 0.0), (0.0, 1.0, 0.0)])
 def test_a_brick_may_stand_on_one_of_two_halves(live: tuple[float, float, float]) -> None:
     """Its friction holds the turn of the push about that joint as well: λ = μ / (1 + e / c_T), by equilibrium alone."""
-    extra = solve(extruded(1, 2, live=live, depth=1.0), friction="zero-dilation", range=True, floor_seconds=0.0).extra
+    extra = solve(extruded(1, 2, live=live, depth=1.0), friction="zero-dilation", range=True, floor_seconds=0.0).facts
     # the middle of a joint 2 × 1 is one from that of the brick
     turn = live[1] / float(rectangle_torsion_length(np.array([2.0]), np.array([1.0]))[0])
     assert extra["lowest_found"] == pytest.approx(0.65 / (1.0 + turn), rel=1e-6)
@@ -254,7 +254,7 @@ def test_what_has_no_bound() -> None:
         materials={"dry": {"friction_coefficient": 0.5, "compressive_strength": 50.0}},
     )
     assert space_modes_of(LimitAnalysis(crushed).template, crushed.labels) is None
-    extra = solve(cubes(1, 0.3, 0.0), friction="zero-dilation", range=True, effective_area=True).extra
+    extra = solve(cubes(1, 0.3, 0.0), friction="zero-dilation", range=True, effective_area=True).facts
     assert extra["lowest_proven"] is None
     row = spatial([GROUND, *(box(f"b{k}", [0.2 * k, 0, 0], [0.2 * (k + 1), 0.2, 0.2]) for k in range(14))])
     analysis = LimitAnalysis(row)

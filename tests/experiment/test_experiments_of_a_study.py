@@ -64,16 +64,16 @@ def test_search_by_experiment(tmp_path: Path) -> None:
     """The genetic driver by experiments finds what experiments on all layouts whose λ is above it cannot better."""
     settings = ExploreSettings(by_experiment=True, experiment=30, pictures=False)
     found = explore(scene(), tmp_path / "search", settings)
-    facts = found.summary["experiment"]
+    facts = found.summary.facts["experiment"]
     assert facts["searched"]
     assert 10 <= facts["runs"] <= 30
     every = explore(scene(), tmp_path / "all", ExploreSettings(experiment=10_000, pictures=False))
-    assert every.summary["experiment"]["none_better"]
-    assert facts["best"] == pytest.approx(every.summary["experiment"]["best"], rel=1e-9)
+    assert every.summary.facts["experiment"]["none_better"]
+    assert facts["best"] == pytest.approx(every.summary.facts["experiment"]["best"], rel=1e-9)
     carried = every.results[every.results["status"] == "collapse"]
     assert len(carried) > facts["runs"]
 
 
 def test_nobody_is_experimented_on_after_time_is_up(tmp_path: Path) -> None:
     done = explore(scene(), tmp_path / "out", ExploreSettings(experiment=10_000, seconds=1e-9, pictures=False))
-    assert done.summary["experiment"]["runs"] == 0
+    assert done.summary.facts["experiment"]["runs"] == 0

@@ -18,8 +18,8 @@ def test_the_layout_that_gives_the_published_load_factor() -> None:
     """Iannuzzo et al. 2024, section 3.3: 2153 N with dilation; 1312 N is among its answers without."""
     assembly = build_assembly(leonardo_section_3_3.found())
     span = solve(assembly, friction="zero-dilation", range=True, floor_seconds=0.0)
-    assert span.extra["associative_load_factor"] == pytest.approx(2152.85, abs=0.01)
-    assert span.extra["lowest_found"] < 1312.0 < span.extra["highest_found"]
+    assert span.facts["associative_load_factor"] == pytest.approx(2152.85, abs=0.01)
+    assert span.facts["lowest_found"] < 1312.0 < span.facts["highest_found"]
 
 
 def test_bricks_that_crack() -> None:

@@ -54,9 +54,9 @@ def test_a_face_that_moves_is_joined() -> None:
 
 def test_it_reaches_what_is_proven(tmp_path: Path) -> None:
     scene = parse_scene(grid_document(WALL, **OPTIONS))
-    proven = explore(scene, tmp_path / "exact", ExploreSettings(driver="exact", pictures=False)).summary
+    proven = explore(scene, tmp_path / "exact", ExploreSettings(driver="exact", pictures=False)).summary.facts
     settings = ExploreSettings(driver="anneal", budget=600, pictures=False, options={"chains": 8})
-    found = explore(scene, tmp_path / "anneal", settings).summary
+    found = explore(scene, tmp_path / "anneal", settings).summary.facts
     assert proven["proven"]
     assert found["best"] == pytest.approx(proven["best"], rel=2e-3)
 
@@ -65,9 +65,9 @@ def test_it_reaches_what_is_proven(tmp_path: Path) -> None:
 def test_a_small_space_is_left_completely_known(chains: int, tmp_path: Path) -> None:
     """What waits in the population when changes run out is asked as well."""
     scene = parse_scene(grid_document(["aaa", "aaa", "###"], **OPTIONS))
-    every = explore(scene, tmp_path / "every", ExploreSettings(driver="enumeration", pictures=False)).summary
+    every = explore(scene, tmp_path / "every", ExploreSettings(driver="enumeration", pictures=False)).summary.facts
     settings = ExploreSettings(driver="anneal", pictures=False, small=0, options={"chains": chains})
-    found = explore(scene, tmp_path / "anneal", settings).summary
+    found = explore(scene, tmp_path / "anneal", settings).summary.facts
     assert found["stop_reason"] == "exhausted"
     assert found["evaluated"] == every["evaluated"] > 50
     assert found["best"] == pytest.approx(every["best"], rel=1e-6)

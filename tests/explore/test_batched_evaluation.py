@@ -19,8 +19,9 @@ from jld_core.scene import parse_scene
 from jld_explore.drivers import BufferedRandom, make_driver, operators
 from jld_explore.evaluation import Evaluator, EvaluatorSettings
 from jld_explore.report import results_table
+from jld_explore.settings import ExploreSettings
 from jld_explore.space import blocks_of, feasible, search_space
-from jld_explore.study import ExploreSettings, Study
+from jld_explore.study import Study
 
 SETTINGS = EvaluatorSettings()
 

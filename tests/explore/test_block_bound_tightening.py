@@ -63,8 +63,8 @@ def test_what_blocks_rule_out_is_no_better_and_the_optimum_the_same(
     found = explore(scene, tmp_path / "found", ExploreSettings(pictures=False, small=0), driver=driver)
     assert driver._tightening is not None
     assert driver._tightening.solves > 0
-    assert found.summary["proven"] is True
-    assert found.summary["best"] == pytest.approx(every.summary["best"], rel=1e-6)
+    assert found.summary.proven is True
+    assert found.summary.best == pytest.approx(every.summary.best, rel=1e-6)
     table = every.results[every.results["status"] == "collapse"]
     for text, load in zip(table["labelling"], table["bracket_lo"], strict=True):
         for image in np.array([letter == "d" for letter in text])[space.group]:
@@ -100,4 +100,4 @@ def test_a_certificate_is_of_faces_alone(tmp_path: Path, monkeypatch: pytest.Mon
     found = explore(scene, tmp_path / "out", settings, driver=driver)
     assert driver._tightening is not None
     assert driver._tightening.solves == 0
-    assert found.summary["proven"] is True
+    assert found.summary.proven is True

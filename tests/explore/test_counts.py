@@ -115,8 +115,8 @@ def test_the_exact_driver_proves_the_count_it_is_asked_for(count: Count, tmp_pat
     every = explore(scene, tmp_path / "every", ExploreSettings(driver="enumeration", pictures=False))
     found = explore(scene, tmp_path / "exact", settings)
     known = every.results.groupby(count.name)["load_factor"].max()
-    proven = {row["count"]: row["load_factor"] for row in found.summary["best_by_count"]}
-    assert found.summary["proven"] is True
+    proven = {row["count"]: row["load_factor"] for row in found.summary.facts["best_by_count"]}
+    assert found.summary.proven is True
     assert proven == pytest.approx(known.to_dict(), rel=1e-6)
 
 

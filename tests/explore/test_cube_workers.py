@@ -71,16 +71,16 @@ def test_two_prove_what_one_does(name: str, tmp_path: Path) -> None:
         two, driver = prove(scene, tmp_path / f"two {aim}", aim=aim, by_blocks="off")
         assert driver._sources is not None
         # the bound at the root alone may prove all
-        assert driver._sources.solves > 0 or one.summary["relaxations"] <= 1
-        assert two.summary["proven"] is one.summary["proven"] is True
-        if one.summary["best"] is None:
-            assert two.summary["best"] is None
+        assert driver._sources.solves > 0 or one.summary.facts["relaxations"] <= 1
+        assert two.summary.proven is one.summary.proven is True
+        if one.summary.best is None:
+            assert two.summary.best is None
             continue
-        assert two.summary["best"] == pytest.approx(one.summary["best"], rel=1e-6)
-        assert two.summary["bound"] == pytest.approx(one.summary["bound"], rel=2e-6)
+        assert two.summary.best == pytest.approx(one.summary.best, rel=1e-6)
+        assert two.summary.bound == pytest.approx(one.summary.bound, rel=2e-6)
         if aim == "front":
             fronts = [
-                {row["count"]: row["load_factor"] for row in done.summary["best_by_count"]} for done in (one, two)
+                {row["count"]: row["load_factor"] for row in done.summary.facts["best_by_count"]} for done in (one, two)
             ]
             assert fronts[1] == pytest.approx(fronts[0], rel=1e-6)
 
@@ -92,7 +92,7 @@ def test_two_find_the_same_count_of_what_is_required(tmp_path: Path) -> None:
     found = []
     for name, settings in (("one", ALONE), ("two", TWO)):
         driver = MinimumCount(search_space(scene, build_assembly(scene)), search=0, alone=0)
-        found.append(explore(scene, tmp_path / name, settings, driver=driver).summary["require"])
+        found.append(explore(scene, tmp_path / name, settings, driver=driver).summary.facts["require"])
         assert driver._sources is not None
         assert (driver._sources.solves > 0) is (settings is TWO)
     assert found[0]["proven"] is found[1]["proven"] is True
@@ -113,14 +113,14 @@ def test_two_threads_prove_the_same_and_hand_over_to_others(tmp_path: Path, monk
         assert driver._relaxation is not None
         assert (driver._sources.solves > 0) is called
         assert driver._relaxation.solves > 60  # by threads, before others were called
-        assert two.summary["proven"] is True
-        assert two.summary["best"] == pytest.approx(one.summary["best"], rel=1e-6)
-        assert two.summary["bound"] == pytest.approx(one.summary["bound"], rel=2e-6)
+        assert two.summary.proven is True
+        assert two.summary.best == pytest.approx(one.summary.best, rel=1e-6)
+        assert two.summary.bound == pytest.approx(one.summary.bound, rel=2e-6)
         names = [(conflict.faces.tobytes(), conflict.labels.tobytes()) for conflict in driver.state.conflicts]
         assert len(names) > 50
         assert called or len(set(names)) == len(names)  # what both threads found is kept once
         certify(driver, scene, tmp_path / "proof.jld", None)
-        assert verify(tmp_path / "proof.jld", scene).claim.bound == pytest.approx(one.summary["best"], rel=2e-6)
+        assert verify(tmp_path / "proof.jld", scene).claim.bound == pytest.approx(one.summary.best, rel=2e-6)
 
 
 @pytest.mark.skipif(chosen() is None, reason="without a kernel there is one thread")
@@ -142,7 +142,7 @@ def test_what_is_closed_is_on_record_and_spares_the_search(tmp_path: Path, monke
     known = driver.state.conflicts[:]
     closed = [one for one in known if one.closed]
     assert closed
-    assert whole.summary["conflicts"] == len(known)
+    assert whole.summary.facts["conflicts"] == len(known)
     # nothing of what is closed is above its bound, by the table of all that was evaluated
     table = whole.results[whole.results["status"] == "collapse"]
     scale = driver._scale
@@ -153,11 +153,11 @@ def test_what_is_closed_is_on_record_and_spares_the_search(tmp_path: Path, monke
                 if (image[one.faces] == one.labels).all():
                     assert load <= one.bound * scale * (1.0 + 1e-9)
     again, _ = prove(scene, tmp_path / "whole", replace(TWO, resume=True), by_blocks="off")
-    assert again.summary["proven"] is True
-    assert again.summary["relaxations"] < 0.1 * whole.summary["relaxations"]
-    assert again.summary["bound"] == pytest.approx(whole.summary["bound"], rel=1e-9)
+    assert again.summary.proven is True
+    assert again.summary.facts["relaxations"] < 0.1 * whole.summary.facts["relaxations"]
+    assert again.summary.bound == pytest.approx(whole.summary.bound, rel=1e-9)
     certify(driver, scene, tmp_path / "proof.jld", None)
-    assert verify(tmp_path / "proof.jld", scene).claim.bound == pytest.approx(whole.summary["best"], rel=2e-6)
+    assert verify(tmp_path / "proof.jld", scene).claim.bound == pytest.approx(whole.summary.best, rel=2e-6)
 
 
 def test_workers_are_at_work_once_one_has_answered(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -229,8 +229,8 @@ def test_processes_that_die_cost_a_moment(tmp_path: Path, monkeypatch: pytest.Mo
     one, _ = prove(scene, tmp_path / "one", ALONE)
     two, _ = prove(scene, tmp_path / "two")
     assert Mortal.made >= 3
-    assert two.summary["proven"] is True
-    assert two.summary["best"] == pytest.approx(one.summary["best"], rel=1e-6)
+    assert two.summary.proven is True
+    assert two.summary.best == pytest.approx(one.summary.best, rel=1e-6)
 
 
 @pytest.mark.usefixtures("_in_threads")
@@ -251,9 +251,9 @@ def test_a_tree_of_blocks_is_that_of_one_job(dies: bool, tmp_path: Path, monkeyp
     assert second._by_blocks._choices.elsewhere > 0
     assert second._by_blocks.solves == first._by_blocks.solves > 10
     assert (Mortal.made >= 3) is dies
-    assert two.summary["proven"] is True
-    assert two.summary["best"] == one.summary["best"]
-    assert two.summary["bound"] == one.summary["bound"]
+    assert two.summary.proven is True
+    assert two.summary.best == one.summary.best
+    assert two.summary.bound == one.summary.bound
 
 
 PROVE = """
@@ -289,7 +289,7 @@ def test_a_kill_loses_nothing_proven(tmp_path: Path) -> None:
     assert psutil.wait_procs(helpers, timeout=20.0)[1] == []  # they do not outlive it
     driver = Exact(search_space(scene, build_assembly(scene)), search=0)
     rest = explore(scene, tmp_path / "out", replace(ALONE, resume=True), driver=driver)
-    assert rest.summary["proven"] is True
+    assert rest.summary.proven is True
     assert len(driver.state.conflicts) > 50
 
 
@@ -326,6 +326,6 @@ def test_workers_of_a_cluster_prove(cluster: Any, tmp_path: Path) -> None:
     assert driver._sources is not None
     assert driver._sources.solves > 0
     assert events == ["joined", "left"]
-    assert away.summary["proven"] is True
-    assert away.summary["best"] == pytest.approx(one.summary["best"], rel=1e-6)
-    assert away.summary["bound"] == pytest.approx(one.summary["bound"], rel=2e-6)
+    assert away.summary.proven is True
+    assert away.summary.best == pytest.approx(one.summary.best, rel=1e-6)
+    assert away.summary.bound == pytest.approx(one.summary.bound, rel=2e-6)

@@ -98,8 +98,8 @@ def test_a_driver_that_names_nothing_gives_way_to_one_layout(driver: str, tmp_pa
     start = time.perf_counter()
     done = explore(hidden(), tmp_path / "out", ExploreSettings(driver=driver, seconds=2.0, jobs=1, pictures=False))
     assert time.perf_counter() - start < 8.0  # 2 s, tables, and a busy machine
-    assert (done.summary["stop_reason"], done.summary["proven"], len(done.results)) == ("time", False, 1)
-    assert done.summary["best"] > 0.0
+    assert (done.summary.stop_reason, done.summary.proven, len(done.results)) == ("time", False, 1)
+    assert done.summary.best > 0.0
 
 
 class Stubborn(Driver):
@@ -122,7 +122,7 @@ def test_a_driver_of_ones_own_is_ended_as_well(tmp_path: Path) -> None:
     driver = Stubborn(search_space(scene, build_assembly(scene)))
     settings = ExploreSettings(driver=driver, seconds=1.0, jobs=1, small=0, pictures=False)
     done = explore(scene, tmp_path / "out", settings)
-    assert (done.summary["stop_reason"], len(done.results)) == ("time", 1)
+    assert (done.summary.stop_reason, len(done.results)) == ("time", 1)
 
 
 def test_nothing_found_in_time_is_one_line_and_no_folder(tmp_path: Path) -> None:
@@ -130,7 +130,7 @@ def test_nothing_found_in_time_is_one_line_and_no_folder(tmp_path: Path) -> None
     scene = samples.arch(voussoirs=60)
     search = scene.search.model_copy(update={"block_cells": [1, 5], "assemble": "standing"})
     settings = ExploreSettings(driver="genetic", seconds=1.5, jobs=1)
-    with pytest.raises(InputError, match=r"search(.assemble)?: no layout .* within --seconds 1.5"):
+    with pytest.raises(InputError, match=r"search(.assemble)?: no layout .* within `seconds=1.5`"):
         explore(scene.model_copy(update={"search": search}), tmp_path / "out", settings)
     assert not (tmp_path / "out").exists()
 
@@ -187,6 +187,6 @@ def test_a_search_without_dilation_that_found_nothing_in_time_ranks_nothing(tmp_
     model = SolveOptions(friction="zero-dilation", range=True, floor_seconds=0.0)
     settings = ExploreSettings(driver="random", seconds=0.0, jobs=1, model=model)
     done = explore(samples.buttress(courses=3), tmp_path / "out", settings)
-    assert (done.summary["counts_by_status"], done.summary["best"]) == ({"uncertified": 1}, None)
-    assert done.summary["gap"] is None
+    assert (done.summary.counts_by_status, done.summary.best) == ({"uncertified": 1}, None)
+    assert done.summary.gap is None
     assert (tmp_path / "out" / "report.html").exists()

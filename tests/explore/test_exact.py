@@ -79,15 +79,15 @@ def test_exact_is_enumeration(name: str, tmp_path: Path, enumerated: Enumerated)
     rows, options = SCENES[name]
     every = enumerated(rows, options)
     found = search(rows, options, tmp_path / "exact", "exact", aim="front")
-    best = every.summary["best"]
-    assert found.summary["stop_reason"] == "proven"
-    assert found.summary["proven"] is True
-    assert found.summary["best"] == pytest.approx(best, rel=1e-6)
-    assert best <= found.summary["bound"] * (1.0 + 1e-6)
-    assert found.summary["bound"] <= best * (1.0 + 2e-6)
+    best = every.summary.best
+    assert found.summary.stop_reason == "proven"
+    assert found.summary.proven is True
+    assert found.summary.best == pytest.approx(best, rel=1e-6)
+    assert best <= found.summary.bound * (1.0 + 1e-6)
+    assert found.summary.bound <= best * (1.0 + 2e-6)
     table = every.results[every.results["status"] == "collapse"]
     known = table.groupby("dry_faces")["load_factor"].max()
-    proven = {row["count"]: row for row in found.summary["best_by_count"]}
+    proven = {row["count"]: row for row in found.summary.facts["best_by_count"]}
     assert sorted(proven) == sorted(known.index)
     for count, value in known.items():
         assert proven[count]["proven"]
@@ -108,9 +108,9 @@ def test_exact_is_enumeration(name: str, tmp_path: Path, enumerated: Enumerated)
 def test_spaces_of_other_kinds(rows: list[str], options: dict[str, Any], tmp_path: Path) -> None:
     every = search(rows, options, tmp_path / "every", "enumeration")
     found = search(rows, options, tmp_path / "exact", "exact")
-    assert found.summary["proven"] is True
-    assert found.summary["best"] == every.summary["best"]
-    assert found.summary["unbounded"] == every.summary["unbounded"]
+    assert found.summary.proven is True
+    assert found.summary.best == every.summary.best
+    assert found.summary.unbounded == every.summary.unbounded
 
 
 def _boxes(size: tuple[int, int, int], **materials: Any) -> dict[str, Any]:
@@ -150,10 +150,10 @@ def test_exact_is_enumeration_in_space(
     )
     table = every.results[every.results["status"] == "collapse"]
     known = table.groupby("dry_faces")["load_factor"].max()
-    proven = {row["count"]: row for row in found.summary["best_by_count"]}
-    assert found.summary["proven"] is True
-    assert found.summary["conflicts"] > 0
-    assert found.summary["best"] == pytest.approx(every.summary["best"], rel=1e-6)
+    proven = {row["count"]: row for row in found.summary.facts["best_by_count"]}
+    assert found.summary.proven is True
+    assert found.summary.facts["conflicts"] > 0
+    assert found.summary.best == pytest.approx(every.summary.best, rel=1e-6)
     assert sorted(proven) == sorted(known.index)
     for count, value in known.items():
         assert proven[count]["load_factor"] == pytest.approx(value, rel=1e-6, abs=1e-6)
@@ -166,8 +166,8 @@ def test_blocks_need_not_be_listed(name: str, tmp_path: Path, enumerated: Enumer
         pytest.skip("blocks are counted where they are listed")
     every = enumerated(rows, options)
     found = search(rows, options, tmp_path / "exact", "exact", list_blocks=False)
-    assert found.summary["proven"] is True
-    assert found.summary["best"] == pytest.approx(every.summary["best"], rel=1e-6)
+    assert found.summary.proven is True
+    assert found.summary.best == pytest.approx(every.summary.best, rel=1e-6)
 
 
 def test_long_structures_are_refuted_window_by_window(tmp_path: Path) -> None:
@@ -177,9 +177,9 @@ def test_long_structures_are_refuted_window_by_window(tmp_path: Path) -> None:
     assert all(each.any(axis=0).all() and not each.all(axis=1).any() for each in windows)
     every = search(rows, options, tmp_path / "every", "enumeration")
     found = search(rows, options, tmp_path / "exact", "exact", list_blocks=False)
-    assert found.summary["conflicts"] > 0
-    assert found.summary["proven"] is True
-    assert found.summary["best"] == pytest.approx(every.summary["best"], rel=1e-6)
+    assert found.summary.facts["conflicts"] > 0
+    assert found.summary.proven is True
+    assert found.summary.best == pytest.approx(every.summary.best, rel=1e-6)
 
 
 @pytest.mark.parametrize("name", [*SCENES, "bridge"])
@@ -223,15 +223,15 @@ def test_stopped_it_reports_its_gap_and_goes_on(tmp_path: Path) -> None:
     rows, options = [*["aaaa"] * 4, "####"], {"block_cells": [1, 2], "tension": 5e3, "shear": 5e3}
     # conflicts of faces alone
     first = search(rows, options, tmp_path, "exact", by_blocks="off", programs=60)
-    assert first.summary["stop_reason"] in ("time", "proven")
-    assert first.summary["bound"] >= first.summary["best"] * (1.0 - 1e-9)
+    assert first.summary.stop_reason in ("time", "proven")
+    assert first.summary.bound >= first.summary.best * (1.0 - 1e-9)
     last = search(rows, options, tmp_path, "exact", by_blocks="off", resume=True)
-    assert last.summary["stop_reason"] == "proven"
-    assert first.summary["conflicts"] > 0
-    assert last.summary["conflicts"] > first.summary["conflicts"]
-    assert last.summary["bound"] <= first.summary["bound"] * (1.0 + 1e-9)
-    assert last.summary["gap"] <= 1e-6
-    assert np.isclose(last.summary["best"], max(last.summary["best"], first.summary["best"]))
+    assert last.summary.stop_reason == "proven"
+    assert first.summary.facts["conflicts"] > 0
+    assert last.summary.facts["conflicts"] > first.summary.facts["conflicts"]
+    assert last.summary.bound <= first.summary.bound * (1.0 + 1e-9)
+    assert last.summary.gap <= 1e-6
+    assert np.isclose(last.summary.best, max(last.summary.best, first.summary.best))
 
 
 def test_without_dilation_the_associative_optimum_bounds_what_was_found(tmp_path: Path) -> None:
@@ -240,10 +240,10 @@ def test_without_dilation_the_associative_optimum_bounds_what_was_found(tmp_path
     found = search(rows, options, tmp_path / "exact", "exact", model=SolveOptions(friction="zero-dilation"))
     table = every.results[every.results["status"] == "collapse"]
     # proven only where friction without dilation costs the best nothing
-    assert found.summary["proven"] is (found.summary["gap"] <= 1e-6)
-    assert found.summary["classes"] is None or found.summary["classes"] >= found.summary["evaluated"]
-    assert found.summary["best"] == pytest.approx(table["load_factor_zero_dilation"].max(), rel=1e-6)
-    assert found.summary["bound"] >= table["load_factor_zero_dilation"].max()
+    assert found.summary.proven is (found.summary.gap <= 1e-6)
+    assert found.summary.classes is None or found.summary.classes >= found.summary.evaluated
+    assert found.summary.best == pytest.approx(table["load_factor_zero_dilation"].max(), rel=1e-6)
+    assert found.summary.bound >= table["load_factor_zero_dilation"].max()
 
 
 @pytest.mark.parametrize(
@@ -265,9 +265,9 @@ def test_faces_no_block_contains_are_dry_in_every_bound(
     document = grid_document(rows, **options, block_extent=[None, 0.2])
     document["grid"]["cell"] = cell
     scene = parse_scene(document)
-    every = explore(scene, tmp_path / "every", ExploreSettings(pictures=False, driver="enumeration")).summary
+    every = explore(scene, tmp_path / "every", ExploreSettings(pictures=False, driver="enumeration")).summary.facts
     alone = Exact(search_space(scene, build_assembly(scene)), search=0)  # the proof alone finds it
-    found = explore(scene, tmp_path / "exact", ExploreSettings(pictures=False), driver=alone).summary
+    found = explore(scene, tmp_path / "exact", ExploreSettings(pictures=False), driver=alone).summary.facts
     assert found["proven"] is True
     assert found["best"] == pytest.approx(every["best"], rel=1e-6)
     assert found["bound"] >= every["best"] * (1.0 - 1e-9)
@@ -278,8 +278,8 @@ def test_the_proof_alone_finds_the_best(name: str, tmp_path: Path, enumerated: E
     rows, options = SCENES[name]
     every = enumerated(rows, options)
     found = search(rows, options, tmp_path / "exact", "exact", aim="front", search=0)
-    assert found.summary["proven"] is True
-    assert found.summary["best"] == pytest.approx(every.summary["best"], rel=1e-6)
+    assert found.summary.proven is True
+    assert found.summary.best == pytest.approx(every.summary.best, rel=1e-6)
 
 
 @pytest.mark.parametrize("searched", [0, 10])
@@ -294,9 +294,9 @@ def test_the_tree_of_blocks_leaves_nothing_stronger(
         "no friction": (["aaa", "aaa", "###"], {"friction": 0.0, "block_cells": [1, 3]}),
         "overhang": (["aaa", "aa.", "#.."], {"block_cells": [1, 3], "live": [{"body": [-1, 1]}]}),
     }[name]
-    every = enumerated(rows, options).summary
+    every = enumerated(rows, options).summary.facts
     # a tree wherever there is a relaxation by blocks
-    found = search(rows, options, tmp_path / "exact", "exact", search=searched, by_blocks="on").summary
+    found = search(rows, options, tmp_path / "exact", "exact", search=searched, by_blocks="on").summary.facts
     assert found["proven"] is True
     if every["best"] is None:
         assert found["best"] is None
@@ -315,8 +315,8 @@ def test_the_tree_offers_nothing_outside_the_limits_on_counts(
     # the tree knows nothing of counts: of its leaves only those in the space may be evaluated
     rows = [*["a" * across] * 3, "#" * across]
     options = {"tension": 2e3, "shear": 2e3, "block_cells": [1, 2], **limits}
-    every = search(rows, options, tmp_path / "every", "enumeration").summary
-    found = search(rows, options, tmp_path / "exact", "exact", by_blocks="on").summary
+    every = search(rows, options, tmp_path / "every", "enumeration").summary.facts
+    found = search(rows, options, tmp_path / "exact", "exact", by_blocks="on").summary.facts
     assert found["proven"] is True
     assert found["best"] == pytest.approx(every["best"], rel=1e-6)
     assert found["bound"] >= every["best"] * (1.0 - 1e-9)
@@ -348,12 +348,12 @@ def test_conflicts_are_taken_back_at_the_threshold_they_were_made_at(tmp_path: P
 
 def test_a_tree_that_was_stopped_goes_on(tmp_path: Path) -> None:
     rows, options = [*["aaaa"] * 4, "####"], {"block_cells": [1, 2]}
-    whole = search(rows, options, tmp_path / "whole", "exact", by_blocks="on").summary
+    whole = search(rows, options, tmp_path / "whole", "exact", by_blocks="on").summary.facts
     folder = tmp_path / "part"
-    part = search(rows, options, folder, "exact", by_blocks="on", programs=12).summary
+    part = search(rows, options, folder, "exact", by_blocks="on", programs=12).summary.facts
     assert part["proven"] is False
     assert part["bound"] >= whole["best"] * (1.0 - 1e-9)
-    rest = search(rows, options, folder, "exact", by_blocks="on", resume=True).summary
+    rest = search(rows, options, folder, "exact", by_blocks="on", resume=True).summary.facts
     assert rest["proven"] is True
     assert rest["best"] == pytest.approx(whole["best"], rel=1e-9)
 
@@ -379,8 +379,8 @@ def test_long_proofs_lower_the_bound_in_steps(tmp_path: Path) -> None:
     rows, options = SCENES["weak"]
     every = search(rows, options, tmp_path / "every", "enumeration")
     found = search(rows, options, tmp_path / "exact", "exact", aim="front", step_after=2)
-    assert found.summary["proven"] is True
-    assert found.summary["best"] == pytest.approx(every.summary["best"], rel=1e-6)
+    assert found.summary.proven is True
+    assert found.summary.best == pytest.approx(every.summary.best, rel=1e-6)
 
 
 def test_a_front_that_was_enumerated_is_reported(tmp_path: Path) -> None:
@@ -389,10 +389,10 @@ def test_a_front_that_was_enumerated_is_reported(tmp_path: Path) -> None:
     found = search(rows, options, tmp_path / "exact", "exact", aim="front")
     table = every.results[every.results["status"] == "collapse"]
     known = table.groupby("blocks")["load_factor"].max()
-    assert {row["count"]: row["load_factor"] for row in found.summary["best_by_count"]} == pytest.approx(
+    assert {row["count"]: row["load_factor"] for row in found.summary.facts["best_by_count"]} == pytest.approx(
         known.to_dict()
     )
-    assert all(row["proven"] for row in found.summary["best_by_count"])
+    assert all(row["proven"] for row in found.summary.facts["best_by_count"])
 
 
 def test_it_asks_no_more_than_it_may(tmp_path: Path) -> None:
@@ -400,15 +400,15 @@ def test_it_asks_no_more_than_it_may(tmp_path: Path) -> None:
     rows, options = SCENES["weak"]
     for budget in (1, 4, 9):
         found = search(rows, options, tmp_path / str(budget), "exact", search=0, budget=budget)
-        assert found.summary["evaluated"] <= budget
+        assert found.summary.evaluated <= budget
 
 
 def test_annealing_has_its_turn_beside_the_proof(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """However often and early the search is resumed, the optimum and its proof are the same."""
     rows, options = [*["aaaa"] * 3, "####"], {"tension": 5e3, "shear": 5e3, "block_cells": [1, 3]}
-    whole = search(rows, options, tmp_path / "whole", "exact").summary
+    whole = search(rows, options, tmp_path / "whole", "exact").summary.facts
     monkeypatch.setattr("jld_explore.drivers.exact.incumbents._EACH", 20)
     monkeypatch.setattr("jld_explore.drivers.exact.incumbents._SHARE", (0.5, 0.5))
-    found = search(rows, options, tmp_path / "often", "exact", search=1).summary
+    found = search(rows, options, tmp_path / "often", "exact", search=1).summary.facts
     assert found["proven"] is True
     assert found["best"] == pytest.approx(whole["best"], rel=1e-6)

@@ -72,10 +72,10 @@ def test_best_and_front_are_those_of_all_solves(driver: str, tmp_path: Path, mon
     spared = explore(scene, tmp_path / "spared", settings)
     monkeypatch.setattr(IncumbentFront, "below", lambda self, rows: np.full(len(rows), -np.inf))
     solved = explore(scene, tmp_path / "solved", settings)
-    assert spared.summary["pruned"] > 0
-    assert solved.summary["pruned"] == 0
-    assert spared.summary["evaluated"] == solved.summary["evaluated"]
-    assert spared.summary["best"] == pytest.approx(solved.summary["best"], rel=1e-6)
+    assert spared.summary.pruned > 0
+    assert solved.summary.pruned == 0
+    assert spared.summary.evaluated == solved.summary.evaluated
+    assert spared.summary.best == pytest.approx(solved.summary.best, rel=1e-6)
     assert spared.front["dry_faces"].tolist() == solved.front["dry_faces"].tolist()
     assert spared.front["load_factor"].tolist() == pytest.approx(solved.front["load_factor"].tolist(), rel=1e-6)
     apart = spared.results[spared.results["settled"] == BOUND]

@@ -78,11 +78,11 @@ def test_exact_is_brute_force(rows: list[str], assemble: Any, search: dict[str, 
     scene = scene_of(rows, assemble=assemble, **search)
     listed = explore(scene, tmp_path / "listed", ExploreSettings(pictures=False, driver="enumeration"))
     assert set(listed.results["labelling"]) == kept
-    assert listed.summary["proven"]
+    assert listed.summary.proven
     found = explore(scene, tmp_path / "exact", ExploreSettings(pictures=False, driver="exact"))
-    assert found.summary["proven"]
-    assert found.summary["best"] == pytest.approx(ranked["load_factor"].max(), rel=2e-6)
-    assert found.summary["best_labelling"] in kept
+    assert found.summary.proven
+    assert found.summary.best == pytest.approx(ranked["load_factor"].max(), rel=2e-6)
+    assert found.summary.best_labelling in kept
 
 
 @pytest.mark.parametrize("driver", ["random", "genetic", "hillclimb"])

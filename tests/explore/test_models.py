@@ -69,7 +69,7 @@ def test_the_picture_of_a_study_without_dilation_is_without_dilation(
     write_pictures(read_folder(done.folder))
     assert [result.friction for result in drawn] == ["zero-dilation"] * 2
     for result in drawn:
-        assert result.load_factor == pytest.approx(done.summary["best"], rel=1e-6)
+        assert result.load_factor == pytest.approx(done.summary.best, rel=1e-6)
 
 
 @pytest.mark.parametrize("model", SPATIAL, ids=["concave", "kern", "effective area", "concave without dilation"])
@@ -87,7 +87,7 @@ def test_a_search_finds_what_solving_finds(
     assert read_folder(done.folder).model == model
     same = plain.results.set_index("labelling")["load_factor"].reindex(done.results["labelling"]).to_numpy()
     assert not np.allclose(same, done.results["load_factor"], rtol=1e-5, equal_nan=True)
-    assert done.summary["proven"] is (model.friction == "associative" and not model.effective_area)
+    assert done.summary.proven is (model.friction == "associative" and not model.effective_area)
 
 
 def test_the_exact_driver_refuses_a_model_it_has_no_bounds_for(tmp_path: Path) -> None:

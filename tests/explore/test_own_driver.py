@@ -80,7 +80,7 @@ def test_it_is_handed_in(tmp_path: Path) -> None:
     done = run(tmp_path / "own", Backwards(space_of(scene())))
     pd.testing.assert_frame_equal(plain(done.results), plain(every.results))
     assert set(done.results["driver"]) == {"backwards"}
-    facts = done.summary
+    facts = done.summary.facts
     assert (facts["driver"], facts["told"], facts["rows"]) == ("backwards", *[len(every.results)] * 2)
     # it has never said that it goes through everything, so nothing is proven by its end
     assert (facts["stop_reason"], facts["proven"], facts["complete"]) == ("exhausted", False, False)
@@ -90,7 +90,7 @@ def test_it_goes_on_where_it_was(tmp_path: Path) -> None:
     whole = run(tmp_path / "whole", Backwards(space_of(scene())), budget=40)
     run(tmp_path / "part", Backwards(space_of(scene())), budget=15)
     rest = run(tmp_path / "part", Backwards(space_of(scene())), budget=40, resume=True)
-    assert rest.summary["solved"] == 25
+    assert rest.summary.solved == 25
     pd.testing.assert_frame_equal(plain(rest.results), plain(whole.results))
     with pytest.raises(InputError, match="driver's step 5, not 6"):
         run(tmp_path / "part", Backwards(space_of(scene()), step=6), resume=True)
@@ -105,15 +105,15 @@ def test_it_belongs_to_its_scene(tmp_path: Path) -> None:
 
 def test_it_goes_by_its_name(named: None, tmp_path: Path) -> None:
     done = run(tmp_path / "out", "backwards", options={"step": 7})
-    assert done.summary["driver"] == "backwards"
+    assert done.summary.driver == "backwards"
     for options, words in (
-        ({"step": 0}, "--step: 0 is wrong; expected a whole number greater than or equal to 1"),
-        ({"step": "many"}, "--step: 'many' is wrong; expected a whole number"),
+        ({"step": 0}, "step: 0 is wrong; expected a whole number greater than or equal to 1"),
+        ({"step": "many"}, "step: 'many' is wrong; expected a whole number"),
         (
             {"aim": "best"},
-            "--aim: the driver backwards has no such option; expected --driver genetic or --driver exact",
+            'aim: the driver backwards has no such option; expected `driver="genetic"` or `driver="exact"`',
         ),
-        ({"stride": 2}, "--stride: the driver backwards has no such option"),
+        ({"stride": 2}, "stride: the driver backwards has no such option"),
     ):
         with pytest.raises(InputError) as error:
             run(tmp_path / "bad", "backwards", options=options)

@@ -72,9 +72,9 @@ def search(document: dict[str, Any], folder: Path, **options: Any) -> tuple[Expl
 @pytest.mark.parametrize("step_after", [None, 1, 20])
 def test_no_layout_is_lost_when_the_target_changes(step_after: int | None, tmp_path: Path) -> None:
     done, _ = search(LOST, tmp_path / "out", step_after=step_after)
-    assert done.summary["proven"] is True
-    assert done.summary["best"] == pytest.approx(0.522868698, rel=2e-6)
-    assert done.summary["proof_check"]["passed"] is True
+    assert done.summary.proven is True
+    assert done.summary.best == pytest.approx(0.522868698, rel=2e-6)
+    assert done.summary.facts["proof_check"]["passed"] is True
 
 
 def test_proofs_agree_with_enumeration_and_one_job() -> None:
@@ -88,7 +88,7 @@ def test_mirrored_blocks_have_one_shape_in_every_order(tmp_path: Path) -> None:
     scene = parse_scene(FLIPPED)
     every = explore(scene, tmp_path / "every", replace(QUIET, driver="enumeration"))
     done, _ = search(FLIPPED, tmp_path / "exact")
-    assert every.summary["best"] == pytest.approx(done.summary["best"], rel=1e-9)
+    assert every.summary.best == pytest.approx(done.summary.best, rel=1e-9)
     assembly = build_assembly(scene)
     space = search_space(scene, assembly)
     text = every.results["labelling"]
@@ -174,14 +174,14 @@ def test_a_proof_in_which_a_bound_was_changed_is_not_proven(tmp_path: Path, monk
 
     monkeypatch.setattr(Conflict, "__init__", lower)
     done, driver = search(grid_document(rows, **WEAK), tmp_path / "out", jobs=1, by_blocks="off")
-    assert done.summary["proven"] is False
+    assert done.summary.proven is False
     assert driver.bound is None
     # what stands in its place was bounded anew, by one mechanism for all layouts
-    assert done.summary["bound"] >= 0.75 - 1e-9
+    assert done.summary.bound >= 0.75 - 1e-9
     assert driver.finished is False
-    (line,) = [one for one in done.summary["warnings"] if one.startswith("not proven: ")]
+    (line,) = [one for one in done.summary.warnings if one.startswith("not proven: ")]
     assert "mechanism" in line or "conflict allows" in line
-    assert done.summary["stop_reason"] == "unproven"
+    assert done.summary.stop_reason == "unproven"
     printed = words.exploration(done)
     assert "the proof did not pass its check" in printed
     assert line in printed
@@ -199,14 +199,14 @@ def test_a_proof_that_lost_a_layout_is_not_proven(tmp_path: Path, monkeypatch: p
         lambda self, target, bound: self.found.update({target: replace(self.found[target], bound=bound)}),
     )
     done, _ = search(grid_document([*["aaaa"] * 3, "####"], **WEAK), tmp_path / "out", jobs=1, by_blocks="off")
-    assert done.summary["proven"] is False
+    assert done.summary.proven is False
 
 
 def test_a_conflict_that_refutes_an_evaluated_layout_is_found(tmp_path: Path) -> None:
     document = grid_document([*["aaaa"] * 3, "####"], **WEAK)
     done, driver = search(document, tmp_path / "out", jobs=1, by_blocks="off")
-    assert done.summary["proven"] is True
-    best = np.array([letter == "d" for letter in done.summary["best_labelling"]])
+    assert done.summary.proven is True
+    best = np.array([letter == "d" for letter in done.summary.best_labelling])
     faces = np.flatnonzero(driver.space.candidates)[:5]
     driver.state.add_conflicts([Conflict(faces, best[faces], 0.1, Evidence.BLOCKS)])
     claims = [Claim(None, driver.found[None].bound / driver._scale)]
@@ -219,20 +219,20 @@ def test_a_bound_below_a_layout_is_withdrawn_and_proven_again(tmp_path: Path) ->
     """What version 0.2 left on record: a bound that a layout exceeds which is found later."""
     document = grid_document([*["aaaa"] * 3, "####"], **WEAK)
     first, driver = search(document, tmp_path / "out", jobs=1, programs=3)
-    assert first.summary["proven"] is False
+    assert first.summary.proven is False
     true, _ = search(document, tmp_path / "true", jobs=1)
     records = Records(tmp_path / "out", _header(tmp_path / "out"), len(driver.space.fixed))
-    records.keep_bound(0.5 * true.summary["best"])
+    records.keep_bound(0.5 * true.summary.best)
     records.close()
     again, _ = search(document, tmp_path / "out", jobs=1, resume=True)
-    (line,) = [one for one in again.summary["warnings"] if "withdrawn" in one]
+    (line,) = [one for one in again.summary.warnings if "withdrawn" in one]
     assert "above the bound" in line
-    assert again.summary["best"] == pytest.approx(true.summary["best"], rel=1e-6)
-    assert again.summary["bound"] == pytest.approx(true.summary["bound"], rel=2e-6)
-    assert again.summary["proven"] is True
+    assert again.summary.best == pytest.approx(true.summary.best, rel=1e-6)
+    assert again.summary.bound == pytest.approx(true.summary.bound, rel=2e-6)
+    assert again.summary.proven is True
     # the record keeps the line
     third, _ = search(document, tmp_path / "out", jobs=1, resume=True)
-    assert [one for one in third.summary["warnings"] if "withdrawn" in one] == [line]
+    assert [one for one in third.summary.warnings if "withdrawn" in one] == [line]
 
 
 def _header(folder: Path) -> dict[str, Any]:
@@ -251,6 +251,6 @@ def _header(folder: Path) -> dict[str, Any]:
 def test_check_takes_a_small_part_of_the_time(tmp_path: Path) -> None:
     """The share is measured by `benchmarks.claims`; here only that the check does not grow out of bounds."""
     done, _ = search(LOST, tmp_path / "out")
-    assert done.summary["proof_check"]["conflicts"] > 100
-    assert done.summary["proof_check"]["weighed"] == done.summary["proof_check"]["conflicts"]
-    assert done.summary["proof_check"]["seconds"] < 0.5 * done.summary["seconds"]
+    assert done.summary.facts["proof_check"]["conflicts"] > 100
+    assert done.summary.facts["proof_check"]["weighed"] == done.summary.facts["proof_check"]["conflicts"]
+    assert done.summary.facts["proof_check"]["seconds"] < 0.5 * done.summary.seconds

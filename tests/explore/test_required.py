@@ -51,14 +51,14 @@ def test_exact_is_brute_force(count: str, sense: str, cases: bool, tmp_path: Pat
         found = explore(scene, tmp_path / f"exact{number}", ExploreSettings(pictures=False, driver="exact"))
         expected = best_of(every.results, count, sense, least)
         for done in (every, found):
-            asked = done.summary["require"]
-            assert done.summary["proven"] is asked["proven"] is True
+            asked = done.summary.facts["require"]
+            assert done.summary.proven is asked["proven"] is True
             assert asked["best"] == expected
             if expected is not None:
                 row = done.results.iloc[0]
                 assert row["meets"]
                 assert row[count] == expected
-                assert row["labelling"] == asked["best_labelling"] == done.summary["best_labelling"]
+                assert row["labelling"] == asked["best_labelling"] == done.summary.best_labelling
         assert ("proven that there is none" in words.facts_of_exploration(found)["required"]) == (expected is None)
 
 
@@ -67,12 +67,12 @@ def test_others_look_for_the_count_among_what_meets_it(driver: str, tmp_path: Pa
     scene = scene_of("blocks", "min", 0.6)
     settings = ExploreSettings(pictures=False, driver=driver, budget=25, seed=1)
     done = explore(scene, tmp_path / "out", settings)
-    asked = done.summary["require"]
+    asked = done.summary.facts["require"]
     met = done.results[done.results["meets"]]
     assert asked["met"] == len(met) > 0
     assert asked["best"] == met["blocks"].min() == done.results.iloc[0]["blocks"]
     assert not asked["proven"]
-    assert not done.summary["proven"]
+    assert not done.summary.proven
     # what meets it stands first, and by the count
     ranked = done.results[done.results["status"] == "collapse"]
     assert (np.diff(ranked["meets"].astype(int)) <= 0).all()

@@ -57,14 +57,14 @@ def test_ranked_by_the_low_values(driver: str, tmp_path: Path) -> None:
         assert row["load_factor"] == pytest.approx(solve(low, labels).load_factor, rel=1e-6)
         assert row["load_factor_nominal"] == pytest.approx(solve(nominal, labels).load_factor, rel=1e-6)
         assert row["load_factor"] <= row["load_factor_nominal"] * (1.0 + 1e-6)
-    best = explore(plain(True), tmp_path / "low", ExploreSettings(pictures=False, driver="enumeration")).summary["best"]
+    best = explore(plain(True), tmp_path / "low", ExploreSettings(pictures=False, driver="enumeration")).summary.best
     if driver != "genetic":
-        assert done.summary["proven"]
-        assert done.summary["best"] == pytest.approx(best, rel=2e-6)
-    assert done.summary["robust"] is True
-    assert done.summary["best_nominal"] == pytest.approx(ranked["load_factor_nominal"].iloc[0])
+        assert done.summary.proven
+        assert done.summary.best == pytest.approx(best, rel=2e-6)
+    assert done.summary.facts["robust"] is True
+    assert done.summary.facts["best_nominal"] == pytest.approx(ranked["load_factor_nominal"].iloc[0])
     back = read_folder(done.folder)
-    assert back.result(1).load_factor == pytest.approx(done.summary["best"], rel=1e-6)
+    assert back.result(1).load_factor == pytest.approx(done.summary.best, rel=1e-6)
     assert json.loads((done.folder / "columns.json").read_text())["results.csv"]["load_factor_nominal"]
 
 

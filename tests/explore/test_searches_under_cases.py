@@ -63,9 +63,9 @@ def test_exact_is_enumeration(name: str, tmp_path: Path) -> None:
     scene = scene_of(name)
     every = explore(scene, tmp_path / "every", ExploreSettings(pictures=False, driver="enumeration"))
     found = explore(scene, tmp_path / "exact", ExploreSettings(pictures=False, driver="exact"))
-    assert every.summary["proven"]
-    assert found.summary["proven"]
-    assert found.summary["best"] == pytest.approx(every.summary["best"], rel=2e-6)
+    assert every.summary.proven
+    assert found.summary.proven
+    assert found.summary.best == pytest.approx(every.summary.best, rel=2e-6)
     assembly = build_assembly(scene)
     names = [case.name for case in assembly.cases]
     ranked = every.results[every.results["status"] == "collapse"]
@@ -87,8 +87,8 @@ def test_fronts_of_cases(tmp_path: Path) -> None:
     found = explore(scene, tmp_path / "exact", settings)
     count = scene.search.front.count
     known = every.results[every.results["status"] == "collapse"].groupby(count)["load_factor"].max()
-    proven = {row["count"]: row["load_factor"] for row in found.summary["best_by_count"]}
-    assert found.summary["proven"]
+    proven = {row["count"]: row["load_factor"] for row in found.summary.facts["best_by_count"]}
+    assert found.summary.proven
     assert proven == pytest.approx({k: v for k, v in known.items() if k in proven}, rel=1e-5)
     assert set(known.index) <= set(proven)
 

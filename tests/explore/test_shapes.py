@@ -220,8 +220,8 @@ def test_enumeration_and_the_exact_driver_keep_them(name: str, tmp_path: Path) -
     space = search_space(scene, assembly)
     assert len(every.results) == len(wanted) > 0
     found = explore(scene, tmp_path / "exact", ExploreSettings(pictures=False, driver="exact"))
-    assert found.summary["proven"]
-    assert found.summary["best"] == pytest.approx(every.summary["best"], rel=1e-6)
+    assert found.summary.proven
+    assert found.summary.best == pytest.approx(every.summary.best, rel=1e-6)
     for driver in ("genetic", "random", "hillclimb", "anneal"):
         some = explore(scene, tmp_path / driver, ExploreSettings(pictures=False, driver=driver, budget=40))
         labellings = some.results["labelling"].tolist()

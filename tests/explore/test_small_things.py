@@ -119,7 +119,7 @@ def test_what_was_found_is_said_as_it_is(tmp_path: Path) -> None:
         done = explore(
             parse_scene(scene), tmp_path / name, ExploreSettings(driver=driver, budget=5, jobs=1, pictures=False)
         )
-        said[name] = (words.facts_of_exploration(done), done.summary)
+        said[name] = (words.facts_of_exploration(done), done.summary.facts)
     assert said["nothing"][0]["best λ"] == "none (proven: no layout stands)"
     assert said["nothing"][0]["stopped"].startswith("nothing left to evaluate after")
     facts, summary = said["slides"]
@@ -159,7 +159,7 @@ def test_progress_shows_incumbent_bound_and_gap(tmp_path: Path) -> None:
     bar = ProgressBar("arch")
     bar(seen[-1])
     shown = bar._bar.tasks[0].fields["best"]
-    assert shown.startswith(f"best λ {done.summary['best']:.6g} ≤ ")
+    assert shown.startswith(f"best λ {done.summary.best:.6g} ≤ ")
     assert shown.endswith("%")
     assert ", gap " in shown
     assert 0.0 <= seen[-1].gap <= seen[0].gap or np.isnan(seen[0].gap)

@@ -243,10 +243,10 @@ def test_every_point_of_a_front_says_what_it_is(
     done = explore(scene, tmp_path / "out", settings)
     written = pd.read_csv(tmp_path / "out" / "pareto.csv")
     # one that only searches may come upon the bound known beforehand, which proves the strongest and nothing else
-    assert set(written["evidence"]) <= expected | ({"proven"} if done.summary["proven"] else set())
+    assert set(written["evidence"]) <= expected | ({"proven"} if done.summary.proven else set())
     strongest = written.sort_values("load_factor").iloc[-1]["evidence"]
-    assert strongest == ("proven" if done.summary["proven"] else "found")
-    known = {row["count"]: row for row in done.summary["front"]}
+    assert strongest == ("proven" if done.summary.proven else "found")
+    known = {row["count"]: row for row in done.summary.front}
     assert set(written["dry_faces"]) <= set(known)
     assert all(row["proven"] == (row["evidence"] == "proven") for row in known.values())
     assert read_folder(tmp_path / "out").front["evidence"].tolist() == written["evidence"].tolist()

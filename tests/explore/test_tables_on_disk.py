@@ -70,7 +70,7 @@ def test_a_spreadsheet_keeps_labellings_and_runs_nothing(name: str, tmp_path: Pa
     read = pd.read_csv(tmp_path / "out" / "results.csv")
     assert read["labelling"].tolist() == done.results["labelling"].tolist()
     assert set("".join(read["labelling"])) == {"d", "i"}
-    assert done.summary["best_labelling"] == read["labelling"][0]
+    assert done.summary.best_labelling == read["labelling"][0]
     faces = pd.read_csv(tmp_path / "out" / "faces.csv")
     assert f"'{name}" in set(faces["element_a"]) | set(faces["element_b"])
     for file in ("faces.csv", "blocks.csv"):

@@ -51,10 +51,10 @@ def test_enumeration_proves_it_and_genetic_finds_it(tmp_path: Path) -> None:
     assert {tuple(row) for row in every.front[["rank", "blocks", "shapes"]].to_numpy(dtype=float)} == wanted
     assert len(every.front) == len(wanted)
     assert every.front["evidence"].eq("proven").all()
-    pairs = {tuple(row["count"]) for row in every.summary["front"]}
+    pairs = {tuple(row["count"]) for row in every.summary.front}
     assert pairs == {tuple(map(int, row)) for row in every.front[["blocks", "shapes"]].to_numpy()}
     assert len(pairs) > 2
-    assert all(row["proven"] and row["bound"] >= row["load_factor"] for row in every.summary["front"])
+    assert all(row["proven"] and row["bound"] >= row["load_factor"] for row in every.summary.front)
     assert words.front_name(every) == "λ against blocks (max) and shapes (min)"
     assert (tmp_path / "every" / "pareto.png").stat().st_size > 10_000
     assert list(read_folder(tmp_path / "every").front["labelling"]) == list(every.front["labelling"])
@@ -63,7 +63,7 @@ def test_enumeration_proves_it_and_genetic_finds_it(tmp_path: Path) -> None:
     some = explore(scene_of(), tmp_path / "some", ExploreSettings(driver="genetic", budget=budget, pictures=False))
     assert set(some.front["evidence"]) <= {"found", "proven"}
     # its best may meet the bound known beforehand, which proves it and no other point
-    assert some.summary["proven"] is (some.summary["gap"] is not None and some.summary["gap"] <= 1e-6)
+    assert some.summary.proven is (some.summary.gap is not None and some.summary.gap <= 1e-6)
     # half of the classes leave little of it to be found
     assert _volume(some.front) >= 0.97 * _volume(every.front)
 

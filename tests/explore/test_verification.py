@@ -84,7 +84,7 @@ def certificate(document: dict[str, Any], folder: Path) -> tuple[Path, float | N
     every = explore(scene, folder / "every", ExploreSettings(pictures=False, driver="enumeration"))
     path = folder / "proof.jld"
     explore(scene, folder / "exact", ExploreSettings(pictures=False, driver="exact", certificate=path))
-    return path, every.summary["best"]
+    return path, every.summary.best
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -378,7 +378,7 @@ def test_a_labelling_with_a_label_that_is_fixed_is_refused(proof: list[dict[str,
 def test_a_file_that_cannot_be_written_is_refused_before_the_search(place: str, tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     settings = ExploreSettings(pictures=False, driver="exact", certificate=tmp_path / place)
-    with pytest.raises(InputError, match="--certificate"):
+    with pytest.raises(InputError, match="certificate: "):
         explore(parse_scene(SCENES["weak"]), tmp_path / "out", settings)
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 

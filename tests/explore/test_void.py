@@ -103,7 +103,7 @@ def test_the_strongest_for_its_weight(every: Any) -> None:
     assert len(masses) > 1
     assert every.front["evidence"].eq("proven").all()
     assert (np.diff(every.front["load_factor"].to_numpy(dtype=float)) <= 0.0).all()
-    assert every.summary["proven"]
+    assert every.summary.proven
     for file in ("pareto.png", "best.png", "report.html", "blocks.csv"):
         assert (every.folder / file).exists()
 
@@ -126,7 +126,7 @@ def test_mirror_images_are_one_class(tmp_path: Path) -> None:
     one = explore(parse_scene(document), tmp_path / "one", ExploreSettings(pictures=False))
     document["search"]["symmetry"] = "none"
     two = explore(parse_scene(document), tmp_path / "two", ExploreSettings(pictures=False))
-    assert one.summary["labellings"] == two.summary["labellings"] == len(two.results)
+    assert one.summary.labellings == two.summary.labellings == len(two.results)
     assert len(one.results) < len(two.results)
 
 

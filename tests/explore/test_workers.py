@@ -24,8 +24,8 @@ from jld_core.scene import parse_scene
 from jld_explore import Progress, explore
 from jld_explore.drivers import Enumeration
 from jld_explore.evaluation import Evaluation, EvaluatorSettings, Workers, WorkerSpec, batch_size
+from jld_explore.settings import ExploreSettings
 from jld_explore.space import search_space
-from jld_explore.study import ExploreSettings
 
 CANCELLED = "ignore:.*tasks which were still being processed.*:UserWarning"
 """What joblib says of the tasks of a pool that was given up, which is what is tested."""
@@ -193,7 +193,7 @@ def test_a_cluster_that_is_none_is_refused(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setattr("jld_explore.evaluation.cluster._ANSWER", 0.5)
     scene = parse_scene(grid_document(["aa", "##"]))
     for url in ("tcp://127.0.0.1:9", "nonsense"):
-        with pytest.raises(InputError, match="--cluster") as complaint:
+        with pytest.raises(InputError, match="cluster: ") as complaint:
             explore(scene, tmp_path / "out", ExploreSettings(pictures=False, cluster=url))
         assert "\n" not in str(complaint.value)
         assert not (tmp_path / "out").exists()

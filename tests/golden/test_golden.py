@@ -48,7 +48,7 @@ def results(name: str) -> dict[str, Any]:
     for driver in DRIVERS:
         with tempfile.TemporaryDirectory() as folder:
             settings = ExploreSettings(driver=driver, budget=BUDGET, small=0, pictures=False)
-            summary = explore(scene, Path(folder) / "out", settings).summary
+            summary = explore(scene, Path(folder) / "out", settings).summary.facts
         found[driver] = {key: summary[key] for key in KEPT}
     return json.loads(json.dumps(found))
 

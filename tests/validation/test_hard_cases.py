@@ -35,7 +35,7 @@ from reference_planar import reference_load_factor
 
 
 def proven(result: LimitAnalysisResult, expected: float, rel: float = 1e-6, floor: float = 0.0) -> None:
-    assert result.status is Status.COLLAPSE, result.route
+    assert result.status is Status.COLLAPSE, result.solve_log
     low, high = result.bracket
     assert low - 1e-12 <= expected <= high + 1e-12 or result.load_factor == pytest.approx(expected, rel=rel, abs=floor)
     assert result.load_factor == pytest.approx(expected, rel=rel, abs=floor)
@@ -49,7 +49,7 @@ def test_hard_case(case: HardCase) -> None:
     assembly = case.make()
     labels = assembly.labels if case.labels is None else case.labels(assembly)
     result = solve(assembly, labels)
-    assert result.status is case.status, result.route
+    assert result.status is case.status, result.solve_log
     if case.status is Status.COLLAPSE:
         expected = case.expected
         if expected is None:

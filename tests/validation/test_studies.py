@@ -170,7 +170,7 @@ def test_drivers(tmp_path: Path) -> None:
     assert exact["best"].item() == pytest.approx(3620.9123, rel=1e-6)
     wall = drivers.scene(quick=True)
     every = explore(wall, tmp_path / "all", ExploreSettings(driver="enumeration", pictures=False))
-    assert exact["best"].item() == pytest.approx(every.summary["best"], rel=1e-6)
+    assert exact["best"].item() == pytest.approx(every.summary.best, rel=1e-6)
     assert table["best"].max() <= exact["best"].item() * (1.0 + 1e-6)
     assert (table["solves"] <= 20).sum() == len(drivers.BUDGETS)
     assert set(table["driver"]) == {*drivers.BUDGETS, "exact"}

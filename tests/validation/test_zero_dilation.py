@@ -43,11 +43,11 @@ def test_given_walls(name: str, start: str) -> None:
     assert result.status is Status.COLLAPSE
     assert result.friction == "zero-dilation"
     certify(result)
-    assert result.extra["zero_dilation_iterations"] <= 60
-    assert result.extra["friction_violation"] <= 1e-4
-    assert result.extra["dilation"] <= 1e-6
-    assert result.extra["complementarity_gap"] <= 1e-3
-    assert WALLS[name] * (1.0 - 1e-5) <= result.load_factor <= result.extra["associative_load_factor"] * (1.0 + 1e-8)
+    assert result.facts["zero_dilation_iterations"] <= 60
+    assert result.facts["friction_violation"] <= 1e-4
+    assert result.facts["dilation"] <= 1e-6
+    assert result.facts["complementarity_gap"] <= 1e-3
+    assert WALLS[name] * (1.0 - 1e-5) <= result.load_factor <= result.facts["associative_load_factor"] * (1.0 + 1e-8)
     assert work_balance(result).error <= 1e-7
     printed = json.loads(json.dumps(result.to_json(), allow_nan=False))
     assert printed["friction"] == "zero-dilation"
@@ -60,15 +60,15 @@ def test_given_walls_under_other_parameters(name: str, damping: float, block: in
     """The value depends on the parameters, since solutions are not unique; that it is one does not."""
     result = solve_zero_dilation(wall(name), damping=damping, block=block, alpha=0.0)
     certify(result)
-    assert WALLS[name] * (1.0 - 1e-5) <= result.load_factor <= result.extra["associative_load_factor"] * (1.0 + 1e-8)
+    assert WALLS[name] * (1.0 - 1e-5) <= result.load_factor <= result.facts["associative_load_factor"] * (1.0 + 1e-8)
 
 
 def test_the_plain_loop_is_reported_for_what_it_is() -> None:
     """On the third wall it does not settle: uncertified, with the violation it is left with."""
     result = smoothed(LimitAnalysis(wall("ferris_tinloi_4")), Smoothing())
-    assert not result.extra["converged"]
+    assert not result.facts["converged"]
     assert result.status is Status.UNCERTIFIED
-    assert result.extra["friction_violation"] > 1e-4
+    assert result.facts["friction_violation"] > 1e-4
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -76,8 +76,8 @@ def test_random_walls(seed: int) -> None:
     result = solve_zero_dilation(build_assembly(random_wall(seed)))
     assert result.status is Status.COLLAPSE
     certify(result)
-    assert result.extra["zero_dilation_iterations"] <= 60
-    assert result.load_factor <= result.extra["associative_load_factor"] * (1.0 + 1e-8)
+    assert result.facts["zero_dilation_iterations"] <= 60
+    assert result.load_factor <= result.facts["associative_load_factor"] * (1.0 + 1e-8)
 
 
 @pytest.mark.parametrize("name", ["wall", "beam", "arch", "crushable arch", "crushable wall", "no tensile strength"])
@@ -85,7 +85,7 @@ def test_inner_faces_are_left_alone(name: str) -> None:
     rows, options = CASES[name]
     result = solve_zero_dilation(grid_assembly(rows, **options))
     assert result.status is Status.COLLAPSE
-    assert result.load_factor <= result.extra["associative_load_factor"] * (1.0 + 1e-6)
+    assert result.load_factor <= result.facts["associative_load_factor"] * (1.0 + 1e-6)
     rule = flow_rule(result)
     assert rule.margin.min() >= -1e-9
     assert rule.gap.min() >= -1e-6 * abs(result.load_factor)
@@ -106,7 +106,7 @@ def test_status_of_what_does_not_collapse() -> None:
 def test_sliding_block_is_the_same_with_and_without_dilation(friction: float) -> None:
     result = solve_zero_dilation(block(friction, [{"body": [1, 0]}], [], 0))
     assert result.load_factor == pytest.approx(friction, rel=1e-8)
-    assert result.extra["associative_load_factor"] == pytest.approx(friction, rel=1e-8)
+    assert result.facts["associative_load_factor"] == pytest.approx(friction, rel=1e-8)
     assert result.mechanism is not None
     assert abs(result.mechanism[0, 1]) <= 1e-8 * abs(result.mechanism[0, 0])
 
@@ -125,7 +125,7 @@ def test_wedged_block(push: float) -> None:
     assert LimitAnalysis(assembly).solve().status is Status.LOCKED
     result = solve_zero_dilation(assembly)
     assert result.status is Status.COLLAPSE
-    assert result.extra["associative_load_factor"] is None
+    assert result.facts["associative_load_factor"] is None
     certify(result)
     assert result.forces is not None
     ids = result.assembly.elements.ids
@@ -139,7 +139,7 @@ def test_block_lifted_along_one_wall() -> None:
     live, dead = [{"element": "block", "force": [0, 1]}], [{"element": "block", "force": [0.8, 0]}]
     result = solve_zero_dilation(block(0.3, live, dead, 1))
     assert result.load_factor == pytest.approx(1.24, rel=1e-7)
-    assert result.extra["associative_load_factor"] == pytest.approx(1.24, rel=1e-7)
+    assert result.facts["associative_load_factor"] == pytest.approx(1.24, rel=1e-7)
 
 
 # --- spatial ------------------------------------------------------------------------------------------------
@@ -153,8 +153,8 @@ def test_spatial_walls(wythes: int, live: list[float]) -> None:
     result = solve_zero_dilation(assembly, dry)
     assert result.status is Status.COLLAPSE
     assert result.gap <= 1e-6
-    assert result.load_factor <= result.extra["associative_load_factor"] * (1.0 + 1e-6)
-    assert result.extra["dilation"] <= 1e-6
+    assert result.load_factor <= result.facts["associative_load_factor"] * (1.0 + 1e-6)
+    assert result.facts["dilation"] <= 1e-6
     rule = flow_rule(result)
     assert rule.margin.min() >= -1e-9
     assert rule.gap.min() >= -1e-7
@@ -165,7 +165,7 @@ def test_given_spatial_scenes() -> None:
     for name in ("spatial_cubes", "spatial_shelf"):
         result = solve_zero_dilation(build_assembly(load_scene(SCENES / f"{name}.json")))
         assert result.status is Status.COLLAPSE, name
-        assert result.load_factor <= result.extra["associative_load_factor"] * (1.0 + 1e-6)
+        assert result.load_factor <= result.facts["associative_load_factor"] * (1.0 + 1e-6)
 
 
 def test_an_analysis_is_used_again_and_options_are_checked() -> None:

@@ -57,7 +57,7 @@ def ends(assembly: Assembly) -> tuple[float, float]:
     result = solve(assembly, friction="zero-dilation", range=True, floor_seconds=0.0)
     assert result.status is Status.COLLAPSE
     certify(result)
-    extra = result.extra
+    extra = result.facts
     assert extra["lowest_found"] == result.load_factor
     highest = extra["highest"]
     assert highest["status"] == "collapse"
@@ -137,7 +137,7 @@ def test_inner_faces_take_part(name: str) -> None:
     rows, options = CASES[name]
     result = solve(grid_assembly(rows, **options), friction="zero-dilation", range=True, floor_seconds=0.0)
     assert result.status is Status.COLLAPSE
-    assert result.extra["lowest_found"] <= result.extra["associative_load_factor"] * (1.0 + 1e-6)
+    assert result.facts["lowest_found"] <= result.facts["associative_load_factor"] * (1.0 + 1e-6)
     assert flow_rule(result).gap.min() >= -1e-6 * abs(result.load_factor)
 
 
@@ -145,8 +145,8 @@ def test_two_cubes_rock_at_one_half() -> None:
     """Base sliding at μ = 0.6 comes after base rocking at 1/2 (Iannuzzo et al. 2024, section 3.2b)."""
     assembly = build_assembly(stacked_cubes(2, friction=0.6, tension=2.0, shear=1.0))
     result = solve(assembly, friction="zero-dilation", range=True, floor_seconds=0.0)
-    assert result.extra["lowest_found"] == pytest.approx(0.5, rel=1e-6)
-    assert result.extra["highest_found"] == pytest.approx(0.5, rel=1e-6)
+    assert result.facts["lowest_found"] == pytest.approx(0.5, rel=1e-6)
+    assert result.facts["highest_found"] == pytest.approx(0.5, rel=1e-6)
 
 
 def test_spatial_range_is_found() -> None:
@@ -154,7 +154,7 @@ def test_spatial_range_is_found() -> None:
     dry = np.ones(len(assembly.interfaces), dtype=bool)
     result = solve(assembly, dry, friction="zero-dilation", range=True, floor_seconds=0.0)
     assert result.status is Status.COLLAPSE
-    assert result.extra["lowest_found"] <= result.extra["highest_found"]
+    assert result.facts["lowest_found"] <= result.facts["highest_found"]
 
 
 def test_a_load_that_grows_from_zero_has_no_lowest_below_it() -> None:
@@ -162,14 +162,14 @@ def test_a_load_that_grows_from_zero_has_no_lowest_below_it() -> None:
     shelf = build_assembly(load_scene(SCENES / "spatial_shelf.json"))
     result = solve(shelf, friction="zero-dilation", range=True, floor_seconds=0.0)
     assert result.stands_at_zero
-    assert 0.0 < result.load_factor == result.extra["lowest_found"]
+    assert 0.0 < result.load_factor == result.facts["lowest_found"]
 
 
 def test_what_does_not_collapse_has_no_range() -> None:
     rows, options = CASES["overhang"]
     result = solve(grid_assembly(rows, **options), friction="zero-dilation", range=True, floor_seconds=0.0)
     assert result.status is Status.UNSTABLE
-    assert result.extra["lowest_found"] is None
+    assert result.facts["lowest_found"] is None
     with pytest.raises(InputError, match="one number"):
         solve(grid_assembly(rows, **options), range=True)
 
@@ -244,7 +244,7 @@ def test_all_solutions_of_tiny_scenes(seed: int) -> None:
     labels = rng.random(len(assembly.interfaces)) < 0.6
     every = loads_without_dilation(assembly, labels)
     result = solve(assembly, labels, friction="zero-dilation", range=True, floor_seconds=2.0)
-    extra, tiny = result.extra, 1e-3 * assembly.total_dead / assembly.total_live
+    extra, tiny = result.facts, 1e-3 * assembly.total_dead / assembly.total_live
     lows = [max(low, 0.0) for low, high in every if high >= 0.0]
     if extra["lowest_found"] is None:
         assert result.status is not Status.COLLAPSE
@@ -272,8 +272,8 @@ def test_a_structure_without_loops_is_bounded_from_below() -> None:
     result = solve(build_assembly(parse_scene(document)), friction="zero-dilation", range=True)
     expected = 0.25 * 1400.0 * 9.81 * 8.0
     assert result.load_factor == pytest.approx(expected, rel=1e-6)
-    assert result.extra["lowest_proven"] == pytest.approx(expected, rel=1e-6)
-    assert result.extra["lowest_proven"] <= expected
+    assert result.facts["lowest_proven"] == pytest.approx(expected, rel=1e-6)
+    assert result.facts["lowest_proven"] <= expected
 
 
 def test_fractions_of_an_empty_table_keep_its_shape() -> None:

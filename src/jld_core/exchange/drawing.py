@@ -92,7 +92,7 @@ def _scale(drawing: Drawing, options: ImportOptions, notes: Notes) -> tuple[floa
         notes.assumed.append("lengths in m: the file names no unit, give --unit")
         return 1.0, "m"
     if unit not in METRES:
-        raise InputError("", f"its lengths are in {unit}", "--unit " + "|".join(METRES))
+        raise InputError("", f"its lengths are in {unit}", "`unit` " + "|".join(METRES))
     if unit != "m":
         notes.found.append(f"lengths in {unit}, times {METRES[unit]:g} to m")
     return METRES[unit], "m"
@@ -163,7 +163,7 @@ def _cells(
             notes.found.append(f"{several(whole, 'outline')} cut into {parts} cells by the lines that cross them")
     cells = [cell for cell in cells if not empty.contains(shapely.Polygon(cell.points).representative_point())]
     if not cells:
-        raise InputError("", "its lines enclose nothing", "lines that meet within --tolerance around every cell")
+        raise InputError("", "its lines enclose nothing", "lines that meet within `tolerance` around every cell")
     if len(cells) > MOST:
         raise InputError("", f"it makes {len(cells)} cells", f"at most {MOST}")
     return cells
@@ -294,7 +294,7 @@ def check_supports(support: Sequence[bool], options: ImportOptions) -> None:
     """Raise InputError where no element or every element is a support."""
     if not any(support):
         given = f"no layer is like {listed(options.support)}" if options.support else "no layer is named for supports"
-        raise InputError("", f"it has no support: {given}", "--support LAYER, or --support lowest")
+        raise InputError("", f"it has no support: {given}", '`support` with the name of a layer, or `support="lowest"`')
     if all(support):
         raise InputError("", "all of its elements are supports", "at least one that is free")
 

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core.arrays import Floats
-from jld_core.errors import InputError
+from jld_core.errors import ParameterError
 from jld_core.scene import Scene
 
 _ZERO: Final = 1e-15
@@ -73,9 +73,9 @@ class ImportOptions:
             value = getattr(self, name)
             if value is not None and not (0.0 <= value < float("inf") and (value > 0.0 or name == "tolerance")):
                 least = "at least 0" if name == "tolerance" else "above 0"
-                raise InputError(f"--{name}", f"{value:g} is wrong", f"a length {least}")
+                raise ParameterError(name, f"{value:g} is wrong", f"a length {least}")
         if self.unit is not None and self.unit not in METRES:
-            raise InputError("--unit", f"no unit is named {self.unit!r}", "one of " + ", ".join(METRES))
+            raise ParameterError("unit", f"no unit is named {self.unit!r}", "one of " + ", ".join(METRES))
 
     def role(self, layer: str) -> str | None:
         """Return the role of a layer: a key of ROLES, "dead", or None for any other layer."""

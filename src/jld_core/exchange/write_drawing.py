@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core.arrays import Floats
-from jld_core.errors import InputError
+from jld_core.errors import ParameterError
 from jld_core.exchange.facts import element_keys, facts_of
 from jld_core.exchange.layout import Layout
 from jld_core.exchange.libraries import library
@@ -140,7 +140,7 @@ def svg_text(layout: Layout) -> str:
     The y axis points down, as in SVG. Raises InputError for a spatial layout.
     """
     if layout.assembly.dimension == 3:
-        raise InputError("--format svg", "the layout is spatial", "obj, ply, stl, compas, 3dec or vtk")
+        raise ParameterError("format", "the layout is spatial", "obj, ply, stl, compas, 3dec or vtk")
     elements = layout.assembly.elements
     low, high = elements.lower.min(axis=0), elements.upper.max(axis=0)
     size = float((high - low).max())

@@ -7,7 +7,7 @@ import io
 from pathlib import Path
 from typing import Final
 
-from jld_core.errors import InputError
+from jld_core.errors import ParameterError
 from jld_core.exchange.layout import Layout
 from jld_core.exchange.write_3dec import command_text
 from jld_core.exchange.write_compas import compas_text
@@ -64,9 +64,9 @@ def export(layout: Layout, kind: str, path: str | Path, *, cells: bool = False) 
     """
     path = Path(path)
     if kind not in FORMATS:
-        raise InputError("--format", f"no format is named {kind!r}", "one of " + ", ".join(FORMATS))
+        raise ParameterError("format", f"no format is named {kind!r}", "one of " + ", ".join(FORMATS))
     if cells and kind not in _SOLIDS:
-        raise InputError("--cells", f"{kind} draws blocks and the faces inside them", " or ".join(_SOLIDS))
+        raise ParameterError("cells", f"{kind} draws blocks and the faces inside them", " or ".join(_SOLIDS))
     with whole_file(path) as fresh:
         if kind == "dxf":
             write_dxf(layout, fresh)

@@ -225,7 +225,7 @@ def _face_of(assembly: Assembly, faces: list[_FreeFace], place: Floats, vector: 
 
 
 def _segments(assembly: Assembly, face: _FreeFace, forces: list[_Force]) -> list[Segment]:
-    """Loaded segments of one free face under forces at distances from its start, those that overlap added up."""
+    """Return the loaded segments of one free face under forces at distances from its start; overlaps are added up."""
     pieces = [_stated(assembly, face, force) for force in forces if force.width is not None]
     plain = [force for force in forces if force.width is None]
     if plain:
@@ -253,7 +253,7 @@ def _between(piece: _Piece, low: float, high: float) -> Floats:
 
 
 def _spread(assembly: Assembly, face: _FreeFace, forces: list[_Force]) -> _Piece:
-    """Linear traction of the resultant of forces: over the face, or uniform about a place beyond the middle third."""
+    """Return the linear traction of forces: over the face, or uniform about a place beyond its middle third."""
     thickness = thickness_of(assembly)
     normal = np.array([face.along[1], -face.along[0]])
     total = np.sum([force.vector for force in forces], axis=0)

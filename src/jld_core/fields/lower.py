@@ -35,9 +35,9 @@ _STEPS = 6
 class StressField:
     """Certified stress field.
 
-    factor: λ that it carries, scaled. stress: (t, 3, 3) stresses (m, d, s) at the corners, scaled. room: least room
-    to a yield condition, after what is missing from exact equilibrium was charged. charge: that stress. rate: (t, 3) what λ gains by
-    stronger material at each corner, by the multipliers of the solver: it steers refinement and proves nothing.
+    factor: λ that it carries, scaled. stress: (t, 3, 3) stresses (m, d, s) at the corners, scaled. room: least slack
+    of a yield condition, after `charge` was subtracted. charge: stress that covers the residual of equilibrium. rate:
+    (t, 3) derivative of λ by the strength at each corner, from the multipliers of the solver. It steers refinement.
     """
 
     factor: float

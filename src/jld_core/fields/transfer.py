@@ -144,7 +144,7 @@ def _mechanism(upper: UpperBound, velocity: Floats) -> FieldMechanism | None:
     crack = half[rows] * ends[rows].sum(axis=1)
     load = p.units.load
     dry, inner = (np.bincount(face, part, minlength=count) * (load / work) for part in (joint, crack))
-    return FieldMechanism(constant * load, dry, inner)
+    return FieldMechanism(constant * load, np.asarray(dry, dtype=np.float64), np.asarray(inner, dtype=np.float64))
 
 
 def stresses_of(lower: LowerBound, field: StressField) -> FieldStresses:

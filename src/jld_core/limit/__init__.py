@@ -2,6 +2,7 @@
 
 - `FALLBACKS`: solution methods that `LimitAnalysis.prove` tries by default, in order
 - `FLOOR_SECONDS`: default processor time for the lower bound on λ over all non-dilatant solutions, seconds
+- `RENAMED_BENDING`: values of `inner_bending` of version 0.2, by their new names
 - `AnyBlockRelaxation`: block relaxation of one load or of several load cases
 - `AnyRelaxation`: relaxation of partial labellings under one load or several load cases
 - `Asked`: arguments of `BlockRelaxation.choose`: allowed blocks, threshold and upper bound on λ
@@ -14,6 +15,7 @@
 - `Condense`: when blocks are modelled as rigid: auto, on or off
 - `Contacts`: contact model of dry faces: convex or concave
 - `DualBound`: mechanism that refutes a λ for every labelling with the same decided faces
+- `EffectiveAreas`: convergence of effective areas
 - `Fallback`: one named solution method with the condition under which it is tried
 - `Friction`: friction model: associative or zero-dilation
 - `Governing`: status and bounds of the governing factor
@@ -34,6 +36,7 @@
 - `State`: forces and λ with their slack and equilibrium error
 - `Status`: outcome of a limit analysis: collapse, locked, unstable, uncertified or failed
 - `Thrust`: least or greatest thrust after a support movement
+- `ZeroDilation`: evidence and range of solutions without dilation
 - `apart`: return whether two brackets of one λ are disjoint
 - `applies_to`: return whether a block relaxation of an assembly exists
 - `block_relaxation_of`: create the block relaxation of a structure, for its load or all its load cases
@@ -75,8 +78,9 @@ from jld_core.limit.mechanism import (
     face_jumps,
     face_motions,
 )
+from jld_core.limit.model_facts import EffectiveAreas, ZeroDilation
 from jld_core.limit.movements import Movements
-from jld_core.limit.options import FLOOR_SECONDS, Condense, Contacts, Friction, SolveOptions
+from jld_core.limit.options import FLOOR_SECONDS, RENAMED_BENDING, Condense, Contacts, Friction, SolveOptions
 from jld_core.limit.proof import Proof
 from jld_core.limit.proof_attempt import FALLBACKS, Fallback, ProofAttempt
 from jld_core.limit.relaxation import DualBound, MinimizedConflict, Relaxation
@@ -88,6 +92,7 @@ from jld_core.limit.status import Status
 __all__ = [
     "FALLBACKS",
     "FLOOR_SECONDS",
+    "RENAMED_BENDING",
     "AnyBlockRelaxation",
     "AnyRelaxation",
     "Asked",
@@ -100,6 +105,7 @@ __all__ = [
     "Condense",
     "Contacts",
     "DualBound",
+    "EffectiveAreas",
     "Fallback",
     "Friction",
     "Governing",
@@ -120,6 +126,7 @@ __all__ = [
     "State",
     "Status",
     "Thrust",
+    "ZeroDilation",
     "apart",
     "applies_to",
     "block_relaxation_of",

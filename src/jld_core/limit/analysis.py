@@ -42,7 +42,7 @@ class LimitAnalysis:
         Solver of the first attempt, see `SolveOptions`.
     gap : float
         Relative width of the bracket above which a result is uncertified.
-    inner_bending : {"paper", "kern"}
+    inner_bending : {"uncoupled", "kern"}
         Bending of inner faces, see `SolveOptions`.
     margin : float or None
         Slack kept in every yield row while solving, scaled, see `Template.program`. Default: that of the template.
@@ -61,7 +61,7 @@ class LimitAnalysis:
         *,
         solver: str | Solver = "auto",
         gap: float = tolerances.GAP,
-        inner_bending: InnerBending = "paper",
+        inner_bending: InnerBending = "uncoupled",
         margin: float | None = None,
         reference: Bits | None = None,
         template: Template | None = None,
@@ -72,7 +72,7 @@ class LimitAnalysis:
         self.options = SolveOptions(inner_bending=inner_bending, condense="off", solver=solver, gap=gap)
         if template is None:
             scaling = scaling_of(assembly)
-            template = Template(assembly, scaling, yield_set(assembly, scaling, inner_bending))
+            template = Template(assembly, scaling, yield_set(assembly, scaling, self.options.inner_bending))
         self.template = template
         self.prover = Prover(self.template)
         precision = self.template.precision

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Any, Final, Literal, get_args
 
 from jld_core import tolerances
-from jld_core.errors import InputError
+from jld_core.deprecation import warn_renamed
+from jld_core.errors import ParameterError
 from jld_core.mechanics import InnerBending
 from jld_core.solvers import Solver, require_solver
 
@@ -20,6 +21,9 @@ Condense = Literal["auto", "on", "off"]
 
 FLOOR_SECONDS: Final = 60.0
 """Default processor time, in seconds, for the lower bound on λ over all non-dilatant solutions."""
+
+RENAMED_BENDING: Final[dict[str, InnerBending]] = {"paper": "uncoupled"}
+"""Values of `inner_bending` of version 0.2, by their new names; they are accepted until version 0.4."""
 
 _WORDS: Final = {"friction": Friction, "contact": Contacts, "inner_bending": InnerBending, "condense": Condense}
 """Allowed values of each option that takes one of several words."""
@@ -43,8 +47,8 @@ class SolveOptions:
         "convex": resultants at the centre of pressure. "concave": point contacts at the corners of dry faces.
     effective_area : bool
         Base torsion on the area in compression, by iteration (docs/method.md (2.14), (2.15)).
-    inner_bending : {"paper", "kern"}
-        "paper": uncoupled bending. "kern": elastic edge stress (docs/method.md (2.5), (2.6)).
+    inner_bending : {"uncoupled", "kern"}
+        "uncoupled": uncoupled bending. "kern": elastic edge stress (docs/method.md (2.5), (2.6)).
     condense : {"auto", "on", "off"}
         Model blocks as rigid and crack them on demand; "auto": where inner faces are very strong.
     solver : str or Solver
@@ -63,25 +67,30 @@ class SolveOptions:
     floor_seconds: float = FLOOR_SECONDS
     contact: Contacts = "convex"
     effective_area: bool = False
-    inner_bending: InnerBending = "paper"
+    inner_bending: InnerBending = "uncoupled"
     condense: Condense = "auto"
     solver: str | Solver = "auto"
     gap: float = tolerances.GAP
 
     def __post_init__(self) -> None:
+        if self.inner_bending in RENAMED_BENDING:
+            current = RENAMED_BENDING[self.inner_bending]
+            warn_renamed(f'inner_bending="{self.inner_bending}"', f'inner_bending="{current}"', stacklevel=4)
+            object.__setattr__(self, "inner_bending", current)
         for key, words in _WORDS.items():
             value, allowed = getattr(self, key), get_args(words)
             if value not in allowed:
-                option = key.replace("_", "-")
-                raise InputError(f"--{option}", f"no {key.replace('_', ' ')} is named {value!r}", " or ".join(allowed))
+                raise ParameterError(key, f"no {key.replace('_', ' ')} is named {value!r}", " or ".join(allowed))
         if self.range and self.friction != "zero-dilation":
-            raise InputError("--range", "λ of associative friction is one number", "--friction zero-dilation with it")
+            raise ParameterError(
+                "range", "λ of associative friction is one number", '`friction="zero-dilation"` with it'
+            )
         if self.effective_area and self.contact == "concave":
-            raise InputError("--effective-area", "points have no area", "--contact convex with it")
+            raise ParameterError("effective_area", "points have no area", '`contact="convex"` with it')
         if not self.floor_seconds >= 0.0:
-            raise InputError("--floor-seconds", f"{self.floor_seconds:g} is no time", "seconds, 0 for no bound")
+            raise ParameterError("floor_seconds", f"{self.floor_seconds:g} is no time", "seconds, 0 for no bound")
         if not 0.0 < self.gap < math.inf:
-            raise InputError("--gap", f"{self.gap:g} is no width", "a number above 0")
+            raise ParameterError("gap", f"{self.gap:g} is no width", "a number above 0")
         if isinstance(self.solver, str):
             require_solver(self.solver)
 

@@ -4,20 +4,26 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
+from jld_core.deprecation import warn_renamed
 from jld_core.limit.bounds import load_scale, relative_width
 from jld_core.limit.governing import Known, governing
+from jld_core.limit.model_facts import EffectiveAreas, ZeroDilation
 from jld_core.limit.options import SolveOptions
 from jld_core.limit.proof import Proof
 from jld_core.limit.reasons import reason_of
 from jld_core.limit.status import Status
 from jld_core.notebook_repr import NotebookRepr
 from jld_core.program import Template
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -49,21 +55,22 @@ class LimitAnalysisResult(NotebookRepr):
         Velocities about the centroids with b_λ·u = 1. With load cases they are those of the governing case.
     iterations : int
         Number of programs solved.
-    route : tuple of str
+    solve_log : tuple of str
         Names of the methods tried, in order.
     seconds : dict of str to float
         Wall-clock time: assemble, solve, total.
     model : SolveOptions
         Model and solver options.
-    extra : dict
-        Further facts of the model, as in the JSON output.
+    facts : dict
+        Further facts of the model, as in the JSON output. Those of zero dilation and of effective areas are also the
+        fields of `zero_dilation` and `effective_areas`.
     cases : dict of str to LimitAnalysisResult
         Result of each load case by its name; empty without load cases.
     governing : str or None
         Name of the governing load case.
-    falling : (n, q) float array or None
+    instability_mechanism : (n, q) float array or None
         Velocities that prove that a structure is unstable; the largest displacement is 1.
-    growing : (m, q) float array or None
+    unbounded_forces : (m, q) float array or None
         Resultants per unit of λ that carry the live load of a locked structure without limit.
     notes : tuple of str
         Sentences about this result.
@@ -79,14 +86,14 @@ class LimitAnalysisResult(NotebookRepr):
     forces: Floats | None
     mechanism: Floats | None
     iterations: int
-    route: tuple[str, ...]
+    solve_log: tuple[str, ...]
     seconds: dict[str, float]
     model: SolveOptions = field(default_factory=SolveOptions)
-    extra: dict[str, Any] = field(default_factory=dict)
+    facts: dict[str, Any] = field(default_factory=dict)
     cases: dict[str, LimitAnalysisResult] = field(default_factory=dict)
     governing: str | None = None
-    falling: Floats | None = None
-    growing: Floats | None = None
+    instability_mechanism: Floats | None = None
+    unbounded_forces: Floats | None = None
     notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
@@ -110,12 +117,95 @@ class LimitAnalysisResult(NotebookRepr):
 
         One sentence; None where no bound is missing.
         """
-        return reason_of(self.status, self.bracket, self.gap, self.model.gap, self.extra) or None
+        return reason_of(self.status, self.bracket, self.gap, self.model.gap, self.facts) or None
 
     @property
     def warnings(self) -> list[str]:
         """Return the warnings about the scene and this result, one sentence each."""
         return [*self.assembly.warnings, *self.notes, *([self.reason] if self.reason else [])]
+
+    @property
+    def zero_dilation(self) -> ZeroDilation | None:
+        """Return the evidence and the range of a solution without dilation; None for associative friction."""
+        return ZeroDilation.of(self.facts)
+
+    @property
+    def effective_areas(self) -> EffectiveAreas | None:
+        """Return the convergence of effective areas; None without them."""
+        return EffectiveAreas.of(self.facts)
+
+    @property
+    def extra(self) -> dict[str, Any]:
+        """Return `facts`, under its name of version 0.2."""
+        warn_renamed("result.extra", "result.zero_dilation, result.effective_areas or result.facts")
+        return self.facts
+
+    @property
+    def route(self) -> tuple[str, ...]:
+        """Return `solve_log`, under its name of version 0.2."""
+        warn_renamed("result.route", "result.solve_log")
+        return self.solve_log
+
+    @property
+    def falling(self) -> Floats | None:
+        """Return `instability_mechanism`, under its name of version 0.2."""
+        warn_renamed("result.falling", "result.instability_mechanism")
+        return self.instability_mechanism
+
+    @property
+    def growing(self) -> Floats | None:
+        """Return `unbounded_forces`, under its name of version 0.2."""
+        warn_renamed("result.growing", "result.unbounded_forces")
+        return self.unbounded_forces
+
+    def plot(self, *, ids: bool = False, values: bool = False) -> Figure:
+        """Draw labels, forces and mechanism side by side; of load cases, the governing one.
+
+        Parameters
+        ----------
+        ids : bool
+            Also write the ids of the elements.
+        values : bool
+            Also write the values of live loads and forces.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            Figure with three axes; save it by `savefig`.
+        """
+        figure: Figure = self.drawn(ids=ids, values=values)
+        return figure
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the forces as a table with one row per interface.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Index `face`; columns `element_a`, `element_b`, `label` ("dry" or "inner"), `length` (planar) or `area`,
+            and the resultants that act on `element_b`: N (compression positive), V, M (planar), or N, V1, V2, M1, M2,
+            MT (spatial). Resultants are NaN without forces. The dictionary `attrs["units"]` of the table holds the
+            unit of each column in scene units, for example {"N": "kN", "M": "kN·m"}.
+        """
+        import pandas as pd  # slow to import and needed for tables only
+
+        faces, ids = self.assembly.interfaces, self.assembly.elements.ids
+        (length, force), names = self.assembly.units, self.assembly.resultants
+        planar = self.assembly.dimension == 2
+        size, unit = ("length", length) if planar else ("area", f"{length}²")
+        forces = np.full((len(faces), len(names)), np.nan) if self.forces is None else self.forces
+        table = pd.DataFrame(
+            {
+                "element_a": [ids[a] for a in faces.a],
+                "element_b": [ids[b] for b in faces.b],
+                "label": np.where(self.labels, "dry", "inner"),
+                size: faces.l1 if planar else faces.area,
+                **dict(zip(names, forces.T, strict=True)),
+            },
+            index=pd.RangeIndex(len(faces), name="face"),
+        )
+        table.attrs["units"] = {size: unit, **{k: f"{force}·{length}" if k[0] == "M" else force for k in names}}
+        return table
 
     def to_json(self) -> dict[str, Any]:
         """Return the object that `jld solve --json` prints.
@@ -140,6 +230,9 @@ class LimitAnalysisResult(NotebookRepr):
         mechanism = None
         if self.mechanism is not None:
             mechanism = {name: [float(v) for v in row] for name, row in zip(ids, self.mechanism, strict=True)}
+        unstable = None
+        if self.instability_mechanism is not None:
+            unstable = {name: row.tolist() for name, row in zip(ids, self.instability_mechanism, strict=True)}
         return {
             "name": assembly.name,
             "load_factor": number(self.load_factor),
@@ -153,19 +246,19 @@ class LimitAnalysisResult(NotebookRepr):
             "elements": len(assembly.elements),
             "interfaces": len(faces),
             "iterations": self.iterations,
-            "route": list(self.route),
+            "solve_log": list(self.solve_log),
+            "route": list(self.solve_log),  # name of version 0.2
             "seconds": dict(self.seconds),
             "warnings": self.warnings,
-            **self.extra,
+            **self.facts,
             **(
                 {"governing": self.governing, "cases": {name: one.to_json() for name, one in self.cases.items()}}
                 if self.cases
                 else {}
             ),
             "mechanism": mechanism,
-            "falling": None
-            if self.falling is None
-            else {name: [float(v) for v in row] for name, row in zip(ids, self.falling, strict=True)},
+            "instability_mechanism": unstable,
+            "falling": unstable,  # name of version 0.2
             "forces": forces,
             "faces": _faces(assembly, self.labels),
         }
@@ -215,17 +308,17 @@ def result_of(
         forces=forces,
         mechanism=mechanism,
         iterations=proof.solves,
-        route=tuple(proof.route),
+        solve_log=tuple(proof.route),
         seconds={"assemble": assemble, "solve": proof.seconds, "total": assemble + elapsed},
         model=options,
-        extra=proof.extra,
+        facts=proof.extra,
         notes=tuple(proof.notes),
-        falling=_falling(template, proof),
-        growing=proof.ray.forces * scaling.face if status is Status.LOCKED and proof.ray is not None else None,
+        instability_mechanism=_instability_mechanism(template, proof),
+        unbounded_forces=proof.ray.forces * scaling.face if status is Status.LOCKED and proof.ray is not None else None,
     )
 
 
-def _falling(template: Template, proof: Proof) -> Floats | None:
+def _instability_mechanism(template: Template, proof: Proof) -> Floats | None:
     """Return the velocities (n, q) that prove an instability.
 
     The largest displacement, or without any the largest rotation, is 1.

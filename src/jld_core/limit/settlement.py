@@ -232,7 +232,7 @@ def _analysis(assembly: Assembly, velocity: Floats, gap: float, sign: float, ori
     weights = np.where(assembly.elements.support[:, None], velocity, 0.0)[rows].ravel()
     row = (matrix.T @ weights) * scaling.face.ravel() / scaling.force
     beside = Beside(row=row, dead=-origin / scaling.force, live=-sign)
-    template = Template(assembly, scaling, yield_set(assembly, scaling, "paper"), beside)
+    template = Template(assembly, scaling, yield_set(assembly, scaling, "uncoupled"), beside)
     analysis = LimitAnalysis(assembly, template=template, gap=gap, solver="clarabel")
     analysis.floor = tolerances.GAP_FLOOR * reference_load(assembly) / scaling.force
     return analysis
@@ -276,7 +276,7 @@ def _thrust(
         forces=state.forces * scaling.face,
         mechanism=mechanism,
         iterations=proof.solves,
-        route=tuple(proof.route),
+        solve_log=tuple(proof.route),
         seconds={"assemble": analysis.seconds, "solve": proof.seconds, "total": analysis.seconds + proof.seconds},
         model=SolveOptions(gap=gap),
     )

@@ -3,7 +3,7 @@
 - `CoulombWedge`: yield sets of planar faces of one label without compressive strength
 - `EffectiveAreas`: effective rectangles of spatial faces, as they enter torsion
 - `FrictionSet`: interface of a yield set with cohesion and friction
-- `InnerBending`: form of the inner bending set, "paper" (uncoupled) or "kern"
+- `InnerBending`: form of the inner bending set, "uncoupled" (uncoupled) or "kern"
 - `PlanarYield`: yield sets of planar faces
 - `PrescribedFriction`: yield set whose friction depends on prescribed normal forces
 - `RowPattern`: sparsity and numbers of the yield rows under both labels

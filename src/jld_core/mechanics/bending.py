@@ -15,8 +15,8 @@ from jld_core.arrays import Bools, Floats, Ints
 from jld_core.assembly import Interfaces
 from jld_core.geometry import polygons
 
-InnerBending = Literal["paper", "kern"]
-"""Bending set of inner rectangles: "paper" is the uncoupled form (2.5), "kern" the elastic edge stress (2.6)."""
+InnerBending = Literal["uncoupled", "kern"]
+"""Bending set of inner rectangles: "uncoupled" is the uncoupled form (2.5), "kern" the elastic edge stress (2.6)."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def bending_of(faces: Interfaces, point: Bools, inner_bending: InnerBending, cru
     dry, inner, dry_corners, inner_corners = (np.zeros((start[-1], 2)) for _ in range(4))
     place = start[:-1][rectangle][:, None] + np.arange(4)
     dry[place], dry_corners[place] = _SIDES, _DIAGONALS
-    rows, corners = (_SIDES, _DIAGONALS) if inner_bending == "paper" else (_DIAGONALS, _TIPS)
+    rows, corners = (_DIAGONALS, _TIPS) if inner_bending == "kern" else (_SIDES, _DIAGONALS)
     inner[place], inner_corners[place] = 3.0 * rows, corners / 3.0
     for position, outline in zip(general.tolist(), outlines, strict=True):
         part = slice(start[position], start[position + 1])

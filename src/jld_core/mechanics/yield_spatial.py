@@ -236,7 +236,7 @@ def _crush_dissipation(drive: Floats, jumps: Floats, crush: Floats) -> Floats:
     return np.asarray(crush * np.where(gain <= 0.0, 0.0, np.where(near, small, large)))
 
 
-def spatial_yield(assembly: Assembly, scaling: Scaling, inner_bending: InnerBending = "paper") -> SpatialYield:
+def spatial_yield(assembly: Assembly, scaling: Scaling, inner_bending: InnerBending = "uncoupled") -> SpatialYield:
     """Make the yield sets of all faces of a spatial assembly, and their row pattern.
 
     Parameters
@@ -245,9 +245,9 @@ def spatial_yield(assembly: Assembly, scaling: Scaling, inner_bending: InnerBend
         A spatial structure; for concave contact its `point_contact_assembly`.
     scaling : Scaling
         Scales of the assembly.
-    inner_bending : {"paper", "kern"}
-        "paper": uncoupled form for rectangles. "kern": elastic edge stress for all faces. Faces that are no rectangles
-        always have the kern form.
+    inner_bending : {"uncoupled", "kern"}
+        "uncoupled": uncoupled form for rectangles. "kern": elastic edge stress for all faces. Faces that are no
+        rectangles always have the kern form.
 
     Returns
     -------
@@ -270,7 +270,7 @@ def spatial_yield(assembly: Assembly, scaling: Scaling, inner_bending: InnerBend
     return SpatialYield(**vars(sets), point=point, bending=bending, pattern=spatial_rows(sets, point, bending))
 
 
-def yield_set(assembly: Assembly, scaling: Scaling, inner_bending: InnerBending = "paper") -> FrictionSet:
+def yield_set(assembly: Assembly, scaling: Scaling, inner_bending: InnerBending = "uncoupled") -> FrictionSet:
     """Make the yield sets of all faces of a planar or spatial assembly.
 
     Parameters
@@ -279,7 +279,7 @@ def yield_set(assembly: Assembly, scaling: Scaling, inner_bending: InnerBending 
         A planar or spatial structure.
     scaling : Scaling
         Scales of the assembly.
-    inner_bending : {"paper", "kern"}
+    inner_bending : {"uncoupled", "kern"}
         Bending form of inner faces in space (see `spatial_yield`); ignored in the plane.
 
     Returns

@@ -17,7 +17,7 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
-from jld_core.errors import InputError
+from jld_core.errors import ParameterError
 from jld_core.geometry import rectangle_torsion_length
 from jld_core.limit import LimitAnalysis, Motion, Proof, Prover, State, Status, number, relative_width
 from jld_core.mechanics import EffectiveAreas, PrescribedFriction
@@ -52,15 +52,15 @@ HOLD: Final = 30.0
 def require_rectangles(assembly: Assembly, labels: Bits) -> None:
     """Raise InputError for a planar scene, dry faces without any rectangle, or dry cohesion."""
     if assembly.dimension == 2:
-        raise InputError("--effective-area", "the scene is planar", "a spatial scene")
+        raise ParameterError("effective_area", "the scene is planar", "a spatial scene")
     odd = np.flatnonzero(labels & ~assembly.interfaces.rectangle)
     if odd.size and odd.size == np.count_nonzero(labels):
         problem = f"dry face {assembly.pair(odd[0])} is no rectangle, nor is any other"
-        raise InputError("--effective-area", problem, "a scene with dry rectangles")
+        raise ParameterError("effective_area", problem, "a scene with dry rectangles")
     stuck = np.flatnonzero(labels & (assembly.strengths.cohesion > 0.0))
     if stuck.size:
         problem = f"dry face {assembly.pair(stuck[0])} has cohesion"
-        raise InputError("--effective-area", problem, "friction alone, which acts where N does")
+        raise ParameterError("effective_area", problem, "friction alone, which acts where N does")
 
 
 def areas_under(assembly: Assembly, forces: Floats, labels: Bits) -> EffectiveAreas:

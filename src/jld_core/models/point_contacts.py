@@ -8,7 +8,7 @@ import numpy as np
 
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.assembly import DRY, INNER, Assembly
-from jld_core.errors import InputError
+from jld_core.errors import ParameterError
 from jld_core.limit import LimitAnalysis, Proof, State, element_velocities
 from jld_core.mechanics import local_hulls
 
@@ -46,12 +46,10 @@ def point_contact_assembly(assembly: Assembly, labels: Bits) -> tuple[Assembly, 
     hard = np.flatnonzero(labels & np.isfinite(assembly.strengths.crush_dry))
     if hard.size:
         problem = f"dry face {assembly.pair(hard[0])} has a compressive strength"
-        raise InputError("--contact concave", problem, "convex contact there")
+        raise ParameterError("contact", problem, "convex contact there")
     stuck = np.flatnonzero(labels & (assembly.strengths.cohesion > 0.0))
     if stuck.size:
-        raise InputError(
-            "--contact concave", f"dry face {assembly.pair(stuck[0])} has cohesion", "convex contact there"
-        )
+        raise ParameterError("contact", f"dry face {assembly.pair(stuck[0])} has cohesion", "convex contact there")
     points: list[Floats] = [faces.polygon[face].mean(axis=0)[None] for face in range(len(faces))]
     dry = np.flatnonzero(labels)
     for face, outline in zip(dry.tolist(), local_hulls(faces, dry), strict=True):

@@ -6,21 +6,21 @@ their own module, which runs only where the options ask for the feature.
 
 from __future__ import annotations
 
-import inspect
 import math
 import time
-from collections.abc import Callable
-from dataclasses import fields
-from typing import Any, Final, TypeVar, cast
+from typing import Final, cast
 
-import numpy as np
-
+from jld_core import tolerances
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.errors import InputError, SolverError
+from jld_core.errors import ParameterError, SolverError
 from jld_core.limit import (
     FALLBACKS,
+    FLOOR_SECONDS,
+    Condense,
+    Contacts,
     Fallback,
+    Friction,
     LimitAnalysis,
     LimitAnalysisResult,
     Proof,
@@ -29,78 +29,81 @@ from jld_core.limit import (
     governing_result,
     result_of,
 )
-from jld_core.mechanics import require_materials
+from jld_core.mechanics import InnerBending, require_materials
 from jld_core.models.effective_area import prove_effective_area, require_rectangles
+from jld_core.models.inputs import Labels, Structure, assembly_of, labels_of
 from jld_core.models.point_contacts import point_contact_assembly, proof_of_faces
 from jld_core.models.rigid_blocks import prove_condensed, worth_condensing
 from jld_core.models.zero_dilation.search import ProximalOptions
 from jld_core.models.zero_dilation.solve import prove_zero_dilation
-from jld_core.solvers import is_large
+from jld_core.solvers import Solver, is_large
 from jld_core.threads import one_thread
 
-_Function = TypeVar("_Function", bound=Callable[..., Any])
 
-
-def _with_options(function: _Function) -> _Function:
-    """Replace `**options` in a function signature by the fields of `SolveOptions`.
-
-    `help` and notebooks then show these fields.
-    """
-    stated = inspect.signature(function)
-    own = [one for one in stated.parameters.values() if one.kind is not inspect.Parameter.VAR_KEYWORD]
-    more = [
-        inspect.Parameter(one.name, inspect.Parameter.KEYWORD_ONLY, default=one.default, annotation=one.type)
-        for one in fields(SolveOptions)
-    ]
-    function.__signature__ = stated.replace(parameters=[*own, *more])  # type: ignore[attr-defined]
-    return function
-
-
-@_with_options
 @one_thread()
-def solve(assembly: Assembly, labels: Bits | None = None, **options: Any) -> LimitAnalysisResult:
+def solve(
+    structure: Structure,
+    labels: Labels | None = None,
+    *,
+    friction: Friction = "associative",
+    range: bool = False,
+    floor_seconds: float = FLOOR_SECONDS,
+    contact: Contacts = "convex",
+    effective_area: bool = False,
+    inner_bending: InnerBending = "uncoupled",
+    condense: Condense = "auto",
+    solver: str | Solver = "auto",
+    gap: float = tolerances.GAP,
+) -> LimitAnalysisResult:
     """Compute the collapse load factor of one labelling, with a two-sided bracket.
 
     Parameters
     ----------
-    assembly : Assembly
-        Planar or spatial assembly, with or without load cases.
-    labels : (m,) bool array, optional
-        Labels, True = dry. Default: the labels of the scene.
-    **options
-        Fields of `SolveOptions`, by keyword.
+    structure : str, Path, Scene or Assembly
+        Scene file, scene or assembly, planar or spatial, with or without load cases.
+    labels : (m,) array or str, optional
+        Labels in the order of the interfaces: True or 1 = dry, False or 0 = inner, or a text of the letters d and i.
+        Default: the labels of the scene.
+    friction, range, floor_seconds, contact, effective_area, inner_bending, condense, solver, gap
+        Options of model and solver, as in `SolveOptions`.
 
     Returns
     -------
     LimitAnalysisResult
-        Result in scene units. For an assembly with load cases: the governing factor, with the result of each
+        Result in scene units. For a structure with load cases: the governing factor, with the result of each
         case in `cases`.
 
     Raises
     ------
     InputError
-        If a material that the labelling needs is missing, or an option has an invalid value.
+        If the scene cannot be used, the labels have a wrong length or value, a material that the labelling needs is
+        missing, or an option has an invalid value.
 
     Notes
     -----
     Source: Iannuzzo et al. 2024, eq. (2); docs/method.md (2.1), (3.3).
+
+    Examples
+    --------
+    >>> result = solve("scenes/flat_beam_arch.json", friction="zero-dilation")
+    >>> result.load_factor, result.bracket
     """
+    model = SolveOptions(friction, range, floor_seconds, contact, effective_area, inner_bending, condense, solver, gap)
+    assembly = assembly_of(structure)
+    return _solve(assembly, labels_of(assembly, labels), model)
+
+
+def _solve(assembly: Assembly, labels: Bits, model: SolveOptions) -> LimitAnalysisResult:
+    """Solve one labelling under every load case and combine the results."""
     if assembly.cases:
-        return governing_result(
-            assembly,
-            {
-                case.name: solve(one, labels, **options)
-                for case, one in zip(assembly.cases, assembly.by_case, strict=True)
-            },
-        )
-    model = SolveOptions(**options)
-    own = assembly.labels if labels is None else np.asarray(labels, dtype=bool)
-    require_materials(assembly, own, ~own)
-    analysis = limit_analysis(assembly, model, reference=own, single=model.modular)
+        cases = zip(assembly.cases, assembly.by_case, strict=True)
+        return governing_result(assembly, {case.name: _solve(one, labels, model) for case, one in cases})
+    require_materials(assembly, labels, ~labels)
+    analysis = limit_analysis(assembly, model, reference=labels, single=model.modular)
     start = time.perf_counter()
-    proof = solve_labelling(analysis, own, model, stands=True)
+    proof = solve_labelling(analysis, labels, model, stands=True)
     elapsed = time.perf_counter() - start
-    return result_of(analysis.template, own, model, proof, assemble=analysis.seconds, elapsed=elapsed)
+    return result_of(analysis.template, labels, model, proof, assemble=analysis.seconds, elapsed=elapsed)
 
 
 def limit_analysis(
@@ -157,7 +160,7 @@ def require_model(assembly: Assembly, options: SolveOptions, dry: Bits) -> None:
         try:
             analysis.route.require(analysis.template.structure)
         except SolverError as error:
-            raise InputError("--solver", str(error), "a solver that takes this scene") from None
+            raise ParameterError("solver", str(error), "a solver that takes this scene") from None
 
 
 def solve_labelling(

@@ -142,7 +142,7 @@ class ConicProgram:
 
     @cached_property
     def rounded(self) -> ConicProgram:
-        """This program with M and r rounded to `_SHARED_BITS` bits, as solvers see it.
+        """The program that solvers see: M and r rounded to `_SHARED_BITS` bits.
 
         A solver's path, and with it the last digits of its answer, then depends neither on units nor on the order of a
         sum. What is proven from that answer is computed from the numbers as they are.

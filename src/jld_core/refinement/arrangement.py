@@ -78,7 +78,7 @@ def split_by_cells(
         parts[element].append((int(cell_of[face]), faces[face]))
     for name, shape, own in zip(ids, shapes, parts, strict=True):
         if abs(sum(part.area for _, part in own) - shape.area) > _LOST * shape.area:
-            raise InputError(f"element {name!r}", "its cells do not add up to it", "--cell with another size")
+            raise InputError(f"element {name!r}", "its cells do not add up to it", "`cell` with another size")
     return [[part for _, part in sorted(own, key=lambda entry: (entry[0], entry[1].bounds))] for own in parts]
 
 

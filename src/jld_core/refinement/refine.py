@@ -11,7 +11,7 @@ import shapely
 from jld_core.arrays import Floats
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
-from jld_core.errors import InputError
+from jld_core.errors import InputError, ParameterError
 from jld_core.geometry import Faces, region_of
 from jld_core.refinement.arrangement import join_small, split_by_cells
 from jld_core.refinement.tessellation import MOST, convex, cut, sectors, squares, voronoi
@@ -108,20 +108,20 @@ def refine(
 def _check(scene: Scene, cell: tuple[float, ...], kind: str, by: str | None, centre: Any) -> None:
     """Raise InputError for arguments that do not fit the scene."""
     if kind not in KINDS:
-        raise InputError("--kind", f"no cells are named {kind!r}", "one of " + ", ".join(KINDS))
+        raise ParameterError("kind", f"no cells are named {kind!r}", "one of " + ", ".join(KINDS))
     if by is not None and by not in BY:
-        raise InputError("--by", f"{by!r} is unknown", "one of " + ", ".join(BY))
+        raise ParameterError("by", f"{by!r} is unknown", "one of " + ", ".join(BY))
     if not 1 <= len(cell) <= scene.dimension or not all(0.0 < size < float("inf") for size in cell):
-        raise InputError(
-            "--cell", f"{','.join(f'{size:g}' for size in cell)} is wrong", "one size above 0 for each axis"
+        raise ParameterError(
+            "cell", f"{','.join(f'{size:g}' for size in cell)} is wrong", "one size above 0 for each axis"
         )
     if kind != "grid" and scene.dimension == 3:
-        raise InputError("--kind", f"{kind} cells are planar and the scene is spatial", "grid")
+        raise ParameterError("kind", f"{kind} cells are planar and the scene is spatial", "grid")
     if kind == "radial" and (centre is None or len(cell) != 2):
         what = "it has no centre" if centre is None else "it has one size"
-        raise InputError("--kind radial", what, "--centre x,y and --cell THICKNESS,DEGREES")
+        raise ParameterError("kind", what, "`centre` x,y and `cell` THICKNESS,DEGREES")
     if centre is not None and not np.isfinite(centre).all():
-        raise InputError("--centre", f"{centre[0]:g},{centre[1]:g} is no point", "x,y")
+        raise ParameterError("centre", f"{centre[0]:g},{centre[1]:g} is no point", "x,y")
     if scene.interfaces is not None:
         raise InputError("interfaces", "they are given by hand", "a scene whose interfaces are found")
     if scene.materials.faces:
@@ -187,7 +187,9 @@ def _spatial(assembly: Assembly, cell: tuple[float, ...]) -> list[list[_Piece]]:
     upper = elements.upper[elements.free].max(axis=0)
     counts = [int(np.ceil((upper[axis] - lower[axis]) / sizes[axis] - 1e-9)) for axis in range(3)]
     if np.prod(np.array(counts, dtype=float)) > MOST:
-        raise InputError("--cell", f"that makes {np.prod(np.array(counts, dtype=float)):.3g} cells", f"at most {MOST}")
+        raise ParameterError(
+            "cell", f"that makes {np.prod(np.array(counts, dtype=float)):.3g} cells", f"at most {MOST}"
+        )
     planes = [(np.eye(3)[axis], lower[axis] + sizes[axis] * np.arange(1, counts[axis])) for axis in range(3)]
     found = []
     for k, (vertices, faces) in enumerate(zip(elements.shape, elements.faces, strict=True)):

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 
 from jld_core.arrays import Floats
-from jld_core.errors import InputError
+from jld_core.errors import ParameterError
 from jld_core.geometry import Faces, facets_of
 
 MOST: Final = 100_000
@@ -65,7 +65,7 @@ def sectors(
     """
     thick, angle = cell
     if not angle <= 120.0:
-        raise InputError("--cell", f"sectors of {angle:g} degrees are no sectors", "at most 120 degrees")
+        raise ParameterError("cell", f"sectors of {angle:g} degrees are no sectors", "at most 120 degrees")
     corners = np.array([[x, y] for x in (lower[0], upper[0]) for y in (lower[1], upper[1])])
     turns = max(3, round(360.0 / angle))
     # chords lie inside their circle, so that the last ring must be larger
@@ -87,7 +87,7 @@ def sectors(
 def _refuse(count: float) -> None:
     """Raise InputError for too many cells."""
     if count > MOST:
-        raise InputError("--cell", f"that makes {count:.3g} cells", f"at most {MOST}")
+        raise ParameterError("cell", f"that makes {count:.3g} cells", f"at most {MOST}")
 
 
 def cut(vertices: Floats, faces: Faces, normal: Floats, offset: float) -> list[tuple[Floats, Faces]]:

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Floats
-from jld_core.errors import InputError
+from jld_core.errors import ParameterError
 
 BONDS: Final = ("running", "third", "stack", "english", "flemish")
 """Names of the bonds.
@@ -28,7 +28,7 @@ def course(bond: str, number: int, length: float, stretcher: float) -> Floats:
     bond.
     """
     if bond not in BONDS:
-        raise InputError("--bond", f"no bond is named {bond!r}", "one of " + ", ".join(BONDS))
+        raise ParameterError("bond", f"no bond is named {bond!r}", "one of " + ", ".join(BONDS))
     if bond == "flemish":
         pattern, start = [stretcher, 0.5 * stretcher], 0.75 * stretcher * (number % 2)
     elif bond == "english":

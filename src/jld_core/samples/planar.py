@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core.arrays import Floats
-from jld_core.errors import InputError
+from jld_core.errors import ParameterError
 from jld_core.samples import bonds
 from jld_core.samples.stone import Stone, cap, check, choose, count, materials, scene_of, steps
 from jld_core.scene import Scene, parse_scene
@@ -60,7 +60,7 @@ def arch(
         wrong, limit = (
             (embrace, "an angle between 0 and 360") if thickness < 2.0 * radius else (thickness, "less than two radii")
         )
-        raise InputError("--embrace" if thickness < 2.0 * radius else "--thickness", f"{wrong:g} is wrong", limit)
+        raise ParameterError("embrace" if thickness < 2.0 * radius else "thickness", f"{wrong:g} is wrong", limit)
     half = np.radians(embrace) / 2.0
     fine = bond == "running"
     angles = np.linspace(np.pi / 2.0 + half, np.pi / 2.0 - half, (2 if fine else 1) * voussoirs + 1)
@@ -180,7 +180,7 @@ def buttress(
     count(1, courses=courses, columns=columns)
     cap(courses * columns)
     if not 0.0 <= thrust <= 1.0:
-        raise InputError("--thrust", f"{thrust:g} is wrong", "a share of the height, from 0 to 1")
+        raise ParameterError("thrust", f"{thrust:g} is wrong", "a share of the height, from 0 to 1")
     levels = np.linspace(0.0, height, courses + 1)
     width = base + (top - base) * levels / height
 
@@ -275,11 +275,11 @@ def _opening(text: str, courses: int, height: float, length: float) -> tuple[flo
     try:
         x, y, wide, tall = (float(part) for part in text.split(","))
     except ValueError:
-        raise InputError("--opening", f"{text!r} is no opening", "x,y,width,height, as 1.0,0.4,0.8,0.6") from None
+        raise ParameterError("opening", f"{text!r} is no opening", "x,y,width,height, as 1.0,0.4,0.8,0.6") from None
     first, last = round(y / height), round((y + tall) / height)
     if not (x > 0.0 and wide > 0.0 and x + wide < length and 0 <= first < last < courses):
-        raise InputError(
-            "--opening", f"{text!r} does not fit", "an opening inside the wall with a course above it for the lintel"
+        raise ParameterError(
+            "opening", f"{text!r} does not fit", "an opening inside the wall with a course above it for the lintel"
         )
     return x, x + wide, first, last
 

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core.arrays import Floats
-from jld_core.errors import InputError
+from jld_core.errors import InputError, ParameterError
 from jld_core.scene import Scene, parse_scene
 
 
@@ -49,14 +49,14 @@ def check(**values: float) -> None:
     """Raise InputError for a dimension that is not above 0, named by its option."""
     for name, value in values.items():
         if not (value > 0.0 and np.isfinite(value)):
-            raise InputError(f"--{name.replace('_', '-')}", f"{value:g} is wrong", "a number above 0")
+            raise ParameterError(name, f"{value:g} is wrong", "a number above 0")
 
 
 def count(least: int, **values: int) -> None:
     """Raise InputError for a number of parts below `least` or above `MOST`."""
     for name, value in values.items():
         if not least <= value <= MOST:
-            raise InputError(f"--{name.replace('_', '-')}", f"{value} is wrong", f"a number from {least} to {MOST}")
+            raise ParameterError(name, f"{value} is wrong", f"a number from {least} to {MOST}")
 
 
 def cap(elements: float) -> None:
@@ -68,7 +68,7 @@ def cap(elements: float) -> None:
 def choose(option: str, value: str, allowed: Sequence[str]) -> None:
     """Raise InputError for a name that is not allowed."""
     if value not in allowed:
-        raise InputError(f"--{option}", f"{value!r} is unknown", "one of " + ", ".join(allowed))
+        raise ParameterError(option, f"{value!r} is unknown", "one of " + ", ".join(allowed))
 
 
 def scene_of(

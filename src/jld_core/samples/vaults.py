@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from jld_core.errors import InputError
+from jld_core.errors import ParameterError
 from jld_core.samples.stone import Stone, cap, check, choose, count, scene_of, steps, swept
 from jld_core.scene import Scene
 
@@ -54,13 +54,13 @@ def vault(
     choose("kind", kind, ("barrel", "cross"))
     choose("bond", bond, ("stack", "running"))
     if thickness >= 2.0 * radius:
-        raise InputError("--thickness", f"{thickness:g} is wrong", "less than two radii")
+        raise ParameterError("thickness", f"{thickness:g} is wrong", "less than two radii")
     if not 0.0 <= springing < 90.0:
-        raise InputError("--springing", f"{springing:g} is wrong", "an angle from 0 to less than 90")
+        raise ParameterError("springing", f"{springing:g} is wrong", "an angle from 0 to less than 90")
     inner, outer = radius - thickness / 2.0, radius + thickness / 2.0
     if kind == "cross":
         if voussoirs % 2:
-            raise InputError("--voussoirs", f"{voussoirs} is odd", "an even number, for a joint along each ridge")
+            raise ParameterError("voussoirs", f"{voussoirs} is odd", "an even number, for a joint along each ridge")
         elements = _cross(inner, outer, length, voussoirs // 2, courses, np.radians(springing))
     else:
         elements = _barrel(inner, outer, length, voussoirs, courses, np.radians(springing), bond == "running")
@@ -173,10 +173,10 @@ def dome(
     cap(meridians * parallels)
     choose("bond", bond, ("stack", "running"))
     if thickness >= 2.0 * radius:
-        raise InputError("--thickness", f"{thickness:g} is wrong", "less than two radii")
+        raise ParameterError("thickness", f"{thickness:g} is wrong", "less than two radii")
     if not (springing >= 0.0 and springing + oculus < 90.0):
-        raise InputError(
-            "--oculus", f"{oculus:g} is wrong", "an angle that leaves something between springing and oculus"
+        raise ParameterError(
+            "oculus", f"{oculus:g} is wrong", "an angle that leaves something between springing and oculus"
         )
     inner, outer = radius - thickness / 2.0, radius + thickness / 2.0
     fine = 2 if bond == "running" else 1

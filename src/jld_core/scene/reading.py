@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from jld_core.errors import InputError
+from jld_core.errors import InputError, ParameterError
 from jld_core.scene.complaints import first_complaint, plain, shown
 from jld_core.scene.schema import Scene
 from jld_core.scene.spread import lowered
@@ -112,7 +112,7 @@ def at_low(scene: Scene) -> Scene:
     low = document | {key: lowered(document[key]) for key in ("materials", "interfaces") if key in document}
     if low == document:
         given = '{"nominal": …, "low": …} for friction or a strength'
-        raise InputError("--robust", "no material value of the scene has a low one", given)
+        raise ParameterError("robust", "no material value of the scene has a low one", given)
     return parse_scene(low, "the scene at its low values")
 
 

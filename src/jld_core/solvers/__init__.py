@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from jld_core.errors import InputError, SolverError
+from jld_core.errors import ParameterError, SolverError
 from jld_core.program import ConicProgram, Structure
 from jld_core.solvers.base import RawSolution, RawStatus, Solver
 from jld_core.solvers.clarabel import ClarabelSolver
@@ -98,7 +98,7 @@ def require_solver(name: str) -> None:
         `SOLVERS` does not contain the name.
     """
     if name not in SOLVERS:
-        raise InputError("--solver", f"no solver is named {name!r}", "one of " + ", ".join(SOLVERS))
+        raise ParameterError("solver", f"no solver is named {name!r}", "one of " + ", ".join(SOLVERS))
 
 
 def auxiliary(program: ConicProgram, gap: float = 1e-8) -> RawSolution:

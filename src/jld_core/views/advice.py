@@ -35,11 +35,11 @@ def advice(result: LimitAnalysisResult) -> dict[str, str]:
 def _of_unstable(result: LimitAnalysisResult) -> dict[str, str]:
     """Describe the instability mechanism and a remedy."""
     found = {"next": "support what falls, or give its faces friction, cohesion or an inner label"}
-    if result.falling is None:
+    if result.instability_mechanism is None:
         return {"falls": "it does under any λ ≥ 0; by which motion is not known", **found}
     assembly, d = result.assembly, result.assembly.dimension
-    speed = result.falling[:, :d]
-    turning = np.linalg.norm(result.falling[:, d:], axis=1) * assembly.size
+    speed = result.instability_mechanism[:, :d]
+    turning = np.linalg.norm(result.instability_mechanism[:, d:], axis=1) * assembly.size
     size = np.maximum(np.linalg.norm(speed, axis=1), turning)
     moving = np.flatnonzero(size > _MOVES * size.max(initial=0.0))
     moving = moving[np.argsort(-size[moving], kind="stable")]
@@ -59,10 +59,10 @@ def _way(speed: Floats, turning: float) -> str:
 def _of_locked(result: LimitAnalysisResult) -> dict[str, str]:
     """Describe the supports between which forces are unbounded, and a remedy."""
     found = {"next": "a compressive_strength of dry and inner faces, which crushing then limits, gives a finite λ"}
-    if result.growing is None:
+    if result.unbounded_forces is None:
         return found
     faces, support = result.assembly.interfaces, result.assembly.elements.support
-    size = np.linalg.norm(result.growing, axis=1)
+    size = np.linalg.norm(result.unbounded_forces, axis=1)
     pressed = size > _CARRIES * size.max(initial=0.0)
     ends = np.concatenate([faces.a[pressed], faces.b[pressed]])
     names = [result.assembly.elements.ids[k] for k in np.unique(ends[support[ends]])]
@@ -74,7 +74,7 @@ def _of_locked(result: LimitAnalysisResult) -> dict[str, str]:
 def _of_uncertified(result: LimitAnalysisResult) -> dict[str, str]:
     """Return the option that may narrow the bracket."""
     low, high = result.bracket
-    used = {name.split(" ")[0] for name in result.route}
+    used = {name.split(" ")[0] for name in result.solve_log}
     others = [name for name in SOLVERS if name != "auto" and name not in used]
     solver = f"--solver {' or '.join(others)}" if others else "another --condense"
     if result.friction == "zero-dilation":

@@ -183,9 +183,9 @@ def draw_mechanism(ax: Axes, result: LimitAnalysisResult, share: float = 1.0) ->
     present. Without a mechanism, the structure at rest is drawn, with the reason in the title.
     """
     assembly, labels, projection = result.assembly, result.labels, projection_of(result.assembly)
-    ink, falls = default_ink(ax, assembly, labels), result.falling is not None
+    ink, falls = default_ink(ax, assembly, labels), result.instability_mechanism is not None
     if falls:
-        result = replace(result, mechanism=result.falling)
+        result = replace(result, mechanism=result.instability_mechanism)
     if result.mechanism is None:
         faded = LineStyle([FADED] * len(labels), ink.widths)
         drawn = paint(ax, assembly, labels, [PLAIN] * len(assembly.elements), faded)

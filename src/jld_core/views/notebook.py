@@ -9,7 +9,7 @@ import base64
 import math
 from collections.abc import Mapping
 from html import escape
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from jld_core.limit import LimitAnalysisResult, number
 from jld_core.notebook_repr import register_repr
 from jld_core.program import Template
 from jld_core.views.advice import advice
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 LARGEST: Final = 1500
 """Largest number of elements that a notebook draws automatically; larger drawings take megabytes and many seconds."""
@@ -110,7 +113,7 @@ def facts_of_result(result: LimitAnalysisResult) -> dict[str, str]:
     for note in result.notes:
         facts["note"] = f"{facts['note']}; {note}" if "note" in facts else note
     if result.friction == "zero-dilation":
-        extra = result.extra
+        extra = result.facts
         facts["associative"] = (
             f"{_shown(extra['associative_load_factor'])} (the only upper bound on every zero-dilation λ)"
         )
@@ -123,14 +126,14 @@ def facts_of_result(result: LimitAnalysisResult) -> dict[str, str]:
     for (name, one), required in zip(result.cases.items(), result.assembly.required, strict=False):
         ends = " ".join("none" if math.isnan(end) else f"{end:.12g}" for end in one.bracket)
         facts[f"λ {name}"] = f"{_shown(number(one.load_factor))} of {required:g} required ({one.status}, {ends})"
-    if "load_factor_nominal" in result.extra:
-        facts["λ at nominal"] = f"{_shown(result.extra['load_factor_nominal'])} (λ above is at the low values)"
-    for name, rate in result.extra.get("sensitivities", {}).items():
+    if "load_factor_nominal" in result.facts:
+        facts["λ at nominal"] = f"{_shown(result.facts['load_factor_nominal'])} (λ above is at the low values)"
+    for name, rate in result.facts.get("sensitivities", {}).items():
         facts[f"∂λ/∂{name}"] = _rate(rate)
     facts |= advice(result)
     stands = result.stands_at_zero
     facts["stands at 0"] = "undecided" if stands is None else "yes" if stands else "no"
-    facts["route"] = ", ".join(result.route)
+    facts["solve log"] = ", ".join(result.solve_log)
     facts["seconds"] = f"{result.seconds['total']:.3g} ({result.seconds['solve']:.3g} solving)"
     return facts
 
@@ -178,6 +181,12 @@ class AssemblyView:
 
         return figures.svg_of(figures.figure_of_assembly(thing))
 
+    def figure(self, thing: Assembly, *, ids: bool = False, values: bool = False) -> Figure:
+        """Return the figure; options as `figure_of_assembly`."""
+        from jld_core.views import figures
+
+        return figures.figure_of_assembly(thing, ids=ids, values=values)
+
     def html(self, thing: Assembly, drawing: str | None) -> str:
         """Return the HTML of facts and drawing."""
         return page(thing.name, facts_of_assembly(thing), drawing)
@@ -193,6 +202,12 @@ class ResultView:
         from jld_core.views import figures
 
         return figures.svg_of(figures.figure_of_result(thing))
+
+    def figure(self, thing: LimitAnalysisResult, *, ids: bool = False, values: bool = False) -> Figure:
+        """Return the figure; options as `figure_of_result`."""
+        from jld_core.views import figures
+
+        return figures.figure_of_result(thing, ids=ids, values=values)
 
     def html(self, thing: LimitAnalysisResult, drawing: str | None) -> str:
         """Return the HTML of facts and drawing."""

@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal, get_type_hints
+from typing import Annotated, Any, Literal, cast, get_type_hints
 
 import typer
 from typer.core import TyperGroup
@@ -22,8 +22,17 @@ from jld_core._version import __version__
 from jld_core.assembly import Assembly
 from jld_core.batch import described as kernel_in_use
 from jld_core.build import build_assembly, build_robust, settlements_of
-from jld_core.errors import InputError
-from jld_core.limit import FLOOR_SECONDS, Condense, Contacts, Friction, LimitAnalysisResult, SolveOptions, Status
+from jld_core.errors import InputError, ParameterError, error_context
+from jld_core.limit import (
+    FLOOR_SECONDS,
+    RENAMED_BENDING,
+    Condense,
+    Contacts,
+    Friction,
+    LimitAnalysisResult,
+    SolveOptions,
+    Status,
+)
 from jld_core.mechanics import InnerBending, require_materials
 from jld_core.models import (
     FIELD_SECONDS,
@@ -37,7 +46,7 @@ from jld_core.models import solve as solve_assembly
 from jld_core.scene import FieldCracks, Scene, load_scene
 from jld_core.solvers import SOLVERS
 from jld_core.tolerances import GAP
-from jld_explore import Exploration, ExploreSettings, explore
+from jld_explore import Exploration, explore
 from jld_explore.cli import exchange, overview, plot, samples
 from jld_explore.cli.assembly import assembly as laying
 from jld_explore.cli.cracks import (
@@ -53,7 +62,7 @@ from jld_explore.cli.cracks import (
 from jld_explore.cli.ending import UNCERTIFIED, raise_on_signals, run
 from jld_explore.cli.experiment import experiment
 from jld_explore.cli.layout import layout_of
-from jld_explore.cli.options import AsJson, Rank, SceneFile, error_context, refuse_itself
+from jld_explore.cli.options import AsJson, Rank, SceneFile, refuse_itself
 from jld_explore.cli.progress import ProgressBar
 from jld_explore.cli.settlement import settlement
 from jld_explore.cli.streams import say, warn
@@ -64,6 +73,15 @@ from jld_explore.report import (
     check_writable,
     words,
     write_text,
+)
+from jld_explore.settings import (
+    BudgetSettings,
+    ExploreSettings,
+    ModelSettings,
+    ObjectiveName,
+    OutputSettings,
+    ParallelSettings,
+    SearchMethod,
 )
 from jld_explore.space import SearchSpace, search_space
 from jld_explore.study import Interrupted
@@ -96,10 +114,6 @@ app.command(name="assembly")(laying)
 app.command(name="settlement")(settlement)
 app.command(name="verify")(verify_command)
 
-Objective = Literal["associative", "zero-dilation", "zero-dilation-floor", "experiment"]
-
-_EACH: Final = 20.0  # Processor time, s, for the lower bound of one labelling, where this bound is maximised.
-
 EffectiveArea = Annotated[
     bool, typer.Option("--effective-area", help="Torsion about the area really pressed (spatial).")
 ]
@@ -107,7 +121,10 @@ Contact = Annotated[
     Contacts, typer.Option(help="Resultants at centres of pressure, or points at the corners of dry faces.")
 ]
 Bending = Annotated[
-    InnerBending, typer.Option(help="Bending of spatial inner faces: uncoupled, or by elastic edge stress.")
+    Literal["uncoupled", "kern", "paper"],
+    typer.Option(
+        help="Bending of spatial inner faces: uncoupled, or by elastic edge stress; paper is uncoupled by its old name."
+    ),
 ]
 Blocks = Annotated[
     Condense, typer.Option(help="Rigid blocks, cracked on demand; auto: where inner faces are very strong.")
@@ -121,6 +138,14 @@ Strict = Annotated[bool, typer.Option("--strict", help="Take what is possible bu
 Robust = Annotated[
     bool, typer.Option("--robust", help="λ at the low values of materials, and at the nominal ones besides.")
 ]
+
+
+def _current_bending(given: str) -> InnerBending:
+    """Return the value of --inner-bending by its present name; warn about a name of version 0.2."""
+    if given not in RENAMED_BENDING:
+        return cast(InnerBending, given)
+    warn(f"jld: warning: --inner-bending {given} is now {RENAMED_BENDING[given]}; the old name works until version 0.4")
+    return RENAMED_BENDING[given]
 
 
 def _load(path: Path, strict: bool = False) -> tuple[Scene, Assembly]:
@@ -175,7 +200,7 @@ def solve(
     ] = FLOOR_SECONDS,
     effective_area: EffectiveArea = False,
     contact: Contact = "convex",
-    inner_bending: Bending = "paper",
+    inner_bending: Bending = "uncoupled",
     condense: Blocks = "auto",
     solver: First = "auto",
     gap: Gap = GAP,
@@ -195,7 +220,7 @@ def solve(
         floor_seconds=floor_seconds,
         effective_area=effective_area,
         contact=contact,
-        inner_bending=inner_bending,
+        inner_bending=_current_bending(inner_bending),
         condense=condense,
         solver=solver,
         gap=gap,
@@ -231,10 +256,10 @@ def solve(
     if robust:
         nominal = solve_assembly(assembly.at_nominal, result.labels, **vars(result.model)).load_factor
         result = replace(
-            result, extra={**result.extra, "load_factor_nominal": None if math.isnan(nominal) else nominal}
+            result, facts={**result.facts, "load_factor_nominal": None if math.isnan(nominal) else nominal}
         )
     rates = {name: rate.to_json() for name, rate in sensitivities(result).items()}
-    result = named(parsed, replace(result, extra={**result.extra, "sensitivities": rates}))
+    result = named(parsed, replace(result, facts={**result.facts, "sensitivities": rates}))
     if out is not None:
         _write_result(result, out)
     say(json.dumps(result.to_json(), indent=1) if as_json else result_in_words(parsed, result))
@@ -290,7 +315,7 @@ def explore_command(
         str | None, typer.Option(help="Search driver; default: one that proves where the proof is in reach.")
     ] = None,
     objective: Annotated[
-        Objective,
+        ObjectiveName,
         typer.Option(
             help="What is maximised: λ; without dilation the lowest found, or a proven bound below it (-floor); or "
             "what a virtual experiment carries."
@@ -308,7 +333,7 @@ def explore_command(
     robust: Robust = False,
     effective_area: EffectiveArea = False,
     contact: Contact = "convex",
-    inner_bending: Bending = "paper",
+    inner_bending: Bending = "uncoupled",
     condense: Blocks = "auto",
     solver: First = "auto",
     gap: Gap = GAP,
@@ -335,38 +360,27 @@ def explore_command(
     if certificate is not None:
         refuse_itself(scene, certificate)
     if jobs is not None and jobs > most:
-        raise InputError("--jobs", f"{jobs} processes would starve one another", f"at most {most} on this machine")
+        raise ParameterError("jobs", f"{jobs} processes would starve one another", f"at most {most} on this machine")
     raise_on_signals()
-    settings = ExploreSettings(
-        driver=driver,
-        model=SolveOptions(
-            friction="zero-dilation" if objective.startswith("zero") else "associative",
-            range=objective.startswith("zero"),
-            floor_seconds=_floor_seconds(objective),
-            effective_area=effective_area,
-            contact=contact,
-            inner_bending=inner_bending,
-            condense=condense,
-            solver=solver,
-            gap=gap,
-        ),
-        budget=budget,
-        seconds=seconds,
-        jobs=jobs or os.cpu_count() or 1,
-        seed=seed,
-        resume=resume,
-        experiment=experiment_of,
-        by_experiment=objective == "experiment",
-        strict=strict,
-        certificate=certificate,
-        robust=robust,
-        cluster=cluster,
-        options=own,
+    model = SolveOptions(
+        effective_area=effective_area,
+        contact=contact,
+        inner_bending=_current_bending(inner_bending),
+        condense=condense,
+        solver=solver,
+        gap=gap,
+    )
+    settings = ExploreSettings.of(
+        ModelSettings(model, robust=robust, experiment=experiment_of).maximising(objective),
+        BudgetSettings(budget, seconds),
+        ParallelSettings(jobs or os.cpu_count() or 1, cluster),
+        SearchMethod(driver, own, seed),
+        OutputSettings(resume, certificate=certificate, strict=strict),
     )
     announce = None if as_json else say
     try:
         with ProgressBar(parsed.name) as bar, error_context(scene, str(out)):
-            done = explore(parsed, out, settings, report=bar, announce=announce, started=context.obj)
+            done = explore(parsed, out, settings, bar, announce, started=context.obj)
     except Interrupted as stop:
         if stop.done is not None:
             _say_found(stop.done, as_json)
@@ -376,7 +390,7 @@ def explore_command(
 
 def _say_found(done: Exploration, as_json: bool) -> None:
     """Print the results of a search."""
-    say(json.dumps(done.summary, indent=1) if as_json else words.exploration(done))
+    say(json.dumps(done.summary.to_json(), indent=1) if as_json else words.exploration(done))
 
 
 @app.command()
@@ -392,16 +406,6 @@ def studio(
     from jld_explore.studio import open_studio
 
     open_studio(source, port, say, browser)
-
-
-def _floor_seconds(objective: str) -> float:
-    """Return the processor time for the proven lower bound on λ of each labelling.
-
-    It is spent only if this bound ranks the labellings.
-    """
-    if objective == "zero-dilation-floor":
-        return _EACH
-    return 0.0 if objective.startswith("zero") else SolveOptions().floor_seconds
 
 
 def _version(wanted: bool) -> None:

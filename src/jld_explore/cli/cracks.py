@@ -79,7 +79,7 @@ def of_cells(scene: Scene, assembly: Assembly, labels: Bits) -> tuple[Assembly, 
 
 def named(scene: Scene, result: LimitAnalysisResult) -> LimitAnalysisResult:
     """Return the result with its crack model among its facts."""
-    return replace(result, extra={"cracks": cracks_to_json(scene.cracks), **result.extra})
+    return replace(result, facts={"cracks": cracks_to_json(scene.cracks), **result.facts})
 
 
 def result_in_words(scene: Scene, result: LimitAnalysisResult) -> str:

@@ -25,6 +25,10 @@ _SIGNALS: Final = ("SIGINT", "SIGTERM", "SIGHUP")
 """Signals that stop a search; SIGHUP (closed terminal) does not exist on every system."""
 
 
+_PARAMETER: Final = re.compile(r"`(?P<name>[a-z_]+)(?:=(?P<value>[^`]*))?`")
+"""A parameter, with or without a value, in the message of an error: `friction="zero-dilation"`."""
+
+
 def raise_on_signals() -> None:
     """Let signals end a search with finished results on disk; ignored signals stay ignored."""
 
@@ -52,6 +56,24 @@ def usage_of(message: str) -> str:
     return f"{option}: {given[0] if given else 'the value'!r} is wrong; expected {wish}"
 
 
+def flag_of(parameter: str) -> str:
+    """Return the flag of a parameter: "--inner-bending" for "inner_bending"."""
+    return "--" + parameter.replace("_", "-")
+
+
+def in_flags(error: InputError) -> str:
+    """Return the message of an error with flags in the place of the parameters that it names."""
+
+    def flag(found: re.Match[str]) -> str:
+        name, value = found["name"], (found["value"] or "").strip("\"'")
+        if value in ("", "True"):
+            return flag_of(name)
+        return f"no {flag_of(name)}" if value == "False" else f"{flag_of(name)} {value}"
+
+    where = flag_of(error.parameter) if error.parameter else error.where
+    return str(InputError(where, _PARAMETER.sub(flag, error.problem), _PARAMETER.sub(flag, error.expected)))
+
+
 def complain(line: str) -> NoReturn:
     """Write an error to stderr and exit with the code for bad input."""
     warn(f"jld: {line}")
@@ -66,7 +88,7 @@ def run(app: typer.Typer, started: float) -> None:
     try:
         code = app(standalone_mode=False, obj=started)
     except InputError as error:
-        complain(str(error))
+        complain(in_flags(error))
     except _UsageError as error:
         complain(usage_of(error.format_message()))
     except SolverError as error:

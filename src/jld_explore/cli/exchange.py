@@ -8,13 +8,13 @@ from typing import Annotated
 import typer
 
 from jld_core.build import build_assembly
-from jld_core.errors import InputError
+from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.exchange import FORMATS, ImportOptions, Layout, blocks_csv, export, import_file
 from jld_core.models import solve
 from jld_core.refinement import KINDS, refine
 from jld_core.scene import load_scene, parse_scene
 from jld_explore.cli.layout import layout_of
-from jld_explore.cli.options import Rank, SceneFile, Source, error_context, refuse_itself
+from jld_explore.cli.options import Rank, SceneFile, Source, refuse_itself
 from jld_explore.cli.samples import Out, write_scene
 from jld_explore.cli.streams import say
 from jld_explore.report import write_text
@@ -106,10 +106,10 @@ def refine_command(
     seed: Annotated[int, typer.Option(min=0, help="Seed of Voronoi cells.")] = 0,
 ) -> None:
     """Split every element of a scene into cells, so that any drawing becomes a grid of candidate faces."""
-    sizes = _numbers("--cell", cell)
-    middle = None if centre is None else _numbers("--centre", centre)
+    sizes = _numbers("cell", cell)
+    middle = None if centre is None else _numbers("centre", centre)
     if middle is not None and len(middle) != 2:
-        raise InputError("--centre", f"{centre!r} is wrong", "x,y")
+        raise ParameterError("centre", f"{centre!r} is wrong", "x,y")
     parsed = load_scene(scene)
     place = None if middle is None else (middle[0], middle[1])
     with error_context(scene):
@@ -125,4 +125,4 @@ def _numbers(option: str, text: str) -> tuple[float, ...]:
     try:
         return tuple(float(part) for part in text.split(","))
     except ValueError:
-        raise InputError(option, f"{text!r} is wrong", "numbers, as 0.1,0.2") from None
+        raise ParameterError(option, f"{text!r} is wrong", "numbers, as 0.1,0.2") from None

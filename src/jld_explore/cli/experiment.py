@@ -13,13 +13,13 @@ import typer
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.errors import InputError
+from jld_core.errors import ParameterError, error_context
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.models import solve
 from jld_explore.cli.cracks import rigid_cells
 from jld_explore.cli.ending import UNCERTIFIED
 from jld_explore.cli.layout import layout_of
-from jld_explore.cli.options import AsJson, Rank, Source, error_context
+from jld_explore.cli.options import AsJson, Rank, Source
 from jld_explore.cli.streams import say
 from jld_explore.report import check_writable, csv_of, write_text
 
@@ -92,7 +92,7 @@ def _tangent(text: str) -> float:
     with contextlib.suppress(ValueError):
         if 0.0 <= (value := float(text)) < math.inf:
             return value
-    raise InputError("--dilation", f"{text!r} is no dilation", "0, friction or a tangent")
+    raise ParameterError("dilation", f"{text!r} is no dilation", "0, friction or a tangent")
 
 
 def _without_dilation(assembly: Assembly, labels: Bits) -> dict[str, Any]:
@@ -104,8 +104,8 @@ def _without_dilation(assembly: Assembly, labels: Bits) -> dict[str, Any]:
     found = solve(assembly, labels, friction="zero-dilation", range=planar, floor_seconds=_FLOOR)
     if found.status is not Status.COLLAPSE:
         return {"zero_dilation_lowest": None, "zero_dilation_highest": None, "zero_dilation_proven": None}
-    highest = found.extra["highest_found"] if planar else found.load_factor
-    proven = found.extra["lowest_proven"] if planar else None
+    highest = found.facts["highest_found"] if planar else found.load_factor
+    proven = found.facts["lowest_proven"] if planar else None
     lowest = found.load_factor
     return {"zero_dilation_lowest": lowest, "zero_dilation_highest": highest, "zero_dilation_proven": proven}
 

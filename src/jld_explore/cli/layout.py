@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Final
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
-from jld_core.errors import InputError
+from jld_core.errors import ParameterError, error_context
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.scene import Scene, load_scene
-from jld_explore.cli.options import error_context
 from jld_explore.report import Exploration, read_folder
 
 if TYPE_CHECKING:
@@ -28,7 +27,7 @@ def layout_of(source: Path, rank: int | None) -> tuple[Scene, Assembly, Bits]:
     """
     if not source.is_dir():
         if rank is not None:
-            raise InputError("--rank", f"{source} is a scene, which has no ranks", "a folder written by jld explore")
+            raise ParameterError("rank", f"{source} is a scene, which has no ranks", "a folder written by jld explore")
         scene = load_scene(source)
         with error_context(source):
             assembly = build_assembly(scene)
@@ -45,18 +44,18 @@ def plot_ranks(source: Path, text: str, out: Path | None, ending: str) -> Path:
     Raises InputError for invalid ranks or a source that is no results folder.
     """
     if not source.is_dir():
-        raise InputError("--rank", f"{source} is a scene, which has no ranks", "a folder written by jld explore")
+        raise ParameterError("rank", f"{source} is a scene, which has no ranks", "a folder written by jld explore")
     try:
         ranks = [int(part) for part in text.split(",")]
     except ValueError:
-        raise InputError("--rank", f"{text!r} is wrong", "ranks, as 1,4") from None
+        raise ParameterError("rank", f"{text!r} is wrong", "ranks, as 1,4") from None
     if not 1 <= len(ranks) <= _MOST:
-        raise InputError("--rank", f"{len(ranks)} layouts do not fit side by side", f"at most {_MOST}")
+        raise ParameterError("rank", f"{len(ranks)} layouts do not fit side by side", f"at most {_MOST}")
     done = read_folder(source)
     results = [done.result(rank) for rank in ranks]
     target = out or source / f"layouts_{'_'.join(map(str, ranks))}.{ending}"
     if target.suffix not in (".png", ".svg", ".pdf"):
-        raise InputError("--out", f"{target.name!r} has no known ending", ".png, .svg or .pdf")
+        raise ParameterError("out", f"{target.name!r} has no known ending", ".png, .svg or .pdf")
     from jld_core.views import figures
 
     counts = [sum(1 for block in done.layout(rank).blocks if block.cells) for rank in ranks]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -15,18 +13,6 @@ SceneFile = Annotated[Path, typer.Argument(help="Scene file (JSON).", show_defau
 Source = Annotated[Path, typer.Argument(help="A scene file, or a folder written by jld explore.", show_default=False)]
 Rank = Annotated[int | None, typer.Option(min=1, help="Row of a folder's results.csv; default 1.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
-
-
-@contextmanager
-def error_context(file: Path, *outside: str) -> Iterator[None]:
-    """Add the file name to errors about its content.
-
-    Errors about options, or about paths that begin with one of `outside`, stay unchanged.
-    """
-    try:
-        yield
-    except InputError as error:
-        raise (error if error.where.startswith(("--", *outside)) else error.within(str(file))) from None
 
 
 def refuse_itself(source: Path, out: Path) -> None:

@@ -8,11 +8,11 @@ from typing import Annotated, Literal
 import typer
 
 from jld_core.build import build_assembly
-from jld_core.errors import InputError
+from jld_core.errors import ParameterError, error_context
 from jld_core.models import solve
 from jld_core.scene import load_scene
 from jld_explore.cli.layout import layout_of, plot_ranks
-from jld_explore.cli.options import Source, error_context, refuse_itself
+from jld_explore.cli.options import Source, refuse_itself
 from jld_explore.cli.streams import say
 from jld_explore.report import read_folder, scene_page, write_pictures, write_report, write_text
 
@@ -36,7 +36,7 @@ def plot_command(
     """Draw a scene with its own labels, or a study's pictures again; gif and mp4 show its mechanism moving."""
     moving = kind in ("gif", "mp4") or (out is not None and out.suffix in (".gif", ".mp4"))
     if source.is_dir() and (ids or values):
-        raise InputError("--ids" if ids else "--values", "a study's pictures have none", "a scene, or the page of it")
+        raise ParameterError("ids" if ids else "values", "a study's pictures have none", "a scene, or the page of it")
     if moving:
         say(_animate(source, rank, out, kind))
     elif rank is not None:
@@ -66,7 +66,7 @@ def _of_scene(source: Path, out: Path | None, kind: str, ids: bool, values: bool
         write_text(target, scene_page(scene, assembly))
         return target
     if target.suffix not in (".png", ".svg", ".pdf"):
-        raise InputError("--out", f"{target.name!r} has no known ending", ".png, .svg, .pdf, .html, .gif or .mp4")
+        raise ParameterError("out", f"{target.name!r} has no known ending", ".png, .svg, .pdf, .html, .gif or .mp4")
     from jld_core.views import figures
 
     figures.save_figure(figures.figure_of_assembly(assembly, ids=ids, values=values), target)
@@ -78,7 +78,7 @@ def _animate(source: Path, rank: str | None, out: Path | None, kind: str) -> Pat
     try:
         number = None if rank is None else int(rank)
     except ValueError:
-        raise InputError("--rank", f"{rank!r} is wrong", "one rank for an animation") from None
+        raise ParameterError("rank", f"{rank!r} is wrong", "one rank for an animation") from None
     _, assembly, labels = layout_of(source, number)
     name = f"mechanism_{rank or 1}.{kind}"
     target = out or (source / name if source.is_dir() else Path(source.with_suffix(f".{kind}").name))

@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from jld_core.arrays import Bits
 from jld_core.deadline import Deadline
-from jld_core.errors import InputError
+from jld_core.errors import InputError, ParameterError
 from jld_explore.evaluation import Evaluation, Records
 from jld_explore.space import SearchSpace
 
@@ -247,4 +247,4 @@ def _complaint(error: Any) -> InputError:
         "int_type": "a whole number",
         "extra_forbidden": "an option that the driver has",
     }.get(error["type"], error["msg"].lower())
-    return InputError("--" + str(error["loc"][0]).replace("_", "-"), f"{given!r} is wrong", expected)
+    return ParameterError(str(error["loc"][0]), f"{given!r} is wrong", expected)

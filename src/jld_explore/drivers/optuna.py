@@ -25,7 +25,7 @@ from pydantic import Field
 
 from jld_core.arrays import Bits
 from jld_core.deadline import Deadline
-from jld_core.errors import InputError
+from jld_core.errors import InputError, ParameterError
 from jld_core.limit import Status
 from jld_explore.drivers.base import DriverOptions
 from jld_explore.drivers.searcher import Searcher
@@ -92,11 +92,11 @@ def make_sampler(name: str, seed: int) -> tuple[str, optuna.samplers.BaseSampler
 
     known = {plain(other): other for other in sampler_names()}
     if plain(name) not in known:
-        raise InputError("--sampler", f"no sampler is named {name!r}", "one of " + ", ".join(known.values()))
+        raise ParameterError("sampler", f"no sampler is named {name!r}", "one of " + ", ".join(known.values()))
     needed = _NEEDS.get(plain(name))
     if needed is not None and importlib.util.find_spec(needed) is None:
         problem = f"{known[plain(name)]} needs the package {needed}, which is not installed"
-        raise InputError("--sampler", problem, "another sampler, or that package")
+        raise ParameterError("sampler", problem, "another sampler, or that package")
     kind: Any = getattr(optuna.samplers, known[plain(name)] + "Sampler")
     if seed >= _SEEDS:  # the generators of the library accept smaller seeds only
         seed = int(np.random.SeedSequence(seed).generate_state(1)[0])
@@ -370,4 +370,4 @@ def _journal(file: Path) -> Any:
 
 def _unusable(url: str, error: Exception) -> InputError:
     """Return the InputError for a storage that cannot be used."""
-    return InputError("--storage", f"{url!r} cannot be used ({str(error).splitlines()[0]})", "the URL of a database")
+    return ParameterError("storage", f"{url!r} cannot be used ({str(error).splitlines()[0]})", "the URL of a database")

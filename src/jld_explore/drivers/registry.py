@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, Final
 
-from jld_core.errors import InputError
+from jld_core.errors import ParameterError
 from jld_explore.drivers.anneal import Anneal
 from jld_explore.drivers.base import Driver
 from jld_explore.drivers.enumeration import Enumeration
@@ -69,8 +69,8 @@ def make_driver(name: str, space: SearchSpace, seed: int, **options: Any) -> Dri
     given = {key: value for key, value in options.items() if value is not None}
     for key in given:
         if key not in DRIVERS[name].Options.model_fields:
-            others = " or ".join(f"--driver {kind.name}" for kind in owners(key)) or "an option that it has"
-            raise InputError(f"--{key}", f"the driver {name} has no such option", others)
+            others = " or ".join(f'`driver="{kind.name}"`' for kind in owners(key)) or "an option that it has"
+            raise ParameterError(key, f"the driver {name} has no such option", others)
     kind = DRIVERS[name]
     if kind is Exact and space.search.require is not None:
         # with a required load factor the exact driver optimises a count

@@ -11,6 +11,8 @@
 - `EvaluatorSettings`: settings of an evaluator
 - `IncumbentFront`: largest λ known for each combination of front counts
 - `MakeEvaluator`: type of a function that makes the evaluator of a worker
+- `OwnObjective`: type of a function of the user that replaces λ as the objective
+- `OwnObjectiveEvaluator`: evaluator whose load factors are the values of such a function
 - `PoolWorker`: process or cluster worker that keeps state between its tasks
 - `RecordedEvaluator`: evaluator that runs workers and writes a record
 - `Records`: evaluations and conflicts on disk
@@ -44,6 +46,7 @@ from jld_explore.evaluation.cluster import client_of_cluster, on_cluster
 from jld_explore.evaluation.deferred_signals import raise_deferred
 from jld_explore.evaluation.evaluation import BOUND, FAILED, Evaluation
 from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings
+from jld_explore.evaluation.own_objective import OwnObjective, OwnObjectiveEvaluator
 from jld_explore.evaluation.pruning import IncumbentFront
 from jld_explore.evaluation.ranking import (
     ORDER,
@@ -76,6 +79,8 @@ __all__ = [
     "EvaluatorSettings",
     "IncumbentFront",
     "MakeEvaluator",
+    "OwnObjective",
+    "OwnObjectiveEvaluator",
     "PoolWorker",
     "RecordedEvaluator",
     "Records",

@@ -14,7 +14,7 @@ from typing import Any, Final
 import joblib
 
 from jld_core import __version__
-from jld_core.errors import InputError
+from jld_core.errors import ParameterError
 
 _ANSWER: Final = 10.0
 """Seconds in which a scheduler must answer."""
@@ -48,19 +48,21 @@ def on_cluster(url: str | None) -> Iterator[None]:
     try:
         import distributed  # An optional dependency that is slow to import.
     except ImportError:
-        raise InputError("--cluster", "distributed is not installed", 'the extra: pip install "jld[cluster]"') from None
+        raise ParameterError(
+            "cluster", "distributed is not installed", 'the extra: pip install "jld[cluster]"'
+        ) from None
     library: Any = distributed  # The library has no type hints.
     try:
         client = library.Client(url, timeout=_ANSWER)
     except (OSError, ValueError, TypeError) as error:
         problem = f"no scheduler answers at {url!r} ({type(error).__name__})"
-        raise InputError("--cluster", problem, "the address of a running one, tcp://host:8786") from None
+        raise ParameterError("cluster", problem, "the address of a running one, tcp://host:8786") from None
     try:
         try:
             client.wait_for_workers(1, timeout=_WORKERS)
         except TimeoutError:
             problem = f"the scheduler at {url!r} has no workers"
-            raise InputError("--cluster", problem, f"at least one within {_WORKERS:g} s: dask worker URL") from None
+            raise ParameterError("cluster", problem, f"at least one within {_WORKERS:g} s: dask worker URL") from None
         _require_version(client)
         with joblib.parallel_config(backend="dask", wait_for_workers_timeout=_WORKERS):
             yield
@@ -75,7 +77,7 @@ def _require_version(client: Any) -> None:
     for worker, version in sorted(found.items()):
         if version != __version__:
             has = f"jld {version}" if isinstance(version, str) else f"no jld ({type(version).__name__})"
-            raise InputError("--cluster", f"the worker {worker} has {has}", f"jld {__version__} on every worker")
+            raise ParameterError("cluster", f"the worker {worker} has {has}", f"jld {__version__} on every worker")
 
 
 def client_of_cluster() -> Any | None:

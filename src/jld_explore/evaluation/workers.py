@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
 
+import cloudpickle
 import joblib
 import numpy as np
 
@@ -30,7 +31,7 @@ from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.batch import chosen
 from jld_core.deadline import Deadline, DeadlinePassed
-from jld_core.errors import InputError
+from jld_core.errors import ParameterError
 from jld_core.threads import one_thread
 from jld_explore.evaluation.cases import evaluator_of
 from jld_explore.evaluation.evaluation import FAILED, Evaluation
@@ -95,7 +96,7 @@ class WorkerSpec:
     @classmethod
     def of(cls, assembly: Assembly, settings: EvaluatorSettings, make: MakeEvaluator = evaluator_of) -> WorkerSpec:
         """Make the specification of an assembly, settings and a function that makes evaluators."""
-        content = pickle.dumps((make, assembly, settings))
+        content = cloudpickle.dumps((make, assembly, settings))  # pickle refuses functions defined in a program
         # Include the batch solver in the digest, since results depend on it.
         kernel = (chosen() or "none").encode()
         return cls(content, hashlib.sha256(kernel + content).hexdigest(), os.getpid())
@@ -112,7 +113,9 @@ class WorkerSpec:
             known = _last.get(self.digest)
             if known is None:
                 if self.version != __version__:
-                    raise InputError("--cluster", f"a worker has jld {__version__}", f"jld {self.version} on every one")
+                    raise ParameterError(
+                        "cluster", f"a worker has jld {__version__}", f"jld {self.version} on every one"
+                    )
                 make, assembly, settings = pickle.loads(self.content)
                 made = make(assembly, settings)
                 _last.clear()

@@ -4,6 +4,7 @@
 - `Exploration`: finished search with its tables
 - `Page`: page of a search for a notebook
 - `PageData`: data of a page
+- `Summary`: outcome of a search by named fields
 - `assembly`: describe an assembly and its search space for `jld check`
 - `asset`: return the text of a front-end file
 - `asset_names`: list the front-end files that a browser loads
@@ -47,6 +48,7 @@ from jld_explore.report.page_contract import PageData
 from jld_explore.report.page_data import loads_of, page_data, solution_of
 from jld_explore.report.page_of_study import CaseSolver, scene_page, study_data, study_page, write_report
 from jld_explore.report.reading import read_folder
+from jld_explore.report.summary import Summary
 from jld_explore.report.tables import results_table
 from jld_explore.report.words import assembly
 
@@ -55,6 +57,7 @@ __all__ = [
     "Exploration",
     "Page",
     "PageData",
+    "Summary",
     "assembly",
     "asset",
     "asset_names",

@@ -9,17 +9,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jld_core.assembly import Assembly
-from jld_core.errors import InputError
+from jld_core.errors import ParameterError
 from jld_core.exchange import Layout
 from jld_core.limit import LimitAnalysisResult, SolveOptions, Status
 from jld_core.models import solve
 from jld_core.notebook_repr import NotebookRepr
 from jld_core.scene import Scene
+from jld_explore.report.summary import Summary
 from jld_explore.space import cut
 from jld_explore.study import StopReason
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -38,8 +40,8 @@ class Exploration(NotebookRepr):
         One row per class, ranked, with the columns of results.csv.
     front : DataFrame
         Rows of `results` on the front, with a column `evidence`.
-    summary : dict
-        Content of summary.json.
+    summary : Summary
+        Best layout, proof and course of the search, as in summary.json.
     folder : Path
         Results folder.
     stop_reason : StopReason
@@ -52,17 +54,26 @@ class Exploration(NotebookRepr):
     assembly: Assembly
     results: pd.DataFrame
     front: pd.DataFrame
-    summary: dict[str, Any]
+    summary: Summary
     folder: Path
     stop_reason: StopReason
     model: SolveOptions = field(default_factory=SolveOptions)
 
     def __repr__(self) -> str:
-        best = self.summary["best"]
-        found = (
-            "none ranked" if best is None else f"best λ = {best:.9g}" + (", proven" if self.summary["proven"] else "")
-        )
+        best, proven = self.summary.best, ", proven" if self.summary.proven else ""
+        found = "none ranked" if best is None else f"best λ = {best:.9g}{proven}"
         return f"Exploration({self.scene.name!r}, {len(self.results)} classes, {found}, in {self.folder})"
+
+    def plot(self) -> Figure:
+        """Draw λ against the counts of the front, with the layouts on the front.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            Figure; save it by `savefig`.
+        """
+        figure: Figure = self.drawn()
+        return figure
 
     def layout(self, rank: int | None = None) -> Layout:
         """Return one layout as blocks.
@@ -109,11 +120,11 @@ class Exploration(NotebookRepr):
         ranked = int(np.count_nonzero(self.results["status"] == str(Status.COLLAPSE)))
         if rank is None and not ranked:
             problem = f"no layout of {self.folder} has a load factor to be ranked by"
-            raise InputError("--rank", problem, f"a row of results.csv, 1 to {len(self.results)}")
+            raise ParameterError("rank", problem, f"a row of results.csv, 1 to {len(self.results)}")
         number = 1 if rank is None else rank
         if not 1 <= number <= len(self.results):
             expected = (
                 f"1 to {len(self.results)}, the rows of results.csv" if len(self.results) else "a search with rows"
             )
-            raise InputError("--rank", f"{self.folder} has no layout of rank {number}", expected)
+            raise ParameterError("rank", f"{self.folder} has no layout of rank {number}", expected)
         return self.results.iloc[number - 1]

@@ -11,11 +11,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from jld_core.deadline import Deadline
-from jld_core.errors import InputError
+from jld_core.errors import InputError, ParameterError
 from jld_core.exchange import blocks_csv
 from jld_core.files import require_writable, whole_file
 from jld_core.limit import LimitAnalysisResult
-from jld_core.models import solve
 from jld_explore.drivers import what_would_prove
 from jld_explore.evaluation import RECORDS_FILE
 from jld_explore.report import required, tables
@@ -23,8 +22,8 @@ from jld_explore.report.columns import columns, csv_of
 from jld_explore.report.evidence import front_rows, values_on, with_evidence
 from jld_explore.report.exploration import Exploration
 from jld_explore.report.reading import history_of
-from jld_explore.space import cut
-from jld_explore.study import StopReason, Study
+from jld_explore.report.summary import Summary
+from jld_explore.study import StopReason, Study, name_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -65,7 +64,9 @@ def check_folder(folder: Path, resume: bool) -> None:
     if not folder.exists() or not any(folder.iterdir()):
         return
     if not resume:
-        raise InputError(str(folder), "the folder is not empty", "an empty or new folder, or --resume to go on with it")
+        raise InputError(
+            str(folder), "the folder is not empty", "an empty or new folder, or `resume=True` to go on with it"
+        )
     if not (folder / RECORDS_FILE).exists():
         raise InputError(
             str(folder), f"nothing to go on with: no {RECORDS_FILE} in it", "a folder written by jld explore"
@@ -111,16 +112,16 @@ def check_certificate_file(path: Path, folder: Path) -> None:
     InputError
         The file cannot be written, or is one that the search itself writes. Nothing stays on disk then.
     """
-    option, expected = "--certificate", "a file in a folder that can be written into"
+    option, expected = "certificate", "a file in a folder that can be written into"
     place, results = Path(os.path.realpath(path)), Path(os.path.realpath(folder))
     if place == results or path.is_dir():
-        raise InputError(option, f"{path} is a folder", "a file")
+        raise ParameterError(option, f"{path} is a folder", "a file")
     if place.parent == results and place.name in RESERVED:
-        raise InputError(option, f"the search writes {path} itself", "another name")
+        raise ParameterError(option, f"the search writes {path} itself", "another name")
     try:
         require_writable(place)
     except OSError as error:
-        raise InputError(option, f"{path} cannot be written ({error.strerror})", expected) from None
+        raise ParameterError(option, f"{path} cannot be written ({error.strerror})", expected) from None
 
 
 def write_tables(study: Study, reason: StopReason) -> Exploration:
@@ -138,7 +139,10 @@ def write_tables(study: Study, reason: StopReason) -> Exploration:
     Exploration
         Tables and summary as written.
     """
-    results = tables.results_table(study.records, study.assembly, study.space, study.driver.name)
+    own = study.settings.own_objective
+    results = tables.results_table(
+        study.records, study.assembly, study.space, study.driver.name, own_objective=own is not None
+    )
     real = study.assembly if study.space.void is None else study.space.void.real
     axes = study.scene.search.front.axes
     counts = [name for name, _ in axes]
@@ -153,6 +157,9 @@ def write_tables(study: Study, reason: StopReason) -> Exploration:
     if model.effective_area:
         # A proof holds for the effective areas of one fixed point and not for other fixed points.
         found |= {"proven": False, "bound": None, "gap": None}
+    if own is not None:
+        # Bounds on λ say nothing about another objective.
+        found |= {"own_objective": name_of(own), "proven": False, "bound": None, "gap": None}
     found |= study.driver.facts(results, complete)
     aimed = study.driver.settings.get("aim") == "front"
     sure = complete and bool(found["proven"])
@@ -165,7 +172,8 @@ def write_tables(study: Study, reason: StopReason) -> Exploration:
     found["best_by_count"] = every
     found |= asked
     front = with_evidence(front, found, counts)
-    found["next"] = what_would_prove(study.space, model, found, whole=study.driver.exhaustive, finite=study.finite)
+    if own is None:
+        found["next"] = what_would_prove(study.space, model, found, whole=study.driver.exhaustive, finite=study.finite)
     write_text(study.folder / "faces.csv", csv_of(tables.faces_table(real, study.space)))
     write_text(study.folder / "results.csv", csv_of(results))
     with whole_file(study.folder / "results.parquet") as fresh:
@@ -174,7 +182,7 @@ def write_tables(study: Study, reason: StopReason) -> Exploration:
     write_text(study.folder / tables.CONVERGENCE, csv_of(tables.convergence_table(study.records)))
     write_text(study.folder / "columns.json", json.dumps(columns(real), indent=1, ensure_ascii=False))
     write_text(study.folder / "summary.json", json.dumps(found, indent=1))
-    done = Exploration(study.scene, real, results, front, found, study.folder, reason, model)
+    done = Exploration(study.scene, real, results, front, Summary.of(found), study.folder, reason, model)
     if found["best_labelling"] is not None:
         write_text(study.folder / "blocks.csv", blocks_csv(done.layout()))
     return done
@@ -210,7 +218,7 @@ def write_pictures(
     """
     written, missing = [], []
     for name in PICTURES:
-        if name == "best" and done.summary["best_labelling"] is None:
+        if name == "best" and done.summary.best_labelling is None:
             continue
         for own, draw in _drawings(name, done).items():
             if deadline is not None and deadline.remaining() < _DRAWING:
@@ -248,7 +256,7 @@ class _Best:
     @cached_property
     def _found(self) -> LimitAnalysisResult:
         """Limit analysis of the best layout."""
-        return solve(*cut(self._done.assembly, self._done.summary["best_labelling"]), **vars(self._done.model))
+        return self._done.result()
 
     def draw(self, case: str | None = None) -> Figure:
         """Draw the layout under one load case given by name; None means the governing case."""
@@ -270,7 +278,7 @@ def _drawn(name: str, done: Exploration) -> Figure:
         return drawings.plot_dry_frequency(done.results, done.assembly)
     history = history_of(done.folder)
     assert history is not None
-    return drawings.plot_convergence({str(done.summary["driver"]): history})
+    return drawings.plot_convergence({str(done.summary.driver): history})
 
 
 def write_text(path: Path, text: str) -> None:

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import html
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from jld_core.notebook_repr import register_repr
 from jld_core.views import notebook
 from jld_explore.report import words
 from jld_explore.report.exploration import Exploration
 from jld_explore.report.page_of_study import PATIENCE, study_page
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 class ExplorationView:
@@ -23,6 +27,12 @@ class ExplorationView:
         from jld_explore.report.pictures_of_three import front_picture
 
         return svg_of(front_picture(thing))
+
+    def figure(self, thing: Exploration, *, ids: bool = False, values: bool = False) -> Figure:
+        """Return the figure of the front with its layouts, which has no ids or values."""
+        from jld_explore.report.pictures_of_three import front_picture
+
+        return front_picture(thing)
 
     def html(self, thing: Exploration, drawing: str | None) -> str:
         """Return facts, drawing and the first rows of both tables as HTML."""

@@ -287,8 +287,8 @@ def within(solution: Solution, assembly: Assembly, text: str) -> Solution:
 
 def _case(name: str, result: LimitAnalysisResult, required: float) -> CaseSolution:
     """Return the data of one load case: λ, forces, thrust and mechanism."""
-    if result.falling is not None:
-        result = replace(result, mechanism=result.falling)  # Show the mechanism that proves instability.
+    if result.instability_mechanism is not None:
+        result = replace(result, mechanism=result.instability_mechanism)  # Show the mechanism that proves instability.
     assembly, forces, mechanism = result.assembly, result.forces, result.mechanism
     found: CaseSolution = {
         "name": name,

@@ -127,20 +127,20 @@ def study_data(
     rows = chosen_rows(done.results, done.front)
     axes = done.scene.search.front.axes
     history = history_of(done.folder)
-    curves = [] if history is None else [curve_of(str(done.summary["driver"]), history)]
+    curves = [] if history is None else [curve_of(str(done.summary.driver), history)]
     left_out = len(done.results) - len(rows)
     return page_data(
         kind=kind,
         scene=done.scene,
         assembly=done.assembly,
         candidates=search_space(done.scene, done.assembly).candidates[: len(done.assembly.interfaces)],
-        facts={**words.facts_of_exploration(done), **facts_of_summary(done.summary, done.results)},
-        warnings=[str(text) for text in done.summary.get("warnings", [])],
+        facts={**words.facts_of_exploration(done), **facts_of_summary(done.summary.facts, done.results)},
+        warnings=[str(text) for text in done.summary.warnings],
         how=HOW,
         table=table_of(rows, done.front, done.assembly, axes=axes, left_out=left_out),
         solutions=_solutions(rows, done, patience, dear),
         convergence=curves,
-        summary=done.summary,
+        summary=done.summary.facts,
         studio=studio,
     )
 

@@ -12,13 +12,14 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly, build_robust
 from jld_core.errors import InputError
-from jld_core.limit import SolveOptions, Status
+from jld_core.limit import RENAMED_BENDING, SolveOptions, Status
 from jld_core.scene import load_scene
 from jld_core.solvers import SOLVERS
 from jld_explore.evaluation import RECORDS_FILE
 from jld_explore.report import tables
 from jld_explore.report.evidence import with_evidence
 from jld_explore.report.exploration import Exploration
+from jld_explore.report.summary import Summary
 from jld_explore.space import is_labelling
 from jld_explore.study import StopReason
 
@@ -104,7 +105,7 @@ def read_folder(folder: Path) -> Exploration:
         assembly=assembly,
         results=results,
         front=with_evidence(tables.front_table(results, axes), summary, counts),
-        summary=summary,
+        summary=Summary.of(summary),
         folder=folder,
         stop_reason=StopReason(summary["stop_reason"]),
         model=_model(folder / "summary.json", summary["model"]),
@@ -174,6 +175,8 @@ def _model(path: Path, facts: dict[str, Any]) -> SolveOptions:
     known = dict(facts)
     if known.get("solver") not in SOLVERS:
         known["solver"] = "auto"
+    if "inner_bending" in known:
+        known["inner_bending"] = RENAMED_BENDING.get(known["inner_bending"], known["inner_bending"])
     try:
         return SolveOptions(**known)
     except TypeError as error:

@@ -54,7 +54,9 @@ def faces_table(assembly: Assembly, space: SearchSpace) -> pd.DataFrame:
     return table
 
 
-def results_table(records: Records, assembly: Assembly, space: SearchSpace, driver: str) -> pd.DataFrame:
+def results_table(
+    records: Records, assembly: Assembly, space: SearchSpace, driver: str, *, own_objective: bool = False
+) -> pd.DataFrame:
     """Make the table of results: one row per class, collapse by λ, then the other statuses.
 
     If a load factor is required, layouts that reach it come first, sorted by the count of the front.
@@ -69,6 +71,8 @@ def results_table(records: Records, assembly: Assembly, space: SearchSpace, driv
         Search space.
     driver : str
         Name of the driver.
+    own_objective : bool
+        True if `load_factor` is the value of a function of the user; λ is then the last entry of `cases`.
 
     Returns
     -------
@@ -79,7 +83,7 @@ def results_table(records: Records, assembly: Assembly, space: SearchSpace, driv
 
     rows = records.rows
     labellings = unpack(rows["labelling"], records.faces)
-    associative, zero = rows["associative"], rows["zero_dilation"]
+    associative, zero = rows["cases"][:, -1] if own_objective else rows["associative"], rows["zero_dilation"]
     how = settled(rows)
     load_factor = load_factors(rows)
     table = pd.DataFrame(

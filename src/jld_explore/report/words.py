@@ -86,7 +86,7 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
 
     They include classes by status, the stop reason, and the best λ with its proof.
     """
-    facts = done.summary
+    facts = done.summary.facts
     counted = ", ".join(f"{number} {name}" for name, number in facts["counts_by_status"].items())
     best = "none" if facts["best"] is None else f"{facts['best']:.9g}"
     proof = "proven strongest" if facts["proven"] and facts["best"] is not None else "not proven"

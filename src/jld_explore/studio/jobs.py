@@ -114,7 +114,8 @@ class Jobs:
             self.all["study"] = Job("study", "study", study, _orders_of(study), state="done")
         for place in sorted(root.glob("*/" + ORDERS)):
             told = _read_object(place)
-            kind, orders = told.get("kind"), told.get("orders")
+            kind: Any = told.get("kind")
+            orders = told.get("orders")
             if kind not in get_args(Kind) or not isinstance(orders, dict):
                 raise InputError(str(place), "it is damaged (no kind or no settings)", _UNDAMAGED)
             state: State = "done" if told.get("done") else "stopped"

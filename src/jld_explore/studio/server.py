@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from jld_core.errors import InputError
+from jld_core.errors import InputError, ParameterError
 from jld_core.exchange import FORMATS
 from jld_core.scene import Scene, load_scene, parse_scene
 from jld_explore.report import PageData, page_data, read_folder, solution_of, study_data
@@ -140,5 +140,5 @@ def _listener(port: int) -> socket.socket:
         listener.listen()  # a browser may connect before the server is ready
     except (OSError, OverflowError) as error:
         listener.close()
-        raise InputError("--port", f"{port} cannot be had ({error})", "a free port, or none for any") from None
+        raise ParameterError("port", f"{port} cannot be had ({error})", "a free port, or none for any") from None
     return listener

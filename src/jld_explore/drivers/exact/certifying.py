@@ -18,7 +18,7 @@ from pysat.solvers import Solver
 
 from jld_core._version import __version__
 from jld_core.arrays import Bits, Floats
-from jld_core.errors import InputError
+from jld_core.errors import ParameterError
 from jld_core.limit import LimitAnalysis, SolveOptions, load_scale, relaxation_of
 from jld_core.scene import Scene
 from jld_core.solvers import make_solver
@@ -72,27 +72,27 @@ def check_certifiable(driver: Driver, model: SolveOptions, scene: Scene) -> None
     search = driver.space.search
     for key, given in (("assemble", search.assemble), ("require", search.require)):
         if given is not None:
-            raise InputError("--certificate", f"search.{key} is no rule of it", "a search without that")
+            raise ParameterError("certificate", f"search.{key} is no rule of it", "a search without that")
     if driver.space.assembly.nominal is not None:
-        raise InputError("--certificate", "it holds the values of the scene, not the low ones", "no --robust")
+        raise ParameterError("certificate", "it holds the values of the scene, not the low ones", "`robust=False`")
     if not isinstance(driver, Exact):
-        raise InputError("--certificate", f"the driver {driver.name} has no proof to write", "--driver exact")
+        raise ParameterError("certificate", f"the driver {driver.name} has no proof to write", '`driver="exact"`')
     assembly, limits = driver.space.assembly, driver.space.limits
     if limits.on_shapes:
-        raise InputError("--certificate", "limits on the shape of blocks are no rules of it", "a search without them")
+        raise ParameterError("certificate", "limits on the shape of blocks are no rules of it", "a search without them")
     Labellings(scene, assembly)  # raises InputError for a rule that the checker lacks
     for count, _ in limits.on_counts:
         terms = count.terms(assembly) if count.terms else None
         if terms is None or terms.blocks:
-            raise InputError("--certificate", f"search.{count.name} is no rule of it", "a search without that limit")
+            raise ParameterError("certificate", f"search.{count.name} is no rule of it", "a search without that limit")
     if driver.aim != "best":
-        raise InputError("--certificate", "a whole front has none", "--aim best")
+        raise ParameterError("certificate", "a whole front has none", '`aim="best"`')
     if not model.modular or model.friction != "associative":
-        raise InputError("--certificate", "it speaks of associative friction alone", "--objective associative")
+        raise ParameterError("certificate", "it speaks of associative friction alone", '`objective="associative"`')
     for case in assembly.by_case:
         Balances(case)  # raises InputError for a face without a work balance
     if driver.exhaustive:
-        raise InputError("--certificate", "of this space there is no proof but enumeration", _OPEN)
+        raise ParameterError("certificate", "of this space there is no proof but enumeration", _OPEN)
 
 
 def certify(driver: Exact, scene: Scene, path: Path, found: tuple[Bits, float] | None) -> None:
@@ -119,7 +119,7 @@ def certify(driver: Exact, scene: Scene, path: Path, found: tuple[Bits, float] |
         If the file cannot be written.
     """
     if driver.bound is None:
-        raise InputError("--certificate", "the search ended without any bound", _OPEN)
+        raise ParameterError("certificate", "the search ended without any bound", _OPEN)
     Certifier(scene, driver.space, driver.bound).write(path, driver.state.conflicts, found)
 
 
@@ -278,7 +278,7 @@ class Certifier:
         reason = self._mechanism(self._space.candidates, labels) or self._own_mechanism(labels)
         if reason is None:
             problem = f"of the layout {to_string(labels)} no mechanism in whole numbers keeps λ below {self.bound:.9g}"
-            raise InputError("--certificate", problem, _OPEN)
+            raise ParameterError("certificate", problem, _OPEN)
         return reason
 
     # --- mechanisms -------------------------------------------------------------------------------------

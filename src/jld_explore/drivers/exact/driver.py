@@ -30,7 +30,7 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Bits
-from jld_core.errors import InputError
+from jld_core.errors import InputError, ParameterError
 from jld_core.limit import load_scale
 from jld_explore.drivers.anneal import Anneal
 from jld_explore.drivers.base import Aim
@@ -120,10 +120,12 @@ class Exact(ConflictDriver):
         alone: int | None = None,
     ) -> None:
         if space.void is not None:
-            raise InputError("--driver", "exact proves nothing where cells may be left out", "enumeration or genetic")
+            raise ParameterError("driver", "exact proves nothing where cells may be left out", "enumeration or genetic")
         self.aim, self._programs = aim, programs
         if aim == "front" and space.search.front.counts:
-            raise InputError("search.front.counts", "two counts have no exact front", "one count, or --driver genetic")
+            raise InputError(
+                "search.front.counts", "two counts have no exact front", 'one count, or `driver="genetic"`'
+            )
         self._count = count_named(space.search.front.count) if aim == "front" else None
         if self._count is not None and self._count.terms is None:
             known = " or ".join(count.name for count in registered() if count.terms)

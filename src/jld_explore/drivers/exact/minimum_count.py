@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from jld_core.arrays import Bits, Floats
-from jld_core.errors import InputError
+from jld_core.errors import ParameterError
 from jld_explore.drivers.base import Aim
 from jld_explore.drivers.exact.conflict_driver import ConflictDriver
 from jld_explore.drivers.exact.conflict_sources import ConflictSources
@@ -52,7 +52,7 @@ class MinimumCount(ConflictDriver):
         self, space: SearchSpace, seed: int = 0, aim: Aim = "best", *, search: int = 5, alone: int | None = None
     ) -> None:
         if space.search.require is None or aim != "best":
-            raise InputError("--aim", "a front is not what search.require asks for", "best")
+            raise ParameterError("aim", "a front is not what search.require asks for", "best")
         name, sense = space.search.front.axes[0]
         self._count, self._least = count_named(name), sense == "min"
         super().__init__(space, seed, self._count, alone=alone)

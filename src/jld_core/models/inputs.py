@@ -1,0 +1,137 @@
+"""Conversion of what a caller gives to an assembly and labels, with one clear error for anything else."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from jld_core.arrays import Bits
+from jld_core.assembly import Assembly
+from jld_core.build import build_assembly
+from jld_core.errors import ParameterError, error_context
+from jld_core.scene import Scene, load_scene
+
+Structure = str | Path | Scene | Assembly
+"""What can be solved: a scene file, a scene or an assembly."""
+
+Labels = str | ArrayLike
+"""One labelling: m letters d and i, or m values True or 1 (dry) and False or 0 (inner)."""
+
+_LETTERS: Final = {"d": True, "i": False}
+"""Labels by their letters, as in results.csv."""
+
+
+def assembly_of(structure: Structure) -> Assembly:
+    """Return the assembly of a scene file, of a scene, or an assembly itself.
+
+    Parameters
+    ----------
+    structure : str, Path, Scene or Assembly
+        A text is the name of a scene file.
+
+    Returns
+    -------
+    Assembly
+        Assembly under the labels of the scene.
+
+    Raises
+    ------
+    InputError
+        If the file or the scene cannot be used, or the object is none of these.
+    """
+    if isinstance(structure, Assembly):
+        return structure
+    if isinstance(structure, Scene):
+        return build_assembly(structure)
+    if not isinstance(structure, str | Path):
+        problem = f"{type(structure).__name__!r} is no structure"
+        raise ParameterError("structure", problem, "the name of a scene file, a Scene or an Assembly")
+    scene = load_scene(Path(structure))
+    with error_context(structure):
+        return build_assembly(scene)
+
+
+def labels_of(assembly: Assembly, labels: Labels | None) -> Bits:
+    """Return one labelling as a checked bool array.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Assembly with m interfaces.
+    labels : (m,) array or str, optional
+        True, 1 or "d" = dry; False, 0 or "i" = inner. Default: the labels of the scene.
+
+    Returns
+    -------
+    (m,) bool array
+        Labels, True = dry.
+
+    Raises
+    ------
+    InputError
+        If the number of labels is wrong, or a label has another value.
+    """
+    if labels is None:
+        return assembly.labels
+    return _checked(_values(labels), len(assembly.interfaces), "labels")
+
+
+def labellings_of(assembly: Assembly, labellings: ArrayLike | Iterable[Labels]) -> Bits:
+    """Return several labellings as a checked bool array.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Assembly with m interfaces.
+    labellings : (k, m) array or sequence of labellings
+        Each row as in `labels_of`.
+
+    Returns
+    -------
+    (k, m) bool array
+        Labels, True = dry.
+
+    Raises
+    ------
+    InputError
+        If a row has a wrong number of labels, or a label has another value.
+    """
+    faces = len(assembly.interfaces)
+    expected = f"rows of {faces} labels"
+    if isinstance(labellings, np.ndarray) and labellings.ndim == 2 and labellings.dtype == np.bool_:
+        if labellings.shape[1] != faces:
+            raise ParameterError("labellings", f"rows have {labellings.shape[1]} labels", expected)
+        return labellings
+    if isinstance(labellings, str) or not isinstance(labellings, Iterable):
+        raise ParameterError("labellings", f"{labellings!r} is no sequence of labellings", expected)
+    rows = [_checked(_values(row), faces, f"labellings[{k}]") for k, row in enumerate(labellings)]
+    return np.array(rows, dtype=bool).reshape(len(rows), faces)
+
+
+def _values(labels: Labels) -> NDArray[np.generic]:
+    """Return labels as an array of numbers, truth values or letters, not checked yet."""
+    if isinstance(labels, str):
+        return np.array(list(labels), dtype="U1")
+    try:
+        return np.asarray(labels)
+    except ValueError:  # rows of different lengths
+        return np.asarray(labels, dtype=object)
+
+
+def _checked(values: NDArray[np.generic], faces: int, parameter: str) -> Bits:
+    """Return labels as truth values; raise InputError for a wrong number or value."""
+    expected = f"{faces} labels, one per interface: True, 1 or d = dry; False, 0 or i = inner"
+    if values.ndim != 1 or len(values) != faces:
+        found = f"{len(values)} labels are given" if values.ndim == 1 else f"an array of shape {values.shape} is given"
+        raise ParameterError(parameter, found, expected)
+    if values.dtype == np.bool_:
+        return np.asarray(values, dtype=bool)
+    items: Sequence[object] = values.tolist()
+    for place, item in enumerate(items):
+        if item not in ((*_LETTERS,) if isinstance(item, str) else (0, 1)):
+            raise ParameterError(parameter, f"label {place} is {item!r}", expected)
+    return np.array([_LETTERS[item] if isinstance(item, str) else bool(item) for item in items], dtype=bool)

@@ -1,0 +1,91 @@
+"""Evaluate labellings by an objective of the user in the place of λ."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from jld_core.arrays import Bits, Floats
+from jld_core.assembly import Assembly
+from jld_core.deadline import Deadline
+from jld_core.errors import ParameterError
+from jld_core.limit import Status
+from jld_explore.evaluation.cases import evaluator_of
+from jld_explore.evaluation.evaluation import Evaluation
+from jld_explore.evaluation.evaluator import EvaluatorSettings
+
+OwnObjective = Callable[[Evaluation, Assembly, Bits], float]
+"""Function of an evaluation with its λ, the assembly, and the labels (m,); its value is maximised."""
+
+
+class OwnObjectiveEvaluator:
+    """Evaluator whose load factors are the values of a function of the user.
+
+    Only labellings that have a λ are valued; others keep their status and are not ranked. `associative`, `low` and
+    `high` of an evaluation are the value, and the last entry of its `cases` is λ.
+
+    Parameters
+    ----------
+    function : callable
+        Function of an evaluation, the assembly and the labels, which returns the value.
+    assembly : Assembly
+        Structure whose labellings are evaluated.
+    settings : EvaluatorSettings
+        Model and settings of the evaluator of λ.
+    """
+
+    def __init__(self, function: OwnObjective, assembly: Assembly, settings: EvaluatorSettings) -> None:
+        self._function, self._assembly = function, assembly
+        self._evaluator: Any = evaluator_of(assembly, settings)
+
+    def evaluate_all(
+        self,
+        labellings: Bits,
+        floors: Floats | None = None,
+        waiting: Bits | None = None,
+        deadline: Deadline | None = None,
+    ) -> list[Evaluation]:
+        """Evaluate labellings in turn until the deadline passes.
+
+        Parameters
+        ----------
+        labellings : (k, m) bool array
+            Labels, True = dry.
+        floors, waiting : optional
+            Ignored, since bounds on λ are no bounds on the objective.
+        deadline : Deadline, optional
+            Time after which no further labelling is begun.
+
+        Returns
+        -------
+        list of Evaluation
+            Evaluations of the first labellings, all k unless the deadline passes.
+        """
+        found = self._evaluator.evaluate_all(labellings, None, None, deadline)
+        return [self._valued(labels, one) for labels, one in zip(labellings, found, strict=False)]
+
+    def evaluate(self, labels: Bits, floor: float = -math.inf, waiting: Bits | None = None) -> Evaluation:
+        """Evaluate one labelling (m,); `floor` and `waiting` are ignored."""
+        return self.evaluate_all(labels[None])[0]
+
+    def _valued(self, labels: Bits, found: Evaluation) -> Evaluation:
+        """Return an evaluation with the value in the place of λ; raise InputError for a value that is no number."""
+        cases = found.cases or (math.nan,) * len(self._assembly.cases)
+        if found.status is not Status.COLLAPSE:
+            return replace(found, cases=(*cases, math.nan))
+        value: Any = self._function(found, self._assembly, labels)
+        if not isinstance(value, int | float | np.integer | np.floating) or not math.isfinite(value):
+            text = "".join("d" if dry else "i" for dry in labels)
+            raise ParameterError("objective", f"it is {value!r} for the labelling {text}", "a finite number")
+        return replace(
+            found,
+            low=float(value),
+            high=float(value),
+            associative=float(value),
+            zero_dilation=math.nan,
+            cases=(*cases, found.load_factor),
+        )

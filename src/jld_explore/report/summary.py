@@ -1,0 +1,116 @@
+"""Summary of a finished search, by named fields."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+from jld_core.deprecation import warn_renamed
+
+
+@dataclass(frozen=True)
+class Summary(Mapping[str, Any]):
+    """Outcome of a search: the best layout, its proof, and how it was found.
+
+    The fields are the entries of summary.json that every search has. Access by key, as to a dictionary, works until
+    version 0.4 with a warning.
+
+    Attributes
+    ----------
+    best : float or None
+        Largest load factor of the objective, scene units; None if no layout has one.
+    best_labelling : str or None
+        Letters d and i of that layout, in the order of faces.csv.
+    unbounded : bool
+        True if some layout is locked and carries any load.
+    proven : bool
+        True if no layout carries more than `best`.
+    bound : float or None
+        Proven upper bound on λ of all layouts; None without one.
+    gap : float or None
+        Relative difference between `best` and `bound`.
+    stop_reason : str
+        Reason why the search ended.
+    classes : int or None
+        Number of layouts, those equal by symmetry counted once; None if unknown.
+    labellings : int
+        Number of layouts evaluated, symmetric images included.
+    evaluated : int
+        Number of classes evaluated.
+    solved : int
+        Number of them solved in this run.
+    settled, pruned : int
+        Number of classes settled by proofs of other solves, and by a bound.
+    counts_by_status : dict of str to int
+        Number of classes by status.
+    seconds : float
+        Duration, s.
+    rate : float or None
+        Classes solved per second.
+    driver : str
+        Name of the driver.
+    seed : int
+        Seed of the driver.
+    warnings : list of str
+        Warnings about the scene and the search.
+    front : list of dict
+        Points of the front: `count`, `load_factor`, `bound`, `proven`.
+    next : str or None
+        What would bring a proof.
+    facts : dict
+        All entries of summary.json, also those of a single driver or option.
+    """
+
+    best: float | None
+    best_labelling: str | None
+    unbounded: bool
+    proven: bool
+    bound: float | None
+    gap: float | None
+    stop_reason: str
+    labellings: int
+    evaluated: int
+    counts_by_status: dict[str, int]
+    seconds: float
+    rate: float | None
+    driver: str
+    classes: int | None = None
+    solved: int = 0
+    settled: int = 0
+    pruned: int = 0
+    seed: int = 0
+    warnings: list[str] = field(default_factory=list)
+    front: list[dict[str, Any]] = field(default_factory=list)
+    next: str | None = None
+    facts: dict[str, Any] = field(default_factory=dict, repr=False)
+
+    @classmethod
+    def of(cls, facts: Mapping[str, Any]) -> Summary:
+        """Return the summary with given entries of summary.json.
+
+        Parameters
+        ----------
+        facts : mapping of str to object
+            Content of summary.json.
+        """
+        known = {one.name for one in fields(cls)} - {"facts"}
+        return cls(**{name: value for name, value in facts.items() if name in known}, facts=dict(facts))
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the content of summary.json."""
+        return dict(self.facts)
+
+    def __getitem__(self, key: str) -> Any:
+        """Return an entry of summary.json, as version 0.2 did."""
+        named = key in type(self).__dataclass_fields__
+        warn_renamed(f'summary["{key}"]', f"summary.{key}" if named else f'summary.facts["{key}"]')
+        return self.facts[key]
+
+    def __iter__(self) -> Iterator[str]:
+        """Return the keys of summary.json."""
+        return iter(self.facts)
+
+    def __len__(self) -> int:
+        """Return the number of entries of summary.json."""
+        return len(self.facts)

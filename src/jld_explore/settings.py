@@ -1,0 +1,228 @@
+"""Settings of a search, split by concern: model and objective, budget, parallel work, search method, output."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any, Final, Literal, get_args
+
+from jld_core.errors import ParameterError
+from jld_core.limit import SolveOptions
+from jld_explore.drivers import Driver
+from jld_explore.evaluation import OwnObjective
+
+ObjectiveName = Literal["associative", "zero-dilation", "zero-dilation-floor", "experiment"]
+"""What a search maximises: λ with associative friction; without dilation the lowest λ found, or a proven bound below
+it (-floor); or what a virtual experiment carries."""
+
+Objective = ObjectiveName | OwnObjective
+"""Objective by name, or a function of an evaluation, the assembly and the labels."""
+
+SMALL: Final = 20_000
+"""Default of `SearchMethod.small`: number of classes up to which a space is enumerated by default."""
+
+NO_CERTIFICATES: Final = "certificates has no effect and will be refused in version 0.4; leave it out"
+"""Warning about the former setting `certificates`, by which past solves settled further labellings."""
+
+_BOUND_SECONDS: Final = 20.0
+"""Processor time, s, for the lower bound of one labelling where this bound is the objective."""
+
+
+@dataclass(frozen=True)
+class ModelSettings:
+    """What is modelled, and what the search maximises.
+
+    Attributes
+    ----------
+    model : SolveOptions
+        Model whose λ is maximised.
+    robust : bool
+        Rank by λ at the low values of materials.
+    experiment : int or None
+        Number of best layouts by λ that are tested in the virtual experiment at the end.
+    by_experiment : bool
+        Search by experiment at the end, starting from the best layouts by λ.
+        The number of experiments is `experiment`, default 500.
+    own_objective : callable or None
+        Function that replaces λ as the objective, see `explore`.
+    """
+
+    model: SolveOptions = field(default_factory=SolveOptions)
+    robust: bool = False
+    experiment: int | None = None
+    by_experiment: bool = False
+    own_objective: OwnObjective | None = None
+
+    def maximising(self, objective: Objective) -> ModelSettings:
+        """Return the settings with another objective.
+
+        Parameters
+        ----------
+        objective : str or callable
+            Name of an objective, or a function of an evaluation, the assembly and the labels.
+
+        Returns
+        -------
+        ModelSettings
+            Settings whose model, experiment and function belong to the objective.
+
+        Raises
+        ------
+        InputError
+            If no objective has that name.
+        """
+        if callable(objective):
+            return replace(self, own_objective=objective, by_experiment=False)
+        names = get_args(ObjectiveName)
+        if objective not in names:
+            problem = f"no objective is named {objective!r}"
+            raise ParameterError("objective", problem, ", ".join(names) + " or a function")
+        if objective.startswith("zero"):
+            seconds = _BOUND_SECONDS if objective == "zero-dilation-floor" else 0.0
+            model = replace(self.model, friction="zero-dilation", range=True, floor_seconds=seconds)
+        else:
+            model = replace(self.model, friction="associative", range=False)
+        return replace(self, model=model, by_experiment=objective == "experiment", own_objective=None)
+
+
+@dataclass(frozen=True)
+class BudgetSettings:
+    """When a search ends at the latest.
+
+    Attributes
+    ----------
+    budget : int or None
+        Largest number of classes to evaluate.
+    seconds : float or None
+        Time limit, s.
+    """
+
+    budget: int | None = None
+    seconds: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.budget is not None and self.budget < 1:
+            raise ParameterError("budget", f"{self.budget} is no number of layouts", "a whole number from 1")
+        if self.seconds is not None and not self.seconds >= 0.0:
+            raise ParameterError("seconds", f"{self.seconds:g} is no time limit", "seconds, at least 0")
+
+
+@dataclass(frozen=True)
+class ParallelSettings:
+    """Where labellings are evaluated.
+
+    Attributes
+    ----------
+    jobs : int
+        Number of worker processes.
+    cluster : str or None
+        URL of a dask scheduler whose workers evaluate.
+    """
+
+    jobs: int = 1
+    cluster: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.jobs < 1:
+            raise ParameterError("jobs", f"{self.jobs} processes evaluate nothing", "a whole number from 1")
+
+
+@dataclass(frozen=True)
+class SearchMethod:
+    """Which labellings are tried, and in which order.
+
+    Attributes
+    ----------
+    driver : str, Driver or None
+        Name of a driver, a driver, or None to choose one.
+    options : dict
+        Options of a named driver.
+    seed : int
+        Seed of the random numbers.
+    small : int
+        Number of classes up to which a space is counted beforehand, and enumerated if no driver is named.
+        0 omits the count.
+    certificates : bool
+        No effect; accepted with a warning until version 0.4.
+    """
+
+    driver: str | Driver | None = None
+    options: dict[str, Any] = field(default_factory=dict)
+    seed: int = 0
+    small: int = SMALL
+    certificates: bool = False
+
+    def __post_init__(self) -> None:
+        if self.certificates:
+            warnings.warn(NO_CERTIFICATES, FutureWarning, stacklevel=3)
+
+
+@dataclass(frozen=True)
+class OutputSettings:
+    """What is written, and what is refused before the search begins.
+
+    Attributes
+    ----------
+    resume : bool
+        Continue the study in the folder.
+    pictures : bool
+        Write page and pictures at the end.
+    certificate : Path or None
+        File for the proof of the exact driver.
+    strict : bool
+        Treat plausibility warnings as errors.
+    """
+
+    resume: bool = False
+    pictures: bool = True
+    certificate: Path | None = None
+    strict: bool = False
+
+
+Part = ModelSettings | BudgetSettings | ParallelSettings | SearchMethod | OutputSettings
+"""Settings of one concern."""
+
+
+@dataclass(frozen=True)
+class ExploreSettings(OutputSettings, SearchMethod, ParallelSettings, BudgetSettings, ModelSettings):
+    """Settings of a search: all fields of the five concerns.
+
+    Make it from keywords, as in `ExploreSettings(driver="exact", seconds=60)`, or from parts by `of`. The fields are
+    those of `ModelSettings`, `BudgetSettings`, `ParallelSettings`, `SearchMethod` and `OutputSettings`.
+
+    Attributes
+    ----------
+    model, robust, experiment, by_experiment, own_objective
+        See `ModelSettings`.
+    budget, seconds
+        See `BudgetSettings`.
+    jobs, cluster
+        See `ParallelSettings`.
+    driver, options, seed, small, certificates
+        See `SearchMethod`.
+    resume, pictures, certificate, strict
+        See `OutputSettings`.
+    """
+
+    def __post_init__(self) -> None:
+        BudgetSettings.__post_init__(self)
+        ParallelSettings.__post_init__(self)
+        SearchMethod.__post_init__(self)
+
+    @classmethod
+    def of(cls, *parts: Part) -> ExploreSettings:
+        """Return the settings made of parts; a concern without a part has its defaults.
+
+        Parameters
+        ----------
+        *parts : ModelSettings, BudgetSettings, ParallelSettings, SearchMethod or OutputSettings
+            Settings of one concern each.
+        """
+        return cls(**{one.name: getattr(part, one.name) for part in parts for one in fields(part)})
+
+    def maximising(self, objective: Objective) -> ExploreSettings:
+        """Return the settings with another objective, see `ModelSettings.maximising`."""
+        part = ModelSettings(**{one.name: getattr(self, one.name) for one in fields(ModelSettings)})
+        changed = part.maximising(objective)
+        return replace(self, **{one.name: getattr(changed, one.name) for one in fields(ModelSettings)})

@@ -1,0 +1,75 @@
+"""Errors name parameters in Python and flags on the command line, by one mechanism."""
+
+from __future__ import annotations
+
+import json
+import pickle
+import re
+from pathlib import Path
+
+import pytest
+
+from command import call
+from jld_core import InputError, SolveOptions
+from jld_core.errors import ParameterError
+from jld_explore.cli.ending import in_flags
+from paths import ROOT
+
+
+@pytest.mark.parametrize(
+    ("options", "in_python", "on_command_line"),
+    [
+        (
+            {"range": True},
+            'range: λ of associative friction is one number; expected `friction="zero-dilation"` with it',
+            "--range: λ of associative friction is one number; expected --friction zero-dilation with it",
+        ),
+        ({"floor_seconds": -1.0}, "floor_seconds: -1 is no time; ", "--floor-seconds: -1 is no time; "),
+        ({"friction": "assoc"}, "friction: no friction is named 'assoc'", "--friction: no friction is named 'assoc'"),
+        ({"solver": "abacus"}, "solver: no solver is named 'abacus'", "--solver: no solver is named 'abacus'"),
+    ],
+)
+def test_parameters_become_flags(options: dict[str, object], in_python: str, on_command_line: str) -> None:
+    with pytest.raises(InputError) as caught:
+        SolveOptions(**options)  # type: ignore[arg-type]
+    assert caught.value.parameter == next(iter(options))
+    assert str(caught.value).startswith(in_python)
+    assert in_flags(caught.value).startswith(on_command_line)
+
+
+def test_truth_values_become_bare_flags() -> None:
+    error = ParameterError("certificate", "not with `robust=True`", "`robust=False`, or `floor_seconds=0`")
+    assert in_flags(error) == "--certificate: not with --robust; expected no --robust, or --floor-seconds 0"
+    other = InputError("scene.json: elements[3]", "its cells do not add up", "`cell` with another size")
+    assert in_flags(other) == "scene.json: elements[3]: its cells do not add up; expected --cell with another size"
+
+
+@pytest.mark.parametrize("error", [ParameterError("gap", "0 is no width", "a number"), InputError("a", "b", "c")])
+def test_errors_survive_the_way_between_processes(error: InputError) -> None:
+    again = pickle.loads(pickle.dumps(error))
+    assert (type(again), str(again), again.parameter) == (type(error), str(error), error.parameter)
+
+
+def test_no_error_of_a_library_names_a_flag() -> None:
+    """A message raised outside the command line is read in Python as well."""
+    raised = re.compile(r"(?:InputError|ParameterError)\((?:[^()]|\([^()]*\))*\)")
+    found = [
+        f"{path.relative_to(ROOT)}: {call}"
+        for path in sorted(Path(ROOT, "src").rglob("*.py"))
+        if "cli" not in path.parts
+        for call in raised.findall(path.read_text("utf-8"))
+        if re.search(r"[\s\"'(]--[a-z]", call)
+    ]
+    assert found == []
+
+
+def test_an_old_value_of_a_flag_warns_in_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene = str(ROOT / "scenes" / "flat_beam_arch.json")
+    outcome = call(monkeypatch, capsys, "solve", scene, "--inner-bending", "paper", "--json")
+    assert outcome.code == 0
+    assert outcome.err == (
+        "jld: warning: --inner-bending paper is now uncoupled; the old name works until version 0.4\n"
+    )
+    assert json.loads(outcome.out)["status"] == "collapse"
