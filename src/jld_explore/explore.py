@@ -198,6 +198,8 @@ def _refuse_together(settings: ExploreSettings, assembly: Assembly) -> None:
     """Raise InputError for settings that exclude each other or do not support the loads."""
     if settings.certificate is not None and settings.robust:
         raise InputError("--certificate", "it speaks of one value of each strength", "a search without --robust")
+    if settings.model.by_floor and assembly.dimension == 3:
+        raise InputError("--objective", "spatial scenes have no bound without dilation", "zero-dilation")
     if settings.certificate is not None and settings.by_experiment:
         raise InputError("--certificate", "an experiment is no proof", "--objective associative")
 
