@@ -12,8 +12,6 @@ BENCHMARKS: Final = (
     "flagship",
     "zero_dilation",
     "zero_dilation_floor",
-    "zero_dilation_space",
-    "space_floor_adversary",
     "exact",
     "relaxing",
     "trust_trials",

@@ -286,6 +286,8 @@ def _refuse_together(scene: Scene, settings: ExploreSettings, assembly: Assembly
         raise InputError("cracks", "a search knows cracks by faces alone", '"faces"')
     if settings.certificate is not None and settings.robust:
         raise ParameterError("certificate", "it speaks of one value of each strength", "a search with `robust=False`")
+    if settings.model.by_floor and assembly.dimension == 3:
+        raise ParameterError("objective", "spatial scenes have no bound without dilation", "zero-dilation")
     if settings.certificate is not None and settings.by_experiment:
         raise ParameterError("certificate", "an experiment is no proof", '`objective="associative"`')
 

@@ -13,7 +13,7 @@ from jld_core import InputError, LimitAnalysis, SolveOptions, Status, solve
 from jld_core.limit import FALLBACKS, Fallback, ProofAttempt, result_of
 from jld_core.models import FALLBACKS_BY_FRICTION, limit_analysis, solve_labelling
 from jld_core.program import ConicProgram
-from jld_core.solvers import HighsSolver, RawSolution, Solver
+from jld_core.solvers import SOLVERS, HighsSolver, RawSolution, Solver, installed_solvers
 
 
 class Own(Solver):
@@ -64,6 +64,14 @@ def test_a_result_says_what_was_modelled() -> None:
 def test_options_that_are_none(options: dict[str, object], said: str) -> None:
     with pytest.raises(InputError, match=said):
         solve(grid_assembly(["aa", "##"]), **options)
+
+
+def test_a_solver_that_is_not_installed_is_refused_and_not_advised(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert installed_solvers() == SOLVERS
+    monkeypatch.setattr("jld_core.solvers.find_spec", lambda name: None)
+    assert installed_solvers() == tuple(name for name in SOLVERS if name != "cvxpy")
+    with pytest.raises(InputError, match=r"--solver: cvxpy is not installed.*jld\[reference\]"):
+        solve(grid_assembly(["aa", "##"]), solver="cvxpy")
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from cases import grid_document
+from jld_core import InputError, load_scene
 from jld_core.build import build_assembly
 from jld_core.limit import SolveOptions, Status
 from jld_core.scene import parse_scene
@@ -23,6 +24,7 @@ from jld_explore.evaluation import (
     worth,
 )
 from jld_explore.space import search_space
+from paths import SCENES
 
 NAN = float("nan")
 
@@ -83,3 +85,12 @@ def test_best_and_front_are_those_of_all_solves(driver: str, tmp_path: Path, mon
     assert apart["rank"].isna().all()
     assert apart["bracket_lo"].isna().all()
     assert (apart["bracket_hi"] >= apart["load_factor_associative"]).all()
+
+
+def test_a_proven_floor_is_refused_in_space(tmp_path: Path) -> None:
+    """Spatial scenes have no bound without dilation, so no layout could be ranked by it."""
+    model = SolveOptions(friction="zero-dilation", range=True, floor_seconds=1.0)
+    scene = load_scene(SCENES / "spatial_cubes.json")
+    with pytest.raises(InputError, match="--objective: spatial scenes have no bound without dilation"):
+        explore(scene, tmp_path / "out", ExploreSettings(model=model))
+    assert not (tmp_path / "out").exists()

@@ -13,22 +13,23 @@ Every solution is a hint: bounds on λ are proven elsewhere, whatever a solver r
 - `SchurSolver`: the project's Schur-complement interior-point method for large assemblies
 - `Solver`: interface of a solver
 - `auxiliary`: solve a program other than that of a labelling
-- `highs_of`: make a HiGHS instance of a linear program, ready to run
+- `installed_solvers`: return the names of the solvers whose libraries are installed
 - `interior_point`: solve a linear program by HiGHS' interior-point method
 - `is_large`: test whether `auto` chooses `schur` for a structure
 - `make_solver`: make a solver by its name
-- `require_solver`: refuse an unknown solver name
+- `require_solver`: refuse an unknown solver, or one that is not installed
 """
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from typing import Final
 
 from jld_core.errors import ParameterError, SolverError
 from jld_core.program import ConicProgram, Structure
 from jld_core.solvers.base import RawSolution, RawStatus, Solver
 from jld_core.solvers.clarabel import ClarabelSolver
-from jld_core.solvers.highs import HighsSolver, highs_of
+from jld_core.solvers.highs import HighsSolver
 from jld_core.solvers.linear import LinearAnswer, LinearRows, interior_point
 from jld_core.solvers.schur import SchurSolver
 
@@ -66,7 +67,7 @@ def make_solver(
     Raises
     ------
     InputError
-        No solver has this name.
+        No solver has this name, or its library is not installed.
     """
     if isinstance(name, Solver):
         return name
@@ -85,7 +86,7 @@ def make_solver(
 
 
 def require_solver(name: str) -> None:
-    """Raise InputError for an unknown solver name.
+    """Raise InputError for an unknown solver, or one whose library is not installed.
 
     Parameters
     ----------
@@ -95,10 +96,23 @@ def require_solver(name: str) -> None:
     Raises
     ------
     InputError
-        `SOLVERS` does not contain the name.
+        `SOLVERS` does not contain the name, or CVXPY is asked for and not installed.
     """
     if name not in SOLVERS:
         raise ParameterError("solver", f"no solver is named {name!r}", "one of " + ", ".join(SOLVERS))
+    if name not in installed_solvers():
+        raise ParameterError("solver", f"{name} is not installed", "pip install 'jld[reference]'")
+
+
+def installed_solvers() -> tuple[str, ...]:
+    """Return the names of the solvers whose libraries are installed.
+
+    Returns
+    -------
+    tuple of str
+        `SOLVERS`, without "cvxpy" where that optional library is missing.
+    """
+    return tuple(name for name in SOLVERS if name != "cvxpy" or find_spec(name) is not None)
 
 
 def auxiliary(program: ConicProgram, gap: float = 1e-8) -> RawSolution:
@@ -156,7 +170,7 @@ __all__ = [
     "SchurSolver",
     "Solver",
     "auxiliary",
-    "highs_of",
+    "installed_solvers",
     "interior_point",
     "is_large",
     "make_solver",

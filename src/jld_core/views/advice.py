@@ -9,7 +9,7 @@ import numpy as np
 
 from jld_core.arrays import Floats
 from jld_core.limit import LimitAnalysisResult, Status
-from jld_core.solvers import SOLVERS
+from jld_core.solvers import installed_solvers
 
 _NAMED: Final = 6
 """Largest number of elements named; the others are counted."""
@@ -75,7 +75,7 @@ def _of_uncertified(result: LimitAnalysisResult) -> dict[str, str]:
     """Return the option that may narrow the bracket."""
     low, high = result.bracket
     used = {name.split(" ")[0] for name in result.solve_log}
-    others = [name for name in SOLVERS if name != "auto" and name not in used]
+    others = [name for name in installed_solvers() if name != "auto" and name not in used]
     solver = f"--solver {' or '.join(others)}" if others else "another --condense"
     if result.friction == "zero-dilation":
         return {"next": "--range seeks the lowest and the highest λ from every side, each with its own evidence"}

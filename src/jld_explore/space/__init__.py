@@ -14,8 +14,6 @@
 - `Sized`: sizes of elements or sets of elements by every measure
 - `Terms`: count as a sum of binary terms, for proofs
 - `Void`: cells that may be left out
-- `Words`: type of labellings as words of 64 bits
-- `as_words`: pack labellings into words that sort as the labellings do
 - `beside_nothing`: return the faces beside a cell that is left out
 - `block_sizes`: compute the sizes of all blocks
 - `blocks_of`: compute the block of each element
@@ -60,8 +58,6 @@ from jld_explore.space.counts import (
 )
 from jld_explore.space.labelling import (
     LETTERS,
-    Words,
-    as_words,
     blocks_of,
     canonical,
     connectivity,
@@ -96,8 +92,6 @@ __all__ = [
     "Sized",
     "Terms",
     "Void",
-    "Words",
-    "as_words",
     "beside_nothing",
     "block_sizes",
     "blocks_of",

@@ -196,7 +196,7 @@ class MultiStartSearch:
 
         The states have a λ below the lowest solution. In the plane, the descent by linear programs finds the same
         solutions. In space, torsion reduces the friction of a joint, and the lowest solutions often have low
-        compression (benchmarks/zero_dilation_space.py).
+        compression (studies/spatial_bound/scenes.py).
         """
         rng, idle = np.random.default_rng(0), 0
         for _ in range(_LITTLE):

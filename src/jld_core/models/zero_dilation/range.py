@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any, Final
@@ -18,12 +19,12 @@ from jld_core.models.zero_dilation.lower_bound import FloorSearch
 from jld_core.models.zero_dilation.lower_bound_problem import LowerBound, LowerBoundProblem
 from jld_core.models.zero_dilation.proof import proof_of
 from jld_core.models.zero_dilation.search import ProximalOptions
-from jld_core.models.zero_dilation.spatial_lower_bound import SpaceFloorSearch
-from jld_core.models.zero_dilation.spatial_modes import space_modes_of
-from jld_core.models.zero_dilation.starts import certified
 
 _TRIED: Final = 3
 """Number of states of a relaxation from which the search for solutions continues."""
+
+BoundSearch = Callable[[LimitAnalysis, Bits, MultiStartSearch, float], LowerBound | None]
+"""Search for a lower bound: analysis, labels, solutions found so far, processor time in seconds; None without one."""
 
 
 def load_range(
@@ -33,6 +34,7 @@ def load_range(
     associative: Proof,
     seconds: float,
     enough: float = -math.inf,
+    bound: BoundSearch | None = None,
 ) -> Proof:
     """Find the lowest and the highest certified solution, and a lower bound on all solutions.
 
@@ -52,6 +54,8 @@ def load_range(
         Processor time in seconds after which no further step of the bound begins; 0 omits the bound.
     enough : float, optional
         λ in scene units. The search ends once a solution at or below this value is found.
+    bound : callable, optional
+        Search for the lower bound. Default: that of planar scenes; spatial ones have none.
 
     Returns
     -------
@@ -69,7 +73,8 @@ def load_range(
 
     Notes
     -----
-    The bound requires a scene without crushing, effective areas, cohesion of dry faces and friction of inner faces.
+    The bound requires a planar scene without crushing, effective areas, cohesion of dry faces and friction of inner
+    faces.
     """
     if associative.status is Status.UNSTABLE:
         return _without_range(proof_of(associative, analysis, None, 0))
@@ -80,7 +85,7 @@ def load_range(
     found, floor = side.found, None
     with suppress(DeadlinePassed):  # Keep the solutions found before the deadline.
         side.search(enough=enough / unit)
-        floor = _floor(analysis, labels, side, seconds if found.low > enough / unit else 0.0)
+        floor = _floor(analysis, labels, side, seconds if found.low > enough / unit else 0.0, bound or _planar_bound)
     lowest, highest = found.lowest, found.highest
     if lowest is None or highest is None:
         none = _without_range(proof_of(associative, analysis, found.best, side.pairs.solves))
@@ -99,17 +104,25 @@ def load_range(
     return replace(proof, extra={**proof.extra, **ends})
 
 
-def _floor(analysis: LimitAnalysis, labels: Bits, side: MultiStartSearch, seconds: float) -> LowerBound | None:
-    """Compute the lower bound; offer states of its relaxations as starts for lower solutions."""
-    found, modes = side.found, side.modes
+def _floor(
+    analysis: LimitAnalysis, labels: Bits, side: MultiStartSearch, seconds: float, bound: BoundSearch
+) -> LowerBound | None:
+    """Compute the lower bound if the scene has one and no solution at zero is known."""
+    found = side.found
     if found.lowest is None or not seconds > 0.0 or side.pairs.scheme.effective_area:
         return None
     if side.pairs.base.rough or side.pairs.base.cohesive:
         return None  # The certificates require friction of dry faces only.
     if found.low <= tolerances.GAP * side.pairs.floor:
         return LowerBound(0.0, 0.0, 0.0, closed=True, programs=0, seconds=0.0, route=("a solution at zero",))
+    return bound(analysis, labels, side, seconds)
+
+
+def _planar_bound(analysis: LimitAnalysis, labels: Bits, side: MultiStartSearch, seconds: float) -> LowerBound | None:
+    """Compute the lower bound; offer states of its relaxations as starts for lower solutions."""
+    found, modes = side.found, side.modes
     if modes is None:
-        return _space_floor(analysis, labels, side, seconds)
+        return None
 
     def offer(states: Floats) -> float:
         """Search from states of a relaxation; return λ of the lowest solution."""
@@ -118,26 +131,6 @@ def _floor(analysis: LimitAnalysis, labels: Bits, side: MultiStartSearch, second
         return found.low
 
     return FloorSearch(analysis, labels, modes, LowerBoundProblem(found.low, seconds, offer)).search()
-
-
-def _space_floor(analysis: LimitAnalysis, labels: Bits, side: MultiStartSearch, seconds: float) -> LowerBound | None:
-    """Compute the lower bound in space; certify the states of its relaxations directly.
-
-    These states are often solutions that no other start finds.
-    """
-    found, modes = side.found, space_modes_of(analysis.template, labels)
-    if modes is None:
-        return None
-
-    def offer(states: Floats) -> float:
-        """Certify states of a relaxation and search from the first; return the lowest λ."""
-        for state in states[:_TRIED]:
-            found.offer(certified(side.pairs, state))
-        for state in states[:1]:
-            side.search_from(state[:-1], thorough=False)
-        return found.low
-
-    return SpaceFloorSearch(analysis, labels, modes, LowerBoundProblem(found.low, seconds, offer)).search()
 
 
 def _of_floor(floor: LowerBound | None, load: float) -> dict[str, Any]:

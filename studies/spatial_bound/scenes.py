@@ -1,6 +1,6 @@
 """How low collapse without dilation goes in space: found, and bounded from below with certificates, as far as it goes.
 
-`python -m benchmarks.zero_dilation_space [SECONDS [COUNT [NAME …]]]` writes benchmarks/results/zero_dilation_space.md;
+`python -m studies.spatial_bound.scenes [SECONDS [COUNT [NAME …]]]` writes scenes.md beside this file;
 SECONDS of processor time for each floor (60), COUNT random labellings of each family (10). With names only the rows
 that begin so are made again, in the table there is. In closed form: cubes slide at μ and
 topple at b/h; walls with a depth, pushed along, have the value of the plane; a brick that stands on one of two halves
@@ -18,8 +18,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from studies.families import halved_bond
-from studies.scenes import corner
 
 from jld_core import LimitAnalysis, Scene, Status, build_assembly, load_scene, parse_scene, solve
 from jld_core.arrays import Bits
@@ -29,6 +27,10 @@ from jld_core.models.zero_dilation.found import MultiStartSearch
 from jld_core.models.zero_dilation.range import load_range
 from jld_core.models.zero_dilation.starts import starts
 from jld_core.samples import box
+from studies.families import halved_bond
+from studies.report import SCENES
+from studies.scenes import corner
+from studies.spatial_bound import bound_in_space, range_in_space
 
 ROOT = Path(__file__).resolve().parent
 
@@ -64,7 +66,7 @@ def scenes() -> Iterator[tuple[str, Scene, str]]:
     yield "two cubes, one on the other, at 30°", cubes([low, high], 0.7, 30.0), "1/(2 cos 30°) = 0.577350"
     yield "two cubes, side by side, along", cubes([low, beside], 0.7, 0.0), "at most 0.7"
     yield "two cubes, side by side, at 30°", cubes([low, beside], 0.7, 30.0), "at most 0.7"
-    yield "the given cubes", load_scene(ROOT.parent / "scenes" / "spatial_cubes.json"), "associative 0.3239797"
+    yield "the given cubes", load_scene(SCENES / "spatial_cubes.json"), "associative 0.3239797"
     along, askew, out = (1.0, 0.0, 0.0), (0.6, 0.8, 0.0), (0.0, 1.0, 0.0)
     for bricks, courses in ((1, 1), (1, 2), (2, 2), (2, 3), (2, 4)):
         yield f"wall {bricks} × {courses}, along", wall(bricks, courses, 2.0, along), "plane: 0.65"
@@ -101,7 +103,7 @@ def _of_family(family: str, angle: float) -> Scene:
     elif family == "corner of cells":
         one = corner(1, angle, None)
     else:
-        one = load_scene(ROOT.parent / "scenes" / "spatial_shelf.json")
+        one = load_scene(SCENES / "spatial_shelf.json")
         one = one.model_copy(update={"loads": None})
     document = json.loads(one.model_dump_json(exclude_defaults=True))
     document["materials"] = {**document.get("materials", {}), "dry": {"friction_coefficient": 0.6}}
@@ -116,7 +118,7 @@ def row(name: str, scene: Scene, known: str, seconds: float) -> str:
     start = time.process_time()
     started = solve(assembly, friction="zero-dilation", range=True, floor_seconds=0.0).facts["lowest_found"]
     search = time.process_time() - start
-    extra = solve(assembly, friction="zero-dilation", range=True, floor_seconds=seconds).facts
+    extra = range_in_space(assembly, seconds)
     bound, tolerance = extra["lowest_bound"], extra["bound_tolerance"]
     said = "proven, closed" if extra["closed"] else "proven"
     if not extra["proven"]:
@@ -140,7 +142,11 @@ def rows_of_labellings(count: int, seconds: float) -> Iterator[str]:
         started, low = time.process_time() - start, side.found.low
         side.press_little()
         more, lower = time.process_time() - start - started, side.found.low
-        extra = load_range(analysis, labels, ProximalOptions(), proof, seconds).extra if family != "shelf" else {}
+        extra = (
+            load_range(analysis, labels, ProximalOptions(), proof, seconds, bound=bound_in_space).extra
+            if family != "shelf"
+            else {}
+        )
         least = (extra.get("lowest_found") or math.inf) / analysis.template.scaling.load
         gains.setdefault(family, []).append((_share(lower, low), _share(least, lower), started, more))
     for family, table in gains.items():
@@ -165,8 +171,7 @@ def _share(lower: float, low: float) -> float:
 def main() -> None:
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 60.0
     count, short = (10, 5.0) if len(sys.argv) < 3 else (int(sys.argv[2]), 2.0 if int(sys.argv[2]) < 10 else 5.0)
-    again, target = sys.argv[3:], ROOT / "results" / "zero_dilation_space.md"
-    target.parent.mkdir(exist_ok=True)
+    again, target = sys.argv[3:], ROOT / "scenes.md"
     head, little = _heads(seconds, short)
     lines = target.read_text(encoding="utf-8").splitlines() if again else head
     if not set(head) <= set(lines):

@@ -24,10 +24,10 @@ from jld_core.limit import LimitAnalysis
 from jld_core.models.zero_dilation.frozen import frozen_friction
 from jld_core.models.zero_dilation.lower_bound_problem import LowerBound, LowerBoundProblem
 from jld_core.models.zero_dilation.rlt_relaxation import Region
-from jld_core.models.zero_dilation.spatial_certificate import SpaceCertifier
-from jld_core.models.zero_dilation.spatial_modes import SpaceModes, Way, space_modes_of, with_direction
-from jld_core.models.zero_dilation.spatial_rlt_relaxation import SpaceRelaxed, relax_space
-from jld_core.models.zero_dilation.spatial_statics import SpaceStatics, space_reach
+from studies.spatial_bound.certificate import SpaceCertifier
+from studies.spatial_bound.modes import SpaceModes, Way, space_modes_of, with_direction
+from studies.spatial_bound.rlt_relaxation import SpaceRelaxed, relax_space
+from studies.spatial_bound.statics import SpaceStatics, space_reach
 
 SPACE_FACES: Final = 24
 """Number of faces up to which products are formed; larger scenes have only the cheap bound, unless given more time."""

@@ -26,7 +26,7 @@ from jld_core.models.zero_dilation.rlt_relaxation import (
     units_of,
     without,
 )
-from jld_core.models.zero_dilation.spatial_modes import SpaceModes
+from studies.spatial_bound.modes import SpaceModes
 
 _SMALL: Final = 1e-2
 """Fraction of the largest length that is added to each length, so that small vectors violate their circles less."""

@@ -1,6 +1,6 @@
 """An adversary of the bound in space: no solution without dilation, wherever it comes from, may lie below it.
 
-`python -m benchmarks.space_floor_adversary [COUNT [SECONDS]]` writes benchmarks/results/space_floor_adversary.md: COUNT
+`python -m studies.spatial_bound.adversary [COUNT [SECONDS]]` writes adversary.md beside this file: COUNT
 random scenes of two to nine faces of each family (30), SECONDS of processor time a floor (3). Joints are dry or inner
 by a coin, gravity is tilted, friction and push are drawn. Solutions are sought by the search itself, from forces drawn
 at random and from states of little pressure of other seeds; walls with a depth are held against those of the plane as
@@ -18,17 +18,18 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from studies.families import halved_bond
 
-from benchmarks.zero_dilation_space import wall
 from jld_core import LimitAnalysis, Scene, Status, build_assembly, parse_scene, solve
 from jld_core.models import ProximalOptions
 from jld_core.models.zero_dilation.found import MultiStartSearch
 from jld_core.models.zero_dilation.range import load_range
 from jld_core.models.zero_dilation.starts import low_compression_states
 from jld_core.samples import box
+from studies.families import halved_bond
+from studies.spatial_bound import bound_in_space, range_in_space
+from studies.spatial_bound.scenes import wall
 
-TARGET: Final = Path(__file__).resolve().parent / "results" / "space_floor_adversary.md"
+TARGET: Final = Path(__file__).resolve().parent / "adversary.md"
 _CERTIFIED: Final = 2e-6  # relative: twice what forces and mechanism of a certified solution may leave between them
 _MOST: Final = 9  # faces
 _SEEDS: Final = 10  # states of little pressure, and forces drawn at random, of each scene
@@ -114,7 +115,7 @@ def of_family(family: str, count: int, seconds: float) -> str:
         if len(labels) > _MOST or proof.status is not Status.COLLAPSE or not proof.load_factor > 0.0:
             continue
         done += 1
-        extra = load_range(analysis, labels, ProximalOptions(), proof, seconds).extra
+        extra = load_range(analysis, labels, ProximalOptions(), proof, seconds, bound=bound_in_space).extra
         if extra["lowest_proven"] is None:
             continue
         side = MultiStartSearch(analysis, labels, ProximalOptions(), proof)
@@ -141,7 +142,7 @@ def of_the_plane(count: int, seconds: float) -> str:
         friction = float(rng.uniform(0.3, 0.9))
         plane = solve(build_assembly(_with(halved_bond(bricks, courses), friction)), **_range(seconds)).facts
         deep = _with(wall(bricks, courses, float(rng.uniform(0.6, 3.0)), (1.0, 0.0, 0.0)), friction)
-        space = solve(build_assembly(deep), **_range(seconds)).facts
+        space = range_in_space(build_assembly(deep), seconds)
         if space["lowest_proven"] is None:
             continue
         worst = max(worst, space["lowest_proven"] / plane["lowest_found"] - 1.0)
@@ -185,7 +186,6 @@ def main() -> None:
         "| family | scenes | bounded | closed | solutions | lower | bound above, most | wrong | s each |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
-    TARGET.parent.mkdir(exist_ok=True)
     for line in _table(count, seconds):
         lines.append(line)
         print(line, flush=True)

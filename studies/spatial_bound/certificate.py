@@ -20,8 +20,8 @@ from jld_core.arrays import Floats
 from jld_core.models.zero_dilation.binary_fractions import BITS, BinaryFractions, cut
 from jld_core.models.zero_dilation.certificate import Certifier, clean, least_change, taken_off
 from jld_core.models.zero_dilation.rlt_relaxation import Region, extended, products, row_sizes, without
-from jld_core.models.zero_dilation.spatial_modes import Forms, SpaceModes
-from jld_core.models.zero_dilation.spatial_rlt_relaxation import equal_of, still
+from studies.spatial_bound.modes import Forms, SpaceModes
+from studies.spatial_bound.rlt_relaxation import equal_of, still
 
 _FREE: Final = 1e-7
 """Size above which a multiplier may change without limit in a correction; smaller ones change in proportion."""

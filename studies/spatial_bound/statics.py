@@ -11,8 +11,8 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bools, Floats, Ints
-from jld_core.models.zero_dilation.spatial_modes import SpaceModes, widest
 from jld_core.models.zero_dilation.statics import Statics
+from studies.spatial_bound.modes import SpaceModes, widest
 
 _LEAST: Final = 1e-6
 """Least scaled friction that proves that friction is mobilised."""

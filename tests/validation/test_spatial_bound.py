@@ -14,6 +14,19 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 from studies.families import halved_bond
+from studies.spatial_bound import range_in_space
+from studies.spatial_bound.certificate import SpaceCertifier
+from studies.spatial_bound.lower_bound import SpaceFloorSearch
+from studies.spatial_bound.modes import (
+    AXES,
+    SpaceModes,
+    space_modes_of,
+    unit_direction,
+    widest,
+    with_direction,
+)
+from studies.spatial_bound.rlt_relaxation import SpaceRelaxed, relax_space
+from studies.spatial_bound.statics import SpaceStatics, space_reach
 
 from cases_spatial import assembly as spatial
 from cases_spatial import box
@@ -24,18 +37,6 @@ from jld_core.models import ProximalOptions
 from jld_core.models.zero_dilation.found import MultiStartSearch
 from jld_core.models.zero_dilation.lower_bound_problem import LowerBoundProblem
 from jld_core.models.zero_dilation.rlt_relaxation import Region
-from jld_core.models.zero_dilation.spatial_certificate import SpaceCertifier
-from jld_core.models.zero_dilation.spatial_lower_bound import SpaceFloorSearch
-from jld_core.models.zero_dilation.spatial_modes import (
-    AXES,
-    SpaceModes,
-    space_modes_of,
-    unit_direction,
-    widest,
-    with_direction,
-)
-from jld_core.models.zero_dilation.spatial_rlt_relaxation import SpaceRelaxed, relax_space
-from jld_core.models.zero_dilation.spatial_statics import SpaceStatics, space_reach
 from paths import SCENES
 
 GROUND = box("ground", [-3.0, -3.0, -0.5], [9.0, 3.0, 0.0], support=True)
@@ -86,7 +87,7 @@ def program(
 
 
 def ends(assembly: Assembly, seconds: float = 30.0, **options: Any) -> dict[str, Any]:
-    extra = solve(assembly, friction="zero-dilation", range=True, floor_seconds=seconds, **options).facts
+    extra = range_in_space(assembly, seconds, **options)
     assert extra["lowest_proven"] <= extra["lowest_found"] * (1.0 + 1e-9)
     assert extra["lowest_found"] <= extra["highest_found"]
     return extra
@@ -254,8 +255,9 @@ def test_what_has_no_bound() -> None:
         materials={"dry": {"friction_coefficient": 0.5, "compressive_strength": 50.0}},
     )
     assert space_modes_of(LimitAnalysis(crushed).template, crushed.labels) is None
-    extra = solve(cubes(1, 0.3, 0.0), friction="zero-dilation", range=True, effective_area=True).facts
-    assert extra["lowest_proven"] is None
+    for options in ({}, {"effective_area": True}):
+        extra = solve(cubes(1, 0.3, 0.0), friction="zero-dilation", range=True, **options).facts
+        assert (extra["proven"], extra["lowest_proven"]) == (False, None)
     row = spatial([GROUND, *(box(f"b{k}", [0.2 * k, 0, 0], [0.2 * (k + 1), 0.2, 0.2]) for k in range(14))])
     analysis = LimitAnalysis(row)
     modes = space_modes_of(analysis.template, row.labels)
