@@ -17,6 +17,15 @@ KNOWN = runpy.run_path(str(HERE / BATCH / "build.py"), run_name="build")
 class Build(build_ext):
     """Plain shared libraries: no Python headers, no module to initialise."""
 
+    def build_extensions(self) -> None:
+        """Write the header of the interface, and compile."""
+        place = Path(self.build_temp)
+        place.mkdir(parents=True, exist_ok=True)
+        KNOWN["write_header"](place)
+        for ext in self.extensions:
+            ext.include_dirs.append(str(place))
+        super().build_extensions()
+
     def get_export_symbols(self, ext: Extension) -> list[str]:
         return list(ext.export_symbols)
 
@@ -25,8 +34,11 @@ def extension(variant: str) -> Extension:
     source = BATCH / "source"
     return Extension(
         f"jld_core.batch._{variant}",
-        sources=[str(source / "kernel.cpp")],
-        depends=[str(path.relative_to(HERE)) for path in sorted((HERE / source).glob("*.h"))],
+        sources=[str(source / name) for name in KNOWN["UNITS"]],
+        depends=[
+            str(BATCH / "interface.py"),
+            *(str(path.relative_to(HERE)) for path in sorted((HERE / source).glob("*.h"))),
+        ],
         extra_compile_args=[*KNOWN["FLAGS"], *KNOWN["VARIANT_FLAGS"][variant], KNOWN["mark"](), "-Wno-psabi"],
         language="c++",
         optional=True,

@@ -74,7 +74,7 @@ def peak(folder: Path) -> float:
         start = time.process_time()
         loaded.jld_peak(ROUNDS // 5)
         best = min(best, time.process_time() - start)
-    width = int(library(chosen() or "").jld_lanes_width())
+    width = int(library(chosen() or "").jld_width())
     return 2.0 * CHAINS * width * (ROUNDS // 5) / best
 
 
@@ -174,7 +174,8 @@ def main() -> None:
         raise SystemExit("no kernel is in use, or no compiler to count with")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        counted = compiled(build.SOURCE / "kernel.cpp", folder / "counted.so", f'-DJLD_COUNTED="{HERE / "counted.h"}"')
+        counting = (f'-DJLD_COUNTED="{HERE / "counted.h"}"',)
+        counted = build.compile_variant("base", folder, build.compilers()[0], counting)
         most = peak(folder)
         found = {name: measure(make(), counted, most) for name, make in CASES.items()}
     save_figure(draw(found), RESULTS / "arithmetic.png")

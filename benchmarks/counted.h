@@ -5,7 +5,7 @@
 
 namespace jld {
 
-constexpr int W = 1;
+constexpr int LANES = 1;
 constexpr const char* VARIANT = "counted";
 
 // additions and products; divisions and roots; comparisons
@@ -53,6 +53,7 @@ inline Lane larger(Lane a, Lane b) { return b > a ? b : a; }
 inline Lane smaller(Lane a, Lane b) { return b < a ? b : a; }
 inline Lane absolute(Lane a) { return {std::fabs(a.x)}; }
 inline Lane root(Lane a) { return ++counted[1], Lane{std::sqrt(a.x)}; }
+inline bool is_set(Mask m, int) { return m.x != 0; }
 inline double* lanes_of(Lane& x) { return &x.x; }
 inline const double* lanes_of(const Lane& x) { return &x.x; }
 

@@ -72,7 +72,7 @@ def by_kernel(analysis: LimitAnalysis, rows: Bits) -> list[Route]:
     opening = analysis.repair.opening()
     velocity = None if opening is None else opening.velocity
     first = (TRIES if analysis.assembly.dimension == 2 else SPATIAL_TRIES)[0]
-    plain = {name: getattr(first, name) for name, _ in Try._fields_}
+    plain = {name: getattr(first, name) for name, *_ in Try._fields_}
     ways: list[tuple[str, tuple[Try, ...]]] = [
         (f"kernel, {target:.0e}", (Try(**plain | {"target": target}),)) for target in TARGETS
     ]
