@@ -22,6 +22,15 @@ class Build(build_ext):
         super().finalize_options()
         self.parallel = self.parallel or os.cpu_count()
 
+    def build_extensions(self) -> None:
+        """Write the header of the interface, and compile."""
+        place = Path(self.build_temp)
+        place.mkdir(parents=True, exist_ok=True)
+        KNOWN["write_header"](place)
+        for ext in self.extensions:
+            ext.include_dirs.append(str(place))
+        super().build_extensions()
+
     def get_export_symbols(self, ext: Extension) -> list[str]:
         return list(ext.export_symbols)
 
@@ -30,8 +39,11 @@ def extension(variant: str) -> Extension:
     source = BATCH / "source"
     return Extension(
         f"jld_core.batch._{variant}",
-        sources=[str(source / "kernel.cpp")],
-        depends=[str(path.relative_to(HERE)) for path in sorted((HERE / source).glob("*.h"))],
+        sources=[str(source / name) for name in KNOWN["UNITS"]],
+        depends=[
+            str(BATCH / "interface.py"),
+            *(str(path.relative_to(HERE)) for path in sorted((HERE / source).glob("*.h"))),
+        ],
         extra_compile_args=[*KNOWN["FLAGS"], *KNOWN["VARIANT_FLAGS"][variant], KNOWN["mark"](), "-Wno-psabi"],
         language="c++",
         optional=True,

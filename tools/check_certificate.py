@@ -9,8 +9,8 @@ import hashlib, json, math, sys  # noqa: E401, I001
 from itertools import combinations, pairwise, product
 from pathlib import Path
 SLACK, CAP, TOUCH, NEAR = 1e-6, 1e4, 1e-7, 1e-3
-RULES = {"candidates", "segmentation", "block_cells", "symmetry", "front", "block_aspect", "convex_blocks", "blocks",
-         "shapes", "moulds", "require", "assemble"}  # from symmetry on they leave no more labellings
+RULES = {"candidates", "segmentation", "block_cells", "block_weight", "block_mass", "block_extent",  # others admit less
+         "symmetry", "front", "block_aspect", "convex_blocks", "blocks", "shapes", "moulds", "require", "assemble"}
 def need(condition, text):
     return condition or sys.exit(f"refused: {text}")
 def only(part, keys, where):
@@ -22,7 +22,7 @@ class Scene:
         only(s, "name units source notes expected grid elements thickness materials loads search", "a scene")
         self.materials, self.search = only(s["materials"], "density gravity dry inner", "m"), s.get("search", {})
         need(self.search.keys() <= RULES, f"search.{', search.'.join(self.search.keys() - RULES)}")
-        values = [v for kind in ("dry", "inner") for v in self.materials.get(kind, {}).values()]
+        values = (v for kind in ("dry", "inner") for v in self.materials.get(kind, {}).values())
         need(all(type(v) in (int, float) for v in values), "a material value with a spread")
         entries, self.thickness = s.get("elements", []), s.get("grid", s).get("thickness", 1.0)
         rows, (w, h) = s.get("grid", {}).get("rows", []), s.get("grid", {}).get("cell", (0, 0))
@@ -114,13 +114,16 @@ class Scene:
         if kind == "slit":
             fine = self.search.get("segmentation", True) and given[0] not in given[1:]
             return [given[0] + 1, *(-f - 1 for f in given[1:])] if fine and self.faces[given[0]][1] in members else None
-        count, (low, high) = sum(not self.support[k] for k in members), self.search.get("block_cells", (None, None))
-        if not count or any(len(members & set(pair)) == 1 for pair in pairs):
+        if not (free := [k for k in members if not self.support[k]]) or any(len(members & {*p}) == 1 for p in pairs):
             return None
-        if kind == "large" and high is not None and count > high and all(self.faces[f][0] in members for f in given):
-            return [-f - 1 for f in given]
-        border = [f + 1 for f, (a, b, *_) in enumerate(self.faces) if (a in members) != (b in members)]
-        return border if kind == "small" and low is not None and count < low else None
+        side = max(max(x) - min(x) for x in zip(*((p.real, p.imag) for k in free for p in self.xy[k]), strict=True))
+        w = sum(self.w[k] for k in free)
+        sizes = {"cells": len(free), "weight": w, "mass": w / (self.gravity or math.inf), "extent": side}
+        limits = [(size, *self.search.get(f"block_{name}", (None, None))) for name, size in sizes.items()]
+        if kind == "large" and all(self.faces[f][0] in members for f in given):
+            return [-f - 1 for f in given] if any(top and size > top * (1 + 1e-9) for size, _, top in limits) else None
+        small = kind == "small" and any(low and size < low * (1 - 1e-9) for size, low, _ in limits)
+        return [f + 1 for f, (a, b, *_) in enumerate(self.faces) if (a in members) != (b in members)] if small else None
 def follows(lemma, by, clauses):
     false = set(lemma)
     for name in by:
@@ -137,14 +140,12 @@ bound, found, scene = head["bound"], head["load_factor"], Scene(head["scene"])
 need(type(bound) in (int, float) and math.isfinite(bound) and (found is None or found <= bound), "the claim")
 clauses = dict(enumerate(([-f - 1 if dry else f + 1] for f, dry in scene.fixed.items()), 1))
 for number, reason in enumerate(lines[1:-1], len(clauses) + 1):
-    clause = None
     if "moves" in reason and scene.bounds(reason, bound):
         clause = [f + 1 for f in reason["dry"]] + [-f - 1 for f in reason["inner"]]
-    elif "lemma" in reason and follows(whole(reason["lemma"]), whole(reason["by"]), clauses):
-        clause = reason["lemma"]
-    elif len(reason) == 1 and reason.keys() <= {"slit", "large", "small"}:
-        clause = scene.rule(*next((kind, whole(given)) for kind, given in reason.items()))
-    need(clause is not None, f"reason {number}, which does not hold")
-    clauses[number] = clause
+    elif "lemma" in reason:
+        clause = reason["lemma"] if follows(whole(reason["lemma"]), whole(reason["by"]), clauses) else None
+    else:
+        clause = scene.rule(*reason, whole(*reason.values())) if [*reason] in (["slit"], ["large"], ["small"]) else None
+    clauses[number] = need(clause is not None, f"reason {number}, which does not hold") and clause
 need([] in clauses.values(), "reasons that leave labellings")
 print(f"verified: no labelling carries more than {bound:.9g} ({SLACK:g} allowed for rounding)")

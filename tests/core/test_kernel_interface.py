@@ -1,79 +1,101 @@
-"""The plain C interface of the batch solver is stated twice, in C and for ctypes: here both are held against each
-other.
-
-A field out of its place would make no noise: the batch solver would take one array for another.
-"""
+"""The C interface of the batch solver is stated once, in `interface.py`; header and ctypes follow it."""
 
 from __future__ import annotations
 
 import ctypes
 import re
-from typing import Any, Final
+import subprocess
+from pathlib import Path
 
 import pytest
 
-from jld_core.batch import CARRIED, CARRIES, FALLS, LOCKED, OPEN, PROVEN, REFUTED, batch_solver, blocks, build, library
+from jld_core import InputError
+from jld_core.batch import CARRIED, CARRIES, FALLS, LOCKED, OPEN, PROVEN, REFUTED, SOLVED, build, interface, library
 
-SOURCES: Final = {
-    name: re.sub(r"//[^\n]*", "", (build.SOURCE / name).read_text(encoding="utf-8"))
-    for name in ("problem.h", "blocks.h", "cholesky.h")
-}
-
-KINDS: Final[dict[str, Any]] = {
-    "int32_t": ctypes.c_int32,
-    "int64_t": ctypes.c_int64,
-    "uint64_t": ctypes.c_uint64,
-    "uint8_t": ctypes.c_uint8,
-    "double": ctypes.c_double,
-    "jld::FactorPattern": library.FactorPattern,
-}
-
-STRUCTURES: Final = {
-    "FactorPattern": ("cholesky.h", library.FactorPattern),
-    "JldProblem": ("problem.h", library.Problem),
-    "JldTry": ("problem.h", library.Try),
-    "JldShrinking": ("problem.h", library.MinimizationOptions),
-    "JldAnswers": ("problem.h", library.Answers),
-    "JldBlocks": ("blocks.h", library.Blocks),
-    "JldBlockTask": ("blocks.h", library.BlockTask),
+STRUCTURES = {
+    "JldFactorPattern": library.FactorPattern,
+    "JldProblem": library.Problem,
+    "JldTry": library.Try,
+    "JldMinimization": library.MinimizationOptions,
+    "JldAnswers": library.Answers,
+    "JldBlocks": library.Blocks,
+    "JldBlockTask": library.BlockTask,
 }
 
 
-def stated(source: str, name: str) -> list[tuple[str, Any]]:
-    """Fields of a structure in C, by name and the ctypes kind that their type is."""
-    found = re.search(rf"struct {name} \{{(.*?)\}};", SOURCES[source], re.DOTALL)
-    assert found is not None
-    fields = []
-    for line in filter(None, (part.strip() for part in found.group(1).split(";"))):
-        declared = re.fullmatch(r"(?:const )?([\w:]+)(\*?) ([\w, ]+)", line)
-        assert declared is not None, line
-        kind, star, names = declared.groups()
-        made = ctypes.POINTER(KINDS[kind]) if star else KINDS[kind]
-        fields += [(own.strip(), made) for own in names.split(",")]
-    return fields
+def compiles(text: str, folder: Path) -> bool:
+    """Whether a C++ compiler takes the header; it checks size and offsets, which ctypes gave."""
+    (folder / "header.cpp").write_text(text, encoding="utf-8")
+    command = [*build.compilers()[0], "-std=c++17", "-fsyntax-only", str(folder / "header.cpp")]
+    return subprocess.run(command, capture_output=True, check=False).returncode == 0
 
 
 @pytest.mark.parametrize("name", STRUCTURES)
-def test_structures_are_the_same_field_by_field(name: str) -> None:
-    source, made = STRUCTURES[name]
-    fields = stated(source, name)
+def test_the_header_has_the_fields_of_the_structures_in_use(name: str) -> None:
+    body = re.search(rf"struct {name} \{{(.*?)\}};", re.sub(r"//[^\n]*", "", interface.header()), re.DOTALL)
+    assert body is not None
+    stated = [tuple(part.strip().rsplit(" ", 1)) for part in body.group(1).split(";") if part.strip()]
+    fields = STRUCTURES[name]._fields_
     assert len(fields) > 5
-    assert list(made._fields_) == fields
+    assert stated == [(kind, field) for field, kind, _ in interface.STRUCTURES[name][1]]
+    assert [tuple(field) for field in fields] == [(field, interface.ctypes_type(kind)) for kind, field in stated]
+
+
+@pytest.mark.skipif(not build.compilers(), reason="no compiler")
+def test_a_field_out_of_its_place_does_not_compile(tmp_path: Path) -> None:
+    """It would make no noise otherwise: the batch solver would take one array for another."""
+    text = interface.header()
+    assert compiles(text, tmp_path)
+    exchanged = text.replace("int32_t faces;", "X;").replace("double floor;", "int32_t faces;")
+    assert not compiles(exchanged.replace("X;", "double floor;"), tmp_path)
+
+
+def test_codes_are_those_of_the_declaration() -> None:
+    verdicts = {"OPEN": OPEN, "PROVEN": PROVEN, "FALLS": FALLS, "CARRIES": CARRIES, "LOCKED": LOCKED}
+    assert interface.codes("JldVerdict") == verdicts
+    assert interface.codes("JldFate") == {"LEFT": 0, "REFUTED": REFUTED, "CARRIED": CARRIED}
+    assert interface.codes("JldLabel")["DRY"] == int(True)
+    assert interface.codes("JldBlockState")["SOLVED"] == SOLVED
+
+
+@pytest.mark.skipif(library.chosen() is None, reason="no batch solver")
+def test_an_exception_of_cpp_is_an_outcome_and_an_error_of_python() -> None:
+    """A vector of a negative length throws what is no `bad_alloc`: it ended the process."""
+    loaded = library.library(library.chosen() or "")
+    outcome = loaded.jld_find_blocks(-1, 0, None, 0, None, None, 0, None, None)
+    assert outcome == interface.codes("JldOutcome")["FAILED"]
+    with pytest.raises(RuntimeError, match=r"the batch solver failed \(outcome 3\); set JLD_KERNEL=off"):
+        library.require_success(outcome)
 
 
 @pytest.mark.parametrize(
-    ("name", "numbers"),
-    [
-        ("JldVerdict", {"OPEN": OPEN, "PROVEN": PROVEN, "FALLS": FALLS, "CARRIES": CARRIES, "LOCKED": LOCKED}),
-        ("JldFate", {"LEFT": 0, "REFUTED": REFUTED, "CARRIED": CARRIED}),
-        ("JldLabel", {"INNER": int(False), "DRY": int(True), "UNDECIDED": batch_solver._UNDECIDED}),
-    ],
+    ("outcome", "error"), [(1, MemoryError), (2, ValueError), (3, RuntimeError), (9, RuntimeError)]
 )
-def test_codes_are_the_same(name: str, numbers: dict[str, int]) -> None:
-    found = re.search(rf"enum {name} : \w+ \{{(.*?)\}};", SOURCES["problem.h"])
-    assert found is not None
-    assert {key: int(value) for key, value in re.findall(r"JLD_(\w+) = (\d+)", found.group(1))} == numbers
+def test_each_outcome_has_its_error(outcome: int, error: type[Exception]) -> None:
+    library.require_success(0)
+    with pytest.raises(error, match="the batch solver"):
+        library.require_success(outcome)
 
 
-def test_both_know_how_many_rows_a_block_may_have() -> None:
-    assert f"MOST = {blocks._ROWS};" in SOURCES["blocks.h"]
+def test_a_library_of_other_sources_is_refused_unloaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever it is: it would be run in this process."""
+    path = tmp_path / "other.so"
+    path.write_bytes(Path(ctypes.__file__).read_bytes())
+    monkeypatch.setenv(library.SWITCH, str(path))
+    with pytest.raises(InputError, match=r"JLD_KERNEL: .*other\.so was not built from these sources; expected"):
+        library.chosen()
+
+
+def test_what_is_built_is_taken_without_a_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(library, "built", dict)
+    monkeypatch.setattr(library, "_compiled", lambda: pytest.fail("a compiler was run"))
+    library._found.cache_clear()
+    try:
+        assert library._found("built") is None
+    finally:
+        library._found.cache_clear()
+
+
+def test_a_compiler_may_stand_in_a_folder_with_blanks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CXX", "'/opt/my tools/c++' -m64")
+    assert build.compilers()[0] == ["/opt/my tools/c++", "-m64"]

@@ -44,6 +44,10 @@ VOUSSOIRS: dict[str, Any] = {
 
 KNOWN: dict[str, Any] = {
     **{name: SCENES[name] for name in ("weak", "crushing", "slits", "bonded", "bonded slits", "cases")},
+    **{
+        name: grid_document(["aaa", "aaa", "###"], tension=1e5, shear=1e5, **{f"block_{name}": limits})
+        for name, limits in {"extent": [None, 0.15], "weight": [20.0, 30.0], "mass": [2.0, 3.0]}.items()
+    },
     "tall": TALL,
     "voussoirs": VOUSSOIRS,
     "rough": grid_document(["aa", "aa", "##"], inner_friction=0.9, cohesion=5e2, tension=2e3, shear=3e3, friction=0.5),
@@ -103,7 +107,6 @@ def test_the_checker_agrees_with_verify(name: str, tmp_path: Path) -> None:
         ("space", "spatial"),
         ("counts", "search.dry_faces"),
         ("kept", "search.keep"),
-        ("extent", "search.block_extent"),
     ],
 )
 def test_what_the_checker_does_not_know_it_names(name: str, words: str, tmp_path: Path) -> None:
@@ -151,6 +154,20 @@ def test_both_refuse_what_was_changed(name: str, tall: list[dict[str, Any]], tmp
     with pytest.raises(InputError):
         verify(path)
     assert checked(path).returncode == 1
+
+
+@pytest.mark.parametrize("name", ["extent", "weight", "mass"])
+def test_both_refuse_a_limit_that_was_widened(name: str, tmp_path: Path) -> None:
+    """Rules of the limit hold no more, and the bound is that of fewer layouts."""
+    path = written(KNOWN[name], tmp_path)
+    lines = lines_of(path)
+    assert any(key in line for key in ("large", "small") for line in lines[1:])
+    search = lines[0]["scene"]["search"]
+    search[f"block_{name}"] = [None, 1e6]
+    rewritten(lines, path)
+    with pytest.raises(InputError, match=r"the rule .* does not follow"):
+        verify(path)
+    assert "which does not hold" in checked(path).stderr
 
 
 def test_both_refuse_another_digest(tall: list[dict[str, Any]], tmp_path: Path) -> None:

@@ -17,21 +17,22 @@ from scipy.sparse.linalg import spsolve
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.batch import library
+from jld_core.batch import interface, library
 from jld_core.batch.conflict_request import ConflictRequest, MinimizationResults
 from jld_core.batch.rows import pattern_of, rows_of
 from jld_core.mechanics import Rows
 from jld_core.program import Template
 
-OPEN: Final = 0
-"""Verdict: nothing proven yet; verdicts have the numbers of `JldVerdict` in source/problem.h."""
-PROVEN: Final = 1
+_VERDICTS: Final = interface.codes("JldVerdict")
+OPEN: Final = _VERDICTS["OPEN"]
+"""Verdict: nothing proven yet."""
+PROVEN: Final = _VERDICTS["PROVEN"]
 """Verdict: both bounds are proven and the bracket is narrow."""
-FALLS: Final = 2
+FALLS: Final = _VERDICTS["FALLS"]
 """Verdict: no λ ≥ 0 is admissible."""
-CARRIES: Final = 3
+CARRIES: Final = _VERDICTS["CARRIES"]
 """Verdict: λ is above its threshold."""
-LOCKED: Final = 4
+LOCKED: Final = _VERDICTS["LOCKED"]
 """Verdict: λ is unbounded."""
 
 _FIRST: Final[dict[str, float]] = {
@@ -48,7 +49,7 @@ _FIRST: Final[dict[str, float]] = {
     "press": 0.0,
     "endless": 1e300,
 }
-"""Defaults of `library.Try`; the comments of `JldTry` in source/problem.h define each field."""
+"""Defaults of `library.Try`; `JldTry` in interface.py defines each field."""
 TRIES: Final = (
     library.Try(**_FIRST | {"endless": 1e4}, most=28),
     library.Try(**_FIRST | {"aim": -1.0, "press": 1e-2}, most=28),
@@ -73,7 +74,7 @@ SPATIAL_TRIES: Final = tuple(
 cone. Source: measured in benchmarks/lanes.py.
 """
 
-_UNDECIDED: Final = 2  # `JLD_UNDECIDED` of source/problem.h
+_UNDECIDED: Final = interface.codes("JldLabel")["UNDECIDED"]  # label of a face that may be dry or inner
 _SAMPLES: Final = 32  # random labellings whose mean solution gives the starting point
 _SHARE: Final = 0.7  # weight of that mean; the least-norm forces in equilibrium have the weight 1 − 0.7
 _ROOM_BLIND: Final = 3.0  # least slack at the starting point without such a mean, scaled
@@ -309,7 +310,7 @@ class BatchSolver:
         asked = library.pointers(labels=labels, thresholds=least)
         places = library.pointers(low=low, high=high, verdict=verdict, iterations=iterations, tries=tries)
         more = library.pointers(forces=forces, velocity=velocity, diagnosis=diagnosis, rays=rays)
-        failed = self._library.jld_lanes_solve(
+        outcome = self._library.jld_solve(
             problem,
             settings,
             len(self._tries),
@@ -318,8 +319,7 @@ class BatchSolver:
             asked.get("thresholds"),
             library.Answers(**places, **more),
         )
-        if failed:
-            raise MemoryError("the kernel's workspace")
+        library.require_success(outcome)
         if velocity is not None:
             velocity = self._as_elements(velocity)
         return BatchResults(low, high, verdict, iterations, tries, forces, velocity, diagnosis, rays)
@@ -378,8 +378,7 @@ class BatchSolver:
             **given,
             **places,
         )
-        if self._library.jld_lanes_shrink(self._problem(), self._tries[0], task):
-            raise MemoryError("the kernel's workspace")
+        library.require_success(self._library.jld_minimize(self._problem(), self._tries[0], task))
         return MinimizationResults(
             np.arange(count).repeat(wide), fate, conflict.astype(bool), self._as_elements(velocity), relaxations
         )
@@ -405,8 +404,8 @@ class BatchSolver:
             opening=self._opening,
             forces=start.forces,
             jumps=start.jumps,
-            speed=start.speed,
-            bows=self._bows,
+            velocity=start.speed,
+            parabolas=self._bows,
         )
         return library.Problem(
             elements=len(self.pattern.order),
@@ -414,15 +413,15 @@ class BatchSolver:
             pairs=self._pairs,
             labels=len(self._rows),
             freedoms=self._q,
-            dropping=int(not self._keep.all()),
+            drops_shear=int(not self._keep.all()),
             pattern=self.pattern.handed_over(),
             floor=self._floor,
             noise=tolerances.ROUNDING,
             load=start.load,
-            room=start.room,
-            push=_PUSH if self._q == 3 else _PUSH_SPATIAL,
+            least_slack=start.room,
+            least_multiplier=_PUSH if self._q == 3 else _PUSH_SPATIAL,
             zero=self._zero,
             gap=tolerances.GAP,
-            meets=int(self._meets),
+            coupled=int(self._meets),
             **arrays,
         )

@@ -15,17 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jld_core.arrays import Bools, Floats, Ints
-from jld_core.batch import library
+from jld_core.batch import interface, library
 from jld_core.batch.pattern import factor_pattern
 
-SOLVED: Final = 1
+SOLVED: Final = interface.codes("JldBlockState")["SOLVED"]
 """State of a choice whose multipliers are accurate enough to give a bound (`BlockAnswers.state`)."""
 
 _Q: Final = 3
 """Shared rows of one node."""
-_ROWS: Final = 96
-"""Largest number of rows of one block: `MOST` of source/blocks.h."""
-
 _GAP: Final = 1e-5
 """Relative gap at which iterations end; the bounds are only compared with one another."""
 
@@ -124,7 +121,7 @@ class BlockLanes:
         if name is None:
             raise ValueError("no kernel is built or in use")
         self._library = library.library(name)
-        self.width = int(self._library.jld_lanes_width())
+        self.width = int(self._library.jld_width())
         self._blocks = len(blocks)
         nodes = len(places)
         pairs = {pair for one in blocks for pair in combinations(np.unique(one.shared // _Q).tolist(), 2)}
@@ -155,7 +152,7 @@ class BlockLanes:
     @staticmethod
     def takes(blocks: Sequence[BlockColumns]) -> bool:
         """Return True if no block has more rows than the compiled solver takes."""
-        return max((one.own + len(one.shared) for one in blocks), default=0) <= _ROWS
+        return max((one.own + len(one.shared) for one in blocks), default=0) <= interface.BLOCK_ROWS
 
     def _places(self, rows: Ints) -> Ints:
         """Return the positions of all pairs of these rows in the matrix, lower triangle."""
@@ -210,21 +207,19 @@ class BlockLanes:
             loads=len(self._load),
             **library.pointers(**self._arrays, rhs=self._rhs, load=self._load),
         )
-        bounds = {"thresholds": thresholds, "least": least, "most": most}
+        bounds = {"thresholds": thresholds, "least_load": least, "most_load": most}
         known = {name: np.ascontiguousarray(one, dtype=float) for name, one in bounds.items()}
         task = library.BlockTask(
             count=count,
             gap=_GAP,
             near=_NEAR,
-            fine=_FINE,
-            room=_ROOM,
+            fine_gap=_FINE,
+            error=_ROOM,
             iterations=_MOST,
             **library.pointers(allowed=chosen, **known),
-            **library.pointers(dual=dual, share=share, load=load, spent=spent, state=state),
+            **library.pointers(dual=dual, share=share, load=load, iterations_used=spent, state=state),
         )
-        failed = self._library.jld_lanes_blocks(problem, task)
-        if failed:
-            raise MemoryError("the kernel's workspace") if failed == 1 else ValueError("a block of too many rows")
+        library.require_success(self._library.jld_solve_blocks(problem, task))
         shared = dual[:, self._own :][:, self._back]
         return BlockAnswers(dual[:, : self._own], shared, share, load, spent, state)
 

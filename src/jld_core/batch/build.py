@@ -12,6 +12,8 @@ import hashlib
 import importlib.util
 import os
 import platform
+import runpy
+import shlex
 import shutil
 import subprocess
 import sys
@@ -22,6 +24,12 @@ from typing import Final
 
 SOURCE: Final = Path(__file__).parent / "source"
 """Folder of the C++ source."""
+UNITS: Final = ("labellings.cpp", "block_program.cpp", "graphs.cpp")
+"""Translation units: bounds and conflicts of labellings, the relaxation by blocks, and graphs."""
+INTERFACE: Final = Path(__file__).parent / "interface.py"
+"""Module that states the C interface; the header of the sources is written from it."""
+PATIENCE: Final = 600.0
+"""Seconds after which a compiler is given up; 30 s of one core were measured for the largest variant."""
 FLAGS: Final = ("-std=c++17", "-O3", "-fno-math-errno", "-fno-trapping-math", "-g0")
 """Compiler flags of every variant, without fast-math: proofs compare with infinities and rely on the order of sums."""
 
@@ -56,7 +64,7 @@ def variants(machine: str | None = None) -> tuple[str, ...]:
 def digest() -> str:
     """Return a hash of sources and flags; a cached library is valid while it is the same."""
     content = hashlib.sha256(repr((FLAGS, VARIANT_FLAGS)).encode())
-    for path in sorted(SOURCE.iterdir()):
+    for path in [INTERFACE, *sorted(SOURCE.iterdir())]:
         content.update(path.name.encode() + path.read_bytes())
     return content.hexdigest()[:16]
 
@@ -86,24 +94,32 @@ def zig() -> list[str] | None:
 def compilers() -> list[list[str]]:
     """Return the compiler commands to try, in order: $CXX, the system's, ziglang's."""
     named = os.environ.get("CXX")
-    found = [named.split()] if named else []
+    found = [shlex.split(named)] if named else []
     found += [[path] for path in map(shutil.which, ("c++", "g++", "clang++")) if path]
     own = zig()
     return [*found, own] if own else found
 
 
+def write_header(folder: Path) -> None:
+    """Write the C header of the interface, `interface.h`, into a folder that exists."""
+    text = runpy.run_path(str(INTERFACE), run_name="interface")["header"]()
+    (folder / "interface.h").write_text(text, encoding="utf-8")
+
+
 def compile_variant(variant: str, folder: Path, compiler: list[str], extra: tuple[str, ...] = ()) -> Path:
     """Compile one variant to `folder`/_VARIANT.so and return its path.
 
-    Raises subprocess.CalledProcessError or OSError if the compiler fails or is missing.
+    Raises subprocess.SubprocessError or OSError if the compiler fails, takes too long, or is missing.
     """
     folder.mkdir(parents=True, exist_ok=True)
     target = folder / f"_{variant}.so"
     # Write to another name first, because another process may be loading the library.
     with tempfile.TemporaryDirectory(dir=folder) as place:
+        write_header(Path(place))
         made = Path(place) / target.name
-        command = [*compiler, *FLAGS, *VARIANT_FLAGS[variant], mark(), *_LINKED, *extra, str(SOURCE / "kernel.cpp")]
-        subprocess.run([*command, "-o", str(made)], check=True, capture_output=True, text=True)
+        command = [*compiler, *FLAGS, *VARIANT_FLAGS[variant], mark(), *_LINKED, *extra, f"-I{place}"]
+        command += [*(str(SOURCE / unit) for unit in UNITS), "-o", str(made)]
+        subprocess.run(command, check=True, capture_output=True, text=True, timeout=PATIENCE)
         made.replace(target)
     return target
 
@@ -117,7 +133,7 @@ def compile_by_any(variant: str, folder: Path, extra: tuple[str, ...] = ()) -> t
     for compiler in compilers():
         try:
             return compile_variant(variant, folder, compiler, extra), problems
-        except (OSError, subprocess.CalledProcessError) as problem:
+        except (OSError, subprocess.SubprocessError) as problem:
             problems.append(f"{variant} by {' '.join(compiler)}: {problem}")
     return None, problems
 

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.batch import interface
 
-REFUTED: Final = 1
-"""Fate of a labelling that a mechanism refutes at its threshold; the number is that of `JldFate` in source/problem.h.
-"""
+_FATES: Final = interface.codes("JldFate")
+REFUTED: Final = _FATES["REFUTED"]
+"""Fate of a labelling that a mechanism refutes at its threshold."""
 
-CARRIED: Final = 2
-"""Fate of a labelling whose forces carry more than its threshold; the number is that of `JldFate` in source/problem.h.
-"""
+CARRIED: Final = _FATES["CARRIED"]
+"""Fate of a labelling whose forces carry more than its threshold."""
 
 
 @dataclass(frozen=True)

@@ -61,12 +61,14 @@ class Graph:
             return None
         labels = np.ascontiguousarray(labellings, dtype=np.uint8)
         names = np.empty((len(labels), self._elements), dtype=np.int64)
-        failed = kernel.jld_blocks(
-            self._elements, len(self._always), self._always.ctypes.data, len(self._a), self._a.ctypes.data,
-            self._b.ctypes.data, len(labels), labels.ctypes.data, names.ctypes.data,
-        )  # fmt: skip
-        if failed:
-            raise MemoryError("the kernel's workspace")
+        joins, first, second = library.pointers(joins=self._always, first=self._a, second=self._b).values()
+        places = library.pointers(labels=labels, names=names)
+        counts = self._elements, len(self._always), len(self._a)
+        library.require_success(
+            kernel.jld_find_blocks(
+                counts[0], counts[1], joins, counts[2], first, second, len(labels), places["labels"], places["names"]
+            )
+        )
         return names
 
 
@@ -123,13 +125,12 @@ class Joining:
         rows, most = (np.ascontiguousarray(part, dtype=np.int64) for part in (order, wanted))
         names = np.empty((len(rows), len(self._cells)), dtype=np.int32)
         good = np.empty(len(rows), dtype=np.uint8)
-        failed = kernel.jld_parts(
-            len(self._cells), len(self._first), self._first.ctypes.data, self._second.ctypes.data,
-            self._cells.ctypes.data, self._least, self._most, self._rounds, len(rows), rows.ctypes.data,
-            most.ctypes.data, names.ctypes.data, good.ctypes.data,
-        )  # fmt: skip
-        if failed:
-            raise MemoryError("the kernel's workspace")
+        given = library.pointers(first=self._first, second=self._second, cells=self._cells)
+        places = library.pointers(order=rows, wanted=most, names=names, complete=good)
+        sizes = self._least, self._most, self._rounds, len(rows)
+        library.require_success(
+            kernel.jld_join_parts(len(self._cells), len(self._first), *given.values(), *sizes, *places.values())
+        )
         return names, good.astype(bool)
 
 

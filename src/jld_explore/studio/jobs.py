@@ -24,6 +24,7 @@ from jld_explore.report import write_text
 
 Kind = Literal["improve", "prove", "explore", "study"]
 """Purpose of a search; "study" is a study begun outside the studio."""
+_KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
 State = Literal["running", "stopping", "stopped", "done", "failed"]
 """State of a search."""
 
@@ -114,9 +115,9 @@ class Jobs:
             self.all["study"] = Job("study", "study", study, _orders_of(study), state="done")
         for place in sorted(root.glob("*/" + ORDERS)):
             told = _read_object(place)
-            kind: Any = told.get("kind")
+            kind = next((kind for kind in _KINDS if kind == told.get("kind")), None)
             orders = told.get("orders")
-            if kind not in get_args(Kind) or not isinstance(orders, dict):
+            if kind is None or not isinstance(orders, dict):
                 raise InputError(str(place), "it is damaged (no kind or no settings)", _UNDAMAGED)
             state: State = "done" if told.get("done") else "stopped"
             self.all[place.parent.name] = Job(place.parent.name, kind, place.parent, orders, state)

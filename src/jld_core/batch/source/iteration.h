@@ -1,4 +1,4 @@
-// What a face needs to know of an iteration, and what it adds to.
+// Data of one iteration that faces read, and sums that they contribute to.
 #pragma once
 #include "simd.h"
 
@@ -6,9 +6,10 @@ namespace jld {
 
 struct Iteration {
     double margin;
-    Lane press, delta, lag, centre, alpha_s, alpha_z;
-    // sums and maxima over faces
-    Lane gap, worst, hit_s, hit_z, over, under, zds, dsdz, next, value, moved, bent, room;
+    Lane press, proximal, residual_share, centre, primal_step, dual_step;
+    // Sums and maxima over the faces.
+    Lane gap, worst, primal_blocking, dual_blocking, blocking_numerator, blocking_denominator, multiplier_slack_step,
+        step_product, next_gap, value, moved, parabola_error, room;
 };
 
 }  // namespace jld

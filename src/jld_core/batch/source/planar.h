@@ -1,203 +1,229 @@
-// Planar faces in lanes: rows -a N +- b M <= h (rocking) and -a N +- b V <= h (sliding), with a third pair for
-// compressive strength, whatever their label. Source of the reductions: docs/guide/batch_solver.md.
+// Planar faces: pairs of rows -a N +- b M <= h, (2.2) and (2.5), -a N +- b V <= h, (2.4) and (2.7), and a third pair of
+// M for compressive strength, (2.9), under any label. Derivation: docs/guide/batch_solver.md.
 #pragma once
+#include "interaction.h"
 #include "iteration.h"
-#include "meeting.h"
 
 namespace jld {
 
-template <int PAIRS, bool BOWS = false, bool MEETS = false>
+template <int PAIRS, bool PARABOLAS = false, bool COUPLES = false>
 struct PlanarFace {
-    static constexpr int Q = 3, P = PAIRS, ROWS = 2 * PAIRS + Meeting<MEETS>::ROWS, CONES = 0, SIDES = 7;
-    static constexpr int NUMBERS = 3 * PAIRS, BENT = 2 + Meeting<MEETS>::NUMBERS;
-    static constexpr bool BOWED = BOWS, COUPLED = MEETS;
-    Lane a[PAIRS], b[PAIRS], h[PAIRS], keep;
-    Lane F[3], s[ROWS], z[ROWS], lack[ROWS];
-    // of one iteration: 1/s, G H^-1 e_N by rows, pivot of N, columns of the elimination, inverse pivots of V and M
-    Lane is[ROWS], k[ROWS], g, v, m, iv, im, c[3], second[ROWS], dF[3], ds[ROWS], dz[ROWS];
+    static constexpr int FREEDOMS = 3, PAIR_COUNT = PAIRS, ROWS = 2 * PAIRS + MomentShearInteraction<COUPLES>::ROWS,
+                         CONES = 0, SIDES = 7;
+    static constexpr int NUMBERS = 3 * PAIRS, PARABOLA_NUMBERS = 2 + MomentShearInteraction<COUPLES>::NUMBERS;
+    static constexpr bool PARABOLIC = PARABOLAS, COUPLED = COUPLES;
+    Lane row_normal[PAIRS], row_other[PAIRS], row_bound[PAIRS], keep;
+    Lane force[3], row_slack[ROWS], row_multiplier[ROWS], lack[ROWS];
+    // Of one iteration: 1 / slack, G H^-1 e_N by rows, inverse pivots, and elimination columns of V and M.
+    Lane inverse_slack[ROWS], normal_effect[ROWS], normal_pivot, shear_follows, moment_follows, shear_pivot,
+        moment_pivot, right_side[3], second_order[ROWS], force_step[3], slack_step[ROWS], multiplier_step[ROWS];
 
-    // of a first pair that bows: its numbers before a tangent takes their place, c, n0, and what its rows lack
-    Lane a0, h0, bow, knee, off[ROWS];
+    // Of a first pair that is a parabola, (2.10): its numbers before a tangent replaces them, c, N0, residuals of its
+    // rows.
+    Lane parabola_normal, parabola_bound, curvature, knee, row_defect[ROWS];
 
-    // rows in which V and M meet; how M follows V there, and rows that follow V
-    Meeting<MEETS> meeting;
-    Lane vm, l[ROWS];
+    // Rows in which V and M interact; how M follows V there, and the effect of V on the rows.
+    MomentShearInteraction<COUPLES> interaction;
+    Lane moment_follows_shear, shear_effect[ROWS];
 
     static constexpr bool bends(int pair) { return pair != 1; }
-    // resultants that a face without friction has not
+    // Return true for resultants that a face drops after (2.8).
     static constexpr bool drops(int resultant) { return resultant == 1; }
 
-    // The tangent at a normal force, which is exact there: slope and height.
+    // Compute slope and height of the tangent of the parabola at a normal force.
     void tangent(Lane n, Lane& slope, Lane& height) const {
         Lane at = larger(n, knee);
-        slope = a0 - 2.0 * bow * at, height = h0 + bow * at * at;
+        slope = parabola_normal - 2.0 * curvature * at, height = parabola_bound + curvature * at * at;
     }
 
-    // -G of N, V and M in a row
+    // Return -G of N, V or M in a row.
     Lane normal(int r, int of) const {
         if constexpr (COUPLED)
-            if (r >= 2 * PAIRS) return meeting.row(r - 2 * PAIRS, of);
-        if (of == 0) return a[r / 2];
-        return bends(r / 2) == (of == 2) ? (r % 2 ? b[r / 2] : -b[r / 2]) : splat(0.0);
+            if (r >= 2 * PAIRS) return interaction.row(r - 2 * PAIRS, of);
+        if (of == 0) return row_normal[r / 2];
+        return bends(r / 2) == (of == 2) ? (r % 2 ? row_other[r / 2] : -row_other[r / 2]) : splat(0.0);
     }
 
     Lane height(int r) const {
         if constexpr (COUPLED)
-            if (r >= 2 * PAIRS) return meeting.h;
-        return h[r / 2];
+            if (r >= 2 * PAIRS) return interaction.plane_bound;
+        return row_bound[r / 2];
     }
 
     void touch() {
-        tangent(F[0], a[0], h[0]);
-        for (int r = 0; r < 2; ++r) off[r] = s[r] - (h[0] + a[0] * F[0] - (r ? -b[0] : b[0]) * F[2]);
+        tangent(force[0], row_normal[0], row_bound[0]);
+        for (int r = 0; r < 2; ++r)
+            row_defect[r] = row_slack[r] -
+                            (row_bound[0] + row_normal[0] * force[0] - (r ? -row_other[0] : row_other[0]) * force[2]);
         if constexpr (COUPLED) {
-            meeting.touch(F);
+            interaction.touch(force);
             for (int r = 2 * PAIRS; r < ROWS; ++r)
-                off[r] = s[r] - (height(r) + normal(r, 0) * F[0] + normal(r, 1) * F[1] + normal(r, 2) * F[2]);
+                row_defect[r] = row_slack[r] - (height(r) + normal(r, 0) * force[0] + normal(r, 1) * force[1] +
+                                                normal(r, 2) * force[2]);
         }
     }
 
     void bend(int lane, const double* numbers, double space, double push) {
-        lanes_of(a0)[lane] = lanes_of(a[0])[lane], lanes_of(h0)[lane] = lanes_of(h[0])[lane];
-        lanes_of(bow)[lane] = numbers[0], lanes_of(knee)[lane] = numbers[1];
-        double n = lanes_of(F[0])[lane], at = n > numbers[1] ? n : numbers[1];
+        lanes_of(parabola_normal)[lane] = lanes_of(row_normal[0])[lane],
+        lanes_of(parabola_bound)[lane] = lanes_of(row_bound[0])[lane];
+        lanes_of(curvature)[lane] = numbers[0], lanes_of(knee)[lane] = numbers[1];
+        double n = lanes_of(force[0])[lane], at = n > numbers[1] ? n : numbers[1];
         double lower = numbers[0] * (at * at - 2.0 * at * n);
         for (int r = 0; r < 2; ++r) {
-            double own = lanes_of(s[r])[lane] - lanes_of(lack[r])[lane] + lower, slack = own > space ? own : space;
-            lanes_of(s[r])[lane] = slack, lanes_of(lack[r])[lane] = slack - own;
+            double own = lanes_of(row_slack[r])[lane] - lanes_of(lack[r])[lane] + lower,
+                   slack = own > space ? own : space;
+            lanes_of(row_slack[r])[lane] = slack, lanes_of(lack[r])[lane] = slack - own;
         }
         if constexpr (COUPLED) {
-            meeting.put(lane, numbers + 2);
-            meeting.touch(F);
+            interaction.put(lane, numbers + 2);
+            interaction.touch(force);
             for (int r = 2 * PAIRS; r < ROWS; ++r) {
-                Lane room = height(r) + normal(r, 0) * F[0] + normal(r, 1) * F[1] + normal(r, 2) * F[2];
+                Lane room = height(r) + normal(r, 0) * force[0] + normal(r, 1) * force[1] + normal(r, 2) * force[2];
                 double own = lanes_of(room)[lane], slack = own > space ? own : space;
-                lanes_of(s[r])[lane] = slack, lanes_of(lack[r])[lane] = slack - own;
-                lanes_of(z[r])[lane] = push;
+                lanes_of(row_slack[r])[lane] = slack, lanes_of(lack[r])[lane] = slack - own;
+                lanes_of(row_multiplier[r])[lane] = push;
             }
         }
     }
 
-    // 1/s of two pairs with one division, which is what takes the time
+    // Compute 1 / slack of two pairs with one division; divisions take most of the time here.
     void invert() {
-        Lane bend = s[0] * s[1], slide = s[2] * s[3], both = 1.0 / (bend * slide);
+        Lane bend = row_slack[0] * row_slack[1], slide = row_slack[2] * row_slack[3], both = 1.0 / (bend * slide);
         Lane first = both * slide, last = both * bend;
-        is[0] = first * s[1], is[1] = first * s[0], is[2] = last * s[3], is[3] = last * s[2];
+        inverse_slack[0] = first * row_slack[1], inverse_slack[1] = first * row_slack[0],
+        inverse_slack[2] = last * row_slack[3], inverse_slack[3] = last * row_slack[2];
         if constexpr (PAIRS == 3) {
-            Lane by = 1.0 / (s[4] * s[5]);
-            is[4] = by * s[5], is[5] = by * s[4];
+            Lane by = 1.0 / (row_slack[4] * row_slack[5]);
+            inverse_slack[4] = by * row_slack[5], inverse_slack[5] = by * row_slack[4];
         }
         if constexpr (COUPLED)
             for (int r = 2 * PAIRS; r < ROWS; r += 2) {
-                Lane by = 1.0 / (s[r] * s[r + 1]);
-                is[r] = by * s[r + 1], is[r + 1] = by * s[r];
+                Lane by = 1.0 / (row_slack[r] * row_slack[r + 1]);
+                inverse_slack[r] = by * row_slack[r + 1], inverse_slack[r + 1] = by * row_slack[r];
             }
     }
 
-    // The same elimination where V and M meet: first M, then V. What is left of N is the least sum of squares that V and
-    // M can make of it, positive terms again, in which what they follow may be wrong by a digit.
+    // Eliminate with interaction: first M, then V. The rest of N is a least sum of squares over V and M, so all its
+    // terms are positive and an error in the last digit of what follows N does no harm.
     void couple(const Lane* w, Lane delta) {
-        const Lane none = splat(0.0), *meet = w + 2 * PAIRS, *push = z + 2 * PAIRS;
+        const Lane none = splat(0.0), *meet = w + 2 * PAIRS, *push = row_multiplier + 2 * PAIRS;
         const Lane same = meet[0] + meet[1], other = meet[2] + meet[3];
-        const Lane bb = meeting.b * meeting.b, cc = meeting.c * meeting.c, pushed = push[0] + push[1] + push[2] + push[3];
-        const Lane curve = 2.0 * meeting.curve * pushed, along_n = meeting.along_n, along_v = meeting.along_v;
-        Lane bending = none, sliding = b[1] * b[1] * (w[2] + w[3]) + curve * along_v * along_v;
+        const Lane bb = interaction.plane_shear * interaction.plane_shear,
+                   cc = interaction.plane_moment * interaction.plane_moment,
+                   pushed = push[0] + push[1] + push[2] + push[3];
+        const Lane curve = 2.0 * interaction.curve * pushed, along_n = interaction.along_n,
+                   along_v = interaction.along_v;
+        Lane bending = none, sliding = row_other[1] * row_other[1] * (w[2] + w[3]) + curve * along_v * along_v;
         for (int p = 0; p < PAIRS; ++p)
-            if (bends(p)) bending += b[p] * b[p] * (w[2 * p] + w[2 * p + 1]);
+            if (bends(p)) bending += row_other[p] * row_other[p] * (w[2 * p] + w[2 * p + 1]);
         Lane both = same + other, pm = delta + bending + cc * both, pv = delta + sliding + bb * both;
         Lane det = bending * sliding + (bending * bb + sliding * cc) * both + 4.0 * bb * cc * same * other;
         det += delta * (pm + pv - delta);
-        im = 1.0 / pm, iv = pm / det, vm = -(meeting.b * meeting.c * (same - other)) * im;
+        moment_pivot = 1.0 / pm, shear_pivot = pm / det,
+        moment_follows_shear = -(interaction.plane_shear * interaction.plane_moment * (same - other)) * moment_pivot;
         Lane with_m = none, with_v = curve * along_n * along_v;
-        for (int r = 0; r < ROWS; ++r) with_v += w[r] * normal(r, 0) * normal(r, 1), with_m += w[r] * normal(r, 0) * normal(r, 2);
-        v = -iv * (with_v + vm * with_m), m = vm * v - im * with_m;
-        Lane left = delta * (1.0 + m * m + v * v) + select(F[0] >= knee, 2.0 * bow * (z[0] + z[1]), none);
-        left += curve * (along_n + along_v * v) * (along_n + along_v * v);
+        for (int r = 0; r < ROWS; ++r)
+            with_v += w[r] * normal(r, 0) * normal(r, 1), with_m += w[r] * normal(r, 0) * normal(r, 2);
+        shear_follows = -shear_pivot * (with_v + moment_follows_shear * with_m),
+        moment_follows = moment_follows_shear * shear_follows - moment_pivot * with_m;
+        Lane left = delta * (1.0 + moment_follows * moment_follows + shear_follows * shear_follows) +
+                    select(force[0] >= knee, 2.0 * curvature * (row_multiplier[0] + row_multiplier[1]), none);
+        left += curve * (along_n + along_v * shear_follows) * (along_n + along_v * shear_follows);
         for (int r = 0; r < ROWS; ++r) {
-            k[r] = -(normal(r, 0) + normal(r, 1) * v + normal(r, 2) * m);
-            l[r] = -(normal(r, 1) + normal(r, 2) * vm);
-            left += w[r] * k[r] * k[r];
+            normal_effect[r] = -(normal(r, 0) + normal(r, 1) * shear_follows + normal(r, 2) * moment_follows);
+            shear_effect[r] = -(normal(r, 1) + normal(r, 2) * moment_follows_shear);
+            left += w[r] * normal_effect[r] * normal_effect[r];
         }
-        g = 1.0 / left;
+        normal_pivot = 1.0 / left;
     }
 
-    // H = G'WG + delta, eliminated in the order M, V, N so that every pivot is a sum of positive terms.
+    // Eliminate H = G'WG + delta of (8.5) in the order M, V, N; every pivot is a sum of positive terms.
     void condense(Lane delta) {
         Lane w[ROWS];
         invert();
-        for (int r = 0; r < ROWS; ++r) w[r] = z[r] * is[r];
+        for (int r = 0; r < ROWS; ++r) w[r] = row_multiplier[r] * inverse_slack[r];
         if constexpr (COUPLED) return couple(w, delta);
         Lane pm = delta, pv = delta, cm = splat(0.0), plus[PAIRS];
         for (int p = 0; p < PAIRS; ++p) {
             plus[p] = w[2 * p] + w[2 * p + 1];
-            Lane minus = a[p] * b[p] * (w[2 * p] - w[2 * p + 1]);
-            if (bends(p)) pm += b[p] * b[p] * plus[p], cm += minus;
+            Lane minus = row_normal[p] * row_other[p] * (w[2 * p] - w[2 * p + 1]);
+            if (bends(p)) pm += row_other[p] * row_other[p] * plus[p], cm += minus;
         }
-        pv += b[1] * b[1] * plus[1];
+        pv += row_other[1] * row_other[1] * plus[1];
         Lane both = 1.0 / (pm * pv);
-        im = both * pv, iv = both * pm;
-        m = cm * im;
-        v = a[1] * b[1] * (w[2] - w[3]) * iv;
-        // products of two weights and the square of their rows' determinant
-        Lane bend = 4.0 * (a[0] * a[0]) * (b[0] * b[0]) * w[0] * w[1] + delta * (a[0] * a[0]) * plus[0];
+        moment_pivot = both * pv, shear_pivot = both * pm;
+        moment_follows = cm * moment_pivot;
+        shear_follows = row_normal[1] * row_other[1] * (w[2] - w[3]) * shear_pivot;
+        // Products of two weights with the squared determinant of their rows.
+        Lane bend = 4.0 * (row_normal[0] * row_normal[0]) * (row_other[0] * row_other[0]) * w[0] * w[1] +
+                    delta * (row_normal[0] * row_normal[0]) * plus[0];
         Lane lean = splat(0.0), tilt = splat(0.0);
         if constexpr (PAIRS == 3) {
-            bend += 4.0 * (a[2] * a[2]) * (b[2] * b[2]) * w[4] * w[5] + delta * (a[2] * a[2]) * plus[2];
-            lean = a[0] * b[2] - a[2] * b[0], tilt = a[0] * b[2] + a[2] * b[0];
+            bend += 4.0 * (row_normal[2] * row_normal[2]) * (row_other[2] * row_other[2]) * w[4] * w[5] +
+                    delta * (row_normal[2] * row_normal[2]) * plus[2];
+            lean = row_normal[0] * row_other[2] - row_normal[2] * row_other[0],
+            tilt = row_normal[0] * row_other[2] + row_normal[2] * row_other[0];
             bend += lean * lean * (w[0] * w[4] + w[1] * w[5]) + tilt * tilt * (w[0] * w[5] + w[1] * w[4]);
         }
-        Lane slide = a[1] * a[1] * (4.0 * (b[1] * b[1]) * w[2] * w[3] + delta * plus[1]);
-        if constexpr (BOWS) bend = bend * im + select(F[0] >= knee, 2.0 * bow * (z[0] + z[1]), splat(0.0));
-        else bend *= im;
-        g = 1.0 / (bend + slide * iv + delta);
-        // what a unit of N does to each row when M and V follow it
+        Lane slide =
+            row_normal[1] * row_normal[1] * (4.0 * (row_other[1] * row_other[1]) * w[2] * w[3] + delta * plus[1]);
+        if constexpr (PARABOLAS)
+            bend = bend * moment_pivot +
+                   select(force[0] >= knee, 2.0 * curvature * (row_multiplier[0] + row_multiplier[1]), splat(0.0));
+        else bend *= moment_pivot;
+        normal_pivot = 1.0 / (bend + slide * shear_pivot + delta);
+        // Effect of a unit of N on each row when M and V follow it.
         for (int p = 0; p < PAIRS; ++p) {
-            Lane by = bends(p) ? im : iv;
-            Lane two = 2.0 * b[p] * b[p];
-            k[2 * p] = -a[p] * (two * w[2 * p + 1] + delta) * by;
-            k[2 * p + 1] = -a[p] * (two * w[2 * p] + delta) * by;
+            Lane by = bends(p) ? moment_pivot : shear_pivot;
+            Lane two = 2.0 * row_other[p] * row_other[p];
+            normal_effect[2 * p] = -row_normal[p] * (two * w[2 * p + 1] + delta) * by;
+            normal_effect[2 * p + 1] = -row_normal[p] * (two * w[2 * p] + delta) * by;
         }
         if constexpr (PAIRS == 3) {
-            k[0] += b[2] * (-lean * w[4] - tilt * w[5]) * im;
-            k[1] += b[2] * (-tilt * w[4] - lean * w[5]) * im;
-            k[4] += b[0] * (lean * w[0] - tilt * w[1]) * im;
-            k[5] += b[0] * (-tilt * w[0] + lean * w[1]) * im;
+            normal_effect[0] += row_other[2] * (-lean * w[4] - tilt * w[5]) * moment_pivot;
+            normal_effect[1] += row_other[2] * (-tilt * w[4] - lean * w[5]) * moment_pivot;
+            normal_effect[4] += row_other[0] * (lean * w[0] - tilt * w[1]) * moment_pivot;
+            normal_effect[5] += row_other[0] * (-tilt * w[0] + lean * w[1]) * moment_pivot;
         }
     }
 
     // x = H^-1 y
     void apply(const Lane* y, Lane* x) const {
         if constexpr (COUPLED) return follow(y, x, nullptr);
-        Lane n = g * (y[0] + v * y[1] + m * y[2]);
-        x[0] = n, x[1] = v * n + iv * y[1], x[2] = m * n + im * y[2];
+        Lane n = normal_pivot * (y[0] + shear_follows * y[1] + moment_follows * y[2]);
+        x[0] = n, x[1] = shear_follows * n + shear_pivot * y[1], x[2] = moment_follows * n + moment_pivot * y[2];
     }
 
-    // x = H^-1 y, and G x without the digits that x has lost
+    // x = H^-1 y, and rows = G x without cancellation.
     void apply(const Lane* y, Lane* x, Lane* rows) const {
         if constexpr (COUPLED) return follow(y, x, rows);
-        Lane n = g * (y[0] + v * y[1] + m * y[2]), slip = iv * y[1], turn = im * y[2];
-        x[0] = n, x[1] = v * n + slip, x[2] = m * n + turn;
+        Lane n = normal_pivot * (y[0] + shear_follows * y[1] + moment_follows * y[2]), slip = shear_pivot * y[1],
+             turn = moment_pivot * y[2];
+        x[0] = n, x[1] = shear_follows * n + slip, x[2] = moment_follows * n + turn;
         for (int p = 0; p < PAIRS; ++p) {
-            Lane part = b[p] * (bends(p) ? turn : slip);
-            rows[2 * p] = k[2 * p] * n + part;
-            rows[2 * p + 1] = k[2 * p + 1] * n - part;
+            Lane part = row_other[p] * (bends(p) ? turn : slip);
+            rows[2 * p] = normal_effect[2 * p] * n + part;
+            rows[2 * p + 1] = normal_effect[2 * p + 1] * n - part;
         }
     }
 
     void follow(const Lane* y, Lane* x, Lane* rows) const {
-        Lane n = g * (y[0] + v * y[1] + m * y[2]), slip = iv * (y[1] + vm * y[2]), turn = im * y[2];
-        x[0] = n, x[1] = v * n + slip, x[2] = m * n + turn + vm * slip;
+        Lane n = normal_pivot * (y[0] + shear_follows * y[1] + moment_follows * y[2]),
+             slip = shear_pivot * (y[1] + moment_follows_shear * y[2]), turn = moment_pivot * y[2];
+        x[0] = n, x[1] = shear_follows * n + slip, x[2] = moment_follows * n + turn + moment_follows_shear * slip;
         if (rows)
-            for (int r = 0; r < ROWS; ++r) rows[r] = k[r] * n + l[r] * slip - normal(r, 2) * turn;
+            for (int r = 0; r < ROWS; ++r)
+                rows[r] = normal_effect[r] * n + shear_effect[r] * slip - normal(r, 2) * turn;
     }
 
     // out = G't
     void turned(const Lane* t, Lane* out) const {
         Lane n = splat(0.0), q = splat(0.0), x = splat(0.0);
         for (int p = 0; p < PAIRS; ++p) {
-            n -= a[p] * (t[2 * p] + t[2 * p + 1]);
-            Lane d = b[p] * (t[2 * p] - t[2 * p + 1]);
-            if (bends(p)) x += d; else q += d;
+            n -= row_normal[p] * (t[2 * p] + t[2 * p + 1]);
+            Lane d = row_other[p] * (t[2 * p] - t[2 * p + 1]);
+            if (bends(p)) x += d;
+            else q += d;
         }
         if constexpr (COUPLED)
             for (int r = 2 * PAIRS; r < ROWS; ++r)
@@ -205,49 +231,53 @@ struct PlanarFace {
         out[0] = n, out[1] = q, out[2] = x;
     }
 
-    // a labelling into a lane: rows (a, b, h) of its pairs, and where iterations start
+    // Put a labelling into a lane: rows (a, b, h) of its pairs, and the starting point.
     void put(int lane, const double* row, double kept, const double* forces, const double* jumps, double space,
              double push) {
         for (int k = 0; k < PAIRS; ++k, row += 3) {
-            lanes_of(a[k])[lane] = row[0], lanes_of(b[k])[lane] = row[1], lanes_of(h[k])[lane] = row[2];
+            lanes_of(row_normal[k])[lane] = row[0], lanes_of(row_other[k])[lane] = row[1],
+            lanes_of(row_bound[k])[lane] = row[2];
             double x = bends(k) ? forces[2] : kept * forces[1], n = forces[0];
             double turn = row[1] > 0.0 ? -jumps[bends(k) ? 2 : 1] / row[1] : 0.0;
             for (int r = 0; r < 2; ++r) {
                 double sign = r ? -1.0 : 1.0, own = row[2] + row[0] * n - sign * row[1] * x;
                 double slack = own > space ? own : space;
-                lanes_of(s[2 * k + r])[lane] = slack;
+                lanes_of(row_slack[2 * k + r])[lane] = slack;
                 lanes_of(lack[2 * k + r])[lane] = slack - own;
-                lanes_of(z[2 * k + r])[lane] = push + (sign * turn > 0.0 ? sign * turn : 0.0);
+                lanes_of(row_multiplier[2 * k + r])[lane] = push + (sign * turn > 0.0 ? sign * turn : 0.0);
             }
         }
         lanes_of(keep)[lane] = kept;
-        lanes_of(F[0])[lane] = forces[0], lanes_of(F[1])[lane] = kept * forces[1], lanes_of(F[2])[lane] = forces[2];
+        lanes_of(force[0])[lane] = forces[0], lanes_of(force[1])[lane] = kept * forces[1],
+        lanes_of(force[2])[lane] = forces[2];
     }
 
-    // Forces and multipliers of a lane, for one that begins there.
+    // Store forces and multipliers of a lane.
     void save(int lane, double* to) const {
-        for (int k = 0; k < 3; ++k) to[k] = lanes_of(F[k])[lane];
-        for (int r = 0; r < ROWS; ++r) to[3 + r] = lanes_of(z[r])[lane];
+        for (int k = 0; k < 3; ++k) to[k] = lanes_of(force[k])[lane];
+        for (int r = 0; r < ROWS; ++r) to[3 + r] = lanes_of(row_multiplier[r])[lane];
     }
 
-    // The same into a lane under another label; product: the least of a slack and its multiplier.
+    // Put a stored state into a lane under another label. product: least product of a slack and its multiplier.
     void resume(int lane, const double* row, double kept, const double* from, double space, double product) {
         const double forces[3] = {from[0], kept * from[1], from[2]};
-        for (int k = 0; k < 3; ++k) lanes_of(F[k])[lane] = forces[k];
+        for (int k = 0; k < 3; ++k) lanes_of(force[k])[lane] = forces[k];
         for (int k = 0; k < PAIRS; ++k, row += 3) {
-            lanes_of(a[k])[lane] = row[0], lanes_of(b[k])[lane] = row[1], lanes_of(h[k])[lane] = row[2];
+            lanes_of(row_normal[k])[lane] = row[0], lanes_of(row_other[k])[lane] = row[1],
+            lanes_of(row_bound[k])[lane] = row[2];
             const double middle = row[2] + row[0] * forces[0], side = row[1] * forces[bends(k) ? 2 : 1];
             for (int r = 0; r < 2; ++r) {
                 const double own = r ? middle + side : middle - side, slack = own > space ? own : space;
                 const double push = from[3 + 2 * k + r], least = product / slack;
-                lanes_of(s[2 * k + r])[lane] = slack, lanes_of(lack[2 * k + r])[lane] = slack - own;
-                lanes_of(z[2 * k + r])[lane] = push > least ? push : least;
+                lanes_of(row_slack[2 * k + r])[lane] = slack, lanes_of(lack[2 * k + r])[lane] = slack - own;
+                lanes_of(row_multiplier[2 * k + r])[lane] = push > least ? push : least;
             }
         }
         lanes_of(keep)[lane] = kept;
     }
 
-    // numbers of a ray; whether shear is bounded, so that a ray has none
+    // Turn the numbers of rows into those of their recession cone, (3.12); return true if shear is bounded, so that
+    // rays have none.
     static bool recede(double* row) {
         const bool bounded = row[3] == 0.0;
         for (int k = 0; k < PAIRS; ++k) {
@@ -259,168 +289,182 @@ struct PlanarFace {
 
     void copy(PlanarFace& from, int source, int lane) {
         auto move = [&](Lane& to, const Lane& x) { lanes_of(to)[lane] = lanes_of(x)[source]; };
-        for (int k = 0; k < PAIRS; ++k) move(a[k], from.a[k]), move(b[k], from.b[k]), move(h[k], from.h[k]);
-        for (int k = 0; k < ROWS; ++k) move(s[k], from.s[k]), move(z[k], from.z[k]);
-        for (int k = 0; k < 3; ++k) move(F[k], from.F[k]);
+        for (int k = 0; k < PAIRS; ++k)
+            move(row_normal[k], from.row_normal[k]), move(row_other[k], from.row_other[k]),
+                move(row_bound[k], from.row_bound[k]);
+        for (int k = 0; k < ROWS; ++k)
+            move(row_slack[k], from.row_slack[k]), move(row_multiplier[k], from.row_multiplier[k]);
+        for (int k = 0; k < 3; ++k) move(force[k], from.force[k]);
         move(keep, from.keep);
-        if constexpr (BOWS) move(a0, from.a0), move(h0, from.h0), move(bow, from.bow), move(knee, from.knee);
-        if constexpr (COUPLED) meeting.copy(from.meeting, source, lane);
+        if constexpr (PARABOLAS)
+            move(parabola_normal, from.parabola_normal), move(parabola_bound, from.parabola_bound),
+                move(curvature, from.curvature), move(knee, from.knee);
+        if constexpr (COUPLED) interaction.copy(from.interaction, source, lane);
     }
 
-    // What is left of h - G F = s at the start shrinks with every step.
+    // Return the residual of h - G F = slack; that of the starting point decreases with every step.
     Lane short_of(const Iteration& it, int row) const {
-        Lane rest = it.lag * (lack[row] + it.margin);
-        if constexpr (BOWS)
-            if (row < 2 || row >= 2 * PAIRS) return select(bow > 0.0, off[row] + it.margin, rest);
+        Lane rest = it.residual_share * (lack[row] + it.margin);
+        if constexpr (PARABOLAS)
+            if (row < 2 || row >= 2 * PAIRS) return select(curvature > 0.0, row_defect[row] + it.margin, rest);
         return rest;
     }
 
-    // jump: A'u. Condenses H, gives the predictor's right-hand side through H^-1.
+    // Condense H, and compute x = H^-1 of the predictor's right-hand side. jump: A'u.
     void begin(Iteration& it, Lane* jump, Lane* x) {
-        if constexpr (BOWS) touch();
-        condense(it.delta);
+        if constexpr (PARABOLAS) touch();
+        condense(it.proximal);
         Lane pull[3], t[ROWS], late[3];
-        turned(z, pull);
+        turned(row_multiplier, pull);
         for (int r = 0; r < ROWS; ++r) {
-            it.gap += s[r] * z[r];
-            t[r] = z[r] * is[r] * short_of(it, r);
+            it.gap += row_slack[r] * row_multiplier[r];
+            t[r] = row_multiplier[r] * inverse_slack[r] * short_of(it, r);
         }
         turned(t, late);
         jump[0] -= it.press;
         for (int k = 0; k < 3; ++k) {
             it.worst = larger(it.worst, absolute(jump[k] + pull[k]));
-            // of s dz + z ds = -s z what depends on z falls out against the residual of the jumps
-            c[k] = -jump[k] - late[k];
+            // The terms with multipliers cancel against the residual of the jumps, because s dz + z ds = -s z.
+            right_side[k] = -jump[k] - late[k];
         }
-        apply(c, x);
+        apply(right_side, x);
     }
 
     void predict(Iteration& it, const Lane* jump) {
         Lane y[3], x[3], rows[ROWS];
-        for (int k = 0; k < 3; ++k) y[k] = c[k] - jump[k];
+        for (int k = 0; k < 3; ++k) y[k] = right_side[k] - jump[k];
         apply(y, x, rows);
         for (int r = 0; r < ROWS; ++r) {
-            Lane step = -short_of(it, r) - rows[r], by = step * is[r];
-            Lane push = -z[r] - z[r] * by;
-            it.hit_s = larger(it.hit_s, -by), it.hit_z = larger(it.hit_z, 1.0 + by);
-            it.zds += z[r] * step, it.dsdz += step * push;
-            second[r] = by * push;
+            Lane step = -short_of(it, r) - rows[r], by = step * inverse_slack[r];
+            Lane push = -row_multiplier[r] - row_multiplier[r] * by;
+            it.primal_blocking = larger(it.primal_blocking, -by), it.dual_blocking = larger(it.dual_blocking, 1.0 + by);
+            it.multiplier_slack_step += row_multiplier[r] * step, it.step_product += step * push;
+            second_order[r] = by * push;
         }
     }
 
-    // x: what centring and the second order add to the right-hand side, through H^-1
+    // x = H^-1 of what centring and second order add to the right-hand side.
     void correct(const Iteration& it, Lane* x) {
         Lane t[ROWS], back[3];
-        for (int r = 0; r < ROWS; ++r) t[r] = it.centre * is[r] - second[r];
+        for (int r = 0; r < ROWS; ++r) t[r] = it.centre * inverse_slack[r] - second_order[r];
         turned(t, back);
-        for (int k = 0; k < 3; ++k) c[k] -= back[k], back[k] = -back[k];
+        for (int k = 0; k < 3; ++k) right_side[k] -= back[k], back[k] = -back[k];
         apply(back, x);
     }
 
     void move(const Lane* jump, Lane* x) const {
         Lane y[3];
-        for (int k = 0; k < 3; ++k) y[k] = c[k] - jump[k];
+        for (int k = 0; k < 3; ++k) y[k] = right_side[k] - jump[k];
         apply(y, x);
     }
 
     void direct(Iteration& it, const Lane* jump) {
         Lane y[3], rows[ROWS];
-        for (int k = 0; k < 3; ++k) y[k] = c[k] - jump[k];
-        apply(y, dF, rows);
+        for (int k = 0; k < 3; ++k) y[k] = right_side[k] - jump[k];
+        apply(y, force_step, rows);
         for (int r = 0; r < ROWS; ++r) {
-            Lane step = -short_of(it, r) - rows[r], by = step * is[r];
-            Lane push = it.centre * is[r] - second[r] - z[r] - z[r] * by;
-            ds[r] = step, dz[r] = push;
-            it.hit_s = larger(it.hit_s, -by);
-            // the largest -dz / z as a fraction, compared by products
-            Mask sooner = -push * it.under > it.over * z[r];
-            it.over = select(sooner, -push, it.over), it.under = select(sooner, z[r], it.under);
+            Lane step = -short_of(it, r) - rows[r], by = step * inverse_slack[r];
+            Lane push = it.centre * inverse_slack[r] - second_order[r] - row_multiplier[r] - row_multiplier[r] * by;
+            slack_step[r] = step, multiplier_step[r] = push;
+            it.primal_blocking = larger(it.primal_blocking, -by);
+            // Find the largest -dz / z as a fraction, by products instead of divisions.
+            Mask sooner = -push * it.blocking_denominator > it.blocking_numerator * row_multiplier[r];
+            it.blocking_numerator = select(sooner, -push, it.blocking_numerator),
+            it.blocking_denominator = select(sooner, row_multiplier[r], it.blocking_denominator);
         }
     }
 
     void advance(Iteration& it) {
-        // what the tangent missed, which the next one mends
-        if constexpr (BOWS) it.bent = larger(it.bent, bow * (it.alpha_s * dF[0]) * (it.alpha_s * dF[0]));
+        // Error of the tangent, which the next tangent corrects.
+        if constexpr (PARABOLAS)
+            it.parabola_error = larger(it.parabola_error,
+                                       curvature * (it.primal_step * force_step[0]) * (it.primal_step * force_step[0]));
         if constexpr (COUPLED) {
-            Lane along = it.alpha_s * (meeting.along_n * dF[0] + meeting.along_v * dF[1]);
-            it.bent = larger(it.bent, meeting.curve * along * along);
+            Lane along = it.primal_step * (interaction.along_n * force_step[0] + interaction.along_v * force_step[1]);
+            it.parabola_error = larger(it.parabola_error, interaction.curve * along * along);
         }
-        for (int k = 0; k < 3; ++k) F[k] += it.alpha_s * dF[k], it.moved = larger(it.moved, absolute(dF[k]));
+        for (int k = 0; k < 3; ++k)
+            force[k] += it.primal_step * force_step[k], it.moved = larger(it.moved, absolute(force_step[k]));
         for (int r = 0; r < ROWS; ++r) {
-            s[r] += it.alpha_s * ds[r], z[r] += it.alpha_z * dz[r];
-            it.next += s[r] * z[r];
-            it.value += height(r) * z[r];
-            if constexpr (!BOWS) it.room = smaller(it.room, s[r] + it.margin - (1.0 - it.alpha_s) * short_of(it, r));
+            row_slack[r] += it.primal_step * slack_step[r], row_multiplier[r] += it.dual_step * multiplier_step[r];
+            it.next_gap += row_slack[r] * row_multiplier[r];
+            it.value += height(r) * row_multiplier[r];
+            if constexpr (!PARABOLAS)
+                it.room = smaller(it.room, row_slack[r] + it.margin - (1.0 - it.primal_step) * short_of(it, r));
         }
-        if constexpr (BOWS) it.room = smaller(it.room, slack(F));
+        if constexpr (PARABOLAS) it.room = smaller(it.room, slack(force));
     }
 
-    // least slack of forces in the rows
+    // Return the least slack of forces in the rows.
     Lane slack(const Lane* y) const {
         Lane least = splat(1e300);
         for (int p = 0; p < PAIRS; ++p) {
-            Lane slope = a[p], height = h[p];
-            if constexpr (BOWS)
+            Lane slope = row_normal[p], height = row_bound[p];
+            if constexpr (PARABOLAS)
                 if (p == 0) tangent(y[0], slope, height);
-            least = smaller(least, height + slope * y[0] - absolute(b[p] * y[bends(p) ? 2 : 1]));
+            least = smaller(least, height + slope * y[0] - absolute(row_other[p] * y[bends(p) ? 2 : 1]));
         }
-        if constexpr (COUPLED) least = smaller(least, meeting.slack(y));
+        if constexpr (COUPLED) least = smaller(least, interaction.slack(y));
         return least;
     }
 
-    // margin: what a jump opens more than it must for its dissipation to be finite; work: that dissipation,
-    // min h.t over t >= 0 with G't = -J, in closed form.
+    // Compute margin and dissipation (3.4) to (3.7) of a jump in closed form. margin: opening beyond that for which the
+    // dissipation is finite; work: min h.t over t >= 0 with G't = -J, (3.2).
     void dissipation(const Lane* jump, Lane& margin, Lane& work) const {
-        Lane turn = absolute(jump[2]) / b[0], slip = absolute(jump[1] * keep) / b[1];
-        Lane rest = jump[0] - a[0] * turn - a[1] * slip;
+        Lane turn = absolute(jump[2]) / row_other[0], slip = absolute(jump[1] * keep) / row_other[1];
+        Lane rest = jump[0] - row_normal[0] * turn - row_normal[1] * slip;
         Lane dearest = splat(1e300);
-        Lane bend = h[0] / a[0];
-        Lane slide = select(a[1] > 0.0, h[1] / select(a[1] > 0.0, a[1], splat(1.0)), dearest);
+        Lane bend = row_bound[0] / row_normal[0];
+        Lane slide =
+            select(row_normal[1] > 0.0, row_bound[1] / select(row_normal[1] > 0.0, row_normal[1], splat(1.0)), dearest);
         margin = rest;
-        work = h[0] * turn + h[1] * slip + smaller(bend, slide) * rest;
+        work = row_bound[0] * turn + row_bound[1] * slip + smaller(bend, slide) * rest;
         if constexpr (PAIRS == 3) {
-            // the third pair closes: P of the first, R of the third, a0 P - a2 R = opening, b0 P + b2 R >= |turn|
-            Mask crushes = b[2] > 0.0;
-            Lane a2 = -select(crushes, a[2], splat(-1.0)), b2 = select(crushes, b[2], splat(1.0));
-            Lane open = jump[0] - a[1] * slip, bent = absolute(jump[2]);
+            // The third pair takes part: P of the first, R of the third, a0 P - a2 R = opening, b0 P + b2 R >= |turn|.
+            Mask crushes = row_other[2] > 0.0;
+            Lane a2 = -select(crushes, row_normal[2], splat(-1.0)), b2 = select(crushes, row_other[2], splat(1.0));
+            Lane open = jump[0] - row_normal[1] * slip, bent = absolute(jump[2]);
             Lane R = larger(splat(0.0), -open / a2);
-            R = larger(R, (bent - b[0] * open / a[0]) / (b[0] * a2 / a[0] + b2));
-            Lane crushed = h[0] * (open + a2 * R) / a[0] + h[1] * slip + h[2] * R;
+            R = larger(R, (bent - row_other[0] * open / row_normal[0]) / (row_other[0] * a2 / row_normal[0] + b2));
+            Lane crushed = row_bound[0] * (open + a2 * R) / row_normal[0] + row_bound[1] * slip + row_bound[2] * R;
             work = select(crushes, crushed, work);
             margin = select(crushes, dearest, margin);
         }
-        if constexpr (BOWS) {
-            Mask bowed = bow > 0.0;
+        if constexpr (PARABOLAS) {
+            Mask bowed = curvature > 0.0;
             work = select(bowed, bowing(jump), work);
-            if constexpr (COUPLED) work = select(meeting.limit > 0.0, meeting.dissipation(jump, keep), work);
+            if constexpr (COUPLED) work = select(interaction.limit > 0.0, interaction.dissipation(jump, keep), work);
             margin = select(bowed, dearest, margin);
         }
     }
 
-    // sup of p N + |turn| b|M|/b, M at most the first pair and, where there is one, the line of the third; and what
-    // slips at N = 0
+    // Return the dissipation (3.7) of a parabola: sup of p N + |turn| b|M| / b with M at most the first pair and the
+    // line of the third, plus the slip at N = 0.
     Lane bowing(const Lane* jump) const {
-        Lane c = select(bow > 0.0, bow, splat(1.0)), turn = absolute(jump[2]), slip = absolute(jump[1] * keep) / b[1];
-        Lane p = a[1] * slip - jump[0], t = turn / b[0];
-        Lane high = (a0 + root(a0 * a0 + 4.0 * c * h0)) / (2.0 * c);
-        Lane steep = a0 - 2.0 * c * knee, start = h0 + c * knee * knee, low = -start / steep, below = low;
+        Lane c = select(curvature > 0.0, curvature, splat(1.0)), turn = absolute(jump[2]),
+             slip = absolute(jump[1] * keep) / row_other[1];
+        Lane p = row_normal[1] * slip - jump[0], t = turn / row_other[0];
+        Lane high = (parabola_normal + root(parabola_normal * parabola_normal + 4.0 * c * parabola_bound)) / (2.0 * c);
+        Lane steep = parabola_normal - 2.0 * c * knee, start = parabola_bound + c * knee * knee, low = -start / steep,
+             below = low;
         if constexpr (PAIRS == 3) {
-            // the line meets the tangent at a corner
-            Mask lined = b[2] > 0.0;
-            Lane by = select(lined, b[2], splat(1.0)), slope = a[2] / by, height = h[2] / by;
-            Lane corner = (start / b[0] - height) / (slope - steep / b[0]);
+            // The line meets the tangent at a corner.
+            Mask lined = row_other[2] > 0.0;
+            Lane by = select(lined, row_other[2], splat(1.0)), slope = row_normal[2] / by, height = row_bound[2] / by;
+            Lane corner = (start / row_other[0] - height) / (slope - steep / row_other[0]);
             Lane foot = -height / select(lined, slope, splat(1.0));
             low = select(lined, foot, low);
             below = select(lined, select(p + turn * slope > 0.0, corner, foot), low);
         }
         Lane turns = select(t > 0.0, t, splat(1.0));
-        Lane free = select(t > 0.0, (a0 + p / turns) / (2.0 * c), select(p > 0.0, high, low));
+        Lane free = select(t > 0.0, (parabola_normal + p / turns) / (2.0 * c), select(p > 0.0, high, low));
         Lane n = select(free > knee, smaller(free, high), select(t > 0.0, below, free)), slope, height;
         tangent(n, slope, height);
-        Lane most = larger(splat(0.0), (height + slope * n) / b[0]);
+        Lane most = larger(splat(0.0), (height + slope * n) / row_other[0]);
         if constexpr (PAIRS == 3)
-            most = select(b[2] > 0.0, smaller(most, larger(splat(0.0), (h[2] + a[2] * n) / b[2])), most);
-        return h[1] * slip + p * n + turn * most;
+            most = select(row_other[2] > 0.0,
+                          smaller(most, larger(splat(0.0), (row_bound[2] + row_normal[2] * n) / row_other[2])), most);
+        return row_bound[1] * slip + p * n + turn * most;
     }
 };
 

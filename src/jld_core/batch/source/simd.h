@@ -1,15 +1,15 @@
-// A register of doubles, one labelling to a lane, and the few operations on it that the language has no sign for.
+// SIMD vectors of doubles, one labelling per lane, and operations on them that C++ has no operator for.
 #pragma once
 #include <cstdint>
 
-// what is called from more than one place is compiled once
-#define JLD_ONCE __attribute__((noinline))
+// Functions with several callers are compiled once.
+#define JLD_NOINLINE __attribute__((noinline))
 
-// a loop over a few numbers is laid out whole, so that what it gathers stays in registers
+// Short loops are unrolled completely, so that their sums stay in registers.
 #if defined(__clang__)
-#define JLD_WHOLE _Pragma("clang loop unroll(full)")
+#define JLD_UNROLL _Pragma("clang loop unroll(full)")
 #else
-#define JLD_WHOLE _Pragma("GCC unroll 40")
+#define JLD_UNROLL _Pragma("GCC unroll 40")
 #endif
 
 #if defined(JLD_COUNTED)
@@ -24,30 +24,30 @@
 namespace jld {
 
 #if defined(__AVX512F__) && defined(__AVX512DQ__)
-constexpr int W = 8;
+constexpr int LANES = 8;
 constexpr const char* VARIANT = "avx512";
 #elif defined(__AVX2__) && defined(__FMA__)
-constexpr int W = 4;
+constexpr int LANES = 4;
 constexpr const char* VARIANT = "avx2";
 #elif defined(__aarch64__)
-constexpr int W = 2;
+constexpr int LANES = 2;
 constexpr const char* VARIANT = "neon";
 #else
-constexpr int W = 2;
+constexpr int LANES = 2;
 constexpr const char* VARIANT = "base";
 #endif
 
-typedef double Lane __attribute__((vector_size(8 * W)));
-typedef int64_t Mask __attribute__((vector_size(8 * W)));
+typedef double Lane __attribute__((vector_size(8 * LANES)));
+typedef int64_t Mask __attribute__((vector_size(8 * LANES)));
 
 inline Lane splat(double x) { return Lane{} + x; }
 #if defined(__SSE2__) && !defined(__AVX2__)
-// there are no comparisons of 64-bit integers, which is what a mask is to the compiler
+// SSE2 has no 64-bit integer comparison, which the compiler would use for a mask.
 inline Lane select(Mask m, Lane a, Lane b) { return (Lane)((m & (Mask)a) | (~m & (Mask)b)); }
 #else
 inline Lane select(Mask m, Lane a, Lane b) { return m ? a : b; }
 #endif
-// where b is no number a is kept: what measures an error asks for !(x <= tolerance) instead
+// If b is NaN the result is a, so errors are tested as !(x <= tolerance).
 inline Lane larger(Lane a, Lane b) { return b > a ? b : a; }
 inline Lane smaller(Lane a, Lane b) { return b < a ? b : a; }
 inline Lane absolute(Lane a) { return a < 0.0 ? -a : a; }
@@ -63,11 +63,14 @@ inline Lane root(Lane a) {
     return (Lane)_mm_sqrt_pd((__m128d)a);
 #else
     Lane r;
-    for (int i = 0; i < W; ++i) r[i] = __builtin_sqrt(a[i]);
+    for (int i = 0; i < LANES; ++i) r[i] = __builtin_sqrt(a[i]);
     return r;
 #endif
 }
 
+inline bool is_set(const Mask& m, int lane) { return m[lane] != 0; }
+
+// The lanes of a vector as an array. GCC and Clang let vectors alias their elements, as their vector extension states.
 inline double* lanes_of(Lane& x) { return reinterpret_cast<double*>(&x); }
 inline const double* lanes_of(const Lane& x) { return reinterpret_cast<const double*>(&x); }
 

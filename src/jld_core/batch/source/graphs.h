@@ -1,33 +1,34 @@
-// Graphs of many labellings, one after another: the blocks of each, and parts that are joined in the order of keys.
-// Whole numbers only, so that every variant answers alike.
+// Graphs of many labellings, one after another: their blocks, (5.1), and parts that are joined in a given order.
+// Integers only, so every variant gives the same result.
 #pragma once
 #include <cstdint>
 #include <vector>
 
 namespace jld {
 
-// Blocks of one labelling, each named by the smallest element in it.
-struct Blocks {
-    std::vector<int64_t> up;
+// Disjoint sets of the elements of one labelling; each set is named by its smallest element.
+struct DisjointSets {
+    std::vector<int64_t> parent;
 
     int64_t root(int64_t e) {
-        while (up[e] != e) e = up[e] = up[up[e]];
+        while (parent[e] != e) e = parent[e] = parent[parent[e]];
         return e;
     }
 
     void join(int32_t a, int32_t b) {
         int64_t one = root(a), two = root(b);
-        if (one < two) up[two] = one;
-        else up[one] = two;
+        if (one < two) parent[two] = one;
+        else parent[one] = two;
     }
 };
 
-// Parts in the making: pairs of atoms are joined in an order, as long as a part holds no more cells than it may.
-struct Forest {
+// Parts that grow by joining pairs of atoms in a given order, as long as a part does not exceed the largest number of
+// cells.
+struct PartGrowth {
     int32_t atoms, pairs;
     const int32_t *first, *second;  // (pairs) atoms
-    const int64_t* cells;           // (atoms)
-    int64_t least, most;            // cells of a part
+    const int64_t* cells;           // (atoms) cells of each
+    int64_t least, most;            // smallest and largest number of cells of a part
     std::vector<int64_t> size;
 
     bool lacking() const {
@@ -44,7 +45,7 @@ struct Forest {
         size[p] += size[q], size[q] = 0;
     }
 
-    // order: (pairs), of which the first `wanted` are joined, then what is too small with what it touches.
+    // Join the first `wanted` pairs of `order`, then parts that are too small with parts that they touch.
     bool grow(const int64_t* order, int64_t wanted, int32_t rounds, int32_t* name) {
         size.assign(cells, cells + atoms);
         for (int32_t k = 0; k < atoms; ++k) name[k] = k;

@@ -1,29 +1,31 @@
-// Where V and M meet in faces of no label that crush: |M| <= w m + N1 - N1^2 / ((1 - w) C), w the share of an inner corner
-// (n, m) that |V| = c + mu N + w more asks for, N1 = N - w n; as four rows +-b V +- M <= h + a N of its tangent plane. And
-// what such faces cost a motion, whatever their rows. Source of the reductions: docs/guide/batch_solver.md.
+// Rows in which V and M interact, for undecided faces whose joints crush, (6.3) with (2.7), (2.9) and (2.10).
+//
+// The hull satisfies |M| <= w m + N1 - N1^2 / ((1 - w) C). Here w is the share of an inner corner (n, m) that |V| = c +
+// mu N + w more requires, C the crushing force, and N1 = N - w n. Four rows +-b V +- M <= h + a N are its tangent
+// plane. The class also gives the dissipation (6.3) of such faces. Derivation: docs/guide/batch_solver.md.
 #pragma once
 #include "simd.h"
 
 namespace jld {
 
-template <bool MEETS>
-struct Meeting {
+template <bool COUPLES>
+struct MomentShearInteraction {
     static constexpr int ROWS = 0, NUMBERS = 0;
 };
 
 template <>
-struct Meeting<true> {
+struct MomentShearInteraction<true> {
     static constexpr int ROWS = 4, NUMBERS = 12;
-    // N and M of the corner, what its shear is above the dry line, 0 where nothing meets, and between which N of the dry
-    // parabola planes touch it
+    // N and M of the corner; its shear above the dry line, 0 where nothing interacts; range of N in which planes touch
+    // the dry parabola.
     Lane normal, moment, more, first, last;
-    // both labels: N that crushes dry joints, 0 of a decided face, their friction and cohesion; tension, N that crushes
-    // inner ones, their shear strength and friction
+    // Dry: crushing force (0 for a decided face), friction, cohesion. Inner: tensile, crushing and shear strength,
+    // friction.
     Lane limit, friction, cohesion, tension, inner_limit, shear, inner_friction;
-    // the plane; half the second derivative of M along (along_n, along_v), which alone has one
-    Lane a, b, c, h, curve, along_n, along_v;
+    // Tangent plane, and half the second derivative of M along (along_n, along_v), its only curved direction.
+    Lane plane_normal, plane_shear, plane_moment, plane_bound, curve, along_n, along_v;
 
-    // of V and M in row r, which go through (+, +), (-, -), (+, -), (-, +)
+    // Signs of V and M in row r: (+, +), (-, -), (+, -), (-, +).
     static constexpr double sign_v(int r) { return r % 2 ? -1.0 : 1.0; }
     static constexpr double sign_m(int r) { return r == 0 || r == 3 ? 1.0 : -1.0; }
 
@@ -37,7 +39,7 @@ struct Meeting<true> {
         numbers([&](Lane& x) { lanes_of(x)[lane] = *from++; });
     }
 
-    void copy(Meeting& from, int source, int lane) {
+    void copy(MomentShearInteraction& from, int source, int lane) {
         Lane* all[NUMBERS];
         int n = 0;
         numbers([&](Lane& x) { all[n++] = &x; });
@@ -45,7 +47,7 @@ struct Meeting<true> {
         from.numbers([&](Lane& x) { lanes_of(*all[n++])[lane] = lanes_of(x)[source]; });
     }
 
-    // The plane at forces, which is exact there, or the nearest one.
+    // Compute the tangent plane at given forces, or the nearest one.
     void touch(const Lane* F) {
         const Lane none = splat(0.0), one = splat(1.0);
         Mask meets = more > 0.0;
@@ -53,25 +55,29 @@ struct Meeting<true> {
         Lane share = (absolute(F[1]) - cohesion - friction * F[0]) * by, rest = larger(one - share, splat(1e-9));
         Lane own = (F[0] - share * normal) / rest, n = smaller(larger(own, first), last);
         Lane slope = one - 2.0 * c0 * n;
-        b = (slope * normal + c0 * n * n - moment) * by;
-        a = select(meets, slope + friction * b, none), h = select(meets, c0 * n * n + b * cohesion, one);
-        c = select(meets, one, none);
-        // what the share moves by with N and |V| moves the point of touch along the parabola
+        plane_shear = (slope * normal + c0 * n * n - moment) * by;
+        plane_normal = select(meets, slope + friction * plane_shear, none),
+        plane_bound = select(meets, c0 * n * n + plane_shear * cohesion, one);
+        plane_moment = select(meets, one, none);
+        // Shift of the point of contact along the parabola as N and |V| change the share.
         Lane reach = (n - normal) * by;
         curve = select(meets & (own >= first) & (own <= last), c0 / rest, none);
         along_n = one - friction * reach, along_v = select(F[1] < 0.0, -reach, reach);
     }
 
-    // -G of N, V and M in a row
-    Lane row(int r, int of) const { return of == 0 ? a : of == 1 ? -sign_v(r) * b : -sign_m(r) * c; }
-
-    Lane slack(const Lane* F) const {
-        Meeting there = *this;
-        there.touch(F);
-        return there.h + there.a * F[0] - absolute(there.b * F[1]) - absolute(there.c * F[2]);
+    // Return -G of N, V or M in a row.
+    Lane row(int r, int of) const {
+        return of == 0 ? plane_normal : of == 1 ? -sign_v(r) * plane_shear : -sign_m(r) * plane_moment;
     }
 
-    // What a jump takes at the most under either label, docs/method.md (3.4) to (3.7).
+    Lane slack(const Lane* F) const {
+        MomentShearInteraction there = *this;
+        there.touch(F);
+        return there.plane_bound + there.plane_normal * F[0] - absolute(there.plane_shear * F[1]) -
+               absolute(there.plane_moment * F[2]);
+    }
+
+    // Return the larger dissipation of a jump under both labels, (6.3) with (3.4) to (3.7).
     Lane dissipation(const Lane* jump, Lane keep) const {
         Lane opening = jump[0], slip = absolute(jump[1] * keep), turn = absolute(jump[2]);
         Lane p = turn + friction * slip - opening, none = splat(0.0), turns = select(turn > 0.0, turn, splat(1.0));
