@@ -7,7 +7,7 @@ import math
 import tempfile
 import textwrap
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -126,9 +126,9 @@ def _cell(value: Any) -> str:
 
 
 def searched(scene: Scene, settings: ExploreSettings, **options: Any) -> Exploration:
-    """What a search finds, its folder thrown away; options: of `explore`."""
+    """Search a scene without pictures, and throw its folder away; options: of `explore`."""
     with tempfile.TemporaryDirectory() as folder:
-        return explore(scene, Path(folder) / "search", settings, **options)
+        return explore(scene, Path(folder) / "search", replace(settings, pictures=False), **options)
 
 
 def main(run: Callable[[Path, bool], pd.DataFrame], name: str) -> None:
