@@ -113,7 +113,7 @@ def compile_by_any(variant: str, folder: Path, extra: tuple[str, ...] = ()) -> t
 
     The path is None if no compiler works.
     """
-    problems = []
+    problems: list[str] = []
     for compiler in compilers():
         try:
             return compile_variant(variant, folder, compiler, extra), problems
