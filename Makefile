@@ -20,7 +20,7 @@ $(VENV)/.done: pyproject.toml setup.py constraints.txt $(wildcard src/jld_core/b
 	$(PYTHON) -m venv $(VENV)
 	$(PYTHON) src/jld_core/batch/build.py --in-place & compiler=$$!; \
 	JLD_COMPILED_APART=1 $(BIN)/python -m pip install $(PIP) -e '.[dev]' || { kill $$compiler; exit 1; }; \
-	wait $$compiler || echo "make: no compiled batch solver; the package is whole without it, and slower"
+	wait $$compiler || echo "make: the batch solver was not compiled in every variant; without it searches are slower"
 	touch $@
 
 demo: setup

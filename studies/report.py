@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import tempfile
 import textwrap
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -124,9 +124,9 @@ def _cell(value: Any) -> str:
 
 
 def searched(scene: Scene, settings: ExploreSettings, **options: Any) -> Exploration:
-    """What a search finds, its folder thrown away; options: of `explore`."""
+    """Search a scene without pictures, and throw its folder away; options: of `explore`."""
     with tempfile.TemporaryDirectory() as folder:
-        return explore(scene, Path(folder) / "search", settings, **options)
+        return explore(scene, Path(folder) / "search", replace(settings, pictures=False), **options)
 
 
 def figure_of(width: float, height: float) -> Figure:

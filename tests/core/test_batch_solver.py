@@ -6,8 +6,6 @@ from __future__ import annotations
 import itertools
 import math
 import os
-import subprocess
-import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -19,6 +17,7 @@ from scipy.sparse.csgraph import connected_components
 import cases_spatial
 from cases import CASES, grid_assembly
 from cases_spatial import SPATIAL
+from command import Command
 from jld_core import Assembly, LimitAnalysis
 from jld_core.arrays import Bits
 from jld_core.batch import (
@@ -305,13 +304,11 @@ def test_switch(monkeypatch: pytest.MonkeyPatch, kernel: str) -> None:
     assert "labellings at a time" in library.described()
 
 
-def test_version_names_the_kernel(kernel: str) -> None:
-    command = [sys.executable, "-m", "jld_explore", "--version"]
-    source = str(Path(build.__file__).parents[2])
+def test_version_names_the_kernel(kernel: str, jld: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     spoken = {}
     for wish in ("off", kernel):
-        environment = os.environ | {library.SWITCH: wish, "PYTHONPATH": source}
-        spoken[wish] = subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout
+        monkeypatch.setenv(library.SWITCH, wish)
+        spoken[wish] = jld("--version").out
     assert "no kernel" in spoken["off"]
     assert "labellings at a time" in spoken[kernel]
 

@@ -10,7 +10,7 @@ import pytest
 
 from cases import grid_document
 from cases_spatial import box
-from command import process
+from command import Command
 from jld_core import InputError, LimitAnalysisResult, Scene, SolveOptions, parse_scene, solve
 from jld_explore import ExploreSettings, explore, read_folder
 from jld_explore.report import write_pictures
@@ -96,17 +96,18 @@ def test_the_exact_driver_refuses_a_model_it_has_no_bounds_for(tmp_path: Path) -
         explore(table(), tmp_path / "study", settings)
 
 
-def test_the_command_line_offers_the_model(tmp_path: Path) -> None:
+@pytest.mark.usefixtures("without_pictures")
+def test_the_command_line_offers_the_model(tmp_path: Path, jld: Command) -> None:
     scene = tmp_path / "table.json"
     scene.write_text(table().model_dump_json(exclude_defaults=True), encoding="utf-8")
     out = tmp_path / "study"
-    done = process("explore", scene, "--out", out, "--contact", "concave", "--jobs", "1", "--budget", "8")
+    done = jld("explore", scene, "--out", out, "--contact", "concave", "--jobs", "1", "--budget", "8")
     assert done.code == 0, done.err
     assert read_folder(out).model == SolveOptions(contact="concave")
-    other = process("explore", scene, "--out", out, "--resume", "--jobs", "1", "--budget", "8")
+    other = jld("explore", scene, "--out", out, "--resume", "--jobs", "1", "--budget", "8")
     assert other.code == 2
     assert "contact" in other.err
-    wrong = process("explore", scene, "--out", tmp_path / "x", "--contact", "concave", "--effective-area")
+    wrong = jld("explore", scene, "--out", tmp_path / "x", "--contact", "concave", "--effective-area")
     assert wrong.code == 2
     assert "points have no area" in wrong.err
     assert not (tmp_path / "x").exists()
