@@ -4,6 +4,9 @@ Scenes of 6 to 30 faces draw supports, holes, materials, cohesion, crushing, loa
 slits, layouts that can be assembled, required factors and fronts. Every scene is proven with one job and with two,
 three or four, by threads and by cubes, with and without a search before the proof, with targets that change at every
 step, and with random delays where the work of threads meets. Where the space is small enough all layouts are evaluated.
+
+Threads stand for the worker processes of cubes, which take seconds to start. Every tenth scene is proven by three real
+processes, and in half of these proofs one process is killed once it has worked: the result is the same, or not proven.
 """
 
 from __future__ import annotations
@@ -12,15 +15,16 @@ import json
 import math
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 from unittest.mock import patch
 
 import numpy as np
+import psutil
 
 from benchmarks.claims.tally import Tally, run_cases
 from benchmarks.trust_scenes import _loads as random_loads
@@ -37,6 +41,15 @@ MOST_CLASSES: Final = 1000
 SECONDS: Final = 1.5
 """Time for one proof, s; a proof that takes longer claims nothing."""
 
+EVERY: Final = 10
+"""One scene in this number is proven by real processes as well."""
+
+PROCESS_SECONDS: Final = 40.0
+"""Time for a proof by real processes, s; most of it passes before they have started."""
+
+PROCESSES: Final = 3
+"""Number of real worker processes."""
+
 CLOSE: Final = 3e-6
 """Relative difference of λ that is allowed: three times what counts as proven."""
 
@@ -45,7 +58,7 @@ CLOSE: Final = 3e-6
 class Proof:
     """What a driver found: λ of the best layout, its bound, whether that is proven, and the front or required count.
 
-    seconds, check_seconds: time of the proof, and of the check at its end.
+    seconds, check_seconds: time of the proof, and of the check at its end. tasks: number of tasks of its workers.
     """
 
     best: float | None
@@ -55,6 +68,7 @@ class Proof:
     count: float | None = None
     seconds: float = 0.0
     check_seconds: float = 0.0
+    tasks: int = 0
 
 
 def run(first_seed: int, cases: int, seconds: float) -> Tally:
@@ -93,7 +107,50 @@ def case(seed: int, tally: Tally) -> str:
         problem = _difference(found, reference, space)
         if problem:
             return f"{problem}; {jobs} jobs, {options}, {json.dumps(document)}"
+    if seed % EVERY == 0:
+        problem = _difference(_by_processes(space, evaluator, aim, seed, tally), truth or first, space)
+        if problem:
+            return f"{problem}; {PROCESSES} processes, {json.dumps(document)}"
     return ""
+
+
+def _by_processes(space: SearchSpace, evaluator: Any, aim: str, seed: int, tally: Tally) -> Proof:
+    """Prove with real worker processes from the start; in every other such scene kill one that has worked."""
+    options: dict[str, Any] = {"search": 0, "alone": 0} | ({} if aim == "require" else {"aim": aim, "by_blocks": "off"})
+    killer = _WorkerKiller(seed // EVERY % 2)
+    found = _prove(space, evaluator, aim, PROCESSES, options, PROCESS_SECONDS, nullcontext(), killer)
+    tally.count("by processes")
+    tally.count("by processes, proven", found.proven)
+    tally.count("tasks of processes", found.tasks)
+    tally.count("processes killed", killer.killed)
+    return found
+
+
+class _WorkerKiller:
+    """Kills worker processes of a driver once one of them has returned a result.
+
+    most: number of processes to kill. killed: number of those killed so far.
+    """
+
+    def __init__(self, most: int) -> None:
+        self.most, self.killed = most, 0
+
+    def __call__(self, driver: Any) -> None:
+        """Kill the next process of a driver; the driver calls this during its work."""
+        if self.killed >= self.most or not len(_tasks_of(driver)):
+            return
+        for process in psutil.Process().children(recursive=True):
+            with suppress(psutil.NoSuchProcess):
+                if "popen_loky" in " ".join(process.cmdline()):
+                    process.kill()
+                    self.killed += 1
+                    return
+
+
+def _tasks_of(driver: Any) -> Sequence[float]:
+    """Times of the tasks that the worker processes of a driver have finished, s, in versions that keep them."""
+    cube_workers = getattr(getattr(driver, "_sources", None), "cube_workers", None)
+    return [] if cube_workers is None else cube_workers.moments
 
 
 def _scene(rng: np.random.Generator) -> tuple[SearchSpace, dict[str, Any], str]:
@@ -191,8 +248,20 @@ def _best_of(space: SearchSpace, labellings: Any, found: Sequence[Evaluation], a
     return proof
 
 
-def _prove(space: SearchSpace, evaluator: Any, aim: str, jobs: int, options: dict[str, Any]) -> Proof:
-    """Let the exact driver prove, with threads in the place of processes."""
+def _prove(
+    space: SearchSpace,
+    evaluator: Any,
+    aim: str,
+    jobs: int,
+    options: dict[str, Any],
+    seconds: float = SECONDS,
+    workers: AbstractContextManager[object] | None = None,
+    disturb: Callable[[Any], None] = lambda driver: None,
+) -> Proof:
+    """Let the exact driver prove a scene.
+
+    workers: context that provides them, by default threads for processes. disturb: called with the driver as it works.
+    """
     driver: Any
     if aim == "require":
         from jld_explore.drivers.exact.minimum_count import MinimumCount
@@ -203,15 +272,16 @@ def _prove(space: SearchSpace, evaluator: Any, aim: str, jobs: int, options: dic
     rows: list[Any] = []
     evaluations: list[Evaluation] = []
     start = time.perf_counter()
-    with _threads_for_processes():
+    with workers or _threads_for_processes():
         driver.set_workers(jobs)
-        driver.start(_deadline(), lambda: None)
+        driver.start(_deadline(seconds), lambda: disturb(driver))
         try:
             while len(asked := driver.ask(None)):
                 told = evaluator.evaluate_all(asked)
                 driver.tell(asked, told)
                 rows.append(asked)
                 evaluations += told
+            tasks = len(_tasks_of(driver))
         finally:
             driver.close()
     labellings = np.concatenate(rows) if rows else np.empty((0, len(space.fixed)), dtype=bool)
@@ -219,6 +289,7 @@ def _prove(space: SearchSpace, evaluator: Any, aim: str, jobs: int, options: dic
     found.seconds = time.perf_counter() - start
     check = getattr(driver, "proof_check", None)
     found.check_seconds = 0.0 if check is None else check.seconds
+    found.tasks = tasks
     found.proven = bool(driver.finished or driver.exhaustive)
     found.bound = None if driver.exhaustive or aim == "require" else driver.bound
     if aim == "front" and not driver.exhaustive:
@@ -227,13 +298,13 @@ def _prove(space: SearchSpace, evaluator: Any, aim: str, jobs: int, options: dic
     return found
 
 
-def _deadline() -> Any:
-    """The time limit of one proof, as the version at hand takes it."""
+def _deadline(seconds: float) -> Any:
+    """The time limit of one proof, s, as the version at hand takes it."""
     try:
         from jld_core.deadline import Deadline
     except ImportError:  # version 0.2 takes seconds of the clock
-        return time.perf_counter() + SECONDS
-    return Deadline(SECONDS)
+        return time.perf_counter() + seconds
+    return Deadline(seconds)
 
 
 def _stop_and_resume(

@@ -7,6 +7,10 @@ its turn, and so does the automatic choice.
 A process that waits for a processor is late whatever the program does, so the claim is for an idle machine. A search
 that ends late is run again, and the notes count searches that were in time only then. The notes also say how busy the
 machine was: the time by the clock over the processor time of one start of the program, once before the first case.
+Where the system tells how long a process waited for a processor, a late search is reported with this time.
+
+A space may be so tight that a search neither finds a layout in time nor proves that there is none. The message must say
+exactly that, and the notes count such cases.
 """
 
 from __future__ import annotations
@@ -67,7 +71,7 @@ def _case(folder: Path, seed: int, tally: Tally) -> str:
     options = ["--seconds", f"{limit:g}", *_options(rng, DRIVERS[seed % len(DRIVERS)])]
     for turn in range(TURNS):
         out = folder / f"out-{seed}-{turn}"
-        seconds, wrong = _ended(file, out, options)
+        seconds, waited, wrong = _ended(file, out, options, tally)
         late = seconds > allowed(limit)
         if not late or wrong:
             break
@@ -80,7 +84,9 @@ def _case(folder: Path, seed: int, tally: Tally) -> str:
         tally.count(f"stopped: {reason}")
     elif not wrong:
         tally.count("refused")
-    wrong += [f"ended after {seconds:.1f} s"] if late else []
+    if late:
+        tally.count("late, and in time but for waiting", seconds - waited <= allowed(limit))
+        wrong.append(f"ended after {seconds:.1f} s, of which it waited {waited:.1f} s for a processor")
     return f"{' '.join(options)}: {'; '.join(wrong)}" if wrong else ""
 
 
@@ -92,28 +98,42 @@ def _slower() -> float:
     return max(1.0, seconds / (after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime))
 
 
-def _ended(file: Path, out: Path, options: list[str]) -> tuple[float, list[str]]:
-    """Run a search: seconds until it ended, and what is wrong with its end."""
+def _ended(file: Path, out: Path, options: list[str], tally: Tally) -> tuple[float, float, list[str]]:
+    """Run a search: seconds until it ended, those that it waited for a processor, and what is wrong with its end."""
     command = [sys.executable, "-m", "jld_explore", "explore", str(file), "--out", str(out), *options]
-    start = time.perf_counter()
-    try:
-        done = subprocess.run(
-            command, cwd=file.parent, capture_output=True, text=True, timeout=HANGS, check=False, env=_environment()
-        )
-    except subprocess.TimeoutExpired:
-        return HANGS, [f"not ended after {HANGS:g} s"]
-    return time.perf_counter() - start, _wrong(done, out)
+    with tempfile.TemporaryFile("w+") as said, tempfile.TemporaryFile("w+") as warned:
+        start = time.perf_counter()
+        search = subprocess.Popen(command, cwd=file.parent, stdout=said, stderr=warned, env=_environment())
+        while os.waitid(os.P_PID, search.pid, os.WEXITED | os.WNOWAIT | os.WNOHANG) is None:
+            time.sleep(0.01)
+            if time.perf_counter() - start > HANGS:
+                search.kill()
+        seconds, waited = time.perf_counter() - start, _waited(search.pid)
+        search.wait()
+        warned.seek(0)
+        errors = warned.read()
+    if seconds > HANGS:
+        return seconds, waited, [f"not ended after {HANGS:g} s"]
+    return seconds, waited, _wrong(search.returncode, errors, out, tally)
 
 
-def _wrong(done: subprocess.CompletedProcess[str], out: Path) -> list[str]:
+def _waited(process: int) -> float:
+    """Seconds that the main thread of an ended process waited for a processor; 0 where the system does not tell."""
+    file = Path(f"/proc/{process}/schedstat")
+    return int(file.read_text(encoding="ascii").split()[1]) / 1e9 if file.exists() else 0.0
+
+
+def _wrong(code: int, errors: str, out: Path, tally: Tally) -> list[str]:
     """What is wrong with the end of a search, in words."""
-    if done.returncode == 2 and done.stderr.count("\n") == 1:
+    if code == 2 and errors.count("\n") == 1:
         # a space that is provably empty, or a driver that says what it is not for
-        if "within --seconds" in done.stderr:
-            return [f"no layout: {done.stderr.strip()[-160:]}"]
-        return []
-    if done.returncode != 0:
-        return [f"exit code {done.returncode}: {done.stderr.strip()[-160:]}"]
+        if "within --seconds" not in errors:
+            return []
+        undecided = "nor a proof that there is none" in errors
+        tally.count("no layout found or excluded in time", undecided)
+        return [] if undecided else [f"no layout: {errors.strip()[-160:]}"]
+    if code != 0:
+        return [f"exit code {code}: {errors.strip()[-160:]}"]
     wrong = [] if (out / "report.html").exists() else ["no report.html"]
     summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
     if summary["evaluated"] < 1:

@@ -474,23 +474,24 @@ def choose_driver(
 
 
 def _nothing_found(space: SearchSpace, seconds: float | None = None) -> InputError:
-    """Return the error for a search without any layout, ended by `seconds` or by exhaustion."""
+    """Return the error for a search without any layout, ended by `seconds` or by exhaustion.
+
+    It says whether the space is proven empty.
+    """
+    where, problem, remedy = "search", "no labelling satisfies the constraints", "constraints that some labelling meets"
+    if seconds is not None:
+        problem = "no layout that satisfies the constraints was found"
+    open_question = "" if seconds is None else f" within `seconds={seconds:g}`, nor a proof that there is none"
     if space.laying is not None and space.laying.refused:
-        wish = "stands at every stage without props" if space.search.assemble == "standing" else "can be laid"
+        standing = space.search.assemble == "standing"
+        wish = "stands at every stage without props" if standing else "can be laid"
         where = "search.assemble"
         within = "" if seconds is None else f" of {space.laying.refused} that were looked at"
         aside = space.assembly.dimension == 2 and not space.search.assemble_out_of_plane
         remedy = "assemble_out_of_plane, or no such limit" if aside else "no such limit"
-        remedy = '"translation", with centring' if space.search.assemble == "standing" else remedy
+        remedy = '"translation", with centring' if standing else remedy
         problem = f"no layout{within} {wish}"
-    else:
-        where, problem, remedy = (
-            "search",
-            "no labelling satisfies the constraints",
-            "constraints that some labelling meets",
-        )
-        if seconds is not None:
-            problem = "no layout that satisfies the constraints was found"
-    if seconds is None:
-        return InputError(where, problem, remedy)
-    return InputError(where, f"{problem} within `seconds={seconds:g}`", f"{remedy}, or more seconds")
+        if seconds is None and space.laying.undecided:
+            problem = f"no layout was found that {wish}"
+            open_question = f", and for {space.laying.undecided} of them the search for an order stopped at its limit"
+    return InputError(where, problem + open_question, remedy if seconds is None else f"{remedy}, or more seconds")

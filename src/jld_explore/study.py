@@ -55,7 +55,7 @@ _HANGS: Final = 20.0
 
 
 _FIRST: Final = 0.6
-"""Share of the remaining time in which a driver must propose its first labelling; then a random one is used."""
+"""Share of the remaining time in which a driver must propose its first labelling; then another one is sought."""
 
 _LEAST: Final = 1.0
 """Seconds to find a first labelling if the time limit passes before any evaluation."""
@@ -157,6 +157,7 @@ class Study:
         self._make = make
         self.deadline = Deadline(self.settings.seconds) if deadline is None else deadline
         self._end, self._cut = self.deadline.end, False
+        self._empty = False
         self.evaluated = self.asked = self.solved = 0
         self._best, self._floor = np.nan, load_scale(assembly)
         self.records = self.open_records()
@@ -204,11 +205,20 @@ class Study:
         return self.driver.modular or (self.driver.exhaustive and self.total is not None)
 
     @property
+    def undecided(self) -> int:
+        """Number of layouts left out because the search for their assembly order stopped at its limit."""
+        return 0 if self.space.laying is None else self.space.laying.undecided
+
+    @property
     def complaints(self) -> list[str]:
         """Problems of the record and of proofs in this study, one line each."""
         anew = f"{self.records.path.name} was empty: nothing had been finished, and the search began anew"
+        left_out = (
+            f"{self.undecided} layouts are left out: the search for an order whose stages stand stopped at its limit"
+        )
         return [
             *([anew] if self.records.began_anew else []),
+            *([left_out] if self.undecided else []),
             *self.records.withdrawn,
             *(one for one in self.driver.complaints if one not in self.records.withdrawn),
         ]
@@ -310,6 +320,8 @@ class Study:
 
     def _reason(self, dry: bool) -> StopReason:
         """Return why the study ends when no labelling is requested or in progress."""
+        if self._empty:
+            return StopReason.EXHAUSTED
         if self.driver.exhaustive and self.total is not None and len(self.records) >= self.total:
             return StopReason.EXHAUSTED
         if self.settings.budget is not None and self.asked >= self.settings.budget:
@@ -329,7 +341,8 @@ class Study:
     def _asked(self, limit: int | None) -> Bits:
         """Return labellings (k, m) from the driver; none after its time is up.
 
-        If the driver proposes none in most of the time, return one random labelling, so that the study has a result.
+        If the driver proposes none in most of the time, return the first labelling that is found without it, so that
+        the study has a result.
         """
         begun = self._begun
         until = self.deadline if begun else self.deadline.within(_FIRST * self.deadline.remaining())
@@ -344,9 +357,11 @@ class Study:
             return none
         try:
             with Deadline(max(self.deadline.remaining(), _LEAST)).enforced():
-                return first_layout(self.space, self.settings.seed)
+                found = first_layout(self.space, self.settings.seed)
         except DeadlinePassed:
             return none
+        self._empty = not len(found)
+        return found
 
     @property
     def _begun(self) -> bool:

@@ -86,3 +86,19 @@ def test_evaluations_decide_what_is_next_and_no_clock() -> None:
             driver.tell(rows[-1], [solver.evaluate(labels) for labels in rows[-1]])
         asked.append(np.concatenate(rows)[:300])
     assert (asked[0] == asked[1]).all()
+
+
+def test_half_of_the_chains_begin_every_cycle_at_the_best() -> None:
+    """At the end of the greedy cycles no chain did, where more chains join."""
+    scene = parse_scene(grid_document(WALL, **OPTIONS))
+    driver = Anneal(search_space(scene, build_assembly(scene)), 0, chains=8)
+    best = driver.operators.draw(1, driver.rng)[0]
+    driver._best = (-1.0, best, 0)
+    counts = []
+    for _ in range(4):
+        for chain in driver._chains:
+            chain.place = None
+        driver._told = driver._began + driver._length
+        driver._cool()
+        counts.append((len(driver._chains), sum(chain.place is best for chain in driver._chains)))
+    assert counts == [(4, 2), (8, 4), (8, 4), (8, 4)]

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import threading
 import time
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ import numpy as np
 import pytest
 from benchmarks.claims import time_limits
 
+from cases import grid_document
 from command import command, environment
 from jld_core import InputError, build_assembly, parse_scene, samples
 from jld_core.arrays import Bits
@@ -22,8 +24,9 @@ from jld_core.deadline import Deadline, DeadlinePassed, checkpoint, time_left
 from jld_core.limit import SolveOptions
 from jld_explore import Driver, ExploreSettings, explore
 from jld_explore.cli.command import main
+from jld_explore.drivers import BufferedRandom, Enumeration, Formula, first_layout, operators, possible_blocks
 from jld_explore.explore import choose_driver
-from jld_explore.space import search_space
+from jld_explore.space import Range, canonical, feasible, search_space
 
 
 def test_a_deadline_counts_from_its_start() -> None:
@@ -190,3 +193,74 @@ def test_a_search_without_dilation_that_found_nothing_in_time_ranks_nothing(tmp_
     assert (done.summary.counts_by_status, done.summary.best) == ({"uncertified": 1}, None)
     assert done.summary.gap is None
     assert (tmp_path / "out" / "report.html").exists()
+
+
+def tight(**search: Any) -> Any:
+    """A grid of 40 cells in pairs of one shape: one segmentation of very many."""
+    document = samples.grid(columns=8, rows=5).model_dump(mode="json", exclude_defaults=True, by_alias=True)
+    return parse_scene({**document, "search": {"block_cells": [2, 2], "shapes": [None, 1], **search}})
+
+
+@pytest.mark.parametrize(
+    "search",
+    [{}, {"segmentation": False}, {"candidates": "all+supports"}, {"block_cells": [2, 8]}, {"void": {"most": 0.3}}],
+)
+def test_a_layout_of_tight_limits_is_constructed(search: dict[str, Any]) -> None:
+    """No random labelling keeps these limits: a search of them ended without any layout."""
+    scene = tight(**search)
+    space = search_space(scene, build_assembly(scene))
+    with Deadline(20.0).enforced():
+        assert not feasible(space, operators(space).draw(64, BufferedRandom(np.random.default_rng(0)))).any()
+        found = first_layout(space)
+    assert len(found) == 1
+    assert feasible(space, found).all()
+    assert np.array_equal(found, canonical(found, space.group))
+
+
+def test_limits_that_no_layout_keeps_are_proven_so(tmp_path: Path) -> None:
+    """Enumeration agrees; a search says so in one line, and not that there was no time."""
+    document = samples.arch(voussoirs=7, rings=1).model_dump(mode="json", exclude_defaults=True, by_alias=True)
+    scene = parse_scene({**document, "search": {"block_cells": [1, 3], "shapes": [None, 1]}})
+    space = search_space(scene, build_assembly(scene))
+    assert sum(len(rows) for rows, _ in Enumeration(space).batches()) == 0
+    assert len(first_layout(space)) == 0
+    settings = ExploreSettings(driver="random", seconds=2.0, jobs=1, small=0)
+    with pytest.raises(InputError, match=r"search: no labelling satisfies the constraints; expected"):
+        explore(scene, tmp_path / "out", settings)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(("low", "high"), [(1, 1), (1, 2), (2, 2), (3, 3)])
+def test_constructed_layouts_are_those_of_brute_force(low: int, high: int) -> None:
+    """Limits on different shapes, as kinds of chosen blocks, leave what enumeration leaves."""
+    search = {"block_cells": [1, 2], "shapes": [low, high]}
+    scene = parse_scene(grid_document(["aaa", "aaa", "###"], **search))
+    space = search_space(scene, build_assembly(scene))
+    truth = {row.tobytes() for rows, _ in Enumeration(space).batches() for row in rows}
+    blocks = possible_blocks(space)
+    assert blocks is not None
+    formula = Formula(space, blocks, partial=True)
+    kinds = space.limits.block_shapes.kinds(blocks.members)
+    formula.limit_kinds(kinds.tolist(), Range.of((low, high), whole=True))
+    found = set()
+    while (labels := formula.next()) is not None:
+        found.add(canonical(labels[None], space.group)[0].tobytes())
+        formula.forbid(np.arange(len(labels)), labels)
+    assert found == truth
+    assert (first_layout(space).shape[0] == 1) is bool(truth)
+
+
+def test_a_formula_knows_the_clock() -> None:
+    """The solver stops after a number of conflicts and looks at the clock, however hard the formula is."""
+    holes = 9
+    scene = parse_scene(grid_document(["aaa", "aaa", "###"], block_cells=[1, 2]))
+    formula = Formula(search_space(scene, build_assembly(scene)), None)
+    pigeons = [[formula._new() for _ in range(holes)] for _ in range(holes + 1)]
+    formula._solver.append_formula(pigeons)
+    formula._solver.append_formula(
+        [[-one[hole], -other[hole]] for one, other in combinations(pigeons, 2) for hole in range(holes)]
+    )
+    start = time.process_time()
+    with pytest.raises(DeadlinePassed), Deadline(0.2).enforced():
+        formula.next()
+    assert time.process_time() - start < 2.0

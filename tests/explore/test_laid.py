@@ -14,6 +14,8 @@ from jld_core import InputError, build_assembly, parse_scene, samples, solve
 from jld_core.assembly_sequence import SequenceConstraint, assembly_order, locked_blocks
 from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers import Enumeration
+from jld_explore.drivers.exact.proof_check import Claim, _left_over
+from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.space import from_string
 
 # a neck that what is wider cannot pass; two that lean over one another; a lid over one end
@@ -151,3 +153,33 @@ def test_an_arch_that_needs_centring_is_refused_at_once(tmp_path: Path) -> None:
         explore(scene.model_copy(update={"search": search}), tmp_path / "out", ExploreSettings(pictures=False))
     assert time.perf_counter() - start < 30.0
     assert not (tmp_path / "out").exists()
+
+
+def test_a_search_for_an_order_that_stops_at_its_limit_proves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A layout whose order was not found within the limit was called impossible to lay, and others proven strongest."""
+    bridge = scene_of(["aaaa", "a..a", "#..#"], assemble="standing", block_cells=[1, 3])
+    assembly = build_assembly(bridge)
+    settings = ExploreSettings(pictures=False, driver="enumeration", jobs=1)
+    for limit, decided in ((400, True), (0, False)):
+        monkeypatch.setattr("jld_core.assembly_sequence.order._STAGES", limit)
+        asked = SequenceConstraint(assembly, "standing", assembly.free_faces)
+        lock = asked.lock(np.ones(len(assembly.interfaces), dtype=bool))
+        assert lock is not None
+        assert lock.proven is decided
+        assert asked.undecided == (0 if decided else 1)
+        assert asked.locks == [] or decided
+        done = explore(bridge, tmp_path / f"some {limit}", settings)
+        assert len(done.results) == 20
+        assert done.summary["proven"] is decided
+        assert any("stopped at its limit" in text for text in done.summary["warnings"]) is not decided
+        # the check of a proof by conflicts: all that is known to stand is evaluated, and no conflict refutes the rest
+        space = search_space(bridge, assembly)
+        state = ProofState(space)
+        state.hand_over([from_string(text) for text in done.results["labelling"]])
+        state.note_evaluated(state.take_waiting())
+        problem = _left_over(space, None, [], state, [Claim(None, 0.0)])
+        assert ("stopped at its limit" in problem) is not decided
+    with pytest.raises(InputError, match=r"no layout was found that stands at every stage .* stopped at its limit"):
+        explore(scene_of(ARCH, assemble="standing", block_cells=[1, 2]), tmp_path / "none", settings)

@@ -31,14 +31,15 @@ COUNTED: Final = {"translation": 2000, "standing": 60}
 class Lock:
     """Conflict: labellings with `labels` (k,) on `faces` (k,) are refused.
 
-    elements: (e,) elements of the blocks that prevent the assembly. A conflict on all faces may also mean that the
-    search
-    for stages that stand found no order within its limit.
+    elements: (e,) elements of the blocks that prevent the assembly. proven: False where the search for stages that
+    stand stopped at its limit, or a stage was undecided. No order is known then, although one may exist, and the
+    conflict covers all faces.
     """
 
     faces: Ints
     labels: Bits
     elements: Ints
+    proven: bool = True
 
 
 class SequenceConstraint:
@@ -84,6 +85,11 @@ class SequenceConstraint:
         """Return the number of tested labellings that were refused."""
         return sum(lock is not None for lock in self._known.values())
 
+    @property
+    def undecided(self) -> int:
+        """Return the number of refused labellings that an unlimited search might admit."""
+        return sum(lock is not None and not lock.proven for lock in self._known.values())
+
     def lock(self, labels: Bits) -> Lock | None:
         """Return the conflict of a labelling (m,), True = dry; None where a sequence was found."""
         key = np.packbits(labels).tobytes()
@@ -109,15 +115,16 @@ class SequenceConstraint:
         """Return the conflict of a labelling without an order whose every stage stands, or None.
 
         The labelling (m,) has an order by translations. The conflict covers all faces where the complete structure does
-        not
-        stand, the search reached its limit, or a stage was undecided.
+        not stand, or blocks may be laid in groups. It is not proven where a search stopped at its limit or a stage was
+        undecided.
         """
         every, elements = np.arange(len(labels)), self.assembly.elements
         whole = Lock(every, labels, elements.free)
         blocks = blocks_of_labelling(self.assembly, labels)
         freedom, standing = Freedom(blocks, bodies=self._bodies), Standing(blocks, labels, self._parts)
-        if not standing.stage(np.ones(len(blocks), dtype=bool)).stands:
-            return whole
+        stands = standing.stage(np.ones(len(blocks), dtype=bool)).stands
+        if not stands:
+            return replace(whole, proven=stands is False)
         heavy = bool(np.linalg.norm(elements.weight[elements.free], axis=1).min() > 0.0)
         if heavy and not np.any(emptied(freedom, np.ones(len(blocks), dtype=bool), 1) & ~blocks.fixed):
             built = built_up(freedom, standing)
@@ -130,7 +137,7 @@ class SequenceConstraint:
         )
         if laying.possible and laying.stands:
             return None
-        return whole
+        return replace(whole, proven=not laying.undecided and laying.stands is not None)
 
     def _blamed_for(self, seen: Bools, labels: Bits) -> Lock:
         """Return the conflict of all faces of elements (n,) visited by an unsuccessful search."""

@@ -64,12 +64,15 @@ class Laying:
         True where the search for an order whose every stage stands found none, at its limit or exhaustively.
         Another order
         may exist; `steps` then hold an order by translations.
+    undecided : bool
+        True where that search stopped at its limit or met an undecided stage, so that an order of its kind may exist.
     """
 
     blocks: Blocks
     steps: tuple[Step, ...]
     locked: tuple[int, ...]
     searched: bool = False
+    undecided: bool = False
 
     @property
     def possible(self) -> bool:
@@ -126,9 +129,9 @@ def assembly_order(
     steps = _steps(blocks, standing, taken)
     if wish == "translation" or all(step.stage.stands for step in steps):
         return Laying(blocks, steps, ())
-    found = _standing_order(freedom, standing, group)
+    found, settled = _standing_order(freedom, standing, group)
     if found is None:
-        return Laying(blocks, steps, (), searched=True)
+        return Laying(blocks, steps, (), searched=True, undecided=not settled)
     return Laying(blocks, _steps(blocks, standing, found), ())
 
 
@@ -251,31 +254,39 @@ def _smallest_lock(freedom: Freedom, there: Bools, group: int) -> tuple[int, ...
     return tuple(np.flatnonzero(there & ~blocks.fixed).tolist())
 
 
-def _standing_order(freedom: Freedom, standing: Standing, group: int) -> list[Move] | None:
-    """Search moves whose every stage stands, depth first with memory of failures; or None."""
+def _standing_order(freedom: Freedom, standing: Standing, group: int) -> tuple[list[Move] | None, bool]:
+    """Search moves whose every stage stands, depth first with memory of failures.
+
+    Return the moves or None, and whether the search neither stopped at its limit nor met an undecided stage.
+    """
     blocks = freedom.blocks
     failed: set[bytes] = set()
-    looked = 0
+    looked, settled = 0, True
 
     def search(there: Bools, taken: list[Move]) -> list[Move] | None:
         """Return the moves that take the remaining blocks away with stages that stand, or None."""
-        nonlocal looked
+        nonlocal looked, settled
         if not np.any(there & ~blocks.fixed):
             return taken
         key = np.packbits(there).tobytes()
-        if key in failed or looked >= _STAGES:
+        if key in failed:
+            return None
+        if looked >= _STAGES:
+            settled = False
             return None
         for move in sorted(_moves(freedom, there, group), key=lambda m: _turn(blocks, there, m)):
             looked += 1
             left = _without(there, move)
-            if standing.stage(left).stands:
+            stands = standing.stage(left).stands
+            settled &= stands is not None
+            if stands:
                 found = search(left, [*taken, move])
                 if found is not None:
                     return found
         failed.add(key)
         return None
 
-    return search(np.ones(len(blocks), dtype=bool), [])
+    return search(np.ones(len(blocks), dtype=bool), []), settled
 
 
 @dataclass(frozen=True)

@@ -257,7 +257,6 @@ class Anneal(Searcher):
         energy, best, case = self._best
         if self._cycle == _GREEDY:
             self._chains += [_Chain() for _ in range(self._most - len(self._chains))]
-            return
         for chain in self._chains[::2]:
             if best is not None:
                 chain.stand(best, energy, case)

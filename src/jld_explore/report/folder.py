@@ -147,7 +147,7 @@ def write_tables(study: Study, reason: StopReason) -> Exploration:
     axes = study.scene.search.front.axes
     counts = [name for name, _ in axes]
     front = tables.front_table(results, axes)
-    complete = reason is StopReason.EXHAUSTED and study.driver.exhaustive
+    complete = reason is StopReason.EXHAUSTED and study.driver.exhaustive and not study.undecided
     found = tables.summary(results, study, reason, complete=complete)
     if study.assembly.nominal is not None:
         found |= {"robust": True, "best_nominal": tables.nominal_of_best(results)}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import ceil, floor
 
@@ -85,6 +85,34 @@ class SearchSpace:
             return None
         sideways = self.search.assemble_out_of_plane
         return SequenceConstraint(self.assembly, self.search.assemble, self.candidates | ~self.fixed, sideways=sideways)
+
+    def part_of_blocks(self, cells: int | None = None) -> SearchSpace:
+        """Return the part of the space without slits, omitted cells, blocks joined to a support, and large blocks.
+
+        Possible blocks can be listed there more often than in the whole space. The part shares the results on
+        assembly sequences.
+
+        Parameters
+        ----------
+        cells : int, optional
+            Largest number of cells of a block in the part. Default: as in the space.
+
+        Returns
+        -------
+        SearchSpace
+            Subset of this space, or this space itself where the part is all of it.
+        """
+        faces, support = self.assembly.interfaces, self.assembly.elements.support
+        held = self.candidates & (support[faces.a] | support[faces.b])
+        low, high = self.search.block_cells
+        smaller = cells is not None and (high is None or cells < high)
+        if self.search.segmentation and not held.any() and not smaller:
+            return self
+        search = self.search.model_copy(update={"segmentation": True, "block_cells": (low, cells if smaller else high)})
+        part = replace(self, search=search, candidates=self.candidates & ~held, fixed=self.fixed | held)
+        # cached_property keeps its value in the dictionary of the instance
+        part.__dict__["laying"] = self.laying
+        return part
 
     def can_be_laid(self, labellings: Bits) -> Bools:
         """Return (k,) True where labellings (k, m) have an assembly sequence, or none is required."""

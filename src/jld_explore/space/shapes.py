@@ -8,6 +8,7 @@ It uses corners and midpoints of edges (planar) or of faces (spatial).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from threading import RLock
 from typing import Any, Final
@@ -103,12 +104,41 @@ class BlockShapes:
 
     def one(self, members: Ints) -> Outline:
         """Return the outline of one block given by its free elements in ascending order."""
+        return self._known[self._placed(members)]
+
+    def _placed(self, members: Ints) -> int:
+        """Return the position of the outline of one block among the known outlines; compute it if missing."""
         key = int(self._sign[members].sum(dtype=np.uint64))
         with self._lock:
             if key not in self._place:
                 self._known.append(self._of(members))
                 self._place[key] = len(self._known) - 1
-            return self._known[self._place[key]]
+            return self._place[key]
+
+    def kinds(self, blocks: Sequence[Sequence[int]]) -> Ints:
+        """Return the shape numbers of single blocks; congruent blocks have the same number.
+
+        Parameters
+        ----------
+        blocks : sequence of b sequences of int
+            Free elements of each block, ascending.
+
+        Returns
+        -------
+        (b,) int array
+            Shape numbers.
+
+        Raises
+        ------
+        DeadlinePassed
+            If an enforced deadline passes first.
+        """
+        places = []
+        for members in blocks:
+            checkpoint()
+            places.append(self._placed(np.array(members, dtype=np.int64)))
+        with self._lock:
+            return np.asarray(self._numbers()[places])
 
     def different(self, blocks: Ints, sink: int = -1) -> Ints:
         """Return (k,) number of different block shapes of each row (k, n).

@@ -15,7 +15,7 @@ an assumption literal.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 import numpy as np
@@ -23,6 +23,7 @@ from pysat.card import CardEnc, EncType
 from pysat.solvers import Solver
 
 from jld_core.arrays import Bits, Ints
+from jld_core.deadline import checkpoint
 from jld_explore.drivers.exact.assumption_literals import AssumptionLiterals
 from jld_explore.drivers.exact.conflict_minimization import Conflict
 from jld_explore.drivers.exact.inner_paths import InnerPaths
@@ -37,6 +38,10 @@ It accepts new preferred labels before every call, and releases the interpreter 
 """
 
 
+_CONFLICTS: Final = 10_000
+"""Conflicts of the satisfiability solver between two checks of the deadline, about 0.2 s."""
+
+
 class Formula:
     """Boolean formula whose models are the labellings that no clause rules out.
 
@@ -48,6 +53,8 @@ class Formula:
         Possible blocks of the space; None where they are not listed.
     solver : str
         Name of a satisfiability solver in the package python-sat.
+    partial : bool
+        Omit limits on counts that the formula cannot express, instead of raising ValueError.
 
     Attributes
     ----------
@@ -56,14 +63,19 @@ class Formula:
     blocks : PossibleBlocks or None
         As the parameter.
 
+    undecided : int
+        Number of labellings ruled out for lack of a known assembly sequence, although one may exist.
+
     Raises
     ------
     ValueError
         If a limited count is no sum of ones, or counts blocks that are not listed.
     """
 
-    def __init__(self, space: SearchSpace, blocks: PossibleBlocks | None, solver: str = _SOLVER) -> None:
-        self.space, self.blocks = space, blocks
+    def __init__(
+        self, space: SearchSpace, blocks: PossibleBlocks | None, solver: str = _SOLVER, *, partial: bool = False
+    ) -> None:
+        self.space, self.blocks, self.undecided = space, blocks, 0
         self._solver = Solver(solver)
         self._interruptible = solver == _SOLVER
         candidates = np.flatnonzero(space.candidates)
@@ -83,7 +95,8 @@ class Formula:
         if blocks is not None:
             self._list(blocks)
         for limited, bounds in self._limits.on_counts:
-            self._between(limited, bounds)
+            if not partial or self._expresses(limited):
+                self._between(*self._terms(limited), bounds)
         for lock in space.laying.locks if space.laying is not None else ():
             self.forbid(lock.faces, lock.labels)
 
@@ -146,12 +159,18 @@ class Formula:
         -------
         (m,) bool array or None
             Labels, True = dry; None if no labelling is left.
+
+        Raises
+        ------
+        DeadlinePassed
+            If an enforced deadline passes first.
         """
         wanted = self._assumed + self._literals(faces, labels)
         if preferred is not None:
             signs = np.where(preferred[self._candidates], -1, 1)
             self._solver.set_phases((signs * self._inner[self._candidates]).tolist())
         while self._solve(wanted):
+            checkpoint()
             # variables in no clause may be missing from the model and are free
             inner = {v for v in self._solver.get_model() if 0 < v <= self._candidates.size}
             labels = self.space.fixed.copy()
@@ -164,11 +183,16 @@ class Formula:
         return None
 
     def _solve(self, wanted: list[int]) -> bool:
-        """Return True if the formula has a model under these assumptions."""
+        """Return True if the formula has a model under these assumptions; check the deadline now and then."""
         if not self._interruptible:
             return bool(self._solver.solve(assumptions=wanted))
-        # solve_limited releases the interpreter lock; nothing interrupts it
-        return bool(self._solver.solve_limited(assumptions=wanted, expect_interrupt=True))
+        while True:
+            self._solver.conf_budget(_CONFLICTS)
+            # with expect_interrupt the solver releases the interpreter lock; None means that the budget is used up
+            found = self._solver.solve_limited(assumptions=wanted, expect_interrupt=True)
+            if found is not None:
+                return bool(found)
+            checkpoint()
 
     def _literals(self, faces: Iterable[int], labels: Iterable[bool]) -> list[int]:
         """Return the literals of labels (k,) on those of the faces (k,) that are candidates."""
@@ -252,6 +276,33 @@ class Formula:
         for variables in of.values():
             self._solver.add_clause(variables)
 
+    def limit_kinds(self, kinds: Sequence[int], bounds: Range) -> None:
+        """Limit the number of different kinds among the chosen blocks.
+
+        Parameters
+        ----------
+        kinds : sequence of p int
+            Kind of each possible block.
+        bounds : Range
+            Bounds on the number of kinds.
+        """
+        of: dict[int, list[int]] = {}
+        for chosen, kind in zip(self._chosen, kinds, strict=True):
+            of.setdefault(int(kind), []).append(chosen)
+        literals = [self._any_of(chosen) for chosen in of.values()]
+        self._between(literals, 0, bounds)
+
+    def _any_of(self, literals: list[int]) -> int:
+        """Return a new variable that is true exactly where one of the literals is."""
+        found = self._new()
+        self._solver.append_formula([[-found, *literals], *([found, -one] for one in literals)])
+        return found
+
+    def _expresses(self, count: Count) -> bool:
+        """Return True if the formula can count this, with the blocks as they are listed."""
+        terms = None if count.terms is None else count.terms(self.space.assembly)
+        return terms is not None and not (terms.blocks and self.blocks is None)
+
     def _terms(self, count: Count) -> tuple[list[int], int]:
         """Return the literals whose true ones a count adds up, and the constant part of the count."""
         if count.terms is None:
@@ -276,15 +327,11 @@ class Formula:
             of: dict[int, list[int]] = {int(e): [] for e in self.space.assembly.elements.free}
             for p, members in enumerate(self.blocks.members):
                 of[members[0]].append(self._chosen[p])
-            for begun in of.values():
-                first = self._new()
-                self._first.append(first)
-                self._solver.append_formula([[-first, *begun], *([first, -one] for one in begun)])
+            self._first += [self._any_of(begun) for begun in of.values()]
         return self._first
 
-    def _between(self, count: Count, bounds: Range) -> None:
-        """Add the cardinality constraints that keep a count within bounds."""
-        literals, more = self._terms(count)
+    def _between(self, literals: list[int], more: int, bounds: Range) -> None:
+        """Add the cardinality constraints that keep a number of true literals, plus `more`, within bounds."""
         low = 0 if bounds.low is None else int(bounds.low) - more
         high = len(literals) if bounds.high is None else int(bounds.high) - more
         if low > len(literals) or high < 0:
@@ -315,7 +362,10 @@ class Formula:
         if self.space.laying is None:
             return []
         lock = self.space.laying.lock(canonical(labels[None], self.space.group)[0])
-        return [] if lock is None else [(lock.faces, lock.labels)]
+        if lock is None:
+            return []
+        self.undecided += not lock.proven
+        return [(lock.faces, lock.labels)]
 
     def _broken(self, labels: Bits) -> list[tuple[Ints, Bits]]:
         """Return labels (k,) on faces (k,) of a labelling that break rules of the space."""

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bits, Ints
+from jld_core.deadline import checkpoint
 from jld_explore.space import SearchSpace
 
 MOST: Final = 20_000
@@ -65,6 +66,11 @@ def possible_blocks(space: SearchSpace) -> PossibleBlocks | None:
     PossibleBlocks or None
         The blocks, possibly none. None if they are too many (`MOST`), if slits are allowed, or if a block may contain
         a support.
+
+    Raises
+    ------
+    DeadlinePassed
+        If an enforced deadline passes first.
     """
     assembly = space.assembly
     faces, support = assembly.interfaces, assembly.elements.support
@@ -86,18 +92,22 @@ def possible_blocks(space: SearchSpace) -> PossibleBlocks | None:
         if len(found) > MOST:
             return None
         grown: set[frozenset[int]] = set()
+        refused: set[frozenset[int]] = set()
         for block in level:
+            checkpoint()
             for e in block:
                 for face, other in around[e]:
                     if other not in block and may_join[face]:
                         bigger = block | {other}
-                        if not limits.too_large(sized.one(bigger)):
-                            grown.add(bigger)
+                        if bigger in grown or bigger in refused:
+                            continue
+                        (refused if limits.too_large(sized.one(bigger)) else grown).add(bigger)
             if len(grown) > MOST:
                 return None
         level = grown
     members, inside = [], []
     for block in found:
+        checkpoint()
         links = {face for e in block for face, other in around[e] if other in block}
         cut = any(must_join[face] for e in block for face, other in around[e] if other not in block)
         if (

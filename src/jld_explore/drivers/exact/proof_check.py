@@ -268,6 +268,9 @@ def _left_over(
                 "a layout is left that no conflict refutes and that was not evaluated"
                 f" ({waiting} were handed over and wait for their evaluation)"
             )
+    if formula.undecided:
+        number = f"for {formula.undecided} layouts that no conflict refutes"
+        return f"{number} the search for an order whose stages stand stopped at its limit"
     return ""
 
 
