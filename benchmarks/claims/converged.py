@@ -6,7 +6,8 @@ Three groups of random scenes, drawn by ``seed % 3``:
 - plane: grids with crushing joints and cracks, weak and strong, some without weight
 - effective areas: boxes in bond, torsion about the pressed rectangle
 
-A case disagrees if the bracket is crossed, the forces are not admissible, or the mechanism does not give the upper end.
+A case disagrees if the bracket is crossed, the forces are not admissible, the mechanism does not give the upper end, or
+an uncertified result has no reason.
 Both are weighed in scene units by formulas stated here once more. ``notes`` counts results by group and status, and of
 those that are not converged which end is missing.
 """
@@ -62,7 +63,9 @@ def case(seed: int, tally: Tally) -> str:
         low, high = result.bracket
         missing = [word for word, end in (("lower", low), ("upper", high)) if not math.isfinite(end)]
         name += f" ({' and '.join(missing) or 'wide'})"
-        print(f"seed {seed}: {name} {result.bracket} {result.solve_log}", flush=True)
+        print(f"seed {seed}: {name} {result.bracket} {result.solve_log}: {result.reason}", flush=True)
+        if not result.reason:
+            return "uncertified without a reason"
     tally.notes[name] = tally.notes.get(name, 0) + 1
     return weighed(assembly, labels, result, effective)
 

@@ -36,3 +36,19 @@ def test_crushing_faces_without_force(seed: int) -> None:
     result = solve(assembly, labels)
     assert str(result.status) == "collapse"
     assert weighed(assembly, labels, result, False) == ""
+
+
+@pytest.mark.parametrize(("seed", "status"), [(31395, "locked"), (32469, "collapse"), (30156, "collapse")])
+def test_stepped_joints_at_45_degrees(seed: int, status: str) -> None:
+    """Uncertified at first: locked by forces that grow as λ², and upper bounds by a poor projection of the motion."""
+    assembly, labels = drawn(seed)
+    result = solve(assembly, labels)
+    assert str(result.status) == status
+    assert weighed(assembly, labels, result, False) == ""
+
+
+def test_contacts_that_are_no_rectangles_are_weighed_by_their_hull() -> None:
+    """A face of six corners counted as its bounding rectangle, turned into a false alarm."""
+    assembly, labels = drawn(32295)
+    assert not assembly.interfaces.rectangle.all()
+    assert weighed(assembly, labels, solve(assembly, labels), False) == ""

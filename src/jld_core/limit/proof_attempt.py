@@ -25,6 +25,7 @@ from jld_core.program import Template
 from jld_core.solvers import ClarabelSolver, HighsSolver, RawSolution, RawStatus, SchurSolver, Solver, is_large
 
 _GROWS: Final = 1e3  # Scaled λ above which a state without an upper bound may be unbounded.
+_NARROW: Final = 1e-10  # Rise of an upper bound, relative to λ, up to which the simplest opening motion is taken.
 _SIMPLEX: Final = 6000  # Number of columns up to which a dual simplex is tried.
 
 
@@ -202,8 +203,9 @@ class ProofAttempt:
         Where λ is in a wide bracket depends on the order of the elements. Searches do not need these digits.
         """
         analysis = self.analysis
-        small = not is_large(self.template.structure)
-        return analysis.single and small and self._collapses and self._width(analysis.floor) > tolerances.DIGITS
+        if not analysis.single or not self._collapses or self.settled_by_batch or is_large(self.template.structure):
+            return False
+        return self._width(analysis.floor) > tolerances.DIGITS
 
     @property
     def _collapses(self) -> bool:
@@ -304,6 +306,13 @@ class ProofAttempt:
 
         Facial reduction serves confined assemblies.
         """
+        simple = self.repair.expansion()
+        if simple is not None:
+            opened = self.prover.open_up(motion, simple, self.labels)
+            raised = opened.bound - motion.bound
+            if opened.margin >= 0.0 and raised <= _NARROW * max(abs(opened.bound), self.analysis.floor):
+                self.proof.route.append("opened")
+                return opened
         opening = self.repair.opening()
         if opening is not None:
             self.proof.route.append("opened")
