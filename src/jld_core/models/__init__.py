@@ -25,7 +25,8 @@ from __future__ import annotations
 
 from jld_core.limit import SolveOptions
 from jld_core.models.costs import CostEstimate, cost_estimate, require_memory
-from jld_core.models.effective_area import areas_under, change, frozen_areas
+from jld_core.models.effective_area import change
+from jld_core.models.moving_rows import areas_under, frozen_areas
 from jld_core.models.point_contacts import point_contact_assembly
 from jld_core.models.rigid_blocks import prove_condensed, rigid_blocks, worth_condensing
 from jld_core.models.sensitivity import Sensitivity, sensitivities
