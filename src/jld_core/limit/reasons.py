@@ -39,8 +39,12 @@ def reason_of(status: Status, bracket: tuple[float, float], gap: float, asked: f
     )
     areas = extra.get("effective_area")
     if isinstance(areas, dict) and areas["fixed_point"] > tolerances.FIXED_POINT:
-        least = tolerances.FIXED_POINT
-        return f"effective areas did not settle: they still change by {areas['fixed_point']:.1e} (asked {least:.0e})"
+        at = f", most at face {areas['face']}" if "face" in areas else ""
+        change, least = areas["fixed_point"], tolerances.FIXED_POINT
+        return f"effective areas did not settle: they still change by {change:.1e}{at} (asked {least:.0e})"
+    if isinstance(areas, dict) and "above" in areas:
+        above = areas["above"]
+        return f"effective areas: the bound of the frozen areas stays {above:.1e} above the forces (asked {asked:.0e})"
     if "effective_area" in extra and areas is None:
         return (
             "effective areas: with whole faces no forces are in balance at any λ, so that there are none to begin from"

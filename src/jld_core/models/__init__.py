@@ -35,9 +35,10 @@ from __future__ import annotations
 from jld_core.limit import SolveOptions
 from jld_core.models.by_fields import FIELD_SECONDS, FieldResult, require_cracks, solve_by_fields
 from jld_core.models.costs import CostEstimate, cost_estimate, require_memory
-from jld_core.models.effective_area import areas_under, change, frozen_areas
+from jld_core.models.effective_area import change
 from jld_core.models.inputs import assembly_of, labellings_of, labels_of
 from jld_core.models.many import BatchResult, solve_many
+from jld_core.models.moving_rows import areas_under, frozen_areas
 from jld_core.models.point_contacts import point_contact_assembly
 from jld_core.models.rigid_blocks import prove_condensed, rigid_blocks, worth_condensing
 from jld_core.models.sensitivity import Sensitivity, sensitivities

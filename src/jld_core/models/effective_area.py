@@ -1,8 +1,9 @@
-"""Resist torsion on the effective area of dry rectangles, by fixed-point iteration.
+"""Resist torsion on the effective area of dry rectangles.
 
 A rectangle with centre of pressure x is replaced by the largest rectangle centred at x: sides l_i − 2|x_i|, torsion
-length c_T of that rectangle, torsion MT about x. This yield set is not convex, so x is frozen at the previous iterate
-until it no longer changes. Proofs hold for the problem with x frozen. Source: Iannuzzo et al. 2024, eq. (5) and (8).
+length c_T of that rectangle, torsion MT about x. This yield set is not convex. Wanted are forces that are an optimum of
+the convex problem frozen at their own x; proofs hold for that problem. Central paths find such forces, and a proximal
+iteration where they do not. Source: Iannuzzo et al. 2024, eq. (5) and (8); docs/method.md (2.14) to (2.18).
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -18,23 +19,17 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.errors import ParameterError
-from jld_core.geometry import rectangle_torsion_length
-from jld_core.limit import LimitAnalysis, Motion, Proof, Prover, State, Status, number, relative_width
-from jld_core.mechanics import EffectiveAreas, PrescribedFriction
-from jld_core.program import Template
+from jld_core.limit import LimitAnalysis, Motion, Proof, State, Status, number, relative_width
+from jld_core.mechanics import EffectiveAreas
+from jld_core.models.fixed_points import FixedPoint, find_fixed_point, under_own_areas
+from jld_core.models.moving_rows import areas_under, frozen_areas
 from jld_core.solvers import ClarabelSolver
-
-_FAINT = 1e-5
-"""Scaled N below which x tends to zero: M / N is computed as M N / (N² + _FAINT²)."""
 
 _STEPS = 5
 """Number of steps towards larger λ before the forces are held by the proximal term `HOLD`."""
 
 _SLACK = 1e-8
 """Limit of the scaled slack requested of the next state; the limit grows to five times this value."""
-
-_NARROW = 1e-6
-"""Least side of an effective rectangle, relative to the side of the face."""
 
 _RAYS = 8
 """Number of rays tried, each under the effective areas of the one before."""
@@ -63,41 +58,6 @@ def require_rectangles(assembly: Assembly, labels: Bits) -> None:
         raise ParameterError("effective_area", problem, "friction alone, which acts where N does")
 
 
-def areas_under(assembly: Assembly, forces: Floats, labels: Bits) -> EffectiveAreas:
-    """Compute the effective areas of dry rectangles under given forces.
-
-    Parameters
-    ----------
-    assembly : Assembly
-        Spatial assembly.
-    forces : (m, 6) float array
-        Scaled forces N, V1, V2, M1, M2, MT.
-    labels : (m,) bool array
-        Labels, True = dry.
-
-    Returns
-    -------
-    EffectiveAreas
-        Ratio c_T / c_T,e and arm x / c_T of each face. Inner faces, faces without compression and faces that are
-        not rectangles keep the whole face.
-
-    Notes
-    -----
-    Source: docs/method.md (2.14), (2.15).
-    """
-    faces = assembly.interfaces
-    labels = labels & faces.rectangle
-    # M1 is scaled by l2 / 2 and M2 by l1 / 2, so x1 and x2 below are relative to l1 / 2 and l2 / 2.
-    share = np.where(labels, forces[:, 0] / (forces[:, 0] ** 2 + _FAINT**2), 0.0)
-    x1 = np.clip(-forces[:, 4] * share, -1.0, 1.0)
-    x2 = np.clip(forces[:, 3] * share, -1.0, 1.0)
-    side1 = faces.l1 * np.maximum(1.0 - np.abs(x1), _NARROW)
-    side2 = faces.l2 * np.maximum(1.0 - np.abs(x2), _NARROW)
-    ratio = np.where(labels, faces.c_t / rectangle_torsion_length(side1, side2), 1.0)
-    arm = np.column_stack([0.5 * faces.l2 * x2, -0.5 * faces.l1 * x1]) / faces.c_t[:, None]
-    return EffectiveAreas(ratio, arm)
-
-
 def change(old: EffectiveAreas, new: EffectiveAreas) -> float:
     """Compute the largest change of effective areas between two iterates.
 
@@ -113,39 +73,13 @@ def change(old: EffectiveAreas, new: EffectiveAreas) -> float:
     float
         Largest change of c_T,e / c_T and of a = x / c_T over all faces.
     """
-    ratio = np.abs(1.0 / old.ratio - 1.0 / new.ratio).max(initial=0.0)
-    return float(max(ratio, np.abs(old.arm - new.arm).max(initial=0.0)))
+    return float(_changes(old, new).max(initial=0.0))
 
 
-def frozen_areas(template: Template, areas: EffectiveAreas) -> Template:
-    """Build the template of associative friction with torsion about given effective areas.
-
-    Parameters
-    ----------
-    template : Template
-        Template of the assembly with whole faces.
-    areas : EffectiveAreas
-        Effective areas to freeze.
-
-    Returns
-    -------
-    Template
-        Template with the same equilibrium, and yield sets with the effective areas.
-    """
-    base = template.yield_set.associative
-    none = np.zeros(len(template.assembly.interfaces))
-    return template.renumbered(PrescribedFriction(base, 1.0, none, areas))
-
-
-def under_own_areas(prover: Prover, state: State, labels: Bits) -> tuple[State, EffectiveAreas, Prover]:
-    """Evaluate a state under the effective areas of its own forces.
-
-    prover: of any template of the assembly. Return the state, the effective areas, and a prover with these areas
-    frozen.
-    """
-    areas = areas_under(prover.template.assembly, state.forces, labels)
-    frozen = prover.under(frozen_areas(prover.template, areas))
-    return frozen.state(np.append(state.forces.ravel(), state.load), labels, passes=1), areas, frozen
+def _changes(old: EffectiveAreas, new: EffectiveAreas) -> Floats:
+    """Return the change (m,) of c_T,e / c_T or of a = x / c_T of each face, whichever is larger."""
+    ratio = np.abs(1.0 / old.ratio - 1.0 / new.ratio)
+    return np.asarray(np.maximum(ratio, np.abs(old.arm - new.arm).max(axis=1)))
 
 
 def slack_to_ask(own: State, margin: float, tries: int) -> float:
@@ -163,12 +97,12 @@ def prove_effective_area(
     """Prove the load factor with effective areas, at a fixed point of x and c_T,e.
 
     analysis: of a spatial assembly with dry rectangles. labels: (m,) True dry. stands: also decide λ = 0 (with whole
-    faces). most: maximum number of programs solved. weight: of the proximal term that keeps x from jumping between
-    equally good states.
+    faces). most: maximum number of programs solved by the proximal iteration. weight: of its proximal term, which keeps
+    x from jumping between equally good states.
 
     The forces lie within the effective areas that result from them; `extra["effective_area"]["fixed_point"]` is the
     remaining change. The bracket is that of the problem with those areas frozen. A change above 1e-8 leaves the
-    result uncertified.
+    result uncertified, and so does a bracket above the gap of the analysis.
 
     Locked needs a ray within the effective areas that result from the ray itself: as λ grows, the areas approach those.
 
@@ -182,33 +116,73 @@ def prove_effective_area(
         if plain.status is Status.UNSTABLE and not (falling and _falls(analysis, labels, falling)):
             plain = replace(plain, status=Status.UNCERTIFIED, collapse_below_zero=None, motion=None, stands=None)
         return replace(plain, extra={**plain.extra, "effective_area": None})
-    state, proof, moved, solves = _iterate(analysis, labels, plain.state.forces.ravel(), most, weight)
-    if state.admissible and moved <= tolerances.FIXED_POINT:
-        proof.state = state
-        narrow = relative_width(proof.low, proof.high, analysis.floor) <= analysis.gap
+    found = find_fixed_point(analysis, labels)
+    facts: dict[str, Any] = {"fixed_point": 0.0, "frozen": True}
+    route: list[str] = []
+    if found is not None:
+        route.append(f"central paths ({found.starts})")
+        facts["starts"] = found.starts
+    if found is not None and found.width <= analysis.gap:
+        proof = _proof_of(analysis, labels, found)
     else:
-        narrow = False
-    if proof.status is Status.COLLAPSE and not narrow:
+        proof, iterated = _proof_of_iteration(analysis, labels, plain.state.forces.ravel(), most, weight)
+        route.append(f"effective area ({proof.solves})")
+        if proof.status is Status.UNCERTIFIED and found is not None and found.width < iterated.get("above", math.inf):
+            proof = replace(_proof_of(analysis, labels, found), solves=proof.solves)
+            iterated = {"above": found.width}
+        facts |= iterated
+    return replace(
+        proof,
+        notes=[*proof.notes, *_notes(analysis, labels, plain, proof)],
+        stands=plain.stands,
+        solves=plain.solves + proof.solves,
+        route=[*plain.route, *route],
+        seconds=time.perf_counter() - start,
+        extra={
+            "effective_area": facts,
+            "load_factor_whole_faces": number(plain.load_factor * analysis.template.scaling.load),
+        },
+    )
+
+
+def _proof_of(analysis: LimitAnalysis, labels: Bits, found: FixedPoint) -> Proof:
+    """Return the bracket of forces within their own areas and of the mechanism of the frozen problem."""
+    proof = Proof(state=found.state, motion=found.motion)
+    proof.status = analysis.under(found.prover.template, labels).judge(proof)
+    if proof.status is not Status.COLLAPSE:
+        # other areas may hold what these do not: without forces above zero nothing is proven
+        proof.status = Status.UNCERTIFIED
+    return proof
+
+
+def _proof_of_iteration(
+    analysis: LimitAnalysis, labels: Bits, forces: Floats, most: int, weight: float
+) -> tuple[Proof, dict[str, Any]]:
+    """Prove the load factor by proximal iteration.
+
+    Return the proof, and facts on what is missing: the face whose area still changes, or how far the bound is above.
+    """
+    state, proof, moves, solves = _iterate(analysis, labels, forces, most, weight)
+    moved = float(moves.max(initial=0.0))
+    settled = state.admissible and moved <= tolerances.FIXED_POINT
+    facts: dict[str, Any] = {"fixed_point": moved}
+    if settled:
+        proof.state = state
+        width = relative_width(proof.low, proof.high, analysis.floor)
+        if proof.status is Status.COLLAPSE and width > analysis.gap:
+            facts["above"] = width
+    elif moved > tolerances.FIXED_POINT:
+        facts["face"] = analysis.assembly.pair(int(moves.argmax()))
+    if proof.status is Status.COLLAPSE and (not settled or "above" in facts):
         proof.status = Status.UNCERTIFIED
     if proof.status is Status.UNSTABLE:
         # without forces there is no fixed point: other areas may hold what the last ones do not
         proof.status, proof.collapse_below_zero = Status.UNCERTIFIED, None
     if proof.status is Status.LOCKED:
-        settled = state.admissible and moved <= tolerances.FIXED_POINT
         proof.ray = ray_under_own_areas(analysis, labels, proof.ray) if settled else None
         proof.status = Status.UNCERTIFIED if proof.ray is None else Status.LOCKED
-    return replace(
-        proof,
-        notes=[*proof.notes, *_notes(analysis, labels, plain, proof)],
-        stands=plain.stands,
-        solves=plain.solves + solves,
-        route=[*plain.route, f"effective area ({solves})"],
-        seconds=time.perf_counter() - start,
-        extra={
-            "effective_area": {"fixed_point": moved, "frozen": True},
-            "load_factor_whole_faces": number(plain.load_factor * analysis.template.scaling.load),
-        },
-    )
+    proof.solves = solves
+    return proof, facts
 
 
 def _falls(analysis: LimitAnalysis, labels: Bits, motion: Motion) -> bool:
@@ -290,33 +264,33 @@ def _notes(analysis: LimitAnalysis, labels: Bits, plain: Proof, proof: Proof) ->
 
 def _iterate(
     analysis: LimitAnalysis, labels: Bits, forces: Floats, most: int, weight: float
-) -> tuple[State, Proof, float, int]:
+) -> tuple[State, Proof, Floats, int]:
     """Iterate on forces and areas until they agree: `_STEPS` free steps, then held steps.
 
-    Return a state, the proof with the areas frozen, the remaining change of areas, and the number of programs solved.
+    Return a state, the proof with the areas frozen, the change (m,) of areas that is left, and the number of programs.
     """
     template, count = analysis.template, analysis.template.matrix.shape[1]
     margin, residual = template.precision.margin, template.precision.residual
     stepping, holding = (ClarabelSolver(residual, proximal=(count, w)) for w in (weight, HOLD))
     areas = areas_under(analysis.assembly, forces.reshape(-1, 6), labels)
     prover = analysis.prover.under(frozen_areas(template, areas))
-    solves, steps, slack, moved = 0, 0, margin, np.inf
+    solves, steps, slack = 0, 0, margin
     while True:
         route = stepping if steps < _STEPS else holding
         point = route.solve(prover.template.program(labels, slack), forces).point
         solves, steps = solves + 1, steps + 1
         state = prover.state(point, labels, passes=3)
         own, asked, prover = under_own_areas(prover, state, labels)
-        moved, areas = change(areas, asked), asked
+        moves, areas = _changes(areas, asked), asked
         forces = state.forces.ravel()
         slack = slack_to_ask(own, margin, steps)
-        settled = own.admissible and (moved <= tolerances.FIXED_POINT or steps > _STEPS)
+        settled = own.admissible and (moves.max(initial=0.0) <= tolerances.FIXED_POINT or steps > _STEPS)
         if settled or solves >= most:
             proof = analysis.under(prover.template, labels).prove(labels)
             solves += proof.solves
             if not settled:
-                return own, proof, moved, solves
-            left = change(areas, areas_under(analysis.assembly, own.forces, labels))
+                return own, proof, moves, solves
+            left = _changes(areas, areas_under(analysis.assembly, own.forces, labels))
             low, high = own.load, proof.bracket[1]
             if solves >= most or not high - low > analysis.gap * max(abs(high), abs(low)):
                 return own, proof, left, solves

@@ -15,7 +15,9 @@ from jld_core.deadline import checkpoint
 from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysis, Motion, Prover, State, Status, load_scale
 from jld_core.mechanics import EffectiveAreas, PrescribedFriction
-from jld_core.models.effective_area import HOLD, areas_under, change, slack_to_ask, under_own_areas
+from jld_core.models.effective_area import HOLD, change, slack_to_ask
+from jld_core.models.fixed_points import under_own_areas
+from jld_core.models.moving_rows import areas_under
 from jld_core.program import ConicProgram, Template
 from jld_core.solvers import ClarabelSolver, RawSolution, RawStatus
 

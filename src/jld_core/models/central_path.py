@@ -1,0 +1,266 @@
+"""Interior-point method for programs whose rows follow their own solution (quasi-variational inequalities).
+
+Wanted is a point y that is optimal in the program frozen at y. Each step is a Newton step on the optimality conditions
+of the frozen program, in which the rows are functions of y. Weights of the barrier select one of several paths.
+
+Source: docs/method.md (2.16) to (2.18); Facchinei, Kanzow and Sagratella 2014, Math. Program. 144, 369–412 for the
+conditions; Nesterov and Todd 1997, Math. Oper. Res. 22, 1–42 for the scaling of cones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import splu
+
+from jld_core.arrays import Floats, Ints
+from jld_core.deadline import checkpoint
+from jld_core.models.moving_rows import MovingRows
+
+_BOUNDARY: Final = 0.9
+"""Share of the way to the boundary of the cones that a step may go."""
+
+_REGULAR: Final = (1e-11, 1e-13)
+"""Added to the diagonal of the Newton matrix, for columns and equalities: free directions get no step."""
+
+_RESIDUAL: Final = 0.3
+"""Residual over the gap above which a step only returns to the path."""
+
+_CENTRED: Final = 0.9
+"""Distance from the path, relative to its parameter and per cone, above which a step only returns to the path."""
+
+_REDUCTIONS: Final = (0.1, 0.3, 0.8)
+"""Least, first and largest factor on the parameter of the path in one step."""
+
+_STALLED: Final = 30
+"""Number of steps within which the gap must halve."""
+
+_UNBOUNDED: Final = 1e7
+"""Scaled λ at which the path ends, because λ grows without limit."""
+
+_FLIP: Final = np.array([1.0, -1.0, -1.0])
+"""Signs of the quadratic form of a second-order cone of size three."""
+
+
+@dataclass(frozen=True)
+class PathPoint:
+    """Primal and dual variables of one iterate.
+
+    Attributes
+    ----------
+    y : (n,) array
+        Forces, further variables, and λ as the last entry, scaled.
+    u : (equalities,) array
+        Multipliers of equilibrium, which are velocities.
+    s : (rows,) array
+        Slacks of the rows.
+    z : (rows,) array
+        Multipliers of the rows.
+    gap : float
+        s·z: bound on what the frozen optimum lies above λ, where residuals are zero.
+    residual : float
+        Norm of the residuals of equilibrium, rows and stationarity.
+    """
+
+    y: Floats
+    u: Floats
+    s: Floats
+    z: Floats
+    gap: float = np.inf
+    residual: float = np.inf
+
+    @property
+    def load(self) -> float:
+        """Scaled λ."""
+        return float(self.y[-1])
+
+
+@dataclass
+class CentralPath:
+    """Central path of a program whose rows follow its own solution.
+
+    Parameters
+    ----------
+    rows : MovingRows
+        The program.
+    weights : (rows,) array
+        Weight of the barrier of each row; a cone has the weight of its first row.
+    size : float
+        Normal forces, slacks and multipliers of order `size` are the first iterate.
+    most : int
+        Largest number of steps.
+    steps : int
+        Number of steps so far.
+    """
+
+    rows: MovingRows
+    weights: Floats
+    size: float = 10.0
+    most: int = 120
+    steps: int = field(default=0, init=False)
+
+    def __post_init__(self) -> None:
+        """Give all rows of a cone one weight, and the weights the mean one."""
+        linear = self.rows.linear
+        heads = self.weights[linear::3]
+        mean = float(np.concatenate([self.weights[:linear], heads]).mean())
+        self.weights = np.concatenate([self.weights[:linear], np.repeat(heads, 3)]) / mean
+
+    @property
+    def _degree(self) -> int:
+        """Number of linear rows and cones."""
+        return self.rows.linear + (len(self.rows.rhs) - self.rows.linear) // 3
+
+    def points(self) -> Iterator[PathPoint]:
+        """Follow the path and yield each iterate until it ends, stalls or λ grows without limit.
+
+        Yields
+        ------
+        PathPoint
+            Iterate; of a converged path the last ones have a small gap and residual.
+        """
+        point, reduction = self._start(), _REDUCTIONS[1]
+        best, since = np.inf, 0
+        while True:
+            checkpoint()
+            values, slopes = self.rows.parameters(point.y)
+            matrix = self.rows.matrix(values)
+            dual = self.rows.objective + self.rows.balance.T @ point.u + matrix.T @ point.z
+            balance = self.rows.balance @ point.y - self.rows.load
+            primal = matrix @ point.y + point.s - self.rows.rhs
+            gap, residual = float(point.s @ point.z), float(np.linalg.norm(np.concatenate([dual, balance, primal])))
+            point = PathPoint(point.y, point.u, point.s, point.z, gap, residual)
+            yield point
+            parameter = gap / self._degree
+            off = residual > _RESIDUAL * gap or self._distance(point, parameter) > _CENTRED * np.sqrt(self._degree)
+            best, since = (gap, 0) if gap < 0.5 * best else (best, since + 1)
+            if self.steps >= self.most or since > _STALLED or abs(point.load) > _UNBOUNDED or not np.isfinite(residual):
+                return
+            target = parameter * (1.0 if off else reduction)
+            step = self._step(point, target, (dual, balance, primal), matrix, slopes)
+            if step is None:
+                return
+            share = min(1.0, _BOUNDARY * min(self._room(point.s, step.s), self._room(point.z, step.z)))
+            if not off:
+                least, _, largest = _REDUCTIONS
+                reduction = max(least, 0.6 * reduction) if share > 0.7 else reduction
+                reduction = min(largest, 1.6 * reduction) if share < 0.3 else reduction
+            point = PathPoint(
+                point.y + share * step.y, point.u + share * step.u, point.s + share * step.s, point.z + share * step.z
+            )
+
+    def _start(self) -> PathPoint:
+        """Return a first iterate with compression on every face and without equilibrium."""
+        rows, count = self.rows, 6 * len(self.rows.labels)
+        y = np.zeros(rows.size)
+        y[:count:6] = self.size
+        y[count:-1] = 0.1 * self.size
+        s = rows.rhs - rows.rows @ y
+        linear, cones = s[: rows.linear], s[rows.linear :].reshape(-1, 3)
+        linear[:] = np.maximum(linear, 0.05 * self.size)
+        cones[:, 0] = np.maximum(cones[:, 0], np.hypot(cones[:, 1], cones[:, 2]) + 0.05 * self.size)
+        return PathPoint(y, np.zeros(len(rows.load)), s, self.size * self.weights * self._inverse(s))
+
+    def _inverse(self, s: Floats) -> Floats:
+        """Return the inverse of s in the Jordan algebra of the cones: the gradient of the barrier, negative."""
+        linear, cones = s[: self.rows.linear], s[self.rows.linear :].reshape(-1, 3)
+        form = (cones**2 @ _FLIP)[:, None]
+        return np.concatenate([1.0 / linear, (cones * _FLIP / form).ravel()])
+
+    def _distance(self, point: PathPoint, parameter: float) -> float:
+        """Return the norm of s∘z − weight · parameter, relative to the parameter."""
+        first = self.rows.linear
+        s, z = point.s[first:].reshape(-1, 3), point.z[first:].reshape(-1, 3)
+        linear = point.s[:first] * point.z[:first] - parameter * self.weights[:first]
+        heads = (s * z).sum(axis=1) - parameter * self.weights[first::3]
+        tails = s[:, :1] * z[:, 1:] + z[:, :1] * s[:, 1:]
+        return float(np.linalg.norm(np.concatenate([linear, heads, tails.ravel()]))) / parameter
+
+    def _room(self, start: Floats, way: Floats) -> float:
+        """Return the largest share of a step, up to 3, after which a point is still in the cones."""
+        first, share = self.rows.linear, 3.0
+        down = way[:first] < 0.0
+        share = min(share, float((start[:first][down] / -way[:first][down]).min(initial=share)))
+        at, along = start[first:].reshape(-1, 3), way[first:].reshape(-1, 3)
+        # the first positive root of |at + t along|² = 0 in the quadratic form of the cone
+        square, cross, whole = along**2 @ _FLIP, (at * along) @ _FLIP, at**2 @ _FLIP
+        root = np.sqrt(np.maximum(cross**2 - square * whole, 0.0))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            turned = -(cross + np.where(cross >= 0.0, root, -root))
+            ends = np.concatenate([turned / square, whole / turned, -at[:, 0] / along[:, 0]])
+        real = np.tile(cross**2 >= square * whole, 2)
+        real = np.concatenate([real, along[:, 0] < 0.0]) & np.isfinite(ends) & (ends > 0.0)
+        return min(share, float(ends[real].min(initial=share)))
+
+    @cached_property
+    def _fixed(self) -> tuple[Ints, Ints, Floats]:
+        """Entries of the Newton matrix that never change: rows, columns, values."""
+        rows, n, e = self.rows, self.rows.size, len(self.rows.load)
+        balance, whole = sp.coo_array(rows.balance), sp.coo_array(rows.rows)
+        row = [balance.row + n, balance.col, whole.row + n + e, whole.col, np.arange(n), n + np.arange(e)]
+        column = [balance.col, balance.row + n, whole.col, whole.row + n + e, np.arange(n), n + np.arange(e)]
+        data = [balance.data, balance.data, whole.data, whole.data, np.full(n, _REGULAR[0]), np.full(e, -_REGULAR[1])]
+        return np.concatenate(row), np.concatenate(column), np.concatenate(data)
+
+    def _step(
+        self,
+        point: PathPoint,
+        target: float,
+        residuals: tuple[Floats, Floats, Floats],
+        matrix: sp.csr_array,
+        slopes: Floats,
+    ) -> PathPoint | None:
+        """Solve the linearised conditions for parameter `target`; None if they are singular."""
+        rows, n, e = self.rows, self.rows.size, len(self.rows.load)
+        dual, balance, primal = residuals
+        values, _ = rows.parameters(point.y)
+        moved, across, down = (
+            rows.entries(values),
+            rows.row_slopes(point.y, slopes),
+            rows.column_slopes(point.z, slopes),
+        )
+        scaling = self._scaling(point)
+        below = n + e
+        row = [self._fixed[0], moved[1], moved[0] + below, across[0] + below, down[0], scaling[0] + below]
+        column = [self._fixed[1], moved[0] + below, moved[1], across[1], down[1], scaling[1] + below]
+        data = [self._fixed[2], moved[2], moved[2], across[2], down[2], -scaling[2]]
+        order = (np.concatenate(row), np.concatenate(column))
+        whole = sp.csc_array((np.concatenate(data), order), shape=(below + len(rows.rhs),) * 2)
+        try:
+            factor = splu(whole)
+        except RuntimeError:
+            return None
+        self.steps += 1
+        towards = target * self.weights * self._inverse(point.s) - point.z
+        square = sp.csr_array((scaling[2], (scaling[0], scaling[1])), shape=(len(rows.rhs),) * 2)
+        right = np.concatenate([-dual, -balance, -primal - square @ towards])
+        found = factor.solve(right)
+        found = found + factor.solve(right - whole @ found)
+        if not np.isfinite(found).all():
+            return None
+        y, u, z = found[:n], found[n:below], found[below:]
+        leaning = np.zeros(len(rows.rhs))
+        np.add.at(leaning, across[0], across[2] * y[across[1]])
+        return PathPoint(y, u, -primal - matrix @ y - leaning, z)
+
+    def _scaling(self, point: PathPoint) -> tuple[Ints, Ints, Floats]:
+        """Return rows, columns and values of W² with W² z = s, after Nesterov and Todd."""
+        first = self.rows.linear
+        s, z = point.s[first:].reshape(-1, 3), point.z[first:].reshape(-1, 3)
+        length_s, length_z = (np.sqrt(np.maximum(v**2 @ _FLIP, 1e-300))[:, None] for v in (s, z))
+        unit_s, unit_z = s / length_s, z / length_z
+        half = np.sqrt(0.5 * (1.0 + (unit_s * unit_z).sum(axis=1)))[:, None]
+        middle = 0.5 * (unit_s + unit_z * _FLIP) / half
+        blocks = 2.0 * middle[:, :, None] * middle[:, None, :] - np.diag(_FLIP)
+        blocks *= (length_s / length_z)[:, :, None]
+        place = first + np.arange(3 * len(s)).reshape(-1, 3)
+        row = np.repeat(place, 3, axis=1).ravel()
+        column = np.tile(place, (1, 3)).ravel()
+        line = np.arange(first)
+        data = np.concatenate([point.s[:first] / point.z[:first], blocks.ravel()])
+        return np.concatenate([line, row]), np.concatenate([line, column]), data
