@@ -31,6 +31,7 @@ from jld_explore.drivers import (
 )
 from jld_explore.evaluation import MakeEvaluator, VoidCellsEvaluator, evaluator_of, on_cluster
 from jld_explore.experiments import DEFAULT, Experiments, add_experiments
+from jld_explore.field_check import add_check, plan_check, time_for
 from jld_explore.report import (
     Exploration,
     check_certificate_file,
@@ -154,6 +155,7 @@ def explore(
     if space.void is not None:
         _refuse_beside_void(settings, chosen)
         assembly, make = space.assembly, VoidCellsEvaluator
+    checked = plan_check(scene, assembly, space, settings)
     study = Study(
         scene,
         assembly,
@@ -163,7 +165,7 @@ def explore(
         settings,
         total=total,
         report=report,
-        deadline=_of_search(deadline, settings),
+        deadline=_of_search(deadline, settings).earlier(time_for(checked, settings)),
         make=make,
     )
     if announce is not None:
@@ -174,6 +176,8 @@ def explore(
     if settings.certificate is not None and isinstance(chosen, Exact):
         best, load = done.summary["best_labelling"], done.summary["best"]
         certify(chosen, scene, settings.certificate, None if best is None else (from_string(best), float(load)))
+    if checked is not None:
+        done = add_check(done, space, checked, _of_search(deadline, settings))
     if settings.experiment or settings.by_experiment:
         done = _experimented(study, done)
     if settings.pictures:

@@ -150,6 +150,8 @@ class ExploreSettings:
     by_experiment : bool
         Search by experiment at the end, starting from the best layouts by λ.
         The number of experiments is `experiment`, default 500.
+    check_fields : int
+        Number of best layouts by faces whose blocks are checked by fields at the end, where fields apply; 0 for none.
     pictures : bool
         Write page and pictures at the end.
     strict : bool
@@ -177,6 +179,7 @@ class ExploreSettings:
     certificates: bool = False
     experiment: int | None = None
     by_experiment: bool = False
+    check_fields: int = 10
     pictures: bool = True
     strict: bool = False
     robust: bool = False

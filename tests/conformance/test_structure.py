@@ -20,7 +20,7 @@ ORDER = [
     ["jld_explore.studio"],
     ["jld_explore"],
     ["jld_explore.explore"],
-    ["jld_explore.experiments"],
+    ["jld_explore.experiments", "jld_explore.field_check"],
     ["jld_explore.report"],
     ["jld_explore.study"],
     ["jld_explore.drivers"],

@@ -36,8 +36,9 @@ class StressField:
     """Certified stress field.
 
     factor: λ that it carries, scaled. stress: (t, 3, 3) stresses (m, d, s) at the corners, scaled. room: least room
-    to a yield condition, after what is missing from exact equilibrium was charged. charge: that stress. rate: (t, 3) what λ gains by
-    stronger material at each corner, by the multipliers of the solver: it steers refinement and proves nothing.
+    to a yield condition, after what is missing from exact equilibrium was charged. charge: that stress. rate: (t, 3)
+    what λ gains by stronger material at each corner, by the multipliers of the solver: it steers refinement and proves
+    nothing.
     """
 
     factor: float

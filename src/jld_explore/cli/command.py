@@ -300,6 +300,9 @@ def explore_command(
         int | None,
         typer.Option("--experiment", min=1, help="Put the best K to the virtual experiment: a column more."),
     ] = None,
+    check_fields: Annotated[
+        int, typer.Option(min=0, help="Check the best K of a search by faces by fields, 0 for none.")
+    ] = 10,
     budget: Annotated[int | None, typer.Option(min=1, help="Distinct classes evaluated at the most.")] = None,
     seconds: Annotated[float | None, typer.Option(min=0.0, help="Time limit.")] = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Worker processes; default: one per core.")] = None,
@@ -356,6 +359,7 @@ def explore_command(
         certificates=certificates,
         experiment=experiment_of,
         by_experiment=objective == "experiment",
+        check_fields=check_fields,
         strict=strict,
         certificate=certificate,
         robust=robust,

@@ -23,7 +23,7 @@ from jld_core.threads import one_thread
 _TOGETHER: Final = 4
 """Layouts refined at a time, whatever the number of jobs, so that results do not depend on it."""
 
-_MOST_TRIANGLES: Final = 3000
+_MOST_TRIANGLES: Final = 6000
 """Triangles at which refinement of one layout ends."""
 
 _PATIENCE: Final = 3

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -122,10 +122,22 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
             else {f"best {ranked_by(done.results)}": f"{best} ({proof})"}
         ),
         **nominal,
+        **_of_blocks(facts.get("fields")),
         **carried,
         **({"next": facts["next"]} if facts.get("next") else {}),
         **({"warning": "; ".join(complaints)} if complaints else {}),
     }
+
+
+def _of_blocks(check: dict[str, Any] | None) -> dict[str, str]:
+    """Describe what a check by fields found of the best layouts, with the command that searches by fields."""
+    if check is None:
+        return {}
+    if check["skipped"]:
+        return {"by fields": f"not checked: {check['skipped']}"}
+    if not check["findings"]:
+        return {}
+    return {"by fields": "; ".join([*check["findings"], check["next"]])}
 
 
 MEANINGS: Final = {
