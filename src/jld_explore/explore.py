@@ -14,8 +14,9 @@ from jld_core.build import build_assembly, build_robust
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import InputError
 from jld_core.memory import memory_limit
-from jld_core.models import cost_estimate, require_memory, require_model
-from jld_core.scene import Scene
+from jld_core.models import cost_estimate, require_cracks, require_memory, require_model
+from jld_core.refinement import crack_cells
+from jld_core.scene import CellCracks, FieldCracks, Scene, cracks_in_words
 from jld_core.threads import one_thread
 from jld_explore.drivers import (
     DRIVERS,
@@ -29,9 +30,17 @@ from jld_explore.drivers import (
     make_driver,
     size_up_to,
 )
-from jld_explore.evaluation import MakeEvaluator, VoidCellsEvaluator, evaluator_of, on_cluster
+from jld_explore.evaluation import (
+    FieldEvaluator,
+    MakeCellEvaluator,
+    MakeEvaluator,
+    VoidCellsEvaluator,
+    evaluator_of,
+    on_cluster,
+)
 from jld_explore.experiments import DEFAULT, Experiments, add_experiments
 from jld_explore.field_check import add_check, plan_check, time_for
+from jld_explore.field_study import FieldStudy
 from jld_explore.report import (
     Exploration,
     check_certificate_file,
@@ -148,15 +157,19 @@ def explore(
     space = _space_of(scene, assembly, settings.driver)
     assembly = space.assembly if isinstance(settings.driver, Driver) else assembly
     settings = _affordable(assembly, settings, said)
-    chosen, total = choose_driver(space, settings, deadline)
+    chosen, total = choose_driver(space, settings, deadline, many=scene.cracks != "faces")
+    if chosen.modular and scene.cracks != "faces":
+        raise InputError("--driver", f"{chosen.name} knows cracks by faces alone", "another driver")
     said.append(f"driver: {chosen.name}" + (f", {total} {CLASSES}" if total is not None else ""))
+    if scene.cracks != "faces":
+        said.append(f"cracks: {cracks_in_words(scene.cracks)}")
     _refuse_unfit(scene, assembly, settings, chosen)
-    make: MakeEvaluator = evaluator_of
+    kind, make = _makers(scene, assembly, chosen, settings.budget)
     if space.void is not None:
         _refuse_beside_void(settings, chosen)
         assembly, make = space.assembly, VoidCellsEvaluator
     checked = plan_check(scene, assembly, space, settings)
-    study = Study(
+    study = kind(
         scene,
         assembly,
         space,
@@ -200,8 +213,7 @@ def _space_of(scene: Scene, assembly: Assembly, driver: str | Driver | None) -> 
 
 def _refuse_together(scene: Scene, settings: ExploreSettings, assembly: Assembly) -> None:
     """Raise InputError for settings that exclude each other or do not support the loads."""
-    if scene.cracks != "faces":
-        raise InputError("cracks", "a search knows cracks by faces alone", '"faces"')
+    _refuse_beside_cracks(scene, settings, assembly)
     if assembly.cases and settings.certificates:
         raise InputError("--certificates", "they speak of one load, and the scene has cases", "a search without them")
     if settings.robust and settings.certificates:
@@ -210,6 +222,37 @@ def _refuse_together(scene: Scene, settings: ExploreSettings, assembly: Assembly
         raise InputError("--certificate", "it speaks of one value of each strength", "a search without --robust")
     if settings.certificate is not None and settings.by_experiment:
         raise InputError("--certificate", "an experiment is no proof", "--objective associative")
+
+
+def _refuse_beside_cracks(scene: Scene, settings: ExploreSettings, assembly: Assembly) -> None:
+    """Raise InputError for settings that a search with cracks beside the faces does not know."""
+    if scene.cracks == "faces":
+        return
+    fields = isinstance(scene.cracks, FieldCracks)
+    for option, asked in (
+        ("--certificates", settings.certificates),
+        ("--certificate", settings.certificate is not None),
+        ("--experiment", settings.experiment is not None or settings.by_experiment),
+        ("--robust", settings.robust and fields),
+        ("--resume", settings.resume and fields),
+        ("--driver", isinstance(settings.driver, str) and settings.driver == Exact.name),
+        ("search.void", scene.search.void is not None),
+        ("search.require", scene.search.require is not None and fields),
+    ):
+        if asked:
+            raise InputError(option, "it knows cracks by faces alone", 'a search without it, or "cracks": "faces"')
+    require_cracks(scene, assembly, settings.model)
+
+
+def _makers(scene: Scene, assembly: Assembly, driver: Driver, budget: int | None) -> tuple[type[Study], MakeEvaluator]:
+    """Return the kind of study and the evaluators that the crack model of a scene needs."""
+    if isinstance(scene.cracks, CellCracks):
+        cells = crack_cells(scene, assembly, scene.cracks.cell)
+        # where no element is larger than a cell, the evaluators of the joint grid are the same and faster
+        return Study, evaluator_of if cells.fine is assembly else MakeCellEvaluator(cells)
+    if isinstance(scene.cracks, FieldCracks):
+        return FieldStudy if isinstance(driver, Enumeration) and not budget else Study, FieldEvaluator
+    return Study, evaluator_of
 
 
 def _refuse_unfit(scene: Scene, assembly: Assembly, settings: ExploreSettings, driver: Driver) -> None:
@@ -312,7 +355,7 @@ def _affordable(assembly: Assembly, settings: ExploreSettings, said: list[str]) 
 def _bound_all(study: Study, *, sure: bool) -> None:
     """Record a bound on all labellings if none is known and `sure` says that there is time."""
     study.records = study.open_records()
-    if study.bound is None and sure:
+    if study.bound is None and sure and study.scene.cracks == "faces":
         study.keep_bound(bound_of_all(study.space, study.settings.model))
     study.records.close()
 
@@ -329,7 +372,7 @@ def _refuse_beside_void(settings: ExploreSettings, driver: Driver) -> None:
 
 
 def choose_driver(
-    space: SearchSpace, settings: ExploreSettings, deadline: Deadline | None = None
+    space: SearchSpace, settings: ExploreSettings, deadline: Deadline | None = None, *, many: bool = False
 ) -> tuple[Driver, int | None]:
     """Choose the driver and count the classes of the space if it is small.
 
@@ -341,6 +384,8 @@ def choose_driver(
         Settings with the wanted driver and its options.
     deadline : Deadline, optional
         Deadline of the search; a count that exceeds a share of it means a large space.
+    many : bool
+        Take no driver that proves by bounds on faces alone.
 
     Returns
     -------
@@ -368,7 +413,7 @@ def choose_driver(
     if isinstance(wanted, Driver):
         return wanted, known
     if wanted is None:
-        many = settings.by_experiment or settings.experiment is not None
+        many = settings.by_experiment or settings.experiment is not None or many
         chosen = driver_for(space, settings.seed, settings.model, known, settings.options, many=many)
         return chosen, known
     return make_driver(wanted, space, settings.seed, **settings.options), known

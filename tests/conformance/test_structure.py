@@ -22,6 +22,7 @@ ORDER = [
     ["jld_explore.explore"],
     ["jld_explore.experiments", "jld_explore.field_check"],
     ["jld_explore.report"],
+    ["jld_explore.field_study"],
     ["jld_explore.study"],
     ["jld_explore.drivers"],
     ["jld_explore.evaluation"],

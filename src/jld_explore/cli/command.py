@@ -309,6 +309,7 @@ def explore_command(
     seed: Annotated[int, typer.Option(min=0, help="Seed of the driver.")] = 0,
     strict: Strict = False,
     robust: Robust = False,
+    cracks: Cracks = None,
     effective_area: EffectiveArea = False,
     contact: Contact = "convex",
     inner_bending: Bending = "paper",
@@ -330,7 +331,7 @@ def explore_command(
     **own: Any,
 ) -> None:
     """Search the labellings of a scene for the strongest: ranked table, front, pictures."""
-    parsed = load_scene(scene)
+    parsed = with_cracks(load_scene(scene), cracks)
     most = _JOBS * (os.cpu_count() or 1)
     check_folder(out, resume)
     if certificate is not None:

@@ -7,20 +7,25 @@
 - `ORDER`: statuses, best first
 - `RECORDS_FILE`: name of the SQLite file of records
 - `Bounds`: lower and upper bounds on λ of several labellings
+- `CellEvaluator`: evaluator of labellings of the joint grid on finer cells
 - `CertificateEvaluator`: evaluator that uses bounds from past solves before it solves
 - `Envelope`: largest λ known among labellings with equal or better counts
 - `Evaluating`: protocol of an evaluator as a study uses it
 - `Evaluation`: result of evaluating one labelling
 - `Evaluator`: evaluator of labellings of one assembly under one load
 - `EvaluatorSettings`: settings of an evaluator
+- `FieldEvaluator`: evaluator of labellings by fields on the coarsest mesh
+- `FieldRace`: race of layouts whose blocks crack anywhere
 - `ForceMethod`: linear program (force method) that bounds λ from both sides at a vertex
 - `Forces`: statically admissible forces as a lower bound on λ for many labellings
 - `IncumbentFront`: largest λ known for each combination of front counts
+- `MakeCellEvaluator`: maker of evaluators on finer cells
 - `MakeEvaluator`: type of a function that makes the evaluator of a worker
 - `Mechanism`: mechanism as an upper bound on λ for many labellings
 - `Pool`: bounds from past solves, limited in number
 - `PoolWorker`: process or cluster worker that keeps state between its tasks
 - `Proofs`: lower and upper bounds that one solve proves for other labellings
+- `RaceResult`: bounds of raced layouts
 - `RecordedEvaluator`: evaluator that runs workers and writes a record
 - `Records`: evaluations, proofs and conflicts on disk
 - `Sent`: labellings under evaluation
@@ -33,6 +38,7 @@
 - `batch_size`: compute the number of labellings per task
 - `client_of_cluster`: return the dask client in use
 - `evaluator_of`: make the evaluator of an assembly
+- `field_evaluation`: return the evaluation of a labelling from its bounds by fields
 - `front_counts`: compute the counts of the scene's front
 - `is_small`: return whether solving a labelling is faster than sending it to a worker
 - `load_factors`: return λ of each row of a record
@@ -57,6 +63,13 @@ from jld_explore.evaluation.cluster import client_of_cluster, on_cluster
 from jld_explore.evaluation.deferred_signals import raise_deferred
 from jld_explore.evaluation.evaluation import BOUND, CERTIFICATE, FAILED, Evaluation
 from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings
+from jld_explore.evaluation.field_evaluator import (
+    CellEvaluator,
+    FieldEvaluator,
+    MakeCellEvaluator,
+    field_evaluation,
+)
+from jld_explore.evaluation.field_race import FieldRace, RaceResult
 from jld_explore.evaluation.force_method import ForceMethod, Vertex
 from jld_explore.evaluation.pruning import IncumbentFront
 from jld_explore.evaluation.ranking import (
@@ -87,20 +100,25 @@ __all__ = [
     "ORDER",
     "RECORDS_FILE",
     "Bounds",
+    "CellEvaluator",
     "CertificateEvaluator",
     "Envelope",
     "Evaluating",
     "Evaluation",
     "Evaluator",
     "EvaluatorSettings",
+    "FieldEvaluator",
+    "FieldRace",
     "ForceMethod",
     "Forces",
     "IncumbentFront",
+    "MakeCellEvaluator",
     "MakeEvaluator",
     "Mechanism",
     "Pool",
     "PoolWorker",
     "Proofs",
+    "RaceResult",
     "RecordedEvaluator",
     "Records",
     "Sent",
@@ -113,6 +131,7 @@ __all__ = [
     "batch_size",
     "client_of_cluster",
     "evaluator_of",
+    "field_evaluation",
     "front_counts",
     "is_small",
     "load_factors",

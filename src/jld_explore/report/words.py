@@ -8,7 +8,7 @@ import numpy as np
 
 from jld_core.assembly import Assembly
 from jld_core.limit import LimitAnalysisResult, Status
-from jld_core.scene import Scene
+from jld_core.scene import Scene, cracks_in_words
 from jld_core.views import facts_of_assembly, facts_of_result
 from jld_explore.evaluation import BOUND
 from jld_explore.report import required
@@ -97,6 +97,8 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
     elif not facts["proven"] and facts["bound"] is not None:
         gap = "" if facts["gap"] is None else f", gap {facts['gap']:.2%}"
         proof += f": none carries more than {facts['bound']:.9g}{gap}"
+    if facts.get("race", {}).get("decided"):
+        proof = f"proven to within {facts['gap']:.1%}: none carries more than {facts['bound']:.6g}"
     nominal = {}
     if facts.get("robust"):
         nominal = {"at nominal": f"{_number(facts['best_nominal'])} (λ above is at the low values)"}
@@ -125,6 +127,7 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
         **_of_blocks(facts.get("fields")),
         **carried,
         **({"next": facts["next"]} if facts.get("next") else {}),
+        "cracks": cracks_in_words(done.scene.cracks),
         **({"warning": "; ".join(complaints)} if complaints else {}),
     }
 
