@@ -47,13 +47,16 @@ def field_evaluation(
     several = len(low) > 1
     cases = tuple(float(value) if math.isfinite(value) else math.nan for value in low) if several else ()
     case = governing if several else -1
+    nan = math.nan
+    low_end, high_end = (end if math.isfinite(end) else nan for end in (least, most))
     if most < 0.0:
-        return Evaluation(Status.UNSTABLE, math.nan, math.nan, math.nan, seconds=seconds, cases=cases, governing=case)
-    ends = tuple(end if math.isfinite(end) else math.nan for end in (least, most))
-    if least >= 0.0 and math.isfinite(most):
-        return Evaluation(Status.COLLAPSE, *ends, least, seconds=seconds, cases=cases, governing=case)
-    how = BOUND if math.isnan(ends[0]) and most < best else SOLVE
-    return Evaluation(Status.UNCERTIFIED, *ends, math.nan, settled=how, seconds=seconds, cases=cases, governing=case)
+        status, low_end, high_end, value, how = Status.UNSTABLE, nan, nan, nan, SOLVE
+    elif least >= 0.0 and math.isfinite(most):
+        status, value, how = Status.COLLAPSE, least, SOLVE
+    else:
+        status, value = Status.UNCERTIFIED, nan
+        how = BOUND if math.isnan(low_end) and most < best else SOLVE
+    return Evaluation(status, low_end, high_end, value, settled=how, seconds=seconds, cases=cases, governing=case)
 
 
 class FieldEvaluator:
