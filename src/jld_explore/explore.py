@@ -17,8 +17,9 @@ from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.limit import SolveOptions
 from jld_core.memory import memory_limit
-from jld_core.models import cost_estimate, require_memory, require_model
-from jld_core.scene import Scene, load_scene
+from jld_core.models import cost_estimate, require_cracks, require_memory, require_model
+from jld_core.refinement import crack_cells
+from jld_core.scene import CellCracks, FieldCracks, Scene, cracks_in_words, load_scene
 from jld_core.threads import one_thread
 from jld_explore.drivers import (
     DRIVERS,
@@ -32,8 +33,18 @@ from jld_explore.drivers import (
     make_driver,
     size_up_to,
 )
-from jld_explore.evaluation import MakeEvaluator, OwnObjectiveEvaluator, VoidCellsEvaluator, evaluator_of, on_cluster
+from jld_explore.evaluation import (
+    FieldEvaluator,
+    MakeCellEvaluator,
+    MakeEvaluator,
+    OwnObjectiveEvaluator,
+    VoidCellsEvaluator,
+    evaluator_of,
+    on_cluster,
+)
 from jld_explore.experiments import DEFAULT, Experiments, add_experiments
+from jld_explore.field_check import add_check, plan_check, time_for
+from jld_explore.field_study import FieldStudy
 from jld_explore.report import (
     Exploration,
     check_certificate_file,
@@ -230,16 +241,21 @@ def _search(
     space = _space_of(scene, assembly, settings.driver)
     assembly = space.assembly if isinstance(settings.driver, Driver) else assembly
     settings = _affordable(assembly, settings, said)
-    chosen, total = choose_driver(space, settings, deadline)
+    chosen, total = choose_driver(space, settings, deadline, many=scene.cracks != "faces")
+    if chosen.modular and scene.cracks != "faces":
+        raise ParameterError("driver", f"{chosen.name} knows cracks by faces alone", "another driver")
     said.append(f"driver: {chosen.name}" + (f", {total} {CLASSES}" if total is not None else ""))
+    if scene.cracks != "faces":
+        said.append(f"cracks: {cracks_in_words(scene.cracks)}")
     _refuse_unfit(scene, assembly, settings, chosen)
-    make: MakeEvaluator = evaluator_of
+    kind, make = _makers(scene, assembly, chosen, settings.budget)
     if settings.own_objective is not None:
         make = partial(OwnObjectiveEvaluator, settings.own_objective)
     if space.void is not None:
         _refuse_beside_void(settings, chosen)
         assembly, make = space.assembly, VoidCellsEvaluator
-    study = Study(
+    checked = plan_check(scene, assembly, space, settings)
+    study = kind(
         scene,
         assembly,
         space,
@@ -248,7 +264,7 @@ def _search(
         settings,
         total=total,
         report=report,
-        deadline=_of_search(deadline, settings),
+        deadline=_of_search(deadline, settings).earlier(time_for(checked, settings)),
         make=make,
     )
     if announce is not None:
@@ -260,6 +276,8 @@ def _search(
         best, load = done.summary.best_labelling, done.summary.best
         found = None if best is None or load is None else (from_string(best), load)
         certify(chosen, scene, settings.certificate, found)
+    if checked is not None:
+        done = add_check(done, space, checked, _of_search(deadline, settings))
     if settings.experiment or settings.by_experiment:
         done = _experimented(study, done)
     if settings.pictures:
@@ -282,8 +300,7 @@ def _space_of(scene: Scene, assembly: Assembly, driver: str | Driver | None) -> 
 
 def _refuse_together(scene: Scene, settings: ExploreSettings, assembly: Assembly) -> None:
     """Raise InputError for settings that exclude each other or do not support the loads."""
-    if scene.cracks != "faces":
-        raise InputError("cracks", "a search knows cracks by faces alone", '"faces"')
+    _refuse_beside_cracks(scene, settings, assembly)
     if settings.certificate is not None and settings.robust:
         raise ParameterError("certificate", "it speaks of one value of each strength", "a search with `robust=False`")
     if settings.model.by_floor and assembly.dimension == 3:
@@ -308,6 +325,36 @@ def _refuse_beside_own_objective(scene: Scene, settings: ExploreSettings) -> Non
     ):
         if asked:
             raise ParameterError("objective", f"{name} speaks of λ, not of a function", "one of both")
+
+
+def _refuse_beside_cracks(scene: Scene, settings: ExploreSettings, assembly: Assembly) -> None:
+    """Raise InputError for settings that a search with cracks beside the faces does not know."""
+    if scene.cracks == "faces":
+        return
+    fields = isinstance(scene.cracks, FieldCracks)
+    for option, asked in (
+        ("certificate", settings.certificate is not None),
+        ("experiment", settings.experiment is not None or settings.by_experiment),
+        ("robust", settings.robust and fields),
+        ("resume", settings.resume and fields),
+        ("driver", isinstance(settings.driver, str) and settings.driver == Exact.name),
+        ("search.void", scene.search.void is not None),
+        ("search.require", scene.search.require is not None and fields),
+    ):
+        if asked:
+            raise ParameterError(option, "it knows cracks by faces alone", 'a search without it, or "cracks": "faces"')
+    require_cracks(scene, assembly, settings.model)
+
+
+def _makers(scene: Scene, assembly: Assembly, driver: Driver, budget: int | None) -> tuple[type[Study], MakeEvaluator]:
+    """Return the kind of study and the evaluators that the crack model of a scene needs."""
+    if isinstance(scene.cracks, CellCracks):
+        cells = crack_cells(scene, assembly, scene.cracks.cell)
+        # where no element is larger than a cell, the evaluators of the joint grid are the same and faster
+        return Study, evaluator_of if cells.fine is assembly else MakeCellEvaluator(cells)
+    if isinstance(scene.cracks, FieldCracks):
+        return FieldStudy if isinstance(driver, Enumeration) and not budget else Study, FieldEvaluator
+    return Study, evaluator_of
 
 
 def _refuse_unfit(scene: Scene, assembly: Assembly, settings: ExploreSettings, driver: Driver) -> None:
@@ -410,7 +457,7 @@ def _affordable(assembly: Assembly, settings: ExploreSettings, said: list[str]) 
 def _bound_all(study: Study, *, sure: bool) -> None:
     """Record a bound on all labellings if none is known and `sure` says that there is time."""
     study.records = study.open_records()
-    if study.bound is None and sure and study.settings.own_objective is None:
+    if study.bound is None and sure and study.scene.cracks == "faces" and study.settings.own_objective is None:
         study.keep_bound(bound_of_all(study.space, study.settings.model))
     study.records.close()
 
@@ -428,7 +475,7 @@ def _refuse_beside_void(settings: ExploreSettings, driver: Driver) -> None:
 
 
 def choose_driver(
-    space: SearchSpace, settings: ExploreSettings, deadline: Deadline | None = None
+    space: SearchSpace, settings: ExploreSettings, deadline: Deadline | None = None, *, many: bool = False
 ) -> tuple[Driver, int | None]:
     """Choose the driver and count the classes of the space if it is small.
 
@@ -440,6 +487,8 @@ def choose_driver(
         Settings with the wanted driver and its options.
     deadline : Deadline, optional
         Deadline of the search; a count that exceeds a share of it means a large space.
+    many : bool
+        Take no driver that proves by bounds on faces alone.
 
     Returns
     -------
@@ -467,7 +516,7 @@ def choose_driver(
     if isinstance(wanted, Driver):
         return wanted, known
     if wanted is None:
-        many = settings.by_experiment or settings.experiment is not None or settings.own_objective is not None
+        many = many or settings.by_experiment or settings.experiment is not None or settings.own_objective is not None
         chosen = driver_for(space, settings.seed, settings.model, known, settings.options, many=many)
         return chosen, known
     return make_driver(wanted, space, settings.seed, **settings.options), known

@@ -46,6 +46,8 @@ class ModelSettings:
         The number of experiments is `experiment`, default 500.
     own_objective : callable or None
         Function that replaces λ as the objective, see `explore`.
+    check_fields : int
+        Number of best layouts by faces whose blocks are checked by fields at the end, where fields apply; 0 for none.
     """
 
     model: SolveOptions = field(default_factory=SolveOptions)
@@ -53,6 +55,7 @@ class ModelSettings:
     experiment: int | None = None
     by_experiment: bool = False
     own_objective: OwnObjective | None = None
+    check_fields: int = 10
 
     def maximising(self, objective: Objective) -> ModelSettings:
         """Return the settings with another objective.
@@ -193,7 +196,7 @@ class ExploreSettings(OutputSettings, SearchMethod, ParallelSettings, BudgetSett
 
     Attributes
     ----------
-    model, robust, experiment, by_experiment, own_objective
+    model, robust, experiment, by_experiment, own_objective, check_fields
         See `ModelSettings`.
     budget, seconds
         See `BudgetSettings`.

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -42,6 +42,9 @@ from jld_explore.evaluation import (
 )
 from jld_explore.settings import ExploreSettings
 from jld_explore.space import SearchSpace, unpack
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _ROW: Final = 4e-5
 """Seconds per recorded labelling that are reserved from a time limit for tables and page."""
@@ -203,6 +206,21 @@ class Study:
     def finite(self) -> bool:
         """True if the driver can be expected to end with a proof."""
         return self.driver.modular or (self.driver.exhaustive and self.total is not None)
+
+    def facts(self, results: pd.DataFrame) -> dict[str, Any]:
+        """Return entries that this kind of study adds to the summary.
+
+        Parameters
+        ----------
+        results : DataFrame
+            Table of all evaluations.
+
+        Returns
+        -------
+        dict of str to object
+            Entries, which replace those of other studies.
+        """
+        return {}
 
     @property
     def undecided(self) -> int:

@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from benchmarks.claims.fields import random_scenes
+from benchmarks.claims.geometry import Move, random_move
 
 from jld_core import Assembly, build_assembly, parse_scene
 from jld_core.fields import FieldStatus, bounds_by_fields
@@ -142,3 +144,38 @@ def test_cohesion_and_crushing_of_a_joint() -> None:
     assert tipped.lower <= exact * (1 + 1e-9)
     assert tipped.upper >= exact * (1 - 1e-9)
     assert tipped.gap <= 0.02
+
+
+def test_blocks_too_weak_for_their_own_weight() -> None:
+    """A bar hung from its support tears under its weight where γ h > σt: proven by a mechanism, on the first mesh."""
+    parts = [box("ceiling", 0, 2, 1, 3, support=True), box("bar", 0, 0, 1, 2, density=1.0)]
+    load = {"element": "bar", "force": [0, -1], "at": [0.5, 0]}
+    weak = bounds_by_fields(scene(parts, [load], inner={"tensile_strength": 1.9, "shear_strength": 5.0}), gap=0.01)
+    assert weak.status is FieldStatus.UNSTABLE
+    # the force that would have to push it up
+    assert weak.upper == pytest.approx(1.9 - 2.0, rel=1e-6)
+    assert len(weak.history) == 1
+    strong = bounds_by_fields(scene(parts, [load], inner={"tensile_strength": 2.1, "shear_strength": 5.0}), gap=0.01)
+    assert strong.status is FieldStatus.CLOSED
+    assert strong.lower <= 0.1 * (1 + 1e-9)
+    assert strong.upper >= 0.1 * (1 - 1e-9)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_velocities_that_stand_still_cost_nothing(turned: bool) -> None:
+    """Slip that the solver leaves on glued edges of strong blocks is removed: 2e-6 of the bound before.
+
+    Two of 348 random scenes had bounds that moved with position by more than 1e-6: in one this slip, in the other an
+    answer of less accuracy, where the solver is now asked again.
+    """
+    move = Move(np.array([[0.0, -1.0], [1.0, 0.0]]) if turned else np.eye(2), 1.0, np.array([3.0, -2.0]))
+    for seed, lower, upper in ((442, None, 0.0856741691), (432, 0.9730046, 1.000086678)):
+        rng = np.random.default_rng([seed, 2026])
+        random_move(rng, 2)
+        scenes = random_scenes(rng, [move])
+        assert scenes is not None
+        assembly = build_assembly(parse_scene(scenes[0]))
+        found = bounds_by_fields(assembly, gap=1e-3, adaptive=False, most_triangles=100 if lower is None else 400)
+        assert found.upper == pytest.approx(upper, rel=1e-7)
+        if lower is not None:
+            assert found.lower == pytest.approx(lower, rel=1e-6)

@@ -21,9 +21,10 @@ _MOST_TRIANGLES = 20_000
 
 
 class FieldStatus(StrEnum):
-    """How a two-sided bound ended: gap reached, out of time or triangles, or without one of the bounds."""
+    """How a two-sided bound ended: gap reached, falls whatever λ ≥ 0, out of time, or without one of the bounds."""
 
     CLOSED = "closed"
+    UNSTABLE = "unstable"
     OPEN = "open"
     NO_LOWER = "no lower bound"
     NO_UPPER = "no upper bound"
@@ -161,7 +162,7 @@ def bounds_by_fields(
     Returns
     -------
     FieldBounds
-        The best of both bounds over all meshes, each checked without a solver.
+        The best of both bounds over all meshes, each checked without a solver. An upper bound below 0 ends refinement.
 
     Raises
     ------
@@ -183,7 +184,7 @@ def bounds_by_fields(
         found = best.result(tuple(steps), gap)
         # without one of the bounds only uniform refinement can help, and only so far
         lone = found.status is not FieldStatus.OPEN and len(steps) >= 3
-        if found.status is FieldStatus.CLOSED or lone:
+        if found.status in (FieldStatus.CLOSED, FieldStatus.UNSTABLE) or lone:
             return found
         finer = fields.finer(adaptive)
         growth = (len(finer) / len(mesh)) ** 1.3
@@ -229,7 +230,9 @@ class _Best:
     def result(self, steps: tuple[FieldStep, ...], gap: float) -> FieldBounds:
         """Return the result after some meshes."""
         status = FieldStatus.OPEN
-        if not math.isfinite(self.lower):
+        if self.upper < 0.0:
+            status = FieldStatus.UNSTABLE
+        elif not math.isfinite(self.lower):
             status = FieldStatus.NO_LOWER
         elif not math.isfinite(self.upper):
             status = FieldStatus.NO_UPPER

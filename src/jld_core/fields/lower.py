@@ -21,6 +21,9 @@ from jld_core.fields.problem import Problem
 _MARGIN = 1e-7
 """Room that the solver keeps to yield, scaled stress: more than its residual, so that the projected field has room."""
 
+_WIDER = (3e-7, 1e-6)
+"""Margins with which a program is solved again whose answer violates yield: the solver often fails by chance."""
+
 _INTERIOR = (1e-3, 1e-5)
 """Room of fields that those are blended with which still violate yield."""
 
@@ -64,8 +67,18 @@ class LowerBound:
         if not answer.usable:
             return None
         proposed = answer.point[: 9 * self._triangles], float(answer.point[-1])
-        found = self.certify(*proposed, labels) or self._blend(*proposed, labels)
+        found = self.certify(*proposed, labels) or self._again(labels) or self._blend(*proposed, labels)
         return replace(found, rate=self._rate(answer.dual)) if found is not None else None
+
+    def _again(self, labels: Bits) -> StressField | None:
+        """Certify what the solver proposes with a little more margin; None where it violates yield again."""
+        for margin in _WIDER:
+            answer = self.propose(labels, margin)
+            if answer.usable:
+                found = self.certify(answer.point[: 9 * self._triangles], float(answer.point[-1]), labels)
+                if found is not None:
+                    return found
+        return None
 
     def _blend(self, stress: Floats, factor: float, labels: Bits) -> StressField | None:
         """Certify a mean of a proposed field that violates yield and one with ample room: room is concave."""

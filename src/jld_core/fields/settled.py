@@ -92,7 +92,7 @@ def _add(
     plain = np.flatnonzero((active & free) | still)
     _take(rows, head, plain)
     for part in tail:
-        _take(rows, part, np.flatnonzero(still & ~free))
+        _take(rows, part, np.flatnonzero(still))
     sliding = np.flatnonzero(active & ~still & ~free)
     if sliding.size:
         entries = [(column[sliding], number[sliding]) for column, number in head]

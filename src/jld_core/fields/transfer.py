@@ -143,8 +143,8 @@ def _mechanism(upper: UpperBound, velocity: Floats) -> FieldMechanism | None:
     joint = half[rows] * upper.joint_power(rates, rows, allowance).sum(axis=1)
     crack = half[rows] * ends[rows].sum(axis=1)
     load = p.units.load
-    dry, inner = (np.bincount(face, part, minlength=count) * (load / work) for part in (joint, crack))
-    return FieldMechanism(constant * load, np.asarray(dry, dtype=np.float64), np.asarray(inner, dtype=np.float64))
+    dry, inner = (np.asarray(np.bincount(face, part, minlength=count) * (load / work)) for part in (joint, crack))
+    return FieldMechanism(constant * load, dry.astype(np.float64), inner.astype(np.float64))
 
 
 def stresses_of(lower: LowerBound, field: StressField) -> FieldStresses:

@@ -325,12 +325,16 @@ def explore_command(
         int | None,
         typer.Option("--experiment", min=1, help="Put the best K to the virtual experiment: a column more."),
     ] = None,
+    check_fields: Annotated[
+        int, typer.Option(min=0, help="Check the best K of a search by faces by fields, 0 for none.")
+    ] = 10,
     budget: Annotated[int | None, typer.Option(min=1, help="Distinct classes evaluated at the most.")] = None,
     seconds: Annotated[float | None, typer.Option(min=0.0, help="Time limit.")] = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Worker processes; default: one per core.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the driver.")] = 0,
     strict: Strict = False,
     robust: Robust = False,
+    cracks: Cracks = None,
     effective_area: EffectiveArea = False,
     contact: Contact = "convex",
     inner_bending: Bending = "uncoupled",
@@ -352,7 +356,7 @@ def explore_command(
     **own: Any,
 ) -> None:
     """Search the labellings of a scene for the strongest: ranked table, front, pictures."""
-    parsed = load_scene(scene)
+    parsed = with_cracks(load_scene(scene), cracks)
     most = _JOBS * (os.cpu_count() or 1)
     if certificates:
         warn("jld: --certificates has no effect and will be refused in version 0.4; leave it out")
@@ -371,7 +375,7 @@ def explore_command(
         gap=gap,
     )
     settings = ExploreSettings.of(
-        ModelSettings(model, robust=robust, experiment=experiment_of).maximising(objective),
+        ModelSettings(model, robust=robust, experiment=experiment_of, check_fields=check_fields).maximising(objective),
         BudgetSettings(budget, seconds),
         ParallelSettings(jobs or os.cpu_count() or 1, cluster),
         SearchMethod(driver, own, seed),

@@ -5,15 +5,20 @@
 - `HANG`: seconds without any result after which workers count as hung
 - `ORDER`: statuses, best first
 - `RECORDS_FILE`: name of the SQLite file of records
+- `CellEvaluator`: evaluator of labellings of the joint grid on finer cells
 - `Envelope`: largest λ known among labellings with equal or better counts
 - `Evaluation`: result of evaluating one labelling
 - `Evaluator`: evaluator of labellings of one assembly under one load
 - `EvaluatorSettings`: settings of an evaluator
+- `FieldEvaluator`: evaluator of labellings by fields on the coarsest mesh
+- `FieldRace`: race of layouts whose blocks crack anywhere
 - `IncumbentFront`: largest λ known for each combination of front counts
+- `MakeCellEvaluator`: maker of evaluators on finer cells
 - `MakeEvaluator`: type of a function that makes the evaluator of a worker
 - `OwnObjective`: type of a function of the user that replaces λ as the objective
 - `OwnObjectiveEvaluator`: evaluator whose load factors are the values of such a function
 - `PoolWorker`: process or cluster worker that keeps state between its tasks
+- `RaceResult`: bounds of raced layouts
 - `RecordedEvaluator`: evaluator that runs workers and writes a record
 - `Records`: evaluations and conflicts on disk
 - `Sent`: labellings under evaluation
@@ -25,6 +30,7 @@
 - `batch_size`: compute the number of labellings per task
 - `client_of_cluster`: return the dask client in use
 - `evaluator_of`: make the evaluator of an assembly
+- `field_evaluation`: return the evaluation of a labelling from its bounds by fields
 - `front_counts`: compute the counts of the scene's front
 - `load_factors`: return λ of each row of a record
 - `may_meet`: return whether a labelling can still reach the required load factor
@@ -46,6 +52,13 @@ from jld_explore.evaluation.cluster import client_of_cluster, on_cluster
 from jld_explore.evaluation.deferred_signals import raise_deferred
 from jld_explore.evaluation.evaluation import BOUND, FAILED, Evaluation
 from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings
+from jld_explore.evaluation.field_evaluator import (
+    CellEvaluator,
+    FieldEvaluator,
+    MakeCellEvaluator,
+    field_evaluation,
+)
+from jld_explore.evaluation.field_race import FieldRace, RaceResult
 from jld_explore.evaluation.own_objective import OwnObjective, OwnObjectiveEvaluator
 from jld_explore.evaluation.pruning import IncumbentFront
 from jld_explore.evaluation.ranking import (
@@ -73,15 +86,20 @@ __all__ = [
     "HANG",
     "ORDER",
     "RECORDS_FILE",
+    "CellEvaluator",
     "Envelope",
     "Evaluation",
     "Evaluator",
     "EvaluatorSettings",
+    "FieldEvaluator",
+    "FieldRace",
     "IncumbentFront",
+    "MakeCellEvaluator",
     "MakeEvaluator",
     "OwnObjective",
     "OwnObjectiveEvaluator",
     "PoolWorker",
+    "RaceResult",
     "RecordedEvaluator",
     "Records",
     "Sent",
@@ -93,6 +111,7 @@ __all__ = [
     "batch_size",
     "client_of_cluster",
     "evaluator_of",
+    "field_evaluation",
     "front_counts",
     "load_factors",
     "may_meet",

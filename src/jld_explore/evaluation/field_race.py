@@ -7,6 +7,7 @@ is refined next; once its own bracket is closed, no other layout has a greater u
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
@@ -23,8 +24,11 @@ from jld_core.threads import one_thread
 _TOGETHER: Final = 4
 """Layouts refined at a time, whatever the number of jobs, so that results do not depend on it."""
 
-_MOST_TRIANGLES: Final = 3000
+_MOST_TRIANGLES: Final = 12_000
 """Triangles at which refinement of one layout ends."""
+
+_GROWTH: Final = 1.4
+"""Power of the number of triangles that the time of a mesh grows with, as measured up to 6 000."""
 
 _PATIENCE: Final = 3
 """Meshes after which a layout without one of the bounds is given up."""
@@ -55,22 +59,24 @@ class RaceResult:
 
 @dataclass(frozen=True)
 class _Step:
-    """What one mesh proves: bounds of its labelling, and of others; the next mesh, None where refinement ends."""
+    """What one mesh proves: bounds of its labelling, and of others; the next mesh, None where refinement ends; time."""
 
     bounds: tuple[float, float]
     stresses: FieldStresses | None
     mechanism: FieldMechanism | None
     finer: Mesh | None
+    seconds: float
 
 
 @one_thread()
 def _step(setting: FieldSetting, labels: Bits, mesh: Mesh, enough: float) -> _Step:
     """Solve for both fields of one labelling on one mesh."""
+    start = time.perf_counter()
     fields = Fields.on(setting, mesh, labels, enough)
     stresses, mechanism = fields.for_all
     finer = fields.finer()
     stops = len(finer) > _MOST_TRIANGLES or len(finer) == len(mesh)
-    return _Step(fields.bounds, stresses, mechanism, None if stops else finer)
+    return _Step(fields.bounds, stresses, mechanism, None if stops else finer, time.perf_counter() - start)
 
 
 @dataclass
@@ -112,7 +118,13 @@ class FieldRace:
         self._given_up = np.zeros(count, dtype=bool)
         self._meshes: dict[tuple[int, int], Mesh] = {}
         self._steps: dict[tuple[int, int], int] = {}
+        self._rate = 0.0
         self.programs = 0
+
+    @property
+    def bounds(self) -> tuple[Floats, Floats]:
+        """Lower and upper bounds (k, c) on λ under each load case, scene units."""
+        return self._low, self._high
 
     def low(self) -> Floats:
         """Return lower bounds (k,) on the governing factor."""
@@ -130,7 +142,8 @@ class FieldRace:
         RaceResult
             Bounds of all layouts, each proven.
         """
-        while not self.deadline.passed():
+        # one layout is bounded however short the time is
+        while not self.programs or not self.deadline.passed():
             low, high = self.low(), self.high()
             if self.report is not None:
                 self.report(low, high)
@@ -166,6 +179,10 @@ class FieldRace:
             # the case that is known worst decides next
             case = int(np.argmin(self._low[row] / self._required))
             mesh = self._meshes.get((row, case), self._settings[case].coarse)
+            if self._rate * len(mesh) ** _GROWTH > self.deadline.remaining():
+                # it would be late
+                self._given_up[row] = True
+                continue
             enough = best * float(self._required[case])
             tasks.append((row, case, (self._settings[case], self.labellings[row], mesh, enough)))
         if self.jobs == 1 or len(tasks) == 1:
@@ -175,6 +192,8 @@ class FieldRace:
             found = run(joblib.delayed(_step)(*arguments) for _, _, arguments in tasks)
         self.programs += 2 * len(tasks)
         for (row, case, _), step in zip(tasks, found, strict=True):
+            triangles = len(self._meshes.get((row, case), self._settings[case].coarse))
+            self._rate = max(self._rate, step.seconds / triangles**_GROWTH)
             self._steps[row, case] = self._steps.get((row, case), 0) + 1
             self._learn(row, case, step.bounds, step.stresses, step.mechanism)
             lacking = not (math.isfinite(self._low[row, case]) and math.isfinite(self._high[row, case]))
@@ -204,7 +223,7 @@ class FieldRace:
         rows = np.flatnonzero((high >= low.max(initial=-np.inf)) & ~np.isfinite(low))
         for row in rows[np.argsort(-high[rows], kind="stable")].tolist():
             for case, coarse in enumerate(self._coarse):
-                if self.deadline.passed():
+                if self.deadline.passed() and math.isfinite(self.low().max()):
                     return
                 if not math.isfinite(self._low[row, case]):
                     bound, stresses = coarse.lower(self.labellings[row])

@@ -46,7 +46,6 @@ class OwnObjectiveEvaluator:
         self,
         labellings: Bits,
         floors: Floats | None = None,
-        waiting: Bits | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
         """Evaluate labellings in turn until the deadline passes.
@@ -55,7 +54,7 @@ class OwnObjectiveEvaluator:
         ----------
         labellings : (k, m) bool array
             Labels, True = dry.
-        floors, waiting : optional
+        floors : optional
             Ignored, since bounds on λ are no bounds on the objective.
         deadline : Deadline, optional
             Time after which no further labelling is begun.
@@ -65,11 +64,11 @@ class OwnObjectiveEvaluator:
         list of Evaluation
             Evaluations of the first labellings, all k unless the deadline passes.
         """
-        found = self._evaluator.evaluate_all(labellings, None, None, deadline)
+        found = self._evaluator.evaluate_all(labellings, None, deadline)
         return [self._valued(labels, one) for labels, one in zip(labellings, found, strict=False)]
 
-    def evaluate(self, labels: Bits, floor: float = -math.inf, waiting: Bits | None = None) -> Evaluation:
-        """Evaluate one labelling (m,); `floor` and `waiting` are ignored."""
+    def evaluate(self, labels: Bits, floor: float = -math.inf) -> Evaluation:
+        """Evaluate one labelling (m,); `floor` is ignored."""
         return self.evaluate_all(labels[None])[0]
 
     def _valued(self, labels: Bits, found: Evaluation) -> Evaluation:

@@ -35,6 +35,8 @@ _RESULTS: Final = {
     "settled": ("", "solve, or bound (too weak to be solved)"),
     "seconds": ("s", "time of the evaluation"),
     "driver": ("", "what proposed it"),
+    "fields_lo": ("", "what its blocks carry at least, wherever they crack; of the best layouts of a search by faces"),
+    "fields_hi": ("", "what its blocks carry at most, wherever they crack"),
     "experiment": ("", "load factor carried in the virtual experiment, where one was made"),
     "evidence": ("", "what is known of the point of the front: proven, found or visited"),
 }

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jld_core.assembly import Assembly
-from jld_core.errors import ParameterError
+from jld_core.errors import InputError, ParameterError
 from jld_core.exchange import Layout
 from jld_core.limit import LimitAnalysisResult, SolveOptions, Status
 from jld_core.models import solve
 from jld_core.notebook_repr import NotebookRepr
-from jld_core.scene import Scene
+from jld_core.refinement import crack_cells
+from jld_core.scene import CellCracks, FieldCracks, Scene
 from jld_explore.report.summary import Summary
 from jld_explore.space import cut
 from jld_explore.study import StopReason
@@ -100,8 +101,14 @@ class Exploration(NotebookRepr):
 
     def result(self, rank: int | None = None) -> LimitAnalysisResult:
         """Return the limit analysis of one layout by the search's model; `rank` as in `layout`."""
-        layout = self.layout(rank)
-        return solve(layout.assembly, layout.labels, **vars(self.model))
+        layout, cracks = self.layout(rank), self.scene.cracks
+        assembly, labels = layout.assembly, layout.labels
+        if isinstance(cracks, FieldCracks):
+            raise InputError("cracks", "fields have no forces of rigid elements", "jld solve, which gives both bounds")
+        if isinstance(cracks, CellCracks):
+            cells = crack_cells(self.scene, assembly, cracks.cell)
+            assembly, labels = cells.fine, cells.labels(labels)
+        return solve(assembly, labels, **vars(self.model))
 
     def blocks(self, rank: int | None = None) -> pd.DataFrame:
         """Return the blocks of one layout as in blocks.csv; `rank` as in `layout`."""

@@ -15,6 +15,7 @@ from jld_core.errors import InputError, ParameterError
 from jld_core.exchange import blocks_csv
 from jld_core.files import require_writable, whole_file
 from jld_core.limit import LimitAnalysisResult
+from jld_core.scene import FieldCracks, cracks_to_json
 from jld_explore.drivers import what_would_prove
 from jld_explore.evaluation import RECORDS_FILE
 from jld_explore.report import required, tables
@@ -23,6 +24,7 @@ from jld_explore.report.evidence import front_rows, values_on, with_evidence
 from jld_explore.report.exploration import Exploration
 from jld_explore.report.reading import history_of
 from jld_explore.report.summary import Summary
+from jld_explore.space import cut
 from jld_explore.study import StopReason, Study, name_of
 
 if TYPE_CHECKING:
@@ -34,6 +36,9 @@ _DRAWING: Final = 1.2
 
 PICTURES: Final = ("best", "pareto", "distribution", "dry_frequency", "convergence")
 """Names of the pictures of a search, in the order in which they are drawn."""
+
+BESIDE_FACES: Final = "--driver enumeration without a budget proves the best of these cracks, where it comes to its end"
+"""What would prove the result of a search with cracks beside the faces."""
 
 RESERVED: Final = frozenset(
     [
@@ -140,13 +145,14 @@ def write_tables(study: Study, reason: StopReason) -> Exploration:
         Tables and summary as written.
     """
     own = study.settings.own_objective
+    wide = isinstance(study.scene.cracks, FieldCracks)
     results = tables.results_table(
-        study.records, study.assembly, study.space, study.driver.name, own_objective=own is not None
+        study.records, study.assembly, study.space, study.driver.name, own_objective=own is not None, wide=wide
     )
     real = study.assembly if study.space.void is None else study.space.void.real
     axes = study.scene.search.front.axes
     counts = [name for name, _ in axes]
-    front = tables.front_table(results, axes)
+    front = tables.front_table(results, axes, wide=wide)
     complete = reason is StopReason.EXHAUSTED and study.driver.exhaustive and not study.undecided
     found = tables.summary(results, study, reason, complete=complete)
     if study.assembly.nominal is not None:
@@ -160,7 +166,10 @@ def write_tables(study: Study, reason: StopReason) -> Exploration:
     if own is not None:
         # Bounds on λ say nothing about another objective.
         found |= {"own_objective": name_of(own), "proven": False, "bound": None, "gap": None}
-    found |= study.driver.facts(results, complete)
+    of_study = study.facts(results)
+    found |= study.driver.facts(results, complete) | of_study
+    # of wide brackets the first row is proven strongest only where it stands alone
+    found["proven"] &= not wide or int((results["rank"] == 1).sum()) == 1
     aimed = study.driver.settings.get("aim") == "front"
     sure = complete and bool(found["proven"])
     asked = required.facts(results, study.scene.search, complete=complete, finished=study.driver.finished)
@@ -174,6 +183,9 @@ def write_tables(study: Study, reason: StopReason) -> Exploration:
     front = with_evidence(front, found, counts)
     if own is None:
         found["next"] = what_would_prove(study.space, model, found, whole=study.driver.exhaustive, finite=study.finite)
+    if study.scene.cracks != "faces":
+        found["next"] = of_study.get("next", BESIDE_FACES if found.get("next") else None)
+    found["cracks"] = cracks_to_json(study.scene.cracks)
     write_text(study.folder / "faces.csv", csv_of(tables.faces_table(real, study.space)))
     write_text(study.folder / "results.csv", csv_of(results))
     with whole_file(study.folder / "results.parquet") as fresh:
@@ -239,6 +251,8 @@ def _drawings(name: str, done: Exploration) -> dict[str, Callable[[], Figure]]:
     """
     if name == "best":
         # With load cases "best" shows the governing case, and every case has a picture of its own.
+        if isinstance(done.scene.cracks, FieldCracks):
+            return {name: partial(_layout_picture, done)}
         best = _Best(done)
         each = {f"best-{k}": partial(best.draw, case.name) for k, case in enumerate(done.assembly.cases, 1)}
         return {name: best.draw, **each}
@@ -263,6 +277,13 @@ class _Best:
         from jld_explore.report import pictures as drawings
 
         return drawings.plot_best(self._found if case is None else self._found.cases[case])
+
+
+def _layout_picture(done: Exploration) -> Figure:
+    """Draw the best layout without forces, which rigid elements have and fields have not."""
+    from jld_core.views.figures import figure_of_assembly
+
+    return figure_of_assembly(*cut(done.assembly, done.summary.best_labelling or ""))
 
 
 def _drawn(name: str, done: Exploration) -> Figure:

@@ -55,7 +55,13 @@ def faces_table(assembly: Assembly, space: SearchSpace) -> pd.DataFrame:
 
 
 def results_table(
-    records: Records, assembly: Assembly, space: SearchSpace, driver: str, *, own_objective: bool = False
+    records: Records,
+    assembly: Assembly,
+    space: SearchSpace,
+    driver: str,
+    *,
+    own_objective: bool = False,
+    wide: bool = False,
 ) -> pd.DataFrame:
     """Make the table of results: one row per class, collapse by λ, then the other statuses.
 
@@ -73,6 +79,8 @@ def results_table(
         Name of the driver.
     own_objective : bool
         True if `load_factor` is the value of a function of the user; λ is then the last entry of `cases`.
+    wide : bool
+        Brackets are wide, as those by fields: rows are ordered by how many others are proven stronger.
 
     Returns
     -------
@@ -106,7 +114,7 @@ def results_table(
         }
     )
     place = np.array([ORDER.index(status) for status in Status], dtype=np.int64)[rows["status"]]
-    ties = _ties(np.where(place == 0, load_factor, np.nan), rows["low"], rows["high"])
+    ties = _ties(np.where(place == 0, load_factor, np.nan), rows["low"], rows["high"], wide=wide)
     packed = np.ascontiguousarray(rows["labelling"])
     # Sort ties by simplicity, using the counts with terms: fewer blocks, then fewer dry faces.
     simple = [table[count.name].to_numpy() for count in registered() if count.terms is not None]
@@ -129,13 +137,18 @@ def nominal_of_best(results: pd.DataFrame) -> float | None:
     return None if ranked.empty else float(ranked["load_factor_nominal"].iloc[0])
 
 
-def _ties(load_factor: Floats, low: Floats, high: Floats) -> Ints:
+def _ties(load_factor: Floats, low: Floats, high: Floats, *, wide: bool = False) -> Ints:
     """Return (k,) group number of each row, best first; rows of one group tie.
 
-    Rows tie if their brackets overlap the bracket of the best row of the group.
+    Rows tie if their brackets overlap the bracket of the best row of the group. A wide bracket may overlap that of the
+    best while a narrow one between them does not; wide ones tie where equally many rows are proven stronger.
     """
     group = np.zeros(len(load_factor), dtype=np.int64)
     ranked = np.flatnonzero(~np.isnan(load_factor))
+    if wide:
+        stronger = len(ranked) - np.searchsorted(np.sort(low[ranked]), high[ranked], side="right")
+        group[ranked] = 1 + stronger
+        return group
     ranked = ranked[np.argsort(-load_factor[ranked], kind="stable")]
     number, least = 0, np.inf
     # Replace a missing end of a bracket by λ.
@@ -156,15 +169,16 @@ def _of_cases(rows: NDArray[np.void], assembly: Assembly) -> dict[str, Any]:
     return {"governing": names[rows["governing"]], **each}
 
 
-def front_table(results: pd.DataFrame, axes: Sequence[tuple[str, str]]) -> pd.DataFrame:
+def front_table(results: pd.DataFrame, axes: Sequence[tuple[str, str]], *, wide: bool = False) -> pd.DataFrame:
     """Return pareto.csv: the rows of the results on the front of λ and the scene's counts.
 
     Rows whose brackets overlap count as equally strong, so only those with the best count are on the front.
-    Of several rows with the same counts the first is kept. `axes` holds counts with their senses.
+    Of several rows with the same counts the first is kept. `axes` holds counts with their senses; `wide` as in
+    `results_table`.
     """
     ranked = results["status"] == str(Status.COLLAPSE)
     value = np.where(ranked, results["load_factor"].to_numpy(dtype=float), np.nan)
-    ties = _ties(value, *(results[end].to_numpy(dtype=float) for end in ("bracket_lo", "bracket_hi")))
+    ties = _ties(value, *(results[end].to_numpy(dtype=float) for end in ("bracket_lo", "bracket_hi")), wide=wide)
     names, senses = zip(*axes, strict=True)
     # Groups are numbered from the best; 0 means that there is no λ.
     worth = np.where(ties > 0, -ties.astype(float), np.nan)

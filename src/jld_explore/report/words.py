@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from jld_core.assembly import Assembly
 from jld_core.limit import LimitAnalysisResult, Status
-from jld_core.scene import Scene
+from jld_core.scene import Scene, cracks_in_words
 from jld_core.views import facts_of_assembly, facts_of_result
 from jld_explore.evaluation import BOUND
 from jld_explore.report import required
@@ -97,6 +97,8 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
     elif not facts["proven"] and facts["bound"] is not None:
         gap = "" if facts["gap"] is None else f", gap {facts['gap']:.2%}"
         proof += f": none carries more than {facts['bound']:.9g}{gap}"
+    if facts.get("race", {}).get("decided"):
+        proof = f"proven to within {facts['gap']:.1%}: none carries more than {facts['bound']:.6g}"
     nominal = {}
     if facts.get("robust"):
         nominal = {"at nominal": f"{_number(facts['best_nominal'])} (λ above is at the low values)"}
@@ -120,10 +122,23 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
             else {f"best {ranked_by(done.results)}": f"{best} ({proof})"}
         ),
         **nominal,
+        **_of_blocks(facts.get("fields")),
         **carried,
         **({"next": facts["next"]} if facts.get("next") else {}),
+        "cracks": cracks_in_words(done.scene.cracks),
         **({"warning": "; ".join(complaints)} if complaints else {}),
     }
+
+
+def _of_blocks(check: dict[str, Any] | None) -> dict[str, str]:
+    """Describe what a check by fields found of the best layouts, with the command that searches by fields."""
+    if check is None:
+        return {}
+    if check["skipped"]:
+        return {"by fields": f"not checked: {check['skipped']}"}
+    if not check["findings"]:
+        return {}
+    return {"by fields": "; ".join([*check["findings"], check["next"]])}
 
 
 MEANINGS: Final = {

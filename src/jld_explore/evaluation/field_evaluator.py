@@ -1,0 +1,158 @@
+"""Evaluate labellings whose blocks crack along finer cells, or anywhere by fields."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from jld_core.arrays import Bits, Floats
+from jld_core.assembly import Assembly
+from jld_core.deadline import Deadline
+from jld_core.fields import CoarseBounds, FieldSetting
+from jld_core.limit import Status
+from jld_core.refinement import CrackCells
+from jld_explore.evaluation.cases import evaluator_of
+from jld_explore.evaluation.evaluation import BOUND, SOLVE, Evaluation
+from jld_explore.evaluation.evaluator import EvaluatorSettings
+
+
+def field_evaluation(
+    low: Floats, high: Floats, required: Floats, *, best: float = -math.inf, seconds: float = 0.0
+) -> Evaluation:
+    """Return the evaluation of a labelling from its bounds by fields.
+
+    Parameters
+    ----------
+    low, high : (c,) float array
+        Bounds on λ under each load case, scene units; infinite where there is none.
+    required : (c,) float array
+        Required factor of each case.
+    best : float
+        Governing factor that another layout is proven to carry; one with a lower upper bound counts as pruned.
+    seconds : float
+        Time spent on the labelling, s.
+
+    Returns
+    -------
+    Evaluation
+        λ is the lower bound. Collapse where both bounds are known and the lower one is at least 0, unstable where an
+        upper bound is below 0.
+    """
+    governing = int(np.argmin(low / required))
+    least, most = float(low[governing] / required[governing]), float((high / required).min())
+    several = len(low) > 1
+    cases = tuple(float(value) if math.isfinite(value) else math.nan for value in low) if several else ()
+    case = governing if several else -1
+    nan = math.nan
+    low_end, high_end = (end if math.isfinite(end) else nan for end in (least, most))
+    if most < 0.0:
+        status, low_end, high_end, value, how = Status.UNSTABLE, nan, nan, nan, SOLVE
+    elif least >= 0.0 and math.isfinite(most):
+        status, value, how = Status.COLLAPSE, least, SOLVE
+    else:
+        status, value = Status.UNCERTIFIED, nan
+        how = BOUND if math.isnan(low_end) and most < best else SOLVE
+    return Evaluation(status, low_end, high_end, value, settled=how, seconds=seconds, cases=cases, governing=case)
+
+
+class FieldEvaluator:
+    """Evaluator of labellings by fields on the coarsest mesh, under all load cases.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Planar assembly.
+    settings : EvaluatorSettings
+        Ignored: fields have one model.
+    """
+
+    def __init__(self, assembly: Assembly, settings: EvaluatorSettings | None = None) -> None:
+        self._coarse = [CoarseBounds(FieldSetting.of(case)) for case in assembly.by_case]
+        self._required = assembly.required
+
+    def evaluate_all(
+        self,
+        labellings: Bits,
+        floors: Floats | None = None,
+        deadline: Deadline | None = None,
+    ) -> list[Evaluation]:
+        """Evaluate labellings one by one.
+
+        Parameters
+        ----------
+        labellings : (k, m) bool array
+            Labels, True = dry.
+        floors, waiting : optional
+            Ignored.
+        deadline : Deadline, optional
+            Time after which no further labelling is begun.
+
+        Returns
+        -------
+        list of Evaluation
+            Evaluations of the first labellings, all k unless the deadline passes.
+        """
+        found: list[Evaluation] = []
+        for labels in labellings:
+            if deadline is not None and deadline.passed():
+                break
+            found.append(self.evaluate(labels))
+        return found
+
+    def evaluate(self, labels: Bits, floor: float = -math.inf) -> Evaluation:
+        """Evaluate one labelling (m,); `floor` and `waiting` are ignored."""
+        start = time.perf_counter()
+        low = np.array([coarse.lower(labels)[0] for coarse in self._coarse])
+        high = np.array([coarse.upper(labels)[0] for coarse in self._coarse])
+        return field_evaluation(low, high, self._required, seconds=time.perf_counter() - start)
+
+
+@dataclass(frozen=True)
+class MakeCellEvaluator:
+    """Maker of evaluators on finer cells, for the workers of a study.
+
+    Attributes
+    ----------
+    cells : CrackCells
+        The cells, and the joint face of each of their faces.
+    """
+
+    cells: CrackCells
+
+    def __call__(self, assembly: Assembly, settings: EvaluatorSettings) -> Any:
+        """Return an evaluator of labellings of the joint grid, which itself is not solved."""
+        return CellEvaluator(self.cells, settings)
+
+
+class CellEvaluator:
+    """Evaluator of labellings of the joint grid on finer cells, whose faces share labels.
+
+    Parameters
+    ----------
+    cells : CrackCells
+        The cells.
+    settings : EvaluatorSettings
+        Settings of the evaluator of the cells.
+    """
+
+    def __init__(self, cells: CrackCells, settings: EvaluatorSettings) -> None:
+        self._cells, self._fine = cells, evaluator_of(cells.fine, settings)
+
+    def evaluate_all(
+        self,
+        labellings: Bits,
+        floors: Floats | None = None,
+        deadline: Deadline | None = None,
+    ) -> list[Evaluation]:
+        """Evaluate labellings (k, m) of the joint grid; see `Evaluator.evaluate_all`."""
+        found: list[Evaluation] = self._fine.evaluate_all(self._cells.labels(labellings), floors, deadline)
+        return found
+
+    def evaluate(self, labels: Bits, floor: float = -math.inf) -> Evaluation:
+        """Evaluate one labelling (m,) of the joint grid."""
+        found: Evaluation = self._fine.evaluate(self._cells.labels(labels), floor)
+        return found

@@ -1,0 +1,195 @@
+"""Check of the best layouts of a search by faces: what their blocks carry, whatever the grid.
+
+λ by faces belongs to the grid that was drawn. Bounds by fields on the coarsest mesh say, for the best layouts and for
+the structure without cuts, whether blocks of the stated material may carry as much.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from jld_core.arrays import Bits, Floats
+from jld_core.assembly import Assembly
+from jld_core.deadline import Deadline
+from jld_core.errors import InputError
+from jld_core.fields import CoarseBounds, FieldSetting, require_fields
+from jld_core.files import whole_file
+from jld_core.limit import Status
+from jld_core.scene import Scene
+from jld_core.threads import one_thread
+from jld_explore.report import Exploration, Summary, csv_of, write_text
+from jld_explore.settings import ExploreSettings
+from jld_explore.space import SearchSpace, from_string
+
+_PER_TRIANGLE: Final = 4e-4
+"""Processor time of both bounds for each triangle of a mesh of `_TRIANGLES`, s."""
+_TRIANGLES: Final = 60
+_GROWTH: Final = 1.3
+"""Power of the number of triangles that the time grows with."""
+
+MOST: Final = 2.0
+"""Longest expected processor time of the check, s: fewer layouts are checked where it would take longer."""
+
+SHARE: Final = 0.05
+"""Largest share of a time limit that is kept back for the check."""
+
+FALL: Final = 0.05
+"""Share of λ by faces that fields must leave, or else it is said."""
+
+
+@dataclass(frozen=True)
+class CheckPlan:
+    """What a check of the best layouts will do.
+
+    Attributes
+    ----------
+    count : int
+        Layouts checked beside the structure without cuts, 0 for no check.
+    seconds : float
+        Expected processor time, s.
+    skipped : str
+        Why nothing is checked, "" where something is.
+    """
+
+    count: int
+    seconds: float
+    skipped: str
+
+
+def plan_check(scene: Scene, assembly: Assembly, space: SearchSpace, settings: ExploreSettings) -> CheckPlan | None:
+    """Say how many layouts of a search by faces can be checked by fields.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene of the search.
+    assembly : Assembly
+        Its assembly.
+    space : SearchSpace
+        Its space.
+    settings : ExploreSettings
+        Settings of the search; `check_fields` layouts are wanted.
+
+    Returns
+    -------
+    CheckPlan or None
+        None where fields do not apply: spatial scenes, other crack models, cells left out, searches without dilation,
+        by experiment or at low values, and what `require_fields` refuses.
+    """
+    plain = scene.cracks == "faces" and space.void is None and assembly.nominal is None
+    if not settings.check_fields or not plain or not settings.model.modular or settings.by_experiment:
+        return None
+    try:
+        require_fields(assembly)
+    except InputError:
+        return None
+    triangles = sum(len(FieldSetting.of(case).coarse) for case in assembly.by_case) / len(assembly.by_case)
+    each = len(assembly.by_case) * _PER_TRIANGLE * triangles * (triangles / _TRIANGLES) ** (_GROWTH - 1.0)
+    count = min(settings.check_fields, int(MOST / each) - 1)
+    if count < 1:
+        reason = f"{triangles:.0f} triangles would take some {each:.1f} s for each layout"
+        return CheckPlan(0, 0.0, reason)
+    return CheckPlan(count, (count + 1) * each, "")
+
+
+def time_for(plan: CheckPlan | None, settings: ExploreSettings) -> float:
+    """Return the part of a time limit that is kept back for a check, s."""
+    return 0.0 if plan is None or settings.seconds is None else min(2.0 * plan.seconds, SHARE * settings.seconds)
+
+
+def add_check(done: Exploration, space: SearchSpace, plan: CheckPlan, deadline: Deadline) -> Exploration:
+    """Check the best layouts by fields and add the bounds to the tables and the summary on disk.
+
+    Parameters
+    ----------
+    done : Exploration
+        Finished search by faces.
+    space : SearchSpace
+        Space of the search.
+    plan : CheckPlan
+        What to check.
+    deadline : Deadline
+        Time after which no further layout is bounded.
+
+    Returns
+    -------
+    Exploration
+        The search with columns `fields_lo` and `fields_hi`, and `fields` in its summary.
+    """
+    start = time.perf_counter()
+    ranked = done.results[done.results["status"] == str(Status.COLLAPSE)].head(plan.count)
+    low, high = np.full((2, len(done.results)), np.nan)
+    uncut: tuple[float, float] | None = None
+    skipped, checked = plan.skipped, 0
+    if plan.count and len(ranked):
+        labellings = [from_string(str(text)) for text in ranked["labelling"]]
+        bounds = _bounds(done.assembly, [space.fixed & ~space.candidates, *labellings], deadline)
+        checked = max(len(bounds) - 1, 0)
+        skipped = "" if checked else "the time limit left no time for it"
+        if checked:
+            uncut = bounds[0]
+            low[:checked], high[:checked] = np.array(bounds[1:]).T
+    results = done.results.assign(
+        fields_lo=np.where(np.isfinite(low), low, np.nan), fields_hi=np.where(np.isfinite(high), high, np.nan)
+    )
+    values = ranked["load_factor"].to_numpy(dtype=float)[:checked]
+    findings = _findings(values, low[:checked], high[:checked], uncut)
+    facts: dict[str, Any] = {
+        "checked": checked,
+        "uncut": None if uncut is None else [end if math.isfinite(end) else None for end in uncut],
+        "findings": findings,
+        "skipped": skipped or None,
+        "next": f"jld explore {done.folder / 'scene.json'} --cracks fields --out DIR searches by fields"
+        if findings
+        else None,
+        "seconds": time.perf_counter() - start,
+    }
+    found = replace(done, results=results, summary=Summary.of({**done.summary.facts, "fields": facts}))
+    write_text(done.folder / "results.csv", csv_of(found.results))
+    with whole_file(done.folder / "results.parquet") as fresh:
+        found.results.to_parquet(fresh, index=False)
+    write_text(done.folder / "summary.json", json.dumps(found.summary.facts, indent=1))
+    return found
+
+
+@one_thread()
+def _bounds(assembly: Assembly, labellings: list[Bits], deadline: Deadline) -> list[tuple[float, float]]:
+    """Bound the governing factor of labellings on the coarsest mesh, one after the other until time is up."""
+    coarse = [CoarseBounds(FieldSetting.of(case)) for case in assembly.by_case]
+    required = assembly.required
+    found: list[tuple[float, float]] = []
+    for labels in labellings:
+        if deadline.passed():
+            break
+        low = min(one.lower(labels)[0] / factor for one, factor in zip(coarse, required, strict=True))
+        high = min(one.upper(labels)[0] / factor for one, factor in zip(coarse, required, strict=True))
+        found.append((float(low), float(high)))
+    return found
+
+
+def _findings(values: Floats, low: Floats, high: Floats, uncut: tuple[float, float] | None) -> list[str]:
+    """Say in sentences what the bounds by fields change: the order, λ of the best, and whether to cut at all."""
+    if not len(values):
+        return []
+    found = []
+    fallen = high < (1.0 - FALL) * values
+    if fallen[0]:
+        share = 1.0 - high[0] / values[0]
+        more = int(fallen.sum()) - 1
+        others = f", and {more} more of the best {len(values)} fall by over {FALL:.0%}" if more else ""
+        found.append(f"the blocks of the best carry at most {high[0]:.4g}, {share:.0%} less than by faces{others}")
+    elif fallen.any():
+        found.append(f"{int(fallen.sum())} of the best {len(values)} carry over {FALL:.0%} less than by faces")
+    stronger = np.flatnonzero(low[1:] > high[0]) + 1
+    if stronger.size:
+        row = int(stronger[np.argmax(low[stronger])])
+        found.append(f"row {row + 1} carries at least {low[row]:.4g}, more than the best can")
+    if uncut is not None and uncut[0] > high.max():
+        found.append(f"without cuts it carries at least {uncut[0]:.4g}, more than any of the best {len(values)}")
+    return found
