@@ -109,7 +109,7 @@ def find_fixed_point(analysis: LimitAnalysis, labels: Bits, starts: int = STARTS
     -------
     FixedPoint or None
         The first one with a bracket no wider than `analysis.gap`, otherwise that with the narrowest bracket; None if
-        no path comes near.
+        no path comes near, or no dry rectangle resists torsion.
 
     Notes
     -----
@@ -117,6 +117,8 @@ def find_fixed_point(analysis: LimitAnalysis, labels: Bits, starts: int = STARTS
     structure and its loads alone.
     """
     rows = MovingRows(analysis.template, labels)
+    if not rows.torsion.size:
+        return None
     best: FixedPoint | None = None
     growing = 0
     for start in range(starts):

@@ -177,9 +177,16 @@ class MovingRows:
         halved = self._matrix(template, labels, 0.5, (0.0, 0.0))[first:]
         self.torsion = np.flatnonzero(abs(halved - self.rows).sum(axis=1) > 0.0)
         self.torsion = self.torsion[(labels & self.assembly.interfaces.rectangle)[self.face[self.torsion]]]
+        self._coefficients = self._torsion_coefficients(template)
+
+    def _torsion_coefficients(self, template: Template) -> Floats:
+        """Return the coefficients (3, k) of ρ, ρ a1, ρ a2 in the torsion rows."""
+        labels, first = self.labels, self.balance.shape[0]
         shifted = [self._matrix(template, labels, 1.0, arm)[first:] - self.rows for arm in ((1.0, 0.0), (0.0, 1.0))]
         parts = [self.rows, *shifted]
-        self._coefficients = np.stack(
+        if not self.torsion.size:
+            return np.zeros((3, 0))
+        return np.stack(
             [np.asarray(sp.csr_matrix(part)[self.torsion, self._columns[k]]).ravel() for k, part in enumerate(parts)]
         )
 
