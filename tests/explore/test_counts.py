@@ -129,8 +129,7 @@ def test_a_proof_under_a_limit_that_is_no_sum_is_by_enumeration(count: Count) ->
 
 
 def test_a_count_of_ones_own_is_a_column_a_front_and_an_axis(count: Count, tmp_path: Path) -> None:
-    scene = scene_of(front={"count": count.name, "sense": "min"})
-    done = explore(scene, tmp_path / "study", ExploreSettings(pictures=False))
+    done = explore(scene_of(front={"count": count.name, "sense": "min"}), tmp_path / "study")
     assert count.name in done.results.columns
     assert (done.front[count.name].diff().dropna() != 0).all()
     best = done.results.groupby(count.name)["load_factor"].max()
