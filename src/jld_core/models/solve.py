@@ -79,7 +79,8 @@ def solve(assembly: Assembly, labels: Bits | None = None, **options: Any) -> Lim
     Raises
     ------
     InputError
-        If a material that the labelling needs is missing, or an option has an invalid value.
+        If a material that the labelling needs is missing, an option has an invalid value, or the solver does not accept
+        programs of this structure.
 
     Notes
     -----
@@ -97,6 +98,7 @@ def solve(assembly: Assembly, labels: Bits | None = None, **options: Any) -> Lim
     own = assembly.labels if labels is None else np.asarray(labels, dtype=bool)
     require_materials(assembly, own, ~own)
     analysis = limit_analysis(assembly, model, reference=own, single=model.modular)
+    _require_solver(analysis, model)
     start = time.perf_counter()
     proof = solve_labelling(analysis, own, model, stands=True)
     elapsed = time.perf_counter() - start
@@ -150,9 +152,14 @@ def require_model(assembly: Assembly, options: SolveOptions, dry: Bits) -> None:
     """
     if options.effective_area:
         require_rectangles(assembly, dry)
+    if options.solver != "auto":  # spares the analysis
+        _require_solver(limit_analysis(assembly.by_case[0], options), options)
+
+
+def _require_solver(analysis: LimitAnalysis, options: SolveOptions) -> None:
+    """Raise InputError if the solver of the options does not accept the programs of an analysis."""
     if options.solver == "auto":
         return
-    analysis = limit_analysis(assembly.by_case[0], options)
     try:
         analysis.route.require(analysis.template.structure)
     except SolverError as error:

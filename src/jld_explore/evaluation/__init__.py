@@ -34,6 +34,7 @@
 - `client_of_cluster`: return the dask client in use
 - `evaluator_of`: make the evaluator of an assembly
 - `front_counts`: compute the counts of the scene's front
+- `is_lost`: return whether a task failed because its worker died or left
 - `is_small`: return whether solving a labelling is faster than sending it to a worker
 - `load_factors`: return λ of each row of a record
 - `may_meet`: return whether a labelling can still reach the required load factor
@@ -76,7 +77,7 @@ from jld_explore.evaluation.records import RECORDS_FILE, Records
 from jld_explore.evaluation.rows import load_factors, settled, statuses
 from jld_explore.evaluation.void_cells import VoidCellsEvaluator
 from jld_explore.evaluation.with_certificates import CertificateEvaluator, is_small
-from jld_explore.evaluation.worker_pool import PoolWorker, WorkerPool
+from jld_explore.evaluation.worker_pool import PoolWorker, WorkerPool, is_lost
 from jld_explore.evaluation.workers import HANG, MakeEvaluator, Workers, WorkerSpec, batch_size
 
 __all__ = [
@@ -114,6 +115,7 @@ __all__ = [
     "client_of_cluster",
     "evaluator_of",
     "front_counts",
+    "is_lost",
     "is_small",
     "load_factors",
     "may_meet",
