@@ -1,10 +1,9 @@
+# fmt: off
+# mypy: ignore-errors
 """Check a certificate: ``check_certificate.py FILE``. docs/certificate.md is all it knows, and says what it leaves out.
 
 Doubles are used, points are complex numbers: confirmed is a bound SLACK higher, if no face without crushing carries
 more than CAP times all loads. It shares no code with jld."""
-
-# fmt: off
-# mypy: ignore-errors
 import hashlib, json, math, sys  # noqa: E401, I001
 from itertools import combinations, pairwise, product
 from pathlib import Path

@@ -8,7 +8,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from cases import CASES, grid_assembly
-from jld_core import LimitAnalysis, LimitAnalysisResult, Status
+from jld_core import InputError, LimitAnalysis, LimitAnalysisResult, Status, solve
 from jld_core.program import Template
 from jld_core.solvers import ClarabelSolver
 from reference_planar import reference_load_factor
@@ -83,3 +83,11 @@ def test_updated_program_equals_rebuilt_one() -> None:
         rebuilt = ClarabelSolver().solve(Template(assembly).program(labels)).point[-1]
         assert updated == pytest.approx(rebuilt, rel=1e-9)
     assert (route.updates, route.rebuilds) == (10, 1)
+
+
+def test_a_solver_that_does_not_take_the_scene_is_bad_input() -> None:
+    """As `solve` promises: it was a SolverError."""
+    name = next(name for name in CASES if name not in LINEAR)
+    with pytest.raises(InputError, match=r"--solver: highs takes linear programs only; .* expected a solver"):
+        solve(ASSEMBLIES[name], solver="highs")
+    assert solve(ASSEMBLIES[LINEAR[0]], solver="highs").status is Status.COLLAPSE

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import sys
 import warnings
+from concurrent.futures import BrokenExecutor, Future
 from typing import Any
 
 import pytest
 from joblib.externals.loky import process_executor
 
 from cases import CASES, grid_assembly
+from jld_explore.drivers.exact.block_bound_pool import BlockBoundPool
 from jld_explore.evaluation import EvaluatorSettings, WorkerPool, Workers, WorkerSpec
 from jld_explore.evaluation.process_settings import ignored_warning, switch_interval
 from jld_explore.evaluation.processes import Processes
@@ -68,3 +70,16 @@ def test_a_pool_in_threads_and_a_pool_of_processes_leave_nothing_behind() -> Non
 def test_the_limit_of_memory_that_workers_lift_is_one_of_loky() -> None:
     """A private constant: where a version of loky renames it, workers are restarted while their state grows."""
     assert process_executor._MAX_MEMORY_LEAK_SIZE > 0
+
+
+def test_an_error_of_a_task_is_not_taken_for_a_lost_worker() -> None:
+    """It was hidden: the program was solved again in this process, for ever."""
+    pool = object.__new__(BlockBoundPool)
+    pool._seats = pool._seat = pool._ready = None
+    lost: Future[Any] = Future()
+    lost.set_exception(BrokenExecutor("a process was killed"))
+    assert pool._answer(lost) is None
+    wrong: Future[Any] = Future()
+    wrong.set_exception(ValueError("a defect"))
+    with pytest.raises(ValueError, match="a defect"):
+        pool._answer(wrong)

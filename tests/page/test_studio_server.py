@@ -220,6 +220,18 @@ def test_blocks_go_out_in_every_format(local: Local, kind: str, begins: bytes | 
     assert not local.root.exists()
 
 
+def test_a_saved_scene_is_replaced_only_if_that_is_asked_for(local: Local) -> None:
+    letters = "".join("d" if dry else "i" for dry in local.desk.setup({}).assembly.labels)
+    asked = {"name": "twice", "labelling": letters, "changes": {}}
+    path = str(local.root / "twice.json")
+    assert local.api("save", asked) == (200, {"path": path, "exists": False})
+    Path(path).write_text("mine")
+    assert local.api("save", asked) == (200, {"path": path, "exists": True})
+    assert Path(path).read_text() == "mine"
+    assert local.api("save", {**asked, "overwrite": True}) == (200, {"path": path, "exists": False})
+    assert json.loads(Path(path).read_text())["grid"]
+
+
 def test_bad_materials_are_said_not_solved(local: Local) -> None:
     changes = {"materials": {"density": 2000, "dry": {"friction_coefficient": -1}}}
     status, found = local.api("solve", {"revision": 1, "labelling": letters(local), "changes": changes})

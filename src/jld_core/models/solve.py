@@ -77,7 +77,7 @@ def solve(
     ------
     InputError
         If the scene cannot be used, the labels have a wrong length or value, a material that the labelling needs is
-        missing, or an option has an invalid value.
+        missing, an option has an invalid value, or the solver does not accept programs of this structure.
 
     Notes
     -----
@@ -100,6 +100,7 @@ def _solve(assembly: Assembly, labels: Bits, model: SolveOptions) -> LimitAnalys
         return governing_result(assembly, {case.name: _solve(one, labels, model) for case, one in cases})
     require_materials(assembly, labels, ~labels)
     analysis = limit_analysis(assembly, model, reference=labels, single=model.modular)
+    _require_solver(analysis, model)
     start = time.perf_counter()
     proof = solve_labelling(analysis, labels, model, stands=True)
     elapsed = time.perf_counter() - start
@@ -153,14 +154,19 @@ def require_model(assembly: Assembly, options: SolveOptions, dry: Bits) -> None:
     """
     if options.effective_area:
         require_rectangles(assembly, dry)
+    if options.solver != "auto":  # spares the analysis
+        for case in assembly.by_case:
+            _require_solver(limit_analysis(case, options), options)
+
+
+def _require_solver(analysis: LimitAnalysis, options: SolveOptions) -> None:
+    """Raise InputError if the solver of the options does not accept the programs of an analysis."""
     if options.solver == "auto":
         return
-    for case in assembly.by_case:
-        analysis = limit_analysis(case, options)
-        try:
-            analysis.route.require(analysis.template.structure)
-        except SolverError as error:
-            raise ParameterError("solver", str(error), "a solver that takes this scene") from None
+    try:
+        analysis.route.require(analysis.template.structure)
+    except SolverError as error:
+        raise ParameterError("solver", str(error), "a solver that takes this scene") from None
 
 
 def solve_labelling(

@@ -32,6 +32,7 @@
 - `evaluator_of`: make the evaluator of an assembly
 - `field_evaluation`: return the evaluation of a labelling from its bounds by fields
 - `front_counts`: compute the counts of the scene's front
+- `is_lost`: return whether a task failed because its worker died or left
 - `load_factors`: return λ of each row of a record
 - `may_meet`: return whether a labelling can still reach the required load factor
 - `meets`: return whether a labelling provably reaches the required load factor
@@ -77,7 +78,7 @@ from jld_explore.evaluation.recorded import RecordedEvaluator, Sent
 from jld_explore.evaluation.records import RECORDS_FILE, Records
 from jld_explore.evaluation.rows import load_factors, settled, statuses
 from jld_explore.evaluation.void_cells import VoidCellsEvaluator
-from jld_explore.evaluation.worker_pool import PoolWorker, WorkerPool
+from jld_explore.evaluation.worker_pool import PoolWorker, WorkerPool, is_lost
 from jld_explore.evaluation.workers import HANG, MakeEvaluator, Workers, WorkerSpec, batch_size
 
 __all__ = [
@@ -113,6 +114,7 @@ __all__ = [
     "evaluator_of",
     "field_evaluation",
     "front_counts",
+    "is_lost",
     "load_factors",
     "may_meet",
     "meets",

@@ -13,7 +13,7 @@ import sys
 import time
 import uuid
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from contextlib import ExitStack, suppress
 from typing import Any, Final
 
@@ -26,6 +26,9 @@ from jld_explore.evaluation.processes import SINGLE_THREADED, stopping_on_purpos
 _LIVES: Final = 10
 """Number of local processes that may replace dead ones; more deaths than this are not accidental."""
 
+
+_DEATHS: Final = (BrokenExecutor, CancelledError, OSError)
+"""Exceptions that a dead worker process raises; a cluster has its own ones."""
 
 _LOOK: Final = 0.5
 """Seconds between queries of a cluster for its present workers."""
@@ -131,6 +134,22 @@ class WorkerPool:
         with self._settings:
             for seat in list(self._seats):
                 self.lose(seat)
+
+
+def is_lost(error: BaseException) -> bool:
+    """Return whether a task failed because its worker died or left, not by an error of its own.
+
+    Parameters
+    ----------
+    error : BaseException
+        Exception of the task's future.
+
+    Returns
+    -------
+    bool
+        True if another worker may succeed.
+    """
+    return isinstance(error, _DEATHS) or type(error).__module__.startswith("distributed")
 
 
 def _process() -> ProcessPoolExecutor:

@@ -147,16 +147,23 @@ class Api:
         return {"name": name, "content": content}
 
     def save(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Write the scene of a state of the page into the opened folder, under a plain name."""
+        """Write the scene of a state of the page into the opened folder, under a plain name.
+
+        A file of that name is replaced only if the request says `overwrite`; otherwise the answer is that it exists.
+        """
         name = asked.get("name")
         if not isinstance(name, str) or not _NAME.fullmatch(name) or ".." in name:
             raise InputError("name", f"it is {str(name)[:60]!r}", "letters, digits, blanks, '-', '_' and '.'")
         name = name if name.endswith(".json") else f"{name}.json"
         if name == CANDIDATES:
             raise InputError("name", f"{CANDIDATES} is taken", "another name")
+        path = self.root / name
+        scene = self.scene(asked)
+        if path.exists() and asked.get("overwrite") is not True:
+            return {"path": str(path), "exists": True}
         self.root.mkdir(parents=True, exist_ok=True)
-        write_text(self.root / name, json.dumps(self.scene(asked), indent=1))
-        return {"path": str(self.root / name)}
+        write_text(path, json.dumps(scene, indent=1))
+        return {"path": str(path), "exists": False}
 
 
 def _whole(value: object) -> int:

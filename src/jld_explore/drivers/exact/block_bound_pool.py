@@ -22,7 +22,7 @@ from jld_core.arrays import Bools
 from jld_core.limit import AnyBlockRelaxation, Asked, Choice, LimitAnalysis, block_relaxation_of
 from jld_core.threads import one_thread
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
-from jld_explore.evaluation import PoolWorker, WorkerPool, client_of_cluster
+from jld_explore.evaluation import PoolWorker, WorkerPool, client_of_cluster, is_lost
 from jld_explore.space import SearchSpace
 
 ALONE: Final = 40
@@ -195,9 +195,9 @@ class BlockBoundPool:
         """Return the result of the worker process, or None if it failed."""
         try:
             return future.result()
-        # The process was killed or left the cluster. An error of the task itself is raised when the program is solved
-        # here.
-        except Exception:
+        except Exception as error:  # a worker that was killed or left costs one program
+            if not is_lost(error):
+                raise
             self._lose()
             return None
 

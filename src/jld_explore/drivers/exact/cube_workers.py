@@ -13,7 +13,7 @@ cube is the answer of a satisfiability solver to a formula of such conflicts.
 from __future__ import annotations
 
 from collections import Counter, deque
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -26,7 +26,7 @@ from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.drivers.exact.worker_tasks import Task, TaskResult, WorkerSetup, run_task
-from jld_explore.evaluation import PoolWorker, WorkerPool
+from jld_explore.evaluation import PoolWorker, WorkerPool, is_lost
 from jld_explore.space import Range, SearchSpace
 
 MOMENT: Final = 0.3
@@ -52,10 +52,6 @@ _FADING: Final = 0.999
 
 _PATIENCE: Final = 0.1
 """Longest time, s, that this process waits for workers before the next deadline check."""
-
-
-_DEATHS: Final = (BrokenExecutor, CancelledError, OSError)
-"""Exceptions that a dead worker process raises; a cluster has its own ones."""
 
 
 @dataclass
@@ -274,7 +270,7 @@ class CubeWorkers:
         try:
             answer = future.result()
         except Exception as error:  # a worker that was killed or left costs one task
-            if not isinstance(error, _DEATHS) and not type(error).__module__.startswith("distributed"):
+            if not is_lost(error):
                 raise  # an error of the task itself
             self._return(one)
             self._seats.lose(one.seat)

@@ -334,8 +334,10 @@ class Studio {
     const saved = el("p", { class: "hint", role: "status" });
     byId("export").replaceChildren(
       el("div", { class: "row" }, name, button("save the scene", "save", async () => {
-        const { path } = await ask("save", { name: name.value, ...state() });
-        saved.textContent = `saved as ${path}`;
+        const wanted = { name: name.value, ...state() };
+        let made = await ask("save", wanted);
+        if (made.exists && confirm(`${made.path} exists. Replace it?`)) made = await ask("save", { ...wanted, overwrite: true });
+        saved.textContent = made.exists ? `not saved: ${made.path} exists` : `saved as ${made.path}`;
         return saved.textContent;
       })),
       el("div", { class: "row" }, button("scene (JSON)", "export-scene", async () => {
