@@ -30,7 +30,8 @@ class Fixed(Formula):
 
     def aim(self, threshold: float, count: int | Range | None = None) -> None:
         if isinstance(count, int):
-            self._between(count_named(self.space.search.front.count), Range.of((count, count), whole=True))
+            terms = self._terms(count_named(self.space.search.front.count))
+            self._between(*terms, Range.of((count, count), whole=True))
         super().aim(threshold)
 
 

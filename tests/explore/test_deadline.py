@@ -26,6 +26,7 @@ from jld_explore import Driver, ExploreSettings, explore
 from jld_explore.cli.command import main
 from jld_explore.drivers import BufferedRandom, Enumeration, Formula, first_layout, operators, possible_blocks
 from jld_explore.explore import choose_driver
+from jld_explore.report import write_report
 from jld_explore.space import Range, canonical, feasible, search_space
 
 
@@ -264,3 +265,20 @@ def test_a_formula_knows_the_clock() -> None:
     with pytest.raises(DeadlinePassed), Deadline(0.2).enforced():
         formula.next()
     assert time.process_time() - start < 2.0
+
+
+def test_a_page_gives_up_a_solve_that_takes_too_long(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The solve of the best layout without dilation took 2.6 s after a search of 2 s had given up its own."""
+    scene = samples.grid(columns=3, rows=2)
+    done = explore(scene, tmp_path / "out", ExploreSettings(driver="random", budget=3, jobs=1, pictures=False))
+
+    def endless(*_: Any) -> None:
+        while True:
+            checkpoint()
+            time.sleep(0.01)
+
+    monkeypatch.setattr("jld_explore.report.page_of_study.CaseSolver.solve", endless)
+    start = time.perf_counter()
+    write_report(done, deadline=Deadline(0.0, time.perf_counter()))
+    assert time.perf_counter() - start < 10.0
+    assert (tmp_path / "out" / "report.html").exists()
