@@ -64,7 +64,7 @@ CLASSES: Final = "classes (layouts, those alike by symmetry once)"
 WRITING: Final = 1.0
 """Seconds reserved from a time limit for tables and page, their time at the end of a small search."""
 
-BUSY: Final = 3.0
+BUSY: Final = 6.0
 """Largest factor by which a busy machine may prolong the writing of tables and page."""
 
 OVER: Final = (0.05, 0.5)
@@ -517,9 +517,14 @@ def choose_driver(
         return wanted, known
     if wanted is None:
         many = many or settings.by_experiment or settings.experiment is not None or settings.own_objective is not None
-        chosen = driver_for(space, settings.seed, settings.model, known, settings.options, many=many)
-        return chosen, known
-    return make_driver(wanted, space, settings.seed, **settings.options), known
+        make = partial(driver_for, space, settings.seed, settings.model, known, settings.options, many=many)
+    else:
+        make = partial(make_driver, wanted, space, settings.seed, **settings.options)
+    try:
+        with deadline.enforced():  # The exact driver prepares for its space, in a share of the time left.
+            return make(), known
+    except DeadlinePassed:
+        return make(), known
 
 
 def _nothing_found(space: SearchSpace, seconds: float | None = None) -> InputError:

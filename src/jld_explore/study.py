@@ -318,7 +318,10 @@ class Study:
                         self.asked += len(labellings)
                         waiting.append(recorded.send(labellings))
                 if not waiting:
-                    return self._reason(dry)
+                    reason = self._reason(dry)
+                    if reason is StopReason.UNPROVEN:
+                        self._discard_proof()
+                    return reason
                 sent = waiting.popleft()
                 evaluations = recorded.take(sent)
                 self.solved = recorded.solved
@@ -349,12 +352,14 @@ class Study:
         if self.driver.finished:
             return StopReason.PROVEN
         if self.driver.checks and not self.driver.exhaustive and not self.driver.working:
-            # The proof ended but failed its check, so discard all its results.
-            self.records.withdraw_bound(next(iter(self.driver.complaints), "the proof did not pass its check"))
-            self.records.forget_conflicts()
             return StopReason.UNPROVEN
         # A driver with unfinished work returned because time ran out.
         return StopReason.TIME if self.driver.working else StopReason.EXHAUSTED
+
+    def _discard_proof(self) -> None:
+        """Withdraw the bound and the conflicts on record of a proof that ended but failed its check."""
+        self.records.withdraw_bound(next(iter(self.driver.complaints), "the proof did not pass its check"))
+        self.records.forget_conflicts()
 
     def _asked(self, limit: int | None) -> Bits:
         """Return labellings (k, m) from the driver; none after its time is up.

@@ -10,7 +10,9 @@ import pytest
 from cases import grid_document
 from jld_core.assembly import blocks_of as assembly_blocks
 from jld_core.build import build_assembly
+from jld_core.errors import InputError
 from jld_core.scene import parse_scene
+from jld_explore.drivers import Enumeration
 from jld_explore.space import SearchSpace, blocks_of, counts, feasible, from_string, reasons_against, search_space
 
 ROWS = ["abc", "#.#"]  # faces: c0r0-c1r0, c0r0-c0r1, c1r0-c2r0, c2r0-c2r1
@@ -145,3 +147,19 @@ def test_reasons_are_given_where_a_labelling_is_not_feasible(search: dict[str, A
     given = [reasons_against(space, labels) for labels in every]
     assert [not reasons for reasons in given] == feasible(space, every).tolist()
     assert any(words in reason for reasons in given for reason in reasons), {r for found in given for r in found}
+
+
+def test_fewest_dry_faces_follow_from_the_size_of_blocks() -> None:
+    """Blocks of two cells leave at least 4 of the 7 faces of six cells dry; no search is needed to see that."""
+
+    def fewest(asked: int, cells: int) -> int:
+        scene = parse_scene(grid_document(["aaa", "aaa", "###"], block_cells=[1, cells], dry_faces=[None, asked]))
+        space = search_space(scene, build_assembly(scene))
+        return min(int(rows.sum(axis=1).min()) for rows, _ in Enumeration(space).batches() if len(rows))
+
+    for cells, least in ((1, 7), (2, 4)):
+        message = rf"search.dry_faces: \[null, {least - 1}\] asked, but there can be {least} to 7"
+        with pytest.raises(InputError, match=message):
+            fewest(least - 1, cells)
+        assert fewest(least, cells) == least + 3  # three faces to the support are dry as well
+    assert fewest(7, 6) == 3

@@ -24,8 +24,10 @@ from jld_core.deadline import Deadline, DeadlinePassed, checkpoint, time_left
 from jld_core.limit import SolveOptions
 from jld_explore import Driver, ExploreSettings, explore
 from jld_explore.cli.command import main
-from jld_explore.drivers import BufferedRandom, Enumeration, Formula, first_layout, operators, possible_blocks
+from jld_explore.drivers import BufferedRandom, Enumeration, Exact, Formula, first_layout, operators, possible_blocks
+from jld_explore.evaluation import Evaluator, EvaluatorSettings
 from jld_explore.explore import choose_driver
+from jld_explore.report import write_report
 from jld_explore.space import Range, canonical, feasible, search_space
 
 
@@ -264,3 +266,37 @@ def test_a_formula_knows_the_clock() -> None:
     with pytest.raises(DeadlinePassed), Deadline(0.2).enforced():
         formula.next()
     assert time.process_time() - start < 2.0
+
+
+def test_a_page_gives_up_a_solve_that_takes_too_long(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The solve of the best layout without dilation took 2.6 s after a search of 2 s had given up its own."""
+    scene = samples.grid(columns=3, rows=2)
+    done = explore(scene, tmp_path / "out", ExploreSettings(driver="random", budget=3, jobs=1, pictures=False))
+
+    def endless(*_: Any) -> None:
+        while True:
+            checkpoint()
+            time.sleep(0.01)
+
+    monkeypatch.setattr("jld_explore.report.page_of_study.CaseSolver.solve", endless)
+    start = time.perf_counter()
+    write_report(done, deadline=Deadline(0.0, time.perf_counter()))
+    assert time.perf_counter() - start < 10.0
+    assert (tmp_path / "out" / "report.html").exists()
+
+
+def test_the_exact_driver_lists_blocks_in_a_share_of_the_time() -> None:
+    """A list of 20 000 blocks took half a minute before the search began; without it the proof is the same."""
+    scene = parse_scene(grid_document(["aaa", "aaa", "###"], block_cells=[1, 3]))
+    space = search_space(scene, build_assembly(scene))
+    evaluator = Evaluator(space.assembly, EvaluatorSettings())
+    found = []
+    for deadline in (Deadline(), Deadline(0.0)):
+        with deadline.enforced():
+            driver = Exact(space, search=0)
+        while len(asked := driver.ask()):
+            driver.tell(asked, evaluator.evaluate_all(asked))
+        found.append((driver._blocks is not None, driver.finished, driver.found[None].load_factor))
+        driver.close()
+    assert [one[:2] for one in found] == [(True, True), (False, True)]
+    assert found[1][2] == pytest.approx(found[0][2], rel=2e-6)

@@ -18,13 +18,14 @@ from cases import grid_document
 from jld_core import build_assembly, parse_scene
 from jld_core.batch import chosen
 from jld_explore import ExploreSettings, explore
-from jld_explore.drivers import Exact
+from jld_explore.drivers import Driver, Exact
 from jld_explore.drivers.exact.conflict_minimization import Conflict, Evidence
 from jld_explore.drivers.exact.proof_check import Claim
 from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.evaluation import Records
 from jld_explore.report import Exploration, words
 from jld_explore.space import BlockShapes, blocks_of, search_space
+from jld_explore.study import StopReason, Study
 
 QUIET = ExploreSettings(pictures=False, small=0)
 WEAK: dict[str, Any] = {"tension": 5e3, "shear": 5e3, "block_cells": [1, 3]}
@@ -77,8 +78,9 @@ def test_no_layout_is_lost_when_the_target_changes(step_after: int | None, tmp_p
     assert done.summary.facts["proof_check"]["passed"] is True
 
 
-def test_proofs_agree_with_enumeration_and_one_job() -> None:
+def test_proofs_agree_with_enumeration_and_one_job(monkeypatch: pytest.MonkeyPatch) -> None:
     """A share of `python -m benchmarks.claims proofs`: some seconds of it."""
+    monkeypatch.setattr(proofs, "EVERY", 10**9)  # real processes take seconds to start
     found = proofs.run(20_000, 60, 25.0)
     assert found.cases >= 8
     assert found.disagreements == []
@@ -254,3 +256,32 @@ def test_check_takes_a_small_part_of_the_time(tmp_path: Path) -> None:
     assert done.summary.facts["proof_check"]["conflicts"] > 100
     assert done.summary.facts["proof_check"]["weighed"] == done.summary.facts["proof_check"]["conflicts"]
     assert done.summary.facts["proof_check"]["seconds"] < 0.5 * done.summary.seconds
+
+
+class Unproven(Driver):
+    """A driver whose proof ended and did not pass its check."""
+
+    name, checks = "unproven", True
+
+    def ask(self, limit: int | None = None) -> Any:
+        """Propose nothing."""
+        return np.empty((0, len(self.space.fixed)), dtype=bool)
+
+    def tell(self, labellings: Any, evaluations: Any) -> None:
+        """Learn nothing."""
+
+
+def test_to_ask_why_a_study_ends_changes_nothing(tmp_path: Path) -> None:
+    """The question alone withdrew the bound on record; now the end of a run does."""
+    scene = parse_scene(grid_document(["aa", "aa", "##"], **WEAK))
+    assembly = build_assembly(scene)
+    space = search_space(scene, assembly)
+    study = Study(scene, assembly, space, Unproven(space), tmp_path / "out", ExploreSettings(jobs=1))
+    study.keep_bound(2.0)
+    for _ in range(2):
+        assert study._reason(True) is StopReason.UNPROVEN
+        assert (study.records.bound, study.records.withdrawn) == (2.0, [])
+    assert study.run() is StopReason.UNPROVEN
+    study.records = study.open_records()
+    assert study.records.bound is None
+    study.records.close()

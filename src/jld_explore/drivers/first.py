@@ -54,7 +54,7 @@ def first_layout(space: SearchSpace, seed: int = 0) -> Bits:
         for row in canonical(rows, space.group):
             checkpoint()
             if feasible(space, row[None])[0]:
-                return np.asarray(row[None], dtype=bool)
+                return np.asarray(row[None])
         return none
 
     with suppress(DeadlinePassed), Deadline(_SHARE * time_left()).enforced():

@@ -13,7 +13,7 @@ import numpy as np
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.deadline import Deadline
+from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.limit import LimitAnalysisResult, governing_result, result_of
 from jld_core.mechanics import require_materials
 from jld_core.models import SolveOptions, limit_analysis, solve_labelling
@@ -197,8 +197,11 @@ class CaseSolver:
 
 
 def _solutions(rows: pd.DataFrame, done: Exploration, patience: float, dear: float) -> dict[int, Solution]:
-    """Solve rows in order of importance until time runs out; return data by position."""
-    start = time.perf_counter()
+    """Solve rows in order of importance until time runs out; return data by position.
+
+    A solve that takes longer than `dear` seconds from now, unlike the evaluation of its row, is given up.
+    """
+    start, latest = time.perf_counter(), Deadline(dear)
     found: dict[int, Solution] = {}
     solver = CaseSolver(done.assembly, done.model)
     for place in _worth(rows, done.front):
@@ -207,7 +210,11 @@ def _solutions(rows: pd.DataFrame, done: Exploration, patience: float, dear: flo
         text = str(rows["labelling"].iloc[place])
         rest, labels = cut(done.assembly, text)
         whole = rest is done.assembly
-        result = (solver if whole else CaseSolver(rest, done.model)).solve(labels)
+        try:
+            with latest.enforced():
+                result = (solver if whole else CaseSolver(rest, done.model)).solve(labels)
+        except DeadlinePassed:
+            break
         found[place] = solution_of(result) if whole else within(solution_of(result), done.assembly, text)
     return dict(sorted(found.items()))
 

@@ -128,6 +128,8 @@ class Count:
     terms : callable or None
         Function that returns the `Terms` for an assembly, used to prove a front.
         Without terms a limit on the count makes the exact driver enumerate.
+    kinds : bool
+        True if the count is the number of different shapes among the blocks.
     """
 
     name: str
@@ -138,6 +140,7 @@ class Count:
     unit: Callable[[Assembly], str] = _nothing
     column: str = ""
     terms: Callable[[Assembly], Terms] | None = None
+    kinds: bool = False
 
     @property
     def title(self) -> str:
@@ -225,6 +228,7 @@ _COUNTS: Final[dict[str, Count]] = {
             of=lambda layouts: layouts.block_shapes.different(layouts.blocks, layouts.assembly.sink),
             axis="different shapes of blocks",
             noun="shape",
+            kinds=True,
         ),
         Count(
             "largest_block_mass",

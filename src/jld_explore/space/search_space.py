@@ -309,6 +309,8 @@ def _refuse_impossible(limits: Limits, candidates: Bools, fixed: Bits, least: In
         if count.terms and assembly.sink < 0:
             terms = count.terms(assembly)
             low, high = _reach(terms, candidates, fixed)
+            if terms.faces is not None and not limits.excepted.any():
+                low = max(low, int(terms.faces.sum()) - _most_inner(limits, terms.faces & (candidates | ~fixed)))
             if terms.blocks:
                 low, high = low + fewest, high + greatest
             if bounds.above(low) or bounds.below(high):
@@ -322,3 +324,17 @@ def _reach(terms: Terms, candidates: Bools, fixed: Bits) -> tuple[int, int]:
     if terms.faces is None:
         return 0, 0
     return int((terms.faces & ~candidates & fixed).sum()), int((terms.faces & (candidates | fixed)).sum())
+
+
+def _most_inner(limits: Limits, faces: Bools) -> int:
+    """Return an upper bound on the number of faces (m,) between free elements that can be inner at the same time.
+
+    An element in a block of c cells shares faces with at most c − 1 others of the block.
+    """
+    assembly, most = limits.assembly, limits.bounds(CELLS).high
+    faces = faces & assembly.free_faces
+    if most is None or not faces.any():
+        return int(faces.sum())
+    ends = np.sort(np.column_stack([assembly.interfaces.a[faces], assembly.interfaces.b[faces]]), axis=1)
+    per_pair = int(np.unique(ends, axis=0, return_counts=True)[1].max())
+    return int(np.minimum(np.bincount(ends.ravel()), per_pair * (int(most) - 1)).sum()) // 2

@@ -8,7 +8,6 @@ Limits that the formula cannot express are checked on each model, and a model th
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Final
 
 import numpy as np
 
@@ -17,9 +16,6 @@ from jld_core.deadline import checkpoint
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks, possible_blocks
 from jld_explore.space import SearchSpace, canonical, feasible
-
-_SHAPES: Final = "shapes"
-"""Name of the count of different shapes of blocks."""
 
 
 def admissible_layout(space: SearchSpace, seed: int = 0) -> Bits | None:
@@ -63,7 +59,7 @@ def _constructed(part: SearchSpace, blocks: PossibleBlocks | None, space: Search
     `blocks` are the possible blocks of the part, if they are listed.
     """
     formula = Formula(part, blocks, partial=True)
-    shapes = [bounds for count, bounds in part.limits.on_counts if count.name == _SHAPES]
+    shapes = [bounds for count, bounds in part.limits.on_counts if count.kinds]
     if blocks is not None and shapes:
         formula.limit_kinds(part.limits.block_shapes.kinds(blocks.members).tolist(), shapes[0])
     wishes = _preferred(space, seed)

@@ -5,20 +5,20 @@ from __future__ import annotations
 import time
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from pydantic import Field
 
 from jld_core.arrays import Bits, Floats
-from jld_core.deadline import Deadline
+from jld_core.deadline import Deadline, DeadlinePassed, time_left
 from jld_core.limit import LimitAnalysis, relaxation_of
 from jld_explore.drivers.base import Aim, Driver, DriverOptions
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact.conflict_sources import ConflictSources
 from jld_explore.drivers.exact.conflicts import key_of
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.drivers.exact.possible_blocks import possible_blocks
+from jld_explore.drivers.exact.possible_blocks import PossibleBlocks, possible_blocks
 from jld_explore.drivers.exact.proof_check import Claim, ProofCheck, check_proof
 from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.evaluation import Evaluation, Records
@@ -26,6 +26,10 @@ from jld_explore.space import Count, SearchSpace
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+_LISTING: Final = 0.3
+"""Largest share of the time left for listing the possible blocks; the formula works without the list."""
 
 
 class ExactOptions(DriverOptions):
@@ -76,7 +80,7 @@ class ConflictDriver(Driver):
     ) -> None:
         super().__init__(space, seed)
         self._analyses = [LimitAnalysis(case) for case in space.assembly.by_case]
-        self._blocks = possible_blocks(space) if list_blocks else None
+        self._blocks = _listed(space) if list_blocks else None
         asked = [count for count, _ in space.limits.on_counts] + ([] if counted is None else [counted])
         terms = [count.terms(space.assembly) if count.terms else None for count in asked]
         listed = all(one is not None and not (one.blocks and self._blocks is None) for one in terms)
@@ -269,3 +273,12 @@ class ConflictDriver(Driver):
         scaled = evaluated[0], evaluated[1] / self._scale
         proof = self._relaxation, self.space, self._blocks, self._free, self._state
         return check_proof(*proof, claims, scaled, problem, seconds)
+
+
+def _listed(space: SearchSpace) -> PossibleBlocks | None:
+    """List the possible blocks of a space; None also if that takes too large a share of the time left."""
+    try:
+        with Deadline(_LISTING * time_left()).enforced():
+            return possible_blocks(space)
+    except DeadlinePassed:
+        return None
