@@ -2,8 +2,9 @@
 
 Random scenes of the claim `converged`, some of them with two load cases. Each is solved in N and m, and again in kN and
 mm, MN and m, pounds and inches; moved by about a thousand sizes; and with its elements in another order. A case
-disagrees if a status differs, or λ by more than 1e-9 of λ or of the load factor that counts as zero. ``notes`` counts
-pairs by the decade of that difference.
+disagrees if a status differs, or λ by more than 1e-9 of λ or of the load factor that counts as zero. Where a scene is
+moved or its elements renumbered, coordinates are rounded and solvers take other paths: there λ may differ by the width
+that a bracket may have, 1e-6. ``notes`` counts pairs by the decade of that difference.
 """
 
 from __future__ import annotations
@@ -16,12 +17,12 @@ import numpy as np
 
 from benchmarks.claims import converged
 from benchmarks.claims.tally import Tally, run_cases
-from jld_core import Assembly, LimitAnalysisResult, build_assembly, parse_scene, solve
+from jld_core import Assembly, LimitAnalysisResult, build_assembly, parse_scene, solve, tolerances
 from jld_core.limit import load_scale
 
-CLAIM: Final = "λ is independent of units, position and order of elements to 1e-9"
+CLAIM: Final = "λ is the same in other units to 1e-9, elsewhere and in another order of elements within the bracket"
 ALIKE: Final = 1e-9
-"""Largest relative difference of λ."""
+"""Largest relative difference of λ in other units."""
 UNITS: Final = {
     "kN and mm": (1e3, 1e-3),
     "MN and m": (1.0, 1e-6),
@@ -164,4 +165,5 @@ def _difference(
     apart = abs(two - one) / max(abs(one), abs(two), load_scale(assembly))
     decade = max(math.ceil(math.log10(apart)), -15) if apart else -15
     tally.count(f"{kind}: to 1e{decade}")
-    return f"{name}: {one!r} became {two!r} ({apart:.1e}, {first.route})" if apart > ALIKE else ""
+    wrong = apart > (ALIKE if name in UNITS else tolerances.GAP)
+    return f"{name}: {one!r} became {two!r} ({apart:.1e}, {first.route})" if wrong else ""

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cases import grid_scene
 from cases_spatial import box
 from jld_core import Status, build_assembly, parse_scene, solve
 from jld_core.assembly import Assembly
@@ -86,3 +87,9 @@ def test_small_and_planar_structures_and_searches_ask_the_usual_way_first() -> N
     small = cubes(columns=1)
     assert "lanes" not in solve(small, np.zeros(len(small.interfaces), dtype=bool)).solve_log
     assert "lanes" not in LimitAnalysis(cubes()).prove(labellings(cubes(), 1)[0]).route
+
+
+def test_an_element_in_the_middle_of_its_supports_has_no_expansion() -> None:
+    """It moves away from nothing; the motion was divided by its speed of zero."""
+    assembly = build_assembly(grid_scene(["#a#"], live=[{"body": [0, -1]}]))
+    assert LimitAnalysis(assembly).repair.expansion() is None

@@ -56,6 +56,8 @@ class Repair:
         self.template, self.prover = template, prover
         self._opening: Motion | None = None
         self._opening_known = False
+        self._expansion: Motion | None = None
+        self._expansion_known = False
         self._deepest_key: bytes | None = None
         self._deepest: RawSolution | None = None
         self._magnitudes = abs(template.matrix)
@@ -336,22 +338,31 @@ class Repair:
     def expansion(self) -> Motion | None:
         """Find an opening motion of simple form, without solving a program.
 
-        All elements move away from the supports, and the courses may separate faster than the elements within them.
+        All elements move away from the supports, and the courses may separate faster than the elements within them. The
+        result is cached.
 
         Returns
         -------
         Motion or None
             Motion with positive margin on every face; None if no motion of this form opens every face.
         """
+        if not self._expansion_known:
+            self._expansion, self._expansion_known = self._expanding(), True
+        return self._expansion
+
+    def _expanding(self) -> Motion | None:
+        """Return the motion of `expansion`, which keeps it."""
         template = self.template
         elements, faces = template.assembly.elements, template.assembly.interfaces
         held = elements.support[faces.a] | elements.support[faces.b]
         weight = template.assembly.dead[elements.free, : template.assembly.dimension].sum(axis=0)
         size = float(np.linalg.norm(weight))
-        if self._steepest() is not template or not held.any() or size == 0.0:
+        if template.beside is not None or self._steepest() is not template or not held.any() or size == 0.0:
             return None
         every = np.ones(len(faces), dtype=bool)
         away, down = elements.centroid[elements.free] - faces.origin[held].mean(axis=0), weight / size
+        if abs(away).max() <= tolerances.ROUNDING * template.assembly.size:
+            return None  # A single element in the middle of its supports has nowhere to go.
         for times in _TIMES:
             speed = np.zeros((len(away), template.assembly.freedoms))
             speed[:, : len(down)] = away + (times - 1.0) * (away @ down)[:, None] * down
