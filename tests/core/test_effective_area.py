@@ -93,7 +93,7 @@ def test_faces_that_are_no_rectangles_keep_their_whole_area() -> None:
 
 def test_a_load_factor_above_that_of_whole_faces_is_said() -> None:
     """About its own centre of pressure a face bears shear that twists it about its centroid, so λ may rise."""
-    assembly, labels = drawn(11)
+    assembly, labels = drawn(302)
     result = solve(assembly, labels, effective_area=True)
     whole = result.facts["load_factor_whole_faces"]
     assert result.load_factor > 1.01 * whole
@@ -157,16 +157,12 @@ def test_change_is_zero_for_equal_areas_and_bad_scenes_are_refused() -> None:
         solve(odd, effective_area=True)
 
 
-@pytest.mark.parametrize(("seed", "locked"), [(5033, True), (5045, True), (5132, False), (5162, True), (5570, True)])
-def test_locked_is_proven_by_forces_within_their_own_areas(seed: int, locked: bool) -> None:
-    """The ray of frozen areas need not fit the areas that it asks for; areas of 5132 do not even settle."""
+@pytest.mark.parametrize("seed", [341, 5033, 5045, 5132, 5162, 5570])
+def test_locked_is_proven_by_forces_within_their_own_areas(seed: int) -> None:
+    """The ray of frozen areas need not fit the areas that it asks for; areas of proximal iteration may not settle."""
     assembly, labels = drawn(seed)
     result = solve(assembly, labels, effective_area=True)
-    assert (result.status is Status.LOCKED) is locked
-    if not locked:
-        assert result.status is Status.UNCERTIFIED
-        assert result.reason
-        return
+    assert result.status is Status.LOCKED
     analysis = LimitAnalysis(assembly)
     assert result.forces is not None
     assert result.unbounded_forces is not None

@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
+import copy
+from typing import Any
+
 import cvxpy as cp
 import numpy as np
 import pytest
-from benchmarks.claims.converged import _left, drawn
+from benchmarks.claims.converged import _bonded, _left, drawn
 from numpy.typing import NDArray
 
-from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, Status, build_assembly, load_scene, solve
+from jld_core import (
+    Assembly,
+    LimitAnalysis,
+    LimitAnalysisResult,
+    Status,
+    build_assembly,
+    load_scene,
+    parse_scene,
+    solve,
+)
 from jld_core.geometry import rectangle_torsion_length
 from jld_core.limit.reasons import reason_of
 from jld_core.mechanics import scaling_of
@@ -186,18 +198,38 @@ def test_forces_are_an_optimum_under_their_own_areas(
     assert frozen_optimum(assembly, labels, F, result.load_factor) == pytest.approx(result.load_factor, rel=2e-6)
 
 
+def turned(document: dict[str, Any], angle: float, shift: Array) -> dict[str, Any]:
+    """The scene turned about gravity and moved."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    other = copy.deepcopy(document)
+    for element in other["elements"]:
+        element["vertices"] = [(turn @ np.array(v) + shift).tolist() for v in element["vertices"]]
+    for load in other["loads"]["live"]:
+        for key in {"body", "force"} & set(load):
+            load[key] = (turn @ np.array(load[key])).tolist()
+        if "at" in load:
+            load["at"] = (turn @ np.array(load["at"]) + shift).tolist()
+    return other
+
+
 def test_weights_turn_with_the_structure() -> None:
-    """Axes are those of the loads, so a structure turned about gravity has the same weights."""
-    assembly, labels = drawn(77)
-    rows = MovingRows(LimitAnalysis(assembly).template, labels)
-    equal = barrier_weights(assembly, rows, 0)
-    assert equal == pytest.approx(np.ones(len(rows.rhs)))
-    uneven = barrier_weights(assembly, rows, 3)
+    """Axes are those of the loads, so a structure turned about gravity and moved has the same weights and λ."""
+    document = _bonded(np.random.default_rng([77, 45]))
+    one, other = (build_assembly(parse_scene(d)) for d in (document, turned(document, 0.5, np.array([3.0, -2.0, 0.0]))))
+    dry = np.ones(len(one.interfaces), dtype=bool)
+    rows, moved = (MovingRows(LimitAnalysis(assembly).template, dry) for assembly in (one, other))
+    assert barrier_weights(one, rows, 0) == pytest.approx(np.ones(len(rows.rhs)))
+    uneven = barrier_weights(one, rows, 3)
     assert uneven.max() > 2.0 * uneven.min()
-    axes = load_axes(assembly)
+    assert barrier_weights(other, moved, 3) == pytest.approx(uneven, rel=1e-9)
+    axes = load_axes(one)
     assert axes @ axes.T == pytest.approx(np.eye(3), abs=1e-12)
     assert axes[0] == pytest.approx([0.0, 0.0, -1.0])
     assert np.linalg.det(axes) == pytest.approx(1.0)
+    first, second = (solve(assembly, dry, effective_area=True) for assembly in (one, other))
+    assert first.status is second.status is Status.COLLAPSE
+    assert second.load_factor == pytest.approx(first.load_factor, rel=1e-6)
 
 
 def test_reasons_name_the_face_or_the_distance() -> None:

@@ -202,7 +202,7 @@ class CentralPath:
         """Return the entries of the Newton matrix that never change: rows, columns, values."""
         rows, n, e = self.rows, self.rows.size, len(self.rows.load)
         balance, whole = sp.coo_array(rows.balance), sp.coo_array(rows.rows)
-        one, two, head, tail = (at.astype(np.int64) for at in (*balance.coords, *whole.coords))
+        one, two, head, tail = (index.astype(np.int64) for index in (*balance.coords, *whole.coords))
         row: list[Ints] = [one + n, two, head + n + e, tail, np.arange(n), n + np.arange(e)]
         column: list[Ints] = [two, one + n, tail, head + n + e, np.arange(n), n + np.arange(e)]
         data = [balance.data, balance.data, whole.data, whole.data, np.full(n, _REGULAR[0]), np.full(e, -_REGULAR[1])]

@@ -34,6 +34,9 @@ _SLACK = 1e-8
 _RAYS = 8
 """Number of rays tried, each under the effective areas of the one before."""
 
+_ALONG = (1.0, 1e2, 1e4)
+"""Scaled λ along a ray, added to forces under whole faces, at which forces within their own areas are sought."""
+
 _OPENINGS = (1e-9, 1e-6, 1e-3)
 """Shares of an opening motion that are added to an instability, relative to its largest velocity."""
 
@@ -124,6 +127,9 @@ def prove_effective_area(
         facts["starts"] = found.starts
     if found is not None and found.width <= analysis.gap:
         proof = _proof_of(analysis, labels, found)
+    elif (locked := _locked(analysis, labels, plain)) is not None:
+        proof = locked
+        route.append("ray within its own areas")
     else:
         proof, iterated = _proof_of_iteration(analysis, labels, plain.state.forces.ravel(), most, weight)
         route.append(f"effective area ({proof.solves})")
@@ -153,6 +159,20 @@ def _proof_of(analysis: LimitAnalysis, labels: Bits, found: FixedPoint) -> Proof
         # other areas may hold what these do not: without forces above zero nothing is proven
         proof.status = Status.UNCERTIFIED
     return proof
+
+
+def _locked(analysis: LimitAnalysis, labels: Bits, plain: Proof) -> Proof | None:
+    """Return a proof that λ grows without limit: a ray and forces along it, both within their own areas."""
+    ray = ray_under_own_areas(analysis, labels, plain.ray) if plain.status is Status.LOCKED else None
+    if ray is None or plain.state is None:
+        return None
+    for load in _ALONG:
+        forces = (plain.state.forces + load * ray.forces).ravel()
+        state = analysis.prover.state(np.append(forces, plain.state.load + load), labels)
+        own, _, _ = under_own_areas(analysis.prover, state, labels)
+        if own.admissible:
+            return Proof(state=own, ray=ray, status=Status.LOCKED)
+    return None
 
 
 def _proof_of_iteration(

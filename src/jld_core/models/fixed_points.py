@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.limit import LimitAnalysis, Motion, Prover, State, relative_width
@@ -215,11 +216,18 @@ def load_axes(assembly: Assembly) -> Floats:
     -------
     (3, 3) array
         Rows: direction of the dead load, of the live load across it, and their cross product. Where loads are parallel
-        or zero, axes of the scene take their place.
+        or zero, the way to the middle of the live load and the first face's e1 and e2 take their place.
     """
-    free = assembly.elements.free
+    elements, free = assembly.elements, assembly.elements.free
+    dead, live = assembly.dead[free, :3], assembly.live[free, :3]
+    size = np.linalg.norm(live, axis=1)
+    away = elements.centroid[free] - elements.centroid[free].mean(axis=0)
+    middle = size @ away / (float(size.sum()) or 1.0)
+    if np.linalg.norm(middle) < tolerances.CONTACT * assembly.size:
+        middle = np.zeros(3)
+    first = (assembly.interfaces.e1[0], assembly.interfaces.e2[0], assembly.interfaces.normal[0])
     axes: list[Floats] = []
-    for direction in (assembly.dead[free, :3].sum(axis=0), assembly.live[free, :3].sum(axis=0), *np.eye(3)):
+    for direction in (dead.sum(axis=0), live.sum(axis=0), middle, *first):
         across = direction - sum((axis * (axis @ direction) for axis in axes), np.zeros(3))
         length = float(np.linalg.norm(across))
         if length > _PARALLEL * float(np.linalg.norm(direction)):

@@ -17,16 +17,16 @@ from jld_core.geometry import rectangle_torsion_length
 from jld_core.mechanics import EffectiveAreas, PrescribedFriction
 from jld_core.program import Template
 
-FAINT = 1e-5
-"""Scaled N below which x tends to zero: M / N is computed as M N / (N² + FAINT²)."""
+_FAINT = 1e-5
+"""Scaled N below which x tends to zero: M / N is computed as M N / (N² + _FAINT²)."""
 
-NARROW = 1e-6
+_NARROW = 1e-6
 """Least side of an effective rectangle, relative to the side of the face."""
 
-OWN = (0, 3, 4)
+_OWN = (0, 3, 4)
 """Resultants on which the effective area of a face depends: N, m1, m2."""
 
-TWISTING = (5, 1, 2)
+_TWISTING = (5, 1, 2)
 """Resultants whose coefficients depend on the effective area: mT, V1, V2, in the order of the parameters."""
 
 
@@ -55,11 +55,11 @@ def areas_under(assembly: Assembly, forces: Floats, labels: Bits) -> EffectiveAr
     faces = assembly.interfaces
     labels = labels & faces.rectangle
     # M1 is scaled by l2 / 2 and M2 by l1 / 2, so x1 and x2 below are relative to l1 / 2 and l2 / 2.
-    share = np.where(labels, forces[:, 0] / (forces[:, 0] ** 2 + FAINT**2), 0.0)
+    share = np.where(labels, forces[:, 0] / (forces[:, 0] ** 2 + _FAINT**2), 0.0)
     x1 = np.clip(-forces[:, 4] * share, -1.0, 1.0)
     x2 = np.clip(forces[:, 3] * share, -1.0, 1.0)
-    side1 = faces.l1 * np.maximum(1.0 - np.abs(x1), NARROW)
-    side2 = faces.l2 * np.maximum(1.0 - np.abs(x2), NARROW)
+    side1 = faces.l1 * np.maximum(1.0 - np.abs(x1), _NARROW)
+    side2 = faces.l2 * np.maximum(1.0 - np.abs(x2), _NARROW)
     ratio = np.where(labels, faces.c_t / rectangle_torsion_length(side1, side2), 1.0)
     arm = np.column_stack([0.5 * faces.l2 * x2, -0.5 * faces.l1 * x1]) / faces.c_t[:, None]
     return EffectiveAreas(ratio, arm)
@@ -87,18 +87,18 @@ def area_derivatives(assembly: Assembly, forces: Floats, labels: Bits) -> tuple[
     faces = assembly.interfaces
     labels = labels & faces.rectangle
     normal = forces[:, 0]
-    square = normal**2 + FAINT**2
+    square = normal**2 + _FAINT**2
     share = np.where(labels, normal / square, 0.0)
-    slope = np.where(labels, (FAINT**2 - normal**2) / square**2, 0.0)
+    slope = np.where(labels, (_FAINT**2 - normal**2) / square**2, 0.0)
     none = np.zeros(len(normal))
     x1, x2 = -forces[:, 4] * share, forces[:, 3] * share
     of_x1 = np.column_stack([-forces[:, 4] * slope, none, -share]) * (np.abs(x1) < 1.0)[:, None]
     of_x2 = np.column_stack([forces[:, 3] * slope, share, none]) * (np.abs(x2) < 1.0)[:, None]
     room1, room2 = 1.0 - np.abs(x1), 1.0 - np.abs(x2)
-    side1, side2 = faces.l1 * np.maximum(room1, NARROW), faces.l2 * np.maximum(room2, NARROW)
+    side1, side2 = faces.l1 * np.maximum(room1, _NARROW), faces.l2 * np.maximum(room2, _NARROW)
     ratio = faces.c_t / rectangle_torsion_length(side1, side2)
-    along1 = -np.sign(x1) * faces.l1 * (room1 > NARROW) * _torsion_length_slope(side1, side2)
-    along2 = -np.sign(x2) * faces.l2 * (room2 > NARROW) * _torsion_length_slope(side2, side1)
+    along1 = -np.sign(x1) * faces.l1 * (room1 > _NARROW) * _torsion_length_slope(side1, side2)
+    along2 = -np.sign(x2) * faces.l2 * (room2 > _NARROW) * _torsion_length_slope(side2, side1)
     of_length = along1[:, None] * of_x1 + along2[:, None] * of_x2
     of_ratio = -(ratio**2 / faces.c_t)[:, None] * of_length
     scale1, scale2 = (0.5 * faces.l1 / faces.c_t)[:, None], (0.5 * faces.l2 / faces.c_t)[:, None]
@@ -206,12 +206,12 @@ class MovingRows:
     @cached_property
     def _columns(self) -> Ints:
         """Columns (3, k) of mT, V1, V2 of the faces of the torsion rows."""
-        return np.asarray(6 * self.face[self.torsion][None] + np.array(TWISTING)[:, None])
+        return np.asarray(6 * self.face[self.torsion][None] + np.array(_TWISTING)[:, None])
 
     @cached_property
     def own(self) -> Ints:
         """Columns (3, k) of N, m1, m2 of the faces of the torsion rows."""
-        return np.asarray(6 * self.face[self.torsion][None] + np.array(OWN)[:, None])
+        return np.asarray(6 * self.face[self.torsion][None] + np.array(_OWN)[:, None])
 
     def parameters(self, y: Floats) -> tuple[Floats, Floats]:
         """Compute ρ, ρ a1, ρ a2 of the torsion rows and their derivatives.
