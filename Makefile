@@ -47,11 +47,13 @@ bench: setup
 	-$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,field]'
 	$(BIN)/python -m benchmarks
 
-# the kernel under the sanitizers of the compiler: addresses and undefined behaviour, then data races between threads
+# the batch solver under the sanitizers of the compiler: addresses and undefined behaviour, then data races of threads;
+# libstdc++ is loaded with the first one, since Python itself throws no C++ exceptions
 sanitize: setup
 	$(BIN)/python src/jld_core/batch/build.py --sanitized out/sanitized
-	LD_PRELOAD=$$(gcc -print-file-name=libasan.so) ASAN_OPTIONS=detect_leaks=0 \
-		JLD_KERNEL=$(CURDIR)/out/sanitized/_base.so $(BIN)/python -m pytest -q -n 0 tests/core/test_batch_solver.py
+	LD_PRELOAD="$$(gcc -print-file-name=libasan.so) $$(gcc -print-file-name=libstdc++.so)" ASAN_OPTIONS=detect_leaks=0 \
+		JLD_KERNEL=$(CURDIR)/out/sanitized/_base.so $(BIN)/python -m pytest -q -n 0 \
+		tests/core/test_batch_solver.py tests/core/test_kernel_interface.py
 	$(BIN)/python src/jld_core/batch/build.py --thread-sanitized out/sanitized/threads
 	LD_PRELOAD=$$(gcc -print-file-name=libtsan.so) TSAN_OPTIONS="exitcode=66 report_signal_unsafe=0" \
 		JLD_KERNEL=$(CURDIR)/out/sanitized/threads/_base.so $(BIN)/python -m benchmarks.claims.threads
