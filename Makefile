@@ -53,11 +53,13 @@ bench: setup
 	$(BIN)/python -m benchmarks
 	JLD_KILLS=20 JLD_MUTATIONS=3000 $(BIN)/python -m pytest -n 0 tests/conformance -k 'random_kills or mutated_scenes'
 
-# the kernel under the sanitizers of the compiler: addresses and undefined behaviour, then data races between threads
+# the batch solver under the sanitizers of the compiler: addresses and undefined behaviour, then data races of threads;
+# libstdc++ is loaded with the first one, since Python itself throws no C++ exceptions
 sanitize: setup
 	$(BIN)/python src/jld_core/batch/build.py --sanitized out/sanitized
-	LD_PRELOAD=$$(gcc -print-file-name=libasan.so) ASAN_OPTIONS=detect_leaks=0 \
-		JLD_KERNEL=$(CURDIR)/out/sanitized/_base.so $(BIN)/python -m pytest -q -n 0 tests/core/test_batch_solver.py
+	LD_PRELOAD="$$(gcc -print-file-name=libasan.so) $$(gcc -print-file-name=libstdc++.so)" ASAN_OPTIONS=detect_leaks=0 \
+		JLD_KERNEL=$(CURDIR)/out/sanitized/_base.so $(BIN)/python -m pytest -q -n 0 \
+		tests/core/test_batch_solver.py tests/core/test_kernel_interface.py
 	$(BIN)/python src/jld_core/batch/build.py --thread-sanitized out/sanitized/threads
 	LD_PRELOAD=$$(gcc -print-file-name=libtsan.so) TSAN_OPTIONS="exitcode=66 report_signal_unsafe=0" \
 		JLD_KERNEL=$(CURDIR)/out/sanitized/threads/_base.so $(BIN)/python -m benchmarks.claims.threads

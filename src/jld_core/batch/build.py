@@ -29,7 +29,7 @@ UNITS: Final = ("labellings.cpp", "block_program.cpp", "graphs.cpp")
 INTERFACE: Final = Path(__file__).parent / "interface.py"
 """Module that states the C interface; the header of the sources is written from it."""
 PATIENCE: Final = 600.0
-"""Seconds after which a compiler is given up; 30 s of one core were measured for the largest variant."""
+"""Seconds after which a compiler is given up on first use; 20 s of one core were measured for the largest variant."""
 FLAGS: Final = ("-std=c++17", "-O3", "-fno-math-errno", "-fno-trapping-math", "-g0")
 """Compiler flags of every variant, without fast-math: proofs compare with infinities and rely on the order of sums."""
 
@@ -106,8 +106,10 @@ def write_header(folder: Path) -> None:
     (folder / "interface.h").write_text(text, encoding="utf-8")
 
 
-def compile_variant(variant: str, folder: Path, compiler: list[str], extra: tuple[str, ...] = ()) -> Path:
-    """Compile one variant to `folder`/_VARIANT.so and return its path.
+def compile_variant(
+    variant: str, folder: Path, compiler: list[str], extra: tuple[str, ...] = (), patience: float | None = None
+) -> Path:
+    """Compile one variant to `folder`/_VARIANT.so and return its path; give up after `patience` seconds.
 
     Raises subprocess.SubprocessError or OSError if the compiler fails, takes too long, or is missing.
     """
@@ -119,7 +121,7 @@ def compile_variant(variant: str, folder: Path, compiler: list[str], extra: tupl
         made = Path(place) / target.name
         command = [*compiler, *FLAGS, *VARIANT_FLAGS[variant], mark(), *_LINKED, *extra, f"-I{place}"]
         command += [*(str(SOURCE / unit) for unit in UNITS), "-o", str(made)]
-        subprocess.run(command, check=True, capture_output=True, text=True, timeout=PATIENCE)
+        subprocess.run(command, check=True, capture_output=True, text=True, timeout=patience)
         made.replace(target)
     return target
 

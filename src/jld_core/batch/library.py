@@ -86,7 +86,7 @@ def _compiled() -> dict[str, Path]:
     problems = []
     for compiler in build.compilers() if fit else []:
         try:
-            return {fit[0]: build.compile_variant(fit[0], build.cache(), compiler)}
+            return {fit[0]: build.compile_variant(fit[0], build.cache(), compiler, patience=build.PATIENCE)}
         except (OSError, subprocess.SubprocessError) as problem:
             problems.append(str(problem))
     if problems:
