@@ -11,9 +11,12 @@ import numpy as np
 from benchmarks.claims.geometry import Move, document, planar_grid, polygon_entry, random_move
 from benchmarks.claims.tally import Tally, run_cases
 from jld_core import Assembly, InputError, LimitAnalysis, Status, build_assembly, parse_scene
-from jld_core.fields import FieldBounds, bounds_by_fields
+from jld_core.fields import CoarseBounds, FieldBounds, FieldSetting, bounds_by_fields
 
-CLAIM: Final = "Bounds by fields are in order, monotonic, below rigid blocks and independent of position and units"
+CLAIM: Final = (
+    "Bounds by fields are in order, monotonic, below rigid blocks, independent of position and units, and hold "
+    "for other labellings"
+)
 SAME: Final = 1e-6
 """Relative difference of bounds that two statements of one scene may show."""
 _TRIANGLES: Final = 400
@@ -54,7 +57,7 @@ def case(seed: int, tally: Tally) -> str:
         a, b = getattr(found, name), getattr(again, name)
         if not (a == b or abs(a - b) <= SAME * scale):
             return f"{name} bound {a:.9g} here and {b:.9g} when moved"
-    return _against_rigid(one, found)
+    return _transferred(one, rng) or _against_rigid(one, found)
 
 
 def random_scenes(rng: np.random.Generator, moves: list[Move]) -> list[dict[str, Any]] | None:
@@ -95,6 +98,20 @@ def random_scenes(rng: np.random.Generator, moves: list[Move]) -> list[dict[str,
             scene["labels"]["inner"] = [pair for pair in whole if frozenset(pair) in touch]
         scenes.append(scene)
     return scenes
+
+
+def _transferred(assembly: Assembly, rng: np.random.Generator) -> str:
+    """What the fields of one labelling prove for another agrees with the bounds of the other."""
+    coarse = CoarseBounds(FieldSetting.of(assembly))
+    other = assembly.labels ^ (rng.random(len(assembly.labels)) < 0.4)
+    mechanism, stresses = coarse.upper(assembly.labels)[1], coarse.lower(assembly.labels)[1]
+    low, high = coarse.lower(other)[0], coarse.upper(other)[0]
+    scale = max(abs(high) if math.isfinite(high) else 0.0, 1e-3)
+    if mechanism is not None and low > float(mechanism.bounds(other[None])[0]) + 1e-9 * scale:
+        return f"lower bound {low:.9g} above that of the mechanism of another labelling"
+    if stresses is not None and high < float(stresses.bounds(other[None])[0]) - 1e-9 * scale:
+        return f"upper bound {high:.9g} below that of the stresses of another labelling"
+    return ""
 
 
 def _against_rigid(assembly: Assembly, found: FieldBounds) -> str:

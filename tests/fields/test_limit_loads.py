@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -144,6 +145,59 @@ def test_cohesion_and_crushing_of_a_joint() -> None:
     assert tipped.lower <= exact * (1 + 1e-9)
     assert tipped.upper >= exact * (1 - 1e-9)
     assert tipped.gap <= 0.02
+
+
+def test_double_edge_notched_plate() -> None:
+    """A square under tension, cut from both sides to half of its width: 1.1315 k, Christiansen & Andersen 1999.
+
+    Their yield condition (σ1 − σ2)²/4 + σ12² ≤ k² is R ≤ k. Cracks are dry joints without friction, which open.
+    """
+    edges = [-1.0, -0.5, 0.5, 1.0]
+    parts, live = [box("hold", -1.2, -1, -1, -0.9, support=True)], []
+    for k, (left, right) in enumerate(pairwise(edges)):
+        parts += [box(f"t{k}", left, 0, right, 1), box(f"b{k}", left, -1, right, 0)]
+        for name, place, way in ((f"t{k}", 1.0, 1.0), (f"b{k}", -1.0, -1.0)):
+            live.append({"element": name, "force": [0, way * (right - left)], "at": [0.5 * (left + right), place]})
+    assembly = scene(parts, live, dry={"friction_coefficient": 0.0})
+    cracks = np.array([assembly.pair(face) in ("t0–b0", "t2–b2") for face in range(len(assembly.interfaces))])
+    assert cracks.sum() == 2
+    found = bounds_by_fields(assembly, cracks, gap=0.09)
+    assert found.lower <= 1.1315 <= found.upper
+    assert found.gap <= 0.09
+
+
+def test_thick_ring_under_inner_pressure() -> None:
+    """p = 2 τ ln(b/a) where R ≤ τ alone governs (Hill 1950); 16 chords for circles, whose area differs by 2.6 %."""
+    count, inner, outer = 16, 1.0, 1.4
+    turn = 2.0 * np.pi / count
+    parts, live = [], []
+    for k in range(count):
+        (c, s), (d, t) = ((np.cos(a), np.sin(a)) for a in (turn * k, turn * (k + 1)))
+        ring = [[inner * c, inner * s], [outer * c, outer * s], [outer * d, outer * t], [inner * d, inner * t]]
+        parts.append({"id": f"s{k}", "polygon": ring})
+        normal = np.array([np.cos(turn * (k + 0.5)), np.sin(turn * (k + 0.5))])
+        force = 2.0 * inner * np.sin(turn / 2.0) * normal
+        live.append({"element": f"s{k}", "force": force.tolist(), "at": (inner * np.cos(turn / 2.0) * normal).tolist()})
+    middle, along = outer * np.cos(turn / 2.0) * normal, 0.03 * np.array([-normal[1], normal[0]])
+    corners = (middle - along, middle - along + 0.1 * normal, middle + along + 0.1 * normal, middle + along)
+    parts.append({"id": "hold", "polygon": [corner.tolist() for corner in corners], "support": True})
+    found = bounds_by_fields(scene(parts, live, inner={"tensile_strength": 5.0}), gap=0.1, most_triangles=700)
+    exact = 2.0 * np.log(outer / inner)
+    assert found.lower <= 1.026 * exact
+    assert found.upper >= exact / 1.026
+    assert found.gap <= 0.1
+
+
+def test_a_large_cell_on_a_short_joint() -> None:
+    """Seed 148 of the claims: 700 triangles of a uniform mesh carry no dead load, 260 do that are placed by it."""
+    rng = np.random.default_rng([148, 2026])
+    random_move(rng, 2)
+    scenes = random_scenes(rng, [Move(np.eye(2), 1.0, np.zeros(2))])
+    assert scenes is not None
+    found = bounds_by_fields(build_assembly(parse_scene(scenes[0])), gap=0.01, most_triangles=300)
+    assert found.history[0].lower == found.history[1].lower == -math.inf
+    assert math.isfinite(found.lower)
+    assert found.lower < found.upper
 
 
 def test_blocks_too_weak_for_their_own_weight() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -124,15 +124,26 @@ class Fields:
     @cached_property
     def for_all(self) -> tuple[FieldStresses | None, FieldMechanism | None]:
         """What both fields prove for other labellings."""
-        stresses = None if self.stress is None else stresses_of(self.lower, self.stress)
+        stresses = None if self.stress is None else stresses_of(self.lower, self.stress, self.labels)
         return stresses, None if self.velocity is None else mechanism_of(self.upper, self.velocity, self.labels)
 
     def finer(self, adaptive: bool = True) -> Mesh:
         """Return the next mesh: refined where the fields disagree, or everywhere."""
         if not adaptive:
             return refine(self.mesh, np.ones(len(self.mesh), dtype=bool))
-        marks = _marks(self.problem, self.stress, self.velocity)
-        return refine(self.mesh, marks, _singular_corners(self.problem, self.stress))
+        stress = self.stress if self.stress is not None else self._under_dead_load()
+        return refine(self.mesh, _marks(self.problem, stress, self.velocity), _singular_corners(self.problem, stress))
+
+    def _under_dead_load(self) -> StressField | None:
+        """Field under the largest share of the dead load alone: its multipliers show where the mesh is too coarse.
+
+        None where there is no dead load.
+        """
+        p = self.problem
+        if not p.dead.any():
+            return None
+        alone = replace(p, live=p.dead, dead=np.zeros_like(p.dead), pull=np.zeros_like(p.pull))
+        return LowerBound(alone).bound(self.labels)
 
 
 class CoarseBounds:
@@ -185,7 +196,9 @@ class CoarseBounds:
             What the field proves for other labellings.
         """
         found = self._lower.bound(labels)
-        return (-math.inf, None) if found is None else (self._load * found.factor, stresses_of(self._lower, found))
+        return (
+            (-math.inf, None) if found is None else (self._load * found.factor, stresses_of(self._lower, found, labels))
+        )
 
 
 def _marks(problem: Problem, stress: StressField | None, velocity: VelocityField | None) -> Bools:
@@ -195,9 +208,11 @@ def _marks(problem: Problem, stress: StressField | None, velocity: VelocityField
     """
     count = len(problem.mesh)
     small = problem.mesh.area < _LEAST_AREA * problem.mesh.area.sum()
-    if stress is None or velocity is None:
+    if stress is None:
         return np.asarray(~small)
-    parts = [np.maximum(disagreement(problem, stress, velocity), 0.0), np.maximum(stress.rate, 0.0).sum(axis=1)]
+    parts = [np.maximum(stress.rate, 0.0).sum(axis=1)]
+    if velocity is not None:
+        parts.append(np.maximum(disagreement(problem, stress, velocity), 0.0))
     error = _EVERYWHERE * problem.mesh.area / problem.mesh.area.sum()
     for part in parts:
         error = error + part / max(float(part.sum()), 1e-300)

@@ -20,6 +20,10 @@ _MOST_TRIANGLES = 20_000
 """Triangles at which refinement ends: programs of more take minutes."""
 
 
+_PATIENCE = 8
+"""Meshes after which bounds of which one is missing are given up: the dead load needs fine meshes at few places."""
+
+
 class FieldStatus(StrEnum):
     """How a two-sided bound ended: gap reached, falls whatever λ ≥ 0, out of time, or without one of the bounds."""
 
@@ -182,8 +186,8 @@ def bounds_by_fields(
         now = time.perf_counter()
         steps.append(FieldStep(len(mesh), *fields.bounds, now - start))
         found = best.result(tuple(steps), gap)
-        # without one of the bounds only uniform refinement can help, and only so far
-        lone = found.status is not FieldStatus.OPEN and len(steps) >= 3
+        # without one of the bounds refinement helps only so far
+        lone = found.status is not FieldStatus.OPEN and len(steps) >= _PATIENCE
         if found.status in (FieldStatus.CLOSED, FieldStatus.UNSTABLE) or lone:
             return found
         finer = fields.finer(adaptive)

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from jld_core import tolerances
-from jld_core.arrays import Bits, Floats, Ints
+from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.fields.conic import Answer, ConeProgram, Rows
 from jld_core.fields.problem import Problem
 
@@ -58,6 +58,7 @@ class LowerBound:
         self._triangles = len(problem.mesh)
         self._width = 12 * self._triangles + 1
         self._programs: dict[float, tuple[ConeProgram, Ints]] = {}
+        self._factors: dict[bytes, tuple[sp.csr_array, object]] = {}
         self.status = ""
 
     def bound(self, labels: Bits) -> StressField | None:
@@ -88,7 +89,7 @@ class LowerBound:
                 continue
             rooms = []
             for point, load in ((stress, factor), (inner.point[: 9 * self._triangles], float(inner.point[-1]))):
-                field, rest = self._project(point, load)
+                field, rest = self._project(point, load, labels)
                 rooms.append(self.room(field.reshape(-1, 3, 3), labels) - 2.0 * rest)
             if rooms[1] > 0.0:
                 share = min(1.0, 1.01 * max(-rooms[0], 0.0) / (rooms[1] - min(rooms[0], 0.0)))
@@ -111,7 +112,7 @@ class LowerBound:
 
     def certify(self, stress: Floats, factor: float, labels: Bits) -> StressField | None:
         """Project a proposed field (9t,) onto equilibrium; None where the result violates yield."""
-        projected, rest = self._project(stress, factor)
+        projected, rest = self._project(stress, factor, labels)
         field = projected.reshape(-1, 3, 3)
         room = self.room(field, labels) - rest
         return StressField(factor, field, room, rest, np.zeros((self._triangles, 3))) if room >= 0.0 else None
@@ -133,12 +134,21 @@ class LowerBound:
         return min(least)
 
     def joint_room(self, stress: Floats, rows: Ints) -> Floats:
-        """Return the least room (k, 2) of stresses (t, 3, 3) to the yield of dry joints at both ends of some edges."""
+        """Return the least room (k, 2) of stresses (t, 3, 3) to the yield of dry joints at both ends of some edges.
+
+        Shear on joints without friction and cohesion has no room: it is made zero as equilibrium is made exact.
+        """
         p = self.problem
         normal, shear = self.tractions(stress, rows)
         face = p.face[rows]
         mu, c, crush = (v[face][:, None] for v in (p.joints.friction, p.joints.cohesion, p.joints.crushing))
-        return np.minimum(np.minimum(-normal, c - mu * normal - abs(shear)), crush + normal)
+        slides = np.where(self.frictionless[face][:, None], np.inf, c - mu * normal - abs(shear))
+        return np.minimum(np.minimum(-normal, slides), crush + normal)
+
+    @cached_property
+    def frictionless(self) -> Bools:
+        """(m,) True for interfaces whose dry joint has neither friction nor cohesion."""
+        return np.asarray((self.problem.joints.friction == 0.0) & (self.problem.joints.cohesion == 0.0))
 
     def tractions(self, stress: Floats, rows: Ints) -> tuple[Floats, Floats]:
         """Return normal (tension positive) and shear tractions (k, 2) at both ends of some edges."""
@@ -179,22 +189,45 @@ class LowerBound:
         nx, ny = sign * e.normal[rows, 0], sign * e.normal[rows, 1]
         return [(base + k, part) for k, part in enumerate((nx, nx, ny) if axis == 0 else (ny, -ny, nx))]
 
-    @cached_property
-    def _factor(self) -> tuple[sp.csr_array, object]:
-        """E over stresses alone, and a factor of E Eᵀ: the column of λ would fill it."""
-        matrix = sp.csr_array(self.equilibrium[0][:, :-1])
-        square = sp.csc_matrix(matrix @ matrix.T + _REGULAR * sp.eye_array(matrix.shape[0]))
-        return matrix, splu(square, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    def _equalities(self, labels: Bits) -> tuple[sp.csr_array, object]:
+        """Equations of stresses alone, and a factor of A Aᵀ: the column of λ would fill it.
 
-    def _project(self, stress: Floats, factor: float) -> tuple[Floats, float]:
+        They are equilibrium and, on dry joints without friction and cohesion, no shear.
+        """
+        p = self.problem
+        edges = p.on_faces[p.is_dry(labels)[p.on_faces] & self.frictionless[p.face[p.on_faces]]]
+        key = edges.tobytes()
+        if key not in self._factors:
+            matrix = sp.csr_array(self.equilibrium[0][:, :-1])
+            if edges.size:
+                matrix = sp.csr_array(sp.vstack([matrix, self._no_shear(edges)]))
+            square = sp.csc_matrix(matrix @ matrix.T + _REGULAR * sp.eye_array(matrix.shape[0]))
+            options = {"SymmetricMode": True}
+            self._factors[key] = (
+                matrix,
+                splu(square, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options),
+            )
+        return self._factors[key]
+
+    def _no_shear(self, edges: Ints) -> sp.csr_array:
+        """Rows of the shear tractions at both ends of some edges."""
+        e, rows = self.problem.edges, Rows()
+        nx, ny = e.normal[edges, 0], e.normal[edges, 1]
+        for end in (0, 1):
+            base = 9 * e.a[edges] + 3 * e.corner_a[edges, end]
+            rows.add([(base + 1, -2.0 * nx * ny), (base + 2, nx**2 - ny**2)], 0.0, len(edges))
+        return rows.matrix(9 * self._triangles)
+
+    def _project(self, stress: Floats, factor: float, labels: Bits) -> tuple[Floats, float]:
         """Nearest stresses (9t,) in equilibrium under λ, and the stress that is charged for what is missing from it.
 
         Charged are twice the next correction and the largest residual; beyond rounding the charge is infinite, since no
         correction mends equations that contradict each other.
         """
-        matrix, solver = self._factor
+        matrix, solver = self._equalities(labels)
         whole, rhs = self.equilibrium
         rhs = rhs - factor * whole[:, [-1]].toarray().ravel()
+        rhs = np.concatenate([rhs, np.zeros(matrix.shape[0] - len(rhs))])
         last, size = np.inf, np.inf
         for _ in range(_STEPS):
             step = matrix.T @ solver.solve(rhs - matrix @ stress)  # type: ignore[attr-defined]
@@ -233,7 +266,7 @@ class LowerBound:
             linear.add([(base + k, normal[k]) for k in range(3)], -margin, len(rows))
             for sign in (1.0, -1.0):
                 entries = [(base + k, (mu * normal[k] + sign * shear[k]) / size) for k in range(3)]
-                linear.add(entries, (c - margin) / size, len(rows))
+                linear.add(entries, np.where(self.frictionless[face], 0.0, c - margin) / size, len(rows))
             owner += [rows] * 3
             some = np.flatnonzero(np.isfinite(p.joints.crushing[face]))
             crush = p.joints.crushing[face[some]]

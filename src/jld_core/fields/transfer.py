@@ -147,7 +147,7 @@ def _mechanism(upper: UpperBound, velocity: Floats) -> FieldMechanism | None:
     return FieldMechanism(constant * load, dry.astype(np.float64), inner.astype(np.float64))
 
 
-def stresses_of(lower: LowerBound, field: StressField) -> FieldStresses:
+def stresses_of(lower: LowerBound, field: StressField, labels: Bits) -> FieldStresses:
     """Return what a certified stress field proves for all labellings.
 
     Parameters
@@ -156,6 +156,8 @@ def stresses_of(lower: LowerBound, field: StressField) -> FieldStresses:
         The problem.
     field : StressField
         Field in equilibrium and within yield of the blocks.
+    labels : (m,) bool array
+        The labelling that it belongs to: where joints have no friction, shear vanishes on its dry faces alone.
 
     Returns
     -------
@@ -165,5 +167,6 @@ def stresses_of(lower: LowerBound, field: StressField) -> FieldStresses:
     p = lower.problem
     rows = p.on_faces
     fits = lower.joint_room(field.stress, rows).min(axis=1) >= field.charge
+    fits &= labels[p.face[rows]] | ~lower.frictionless[p.face[rows]]
     wrong = np.bincount(p.face[rows], ~fits, minlength=len(p.supported))
     return FieldStresses(field.factor * p.units.load, wrong == 0)

@@ -15,7 +15,7 @@ from jld_core.arrays import Bits, Floats, Ints
 from jld_core.fields.conic import Answer
 from jld_core.fields.opening import opening_motion
 from jld_core.fields.problem import Problem
-from jld_core.fields.settled import settled
+from jld_core.fields.settled import Settling
 from jld_core.fields.velocity_program import VelocityProgram
 
 _RAY = -1.0
@@ -57,6 +57,7 @@ class UpperBound:
         self._triangles = len(problem.mesh)
         self._program: VelocityProgram | None = None
         self._motion: Floats | None = None
+        self._settling: Settling | None = None
         self._tried = False
         self.status = ""
         p = problem
@@ -101,7 +102,9 @@ class UpperBound:
         Settling may lead away from a field whose active flow rules contradict each other; the lower of the bounds of
         both fields stands.
         """
-        near = settled(self.problem, velocity, self.problem.is_dry(labels))
+        if self._settling is None:
+            self._settling = Settling(self.problem)
+        near = self._settling.settled(velocity, self.problem.is_dry(labels))
         found = [self._opened(field, labels) for field in (near, velocity)]
         return min((one for one in found if one is not None), key=lambda one: one.factor, default=None)
 

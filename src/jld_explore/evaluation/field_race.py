@@ -30,7 +30,7 @@ _MOST_TRIANGLES: Final = 12_000
 _GROWTH: Final = 1.4
 """Power of the number of triangles that the time of a mesh grows with, as measured up to 6 000."""
 
-_PATIENCE: Final = 3
+_PATIENCE: Final = 6
 """Meshes after which a layout without one of the bounds is given up."""
 
 
