@@ -35,12 +35,14 @@ from benchmarks.lanes import Case, drawn
 from benchmarks.stated import stated
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.batch import BatchSolver, build, chosen, described
-from jld_core.batch.library import SWITCH, library
+from jld_core.batch import build, chosen
+from jld_core.batch.batch_solver import BatchSolver
+from jld_core.batch.library import SWITCH, described, library
 from jld_core.limit import LimitAnalysis
 from jld_core.program import Template
 from jld_core.views.figures import save_figure
-from jld_explore.evaluation import Evaluator, EvaluatorSettings
+from jld_explore.evaluation import EvaluatorSettings
+from jld_explore.evaluation.evaluator import Evaluator
 
 HERE: Final = Path(__file__).parent
 CASES: Final[dict[str, Callable[[], Case]]] = {

@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.common import random_segmentations, table, wall, write
 from jld_core import LimitAnalysis, Status
-from jld_core.models import prove_condensed
+from jld_core.models.rigid_blocks import prove_condensed
 
 SIZES = ((4, 4, 60), (6, 8, 40), (12, 12, 8))
 STRENGTHS = (1e9, 2e6, 2e5, 2e4)

@@ -21,7 +21,7 @@ from benchmarks.common import about, table, write
 from benchmarks.exact import arch, wall
 from jld_core import Scene, build_assembly
 from jld_explore import ExploreSettings, Progress, explore
-from jld_explore.drivers import Exact
+from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.target_schedule import TargetSchedule
 from jld_explore.space import search_space
 

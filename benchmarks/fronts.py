@@ -9,8 +9,10 @@ from unittest.mock import patch
 
 from jld_core import Scene, build_assembly
 from jld_explore import ExploreSettings, explore
-from jld_explore.drivers import Exact, Formula
-from jld_explore.space import Range, count_named, search_space
+from jld_explore.drivers.exact.driver import Exact
+from jld_explore.drivers.exact.formula import Formula
+from jld_explore.space import count_named, search_space
+from jld_explore.space.limits import Range
 
 
 class Apart(Exact):

@@ -13,9 +13,8 @@ from typing import Literal
 from jld_core import LimitAnalysis, LimitAnalysisResult, tolerances
 from jld_core.arrays import Floats
 from jld_core.limit import Proof, result_of
-from jld_core.models import ProximalOptions
 from jld_core.models.zero_dilation.proof import proof_of
-from jld_core.models.zero_dilation.search import FixedPointSearch, PrimalDualPair
+from jld_core.models.zero_dilation.search import FixedPointSearch, PrimalDualPair, ProximalOptions
 from jld_core.models.zero_dilation.starts import first_forces
 
 

@@ -18,7 +18,7 @@ import psutil
 
 from benchmarks.common import about, table, write
 from benchmarks.search_scenes import ENUMERATED, LARGE, built
-from jld_core.batch import described
+from jld_core.batch.library import described
 from jld_core.scene import Scene
 from jld_explore.drivers import make_driver
 from jld_explore.settings import ExploreSettings

@@ -27,9 +27,8 @@ from benchmarks.search_scenes import ENUMERATED, LARGE, built
 from benchmarks.stated import stated
 from jld_core import Assembly
 from jld_core.arrays import Bits, Floats
-from jld_core.batch import PROVEN, BatchSolver, described
-from jld_core.batch.batch_solver import SPATIAL_TRIES, TRIES
-from jld_core.batch.library import Try
+from jld_core.batch.batch_solver import PROVEN, SPATIAL_TRIES, TRIES, BatchSolver
+from jld_core.batch.library import Try, described
 from jld_core.limit import LimitAnalysis
 from jld_core.solvers import ClarabelSolver
 from jld_core.views.figures import save_figure

@@ -22,8 +22,8 @@ from jld_core import Assembly
 from jld_core.arrays import Floats
 from jld_core.views.figures import save_figure
 from jld_explore.drivers.exact.cube_workers import MOMENT
-from jld_explore.evaluation import EvaluatorSettings, WorkerSpec, batch_size
-from jld_explore.evaluation.workers import evaluate_batch
+from jld_explore.evaluation import EvaluatorSettings
+from jld_explore.evaluation.workers import WorkerSpec, batch_size, evaluate_batch
 
 WORKERS: Final = (1, 10, 100)
 DRAWN: Final = (1, 2, 4, 8, 16, 32, 64, 100)

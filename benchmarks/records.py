@@ -17,7 +17,9 @@ import numpy as np
 from benchmarks.common import about, table, write
 from jld_core.arrays import Bits
 from jld_core.limit import Status
-from jld_explore.evaluation import RECORDS_FILE, Evaluation, Forces, Mechanism, Proofs, Records
+from jld_explore.evaluation import Evaluation, Records
+from jld_explore.evaluation.certificates import Forces, Mechanism, Proofs
+from jld_explore.evaluation.records import RECORDS_FILE
 
 FACES: Final = 64
 ROWS: Final = ((1, 20_000), (8, 100_000), (64, 200_000), (16_384, 1_000_000))

@@ -24,9 +24,11 @@ from benchmarks.exact import arch, sections, summary_of, wall
 from benchmarks.refuting_ways import Implying, Reaching, Together, Translating
 from jld_core import Scene, build_assembly
 from jld_core.batch import library
-from jld_core.limit import LimitAnalysis, Relaxation
-from jld_explore.drivers import Formula, possible_blocks
+from jld_core.limit import LimitAnalysis
+from jld_core.limit.relaxation import Relaxation
 from jld_explore.drivers.exact import conflict_generation
+from jld_explore.drivers.exact.formula import Formula
+from jld_explore.drivers.exact.possible_blocks import possible_blocks
 from jld_explore.space import SearchSpace, search_space
 
 CASES: Final[dict[str, tuple[Scene, float]]] = {

@@ -20,10 +20,10 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import lsqr
 
 from jld_core.arrays import Bits, Bools, Floats
-from jld_core.limit import MinimizedConflict, Relaxation
-from jld_explore.drivers import Formula
+from jld_core.limit.relaxation import MinimizedConflict, Relaxation
 from jld_explore.drivers.exact.conflict_generation import ConflictBatch, ConflictGenerator
 from jld_explore.drivers.exact.conflict_minimization import Conflict, conflict_of
+from jld_explore.drivers.exact.formula import Formula
 
 _LEVELS: Final = 24
 """Sums that are told apart at a vertex, at the most."""

@@ -28,7 +28,8 @@ import scipy.sparse as sp
 from benchmarks.common import ROOT, table, write
 from jld_core import Scene, build_assembly, parse_scene
 from jld_core.arrays import Bits, Floats, Ints
-from jld_core.limit import LimitAnalysis, Relaxation
+from jld_core.limit import LimitAnalysis
+from jld_core.limit.relaxation import Relaxation
 from jld_core.program import pack
 from jld_core.solvers import ClarabelSolver, RawStatus
 from jld_explore import ExploreSettings, explore

@@ -23,13 +23,15 @@ from benchmarks.search_scenes import ENUMERATED, LARGE, built
 from benchmarks.spared import wall
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
-from jld_core.batch import PROVEN, described
+from jld_core.batch.batch_solver import PROVEN
+from jld_core.batch.library import described
 from jld_core.limit import Batch, LimitAnalysis, Status
 from jld_core.scene import Scene
 from jld_core.threads import one_thread
 from jld_explore.drivers import make_driver
-from jld_explore.evaluation import Evaluation, Evaluator, EvaluatorSettings, MakeEvaluator, Proofs, evaluator_of
-from jld_explore.evaluation.certificates import forces_of, mechanism_of
+from jld_explore.evaluation import Evaluation, EvaluatorSettings, MakeEvaluator, evaluator_of
+from jld_explore.evaluation.certificates import Proofs, forces_of, mechanism_of
+from jld_explore.evaluation.evaluator import Evaluator
 from jld_explore.settings import ExploreSettings
 from jld_explore.study import Study
 

@@ -22,9 +22,9 @@ from studies.families import halved_bond
 
 from benchmarks.zero_dilation_space import wall
 from jld_core import LimitAnalysis, Scene, Status, build_assembly, parse_scene, solve
-from jld_core.models import ProximalOptions
 from jld_core.models.zero_dilation.found import MultiStartSearch
 from jld_core.models.zero_dilation.range import load_range
+from jld_core.models.zero_dilation.search import ProximalOptions
 from jld_core.models.zero_dilation.starts import low_compression_states
 from jld_core.samples import box
 

@@ -25,8 +25,8 @@ from matplotlib.figure import Figure
 from benchmarks.common import RESULTS, about, table, write
 from benchmarks.search_scenes import ENUMERATED, LARGE, built
 from benchmarks.stopwatch import Stopwatch
-from jld_core.batch import BatchSolver, described
-from jld_core.batch.library import SWITCH
+from jld_core.batch.batch_solver import BatchSolver
+from jld_core.batch.library import SWITCH, described
 from jld_core.threads import one_thread
 from jld_core.views.figures import save_figure
 from jld_explore.drivers import make_driver

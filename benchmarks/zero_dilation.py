@@ -18,7 +18,7 @@ from studies.families import random_wall
 
 from benchmarks.gilbert import Smoothing, smoothed
 from jld_core import Assembly, LimitAnalysis, build_assembly, load_scene
-from jld_core.models import ProximalOptions
+from jld_core.models.zero_dilation.search import ProximalOptions
 
 ROOT = Path(__file__).resolve().parent
 WALLS = tuple(f"ferris_tinloi_{number}" for number in (1, 2, 3, 4, 5))

@@ -11,7 +11,8 @@ import numpy as np
 from benchmarks.claims.geometry import Move, document, planar_grid, polygon_entry, random_move
 from benchmarks.claims.tally import Tally, run_cases
 from jld_core import Assembly, InputError, LimitAnalysis, Status, build_assembly, parse_scene
-from jld_core.fields import FieldBounds, bounds_by_fields
+from jld_core.fields import bounds_by_fields
+from jld_core.fields.bounds import FieldBounds
 
 CLAIM: Final = "Bounds by fields are in order, monotonic, below rigid blocks and independent of position and units"
 SAME: Final = 1e-6

@@ -20,29 +20,18 @@ from jld_core.memory import memory_limit
 from jld_core.models import cost_estimate, require_memory, require_model
 from jld_core.scene import Scene, load_scene
 from jld_core.threads import one_thread
-from jld_explore.drivers import (
-    DRIVERS,
-    Driver,
-    Enumeration,
-    Exact,
-    bound_of_all,
-    certify,
-    check_certifiable,
-    driver_for,
-    make_driver,
-    size_up_to,
-)
-from jld_explore.evaluation import MakeEvaluator, OwnObjectiveEvaluator, VoidCellsEvaluator, evaluator_of, on_cluster
+from jld_explore.drivers import DRIVERS, Driver, make_driver
+from jld_explore.drivers.choice import bound_of_all, driver_for
+from jld_explore.drivers.enumeration import Enumeration, size_up_to
+from jld_explore.drivers.exact.certifying import certify, check_certifiable
+from jld_explore.drivers.exact.driver import Exact
+from jld_explore.evaluation import MakeEvaluator, evaluator_of
+from jld_explore.evaluation.cluster import on_cluster
+from jld_explore.evaluation.own_objective import OwnObjectiveEvaluator
+from jld_explore.evaluation.void_cells import VoidCellsEvaluator
 from jld_explore.experiments import DEFAULT, Experiments, add_experiments
-from jld_explore.report import (
-    Exploration,
-    check_certificate_file,
-    check_folder,
-    write_pictures,
-    write_report,
-    write_tables,
-    write_text,
-)
+from jld_explore.report import Exploration, check_folder, write_pictures, write_report, write_text
+from jld_explore.report.folder import check_certificate_file, write_tables
 from jld_explore.settings import ExploreSettings, Objective
 from jld_explore.space import SearchSpace, from_string, search_space
 from jld_explore.study import Interrupted, Progress, StopReason, Study
@@ -276,7 +265,7 @@ def _space_of(scene: Scene, assembly: Assembly, driver: str | Driver | None) -> 
         return search_space(scene, assembly)
     space = driver.space
     if space.search != scene.search or space.assembly.elements.ids != assembly.elements.ids:
-        raise InputError("driver", "it was made for the space of another scene", "search_space of this scene")
+        raise ParameterError("driver", "it was made for the space of another scene", "search_space of this scene")
     return space
 
 

@@ -11,7 +11,7 @@ from cases_spatial import wall as spatial_wall
 from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, Status, solve
 from jld_core.arrays import Bits
 from jld_core.limit import result_of
-from jld_core.models import prove_condensed, rigid_blocks, worth_condensing
+from jld_core.models.rigid_blocks import prove_condensed, rigid_blocks, worth_condensing
 
 
 def condensed(analysis: LimitAnalysis, labels: Bits) -> LimitAnalysisResult | None:

@@ -12,7 +12,9 @@ from typing import Any, Final
 
 import pytest
 
-from jld_core.batch import CARRIED, CARRIES, FALLS, LOCKED, OPEN, PROVEN, REFUTED, batch_solver, blocks, build, library
+from jld_core.batch import batch_solver, blocks, build, library
+from jld_core.batch.batch_solver import CARRIES, FALLS, LOCKED, OPEN, PROVEN
+from jld_core.batch.conflict_request import CARRIED, REFUTED
 
 SOURCES: Final = {
     name: re.sub(r"//[^\n]*", "", (build.SOURCE / name).read_text(encoding="utf-8"))

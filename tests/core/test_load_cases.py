@@ -13,7 +13,9 @@ import pytest
 from cases import grid_document
 from command import call
 from jld_core import InputError, Status, build_assembly, parse_scene, solve
-from jld_core.limit import CaseRelaxation, Known, LimitAnalysis, Relaxation, governing
+from jld_core.limit import Known, LimitAnalysis, governing
+from jld_core.limit.case_relaxation import CaseRelaxation
+from jld_core.limit.relaxation import Relaxation
 from jld_core.program import Template
 
 ROWS = ["aab", "cbb", "###"]

@@ -15,17 +15,10 @@ from jld_core.build import build_assembly
 from jld_core.limit import LimitAnalysis, Status
 from jld_core.scene import parse_scene
 from jld_explore import ExploreSettings, explore
-from jld_explore.drivers import Enumeration
-from jld_explore.evaluation import (
-    RECORDS_FILE,
-    Bounds,
-    CertificateEvaluator,
-    Forces,
-    Mechanism,
-    Pool,
-    Proofs,
-    proofs_of,
-)
+from jld_explore.drivers.enumeration import Enumeration
+from jld_explore.evaluation.certificates import Bounds, Forces, Mechanism, Pool, Proofs, proofs_of
+from jld_explore.evaluation.records import RECORDS_FILE
+from jld_explore.evaluation.with_certificates import CertificateEvaluator
 from jld_explore.space import search_space
 
 SCENES: dict[str, tuple[list[str], dict[str, Any]]] = {

@@ -11,7 +11,11 @@ from cases import grid_document
 from jld_core.assembly import blocks_of as assembly_blocks
 from jld_core.build import build_assembly
 from jld_core.scene import parse_scene
-from jld_explore.space import SearchSpace, blocks_of, counts, feasible, from_string, reasons_against, search_space
+from jld_explore.space import SearchSpace, from_string, search_space
+from jld_explore.space.counts import counts
+from jld_explore.space.labelling import blocks_of
+from jld_explore.space.reasons import reasons_against
+from jld_explore.space.search_space import feasible
 
 ROWS = ["abc", "#.#"]  # faces: c0r0-c1r0, c0r0-c0r1, c1r0-c2r0, c2r0-c2r1
 CELL = 1400 * 9.81 * 0.1**3

@@ -11,7 +11,8 @@ from cases import CASES, grid_assembly
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.limit import LimitAnalysis, Status
-from jld_explore.evaluation import ForceMethod, Pool, Vertex
+from jld_explore.evaluation.certificates import Pool
+from jld_explore.evaluation.force_method import ForceMethod, Vertex
 
 SIDEWAYS = [{"element": "c0r0", "force": [1, 0]}]
 LINEAR = [name for name, (_, options) in CASES.items() if "crush_dry" not in options]

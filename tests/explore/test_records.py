@@ -19,10 +19,16 @@ from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.limit import Status
 from jld_core.scene import load_scene, parse_scene
-from jld_explore.evaluation import CERTIFICATE, RECORDS_FILE, Evaluation, Forces, Mechanism, Proofs, Records
+from jld_explore.evaluation import Evaluation, Records
+from jld_explore.evaluation.certificates import Forces, Mechanism, Proofs
+from jld_explore.evaluation.evaluation import CERTIFICATE
+from jld_explore.evaluation.records import RECORDS_FILE
 from jld_explore.evaluation.rows import record_type, rows_of
 from jld_explore.report import tables
-from jld_explore.space import block_sizes, blocks_of, connectivity, counts, search_space, unpack
+from jld_explore.space import search_space, unpack
+from jld_explore.space.counts import counts
+from jld_explore.space.labelling import blocks_of, connectivity
+from jld_explore.space.limits import block_sizes
 from paths import SCENES
 
 HEADER = {"scene": "a", "seed": 1}
@@ -226,7 +232,8 @@ import sys
 from pathlib import Path
 sys.path[:0] = {paths!r}
 from test_records import FACES, HEADER, evaluations, labellings
-from jld_explore.evaluation import Proofs, Forces, Records
+from jld_explore.evaluation import Records
+from jld_explore.evaluation.certificates import Forces, Proofs
 from dataclasses import replace
 records, rows = Records(Path(sys.argv[1]), HEADER, FACES), labellings(2048)
 for n, found in enumerate(evaluations(2048)):

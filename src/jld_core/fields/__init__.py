@@ -1,30 +1,12 @@
 """Stress and velocity fields in the blocks: λ of planar blocks that may crack anywhere, from both sides.
 
-- `FieldBounds`: a two-sided bound with its fields and history
-- `FieldStatus`: how a two-sided bound ended
-- `FieldStep`: both bounds on one mesh
-- `Material`: Mohr–Coulomb with tension cut-off in plane stress
-- `Mesh`: triangles inside the cells, conforming across interfaces
-- `Stresses`: a certified stress field
-- `Velocities`: a certified velocity field
 - `bounds_by_fields`: bounds on λ of one labelling
-- `material_of`: the material of the blocks of an assembly
 """
 
 from __future__ import annotations
 
-from jld_core.fields.bounds import FieldBounds, FieldStatus, FieldStep, Stresses, Velocities, bounds_by_fields
-from jld_core.fields.material import Material, material_of
-from jld_core.fields.mesh import Mesh
+from jld_core.fields.bounds import bounds_by_fields
 
 __all__ = [
-    "FieldBounds",
-    "FieldStatus",
-    "FieldStep",
-    "Material",
-    "Mesh",
-    "Stresses",
-    "Velocities",
     "bounds_by_fields",
-    "material_of",
 ]

@@ -18,9 +18,9 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.errors import ParameterError
-from jld_core.geometry import rectangle_torsion_length
+from jld_core.geometry.polygons import rectangle_torsion_length
 from jld_core.limit import LimitAnalysis, Motion, Proof, Prover, State, Status, number, relative_width
-from jld_core.mechanics import EffectiveAreas, PrescribedFriction
+from jld_core.mechanics.prescribed_friction import EffectiveAreas, PrescribedFriction
 from jld_core.program import Template
 from jld_core.solvers import ClarabelSolver
 

@@ -20,8 +20,9 @@ from typer.core import TyperGroup
 
 from jld_core._version import __version__
 from jld_core.assembly import Assembly
-from jld_core.batch import described as kernel_in_use
-from jld_core.build import build_assembly, build_robust, settlements_of
+from jld_core.batch.library import described as kernel_in_use
+from jld_core.build import build_assembly, build_robust
+from jld_core.build.settlements import settlements_of
 from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.limit import (
     FLOOR_SECONDS,
@@ -50,13 +51,10 @@ from jld_explore.cli.progress import ProgressBar
 from jld_explore.cli.settlement import settlement
 from jld_explore.cli.streams import say, warn
 from jld_explore.cli.verifying import verify_command
-from jld_explore.drivers import DRIVERS, owners
-from jld_explore.report import (
-    check_folder,
-    check_writable,
-    words,
-    write_text,
-)
+from jld_explore.drivers import DRIVERS
+from jld_explore.drivers.registry import owners
+from jld_explore.report import check_folder, words, write_text
+from jld_explore.report.folder import check_writable
 from jld_explore.settings import (
     BudgetSettings,
     ExploreSettings,

@@ -25,7 +25,7 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.limit import Motion, Proof, State
 from jld_core.program import Template
-from jld_explore.space import Words, as_words
+from jld_explore.space.labelling import Words, as_words
 
 ROUND: Final = 32
 """Labellings solved between two queries of the pool, for any number of workers."""

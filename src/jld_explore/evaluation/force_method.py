@@ -27,10 +27,11 @@ import scipy.sparse as sp
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
-from jld_core.limit import Motion, Prover, Repair, State, load_scale
+from jld_core.limit import Motion, Prover, State, load_scale
+from jld_core.limit.repair import Repair
 from jld_core.mechanics import RowPattern
 from jld_core.program import Template
-from jld_core.solvers import highs_of
+from jld_core.solvers.highs import highs_of
 from jld_explore.evaluation.certificates import Mechanism, Proofs, forces_of, mechanism_of
 
 LARGEST: Final = 64

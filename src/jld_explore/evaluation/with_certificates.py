@@ -17,7 +17,8 @@ import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
-from jld_core.limit import Status, crossed, load_scale
+from jld_core.limit import Status, load_scale
+from jld_core.limit.bounds import crossed
 from jld_core.program import Template
 from jld_explore.evaluation.certificates import FEW, ROUND, Bounds, Pool, Proofs, unknown
 from jld_explore.evaluation.evaluation import CERTIFICATE, Evaluation

@@ -16,7 +16,7 @@ from jld_core.models import solve
 from jld_core.notebook_repr import NotebookRepr
 from jld_core.scene import Scene
 from jld_explore.report.summary import Summary
-from jld_explore.space import cut
+from jld_explore.space.void import cut
 from jld_explore.study import StopReason
 
 if TYPE_CHECKING:

@@ -15,8 +15,8 @@ from jld_core.errors import InputError, ParameterError
 from jld_core.exchange import blocks_csv
 from jld_core.files import require_writable, whole_file
 from jld_core.limit import LimitAnalysisResult
-from jld_explore.drivers import what_would_prove
-from jld_explore.evaluation import RECORDS_FILE
+from jld_explore.drivers.choice import what_would_prove
+from jld_explore.evaluation.records import RECORDS_FILE
 from jld_explore.report import required, tables
 from jld_explore.report.columns import columns, csv_of
 from jld_explore.report.evidence import front_rows, values_on, with_evidence

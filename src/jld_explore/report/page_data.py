@@ -18,7 +18,8 @@ from jld_core.assembly import Assembly
 from jld_core.limit import LimitAnalysisResult
 from jld_core.scene import Scene
 from jld_core.views import look, quantities
-from jld_explore.space import beside_nothing, omitted, to_string
+from jld_explore.space import to_string
+from jld_explore.space.void import beside_nothing, omitted
 
 FORMAT: Final = "jld-page"
 """Identifier of the data format."""
