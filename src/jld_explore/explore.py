@@ -187,8 +187,14 @@ def explore(
         raise ParameterError("out", "a search is resumed in its own folder", "the name of that folder")
     parsed = scene if isinstance(scene, Scene) else load_scene(Path(scene))
     folder = Path(tempfile.mkdtemp(prefix="jld-")) if out is None else Path(out)
-    with nullcontext() if isinstance(scene, Scene) else error_context(scene, str(folder)):
-        return _search(parsed, folder, settings, report, announce, started)
+    try:
+        with nullcontext() if isinstance(scene, Scene) else error_context(scene, str(folder)):
+            return _search(parsed, folder, settings, report, announce, started)
+    except InputError:
+        if out is None:
+            with suppress(OSError):  # removes the temporary folder only if nothing was written into it
+                folder.rmdir()
+        raise
 
 
 @one_thread()
