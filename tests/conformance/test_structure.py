@@ -10,6 +10,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from tools.imports import rewritten
 
 ROOT = Path(__file__).parents[2]
 SOURCES = ROOT / "src"
@@ -146,11 +147,25 @@ def test_names_come_from_the_face_or_from_the_module_that_defines_them(path: Pat
             if _is_module(f"{node.module}.{name}"):
                 continue
             if node.module == there:
-                assert not exported(there) or name in exported(there), f"{where} is not exported by {there}"
+                assert not exported(there) or name in exported(there), (
+                    f"{where} is not exported by {there}; run tools/imports.py"
+                )
                 continue
             assert "._" not in f"{node.module}.{name}", f"{where} is private"
             assert name not in exported(there) or f"{node.module}.".startswith(tuple(SLOW)), f"{where}: from {there}"
             assert name in defined(str(node.module)), f"{where} is not defined in {node.module}"
+
+
+def test_the_tool_finds_the_home_of_a_name() -> None:
+    """What to run after a merge that fails the test above."""
+    text = "from jld_core.limit import Relaxation, Status\nfrom jld_core.scene.schema import Scene, Dry\n"
+    assert rewritten(text, "jld_explore.study").splitlines() == [
+        "from jld_core.limit import Status",
+        "from jld_core.limit.relaxation import Relaxation",
+        "from jld_core.scene import Scene",
+        "from jld_core.scene.schema import Dry",
+    ]
+    assert rewritten(text, "jld_core.scene.reading").splitlines()[-1] == "from jld_core.scene.schema import Scene, Dry"
 
 
 def test_few_names_are_exported() -> None:

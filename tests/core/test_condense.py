@@ -89,7 +89,7 @@ def test_endless_strength_is_no_numerical_trouble(strength: float) -> None:
 
 
 def test_mechanism_of_blocks_is_rigid_and_does_unit_work() -> None:
-    from jld_core.mechanics.equilibrium import equilibrium_matrix, load_vectors
+    from jld_core.mechanics import equilibrium_matrix, load_vectors
 
     assembly = grid_assembly(["aaaa", "aaaa", "aaaa", "####"], tension=1e9, shear=1e9)
     labels = random_segmentation(assembly, 5, np.random.default_rng(8))
