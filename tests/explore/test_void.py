@@ -180,8 +180,8 @@ def test_bad_input(
     ("settings", "words"),
     [
         (ExploreSettings(driver="exact"), "exact proves nothing where cells may be left out"),
-        (ExploreSettings(certificates=True), "--certificates: it speaks of one structure"),
-        (ExploreSettings(experiment=1), "--experiment: it speaks of one structure"),
+        (ExploreSettings(certificates=True), "certificates: it speaks of one structure"),
+        (ExploreSettings(experiment=1), "experiment: it speaks of one structure"),
     ],
 )
 def test_what_speaks_of_one_structure_is_refused(settings: ExploreSettings, words: str, tmp_path: Path) -> None:
