@@ -22,7 +22,8 @@ from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.scene import Scene
 from jld_core.views.figures import save_figure
-from jld_explore.evaluation import Evaluation, Evaluator, EvaluatorSettings
+from jld_explore.evaluation import Evaluation, EvaluatorSettings
+from jld_explore.evaluation.evaluator import Evaluator
 from jld_explore.report.pictures import plot_convergence
 from jld_explore.space import SearchSpace
 

@@ -28,9 +28,12 @@ from studies.scenes import corner
 from benchmarks.common import RESULTS, table, write
 from benchmarks.scenes import cubes, vault
 from jld_core import Scene, build_assembly, load_scene, parse_scene
-from jld_core.limit import BlockRelaxation, LimitAnalysis, Relaxation, applies_to
+from jld_core.limit import LimitAnalysis
+from jld_core.limit.block_relaxation import BlockRelaxation, applies_to
+from jld_core.limit.relaxation import Relaxation
 from jld_explore import ExploreSettings, explore
-from jld_explore.drivers import Enumeration, possible_blocks
+from jld_explore.drivers.enumeration import Enumeration
+from jld_explore.drivers.exact.possible_blocks import possible_blocks
 from jld_explore.space import search_space
 
 WALLS: Final = (

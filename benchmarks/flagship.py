@@ -14,7 +14,7 @@ import numpy as np
 from benchmarks.common import ROOT, table, write
 from jld_core import LimitAnalysis, Status, build_assembly, load_scene
 from jld_core.limit import Proof, load_scale
-from jld_explore.drivers import Enumeration
+from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.space import search_space, to_string
 
 SHOWN = 10

@@ -24,10 +24,11 @@ from benchmarks.search_scenes import ENUMERATED, LARGE, built
 from benchmarks.stated import stated
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.batch import described
+from jld_core.batch.library import described
 from jld_core.limit import Batch, LimitAnalysis, Status, load_scale
 from jld_explore.drivers import make_driver
-from jld_explore.evaluation import Evaluator, EvaluatorSettings
+from jld_explore.evaluation import EvaluatorSettings
+from jld_explore.evaluation.evaluator import Evaluator
 
 TURNS: Final = 3
 MANY: Final = 1024

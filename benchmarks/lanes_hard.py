@@ -22,7 +22,7 @@ from benchmarks.common import about, random_segmentations, scene, table, wall, w
 from benchmarks.scenes import box
 from jld_core import Assembly, Scene, build_assembly, parse_scene, samples
 from jld_core.arrays import Bits
-from jld_core.batch import described
+from jld_core.batch.library import described
 from jld_core.limit import Batch, SolveOptions
 from jld_core.models import limit_analysis
 from jld_core.refinement import refine

@@ -17,7 +17,7 @@ import numpy as np
 from benchmarks.common import about, random_segmentations, table, write
 from benchmarks.lanes_hard import corner_of_studies, cubes, prisms
 from jld_core.assembly import Assembly
-from jld_core.batch import described
+from jld_core.batch.library import described
 from jld_core.models import solve
 
 SCENES: Final[dict[str, Callable[[], Assembly]]] = {

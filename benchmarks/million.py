@@ -22,7 +22,7 @@ from typing import Any, Final
 
 from benchmarks.common import about, table, write
 from benchmarks.search_scenes import LARGE, built
-from jld_core.batch import described
+from jld_core.batch.library import described
 
 COUNT: Final = 1_000_000
 SCENE: Final = "planar 88 faces"
@@ -88,7 +88,8 @@ def part(parts: dict[str, Part], name: str) -> Iterator[None]:
 def again(folder: Path, header: dict[str, Any]) -> dict[str, Any]:
     """Open the record and make the table and the front."""
     from jld_explore.evaluation import Records
-    from jld_explore.report import on_front, results_table
+    from jld_explore.report.front import on_front
+    from jld_explore.report.tables import results_table
 
     assembly, space = built(LARGE[SCENE]())
     parts: dict[str, Part] = {}

@@ -23,7 +23,8 @@ import numpy as np
 from benchmarks.common import table, write
 from jld_core import Scene, build_assembly, parse_scene
 from jld_explore import ExploreSettings, explore
-from jld_explore.drivers import REACH, size_up_to
+from jld_explore.drivers.choice import REACH
+from jld_explore.drivers.enumeration import size_up_to
 from jld_explore.settings import SMALL
 from jld_explore.space import search_space
 from jld_explore.study import Interrupted, Progress

@@ -19,7 +19,8 @@ from studies.by_scheme import zero_dilation
 from benchmarks.common import RESULTS, about, random_segmentations, table, wall, write
 from benchmarks.scenes import GRIDS, STRENGTH, bonded, box, brick_wall, grid
 from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, build_assembly, parse_scene
-from jld_core.models import rigid_blocks, solve
+from jld_core.models import solve
+from jld_core.models.rigid_blocks import rigid_blocks
 from jld_core.program import ConicProgram, Template, pack
 from jld_core.solvers import ClarabelSolver
 from jld_core.views.figures import save_figure

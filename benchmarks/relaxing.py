@@ -24,12 +24,15 @@ from benchmarks.exact import wall
 from benchmarks.search_scenes import ENUMERATED
 from jld_core import Scene, build_assembly
 from jld_core.arrays import Bits, Bools, Floats
-from jld_core.batch import ConflictRequest, described
-from jld_core.limit import LimitAnalysis, MinimizedConflict, Relaxation
+from jld_core.batch import ConflictRequest
+from jld_core.batch.library import described
+from jld_core.limit import LimitAnalysis
+from jld_core.limit.relaxation import MinimizedConflict, Relaxation
 from jld_core.solvers import make_solver
-from jld_explore.drivers import Formula, possible_blocks
 from jld_explore.drivers.exact.conflict_generation import ConflictGenerator
 from jld_explore.drivers.exact.conflict_minimization import conflict_of
+from jld_explore.drivers.exact.formula import Formula
+from jld_explore.drivers.exact.possible_blocks import possible_blocks
 from jld_explore.space import search_space
 
 CASES: Final[dict[str, tuple[Scene, float]]] = {

@@ -17,11 +17,12 @@ import scipy.sparse as sp
 
 from benchmarks.stated import stated
 from jld_core import Assembly, LimitAnalysis, Status
-from jld_core.models import prove_condensed
+from jld_core.models.rigid_blocks import prove_condensed
 from jld_core.program import ConicProgram, Template, pack
 from jld_core.solvers import SOLVERS as KNOWN
 from jld_core.solvers import ClarabelSolver, Solver
-from jld_explore.evaluation import Evaluator, EvaluatorSettings
+from jld_explore.evaluation import EvaluatorSettings
+from jld_explore.evaluation.evaluator import Evaluator
 
 
 @dataclass(frozen=True)

@@ -31,9 +31,10 @@ from benchmarks.scenes import GRIDS, cubes, grid
 from benchmarks.stated import stated
 from jld_core import Assembly, Scene, Status, build_assembly, load_scene
 from jld_core.arrays import Bits, Floats
-from jld_core.limit import Prover, Repair
+from jld_core.limit import Prover
+from jld_core.limit.repair import Repair
 from jld_core.program import Template
-from jld_core.solvers import SchurSolver
+from jld_core.solvers.schur.interior_point import SchurSolver
 from jld_core.views.figures import save_figure
 from jld_explore.drivers import make_driver
 from jld_explore.evaluation import Records

@@ -36,9 +36,12 @@ from benchmarks.trust_scenes import MOST, drawn
 from jld_core import InputError, Scene, build_assembly, parse_scene
 from jld_core.limit import Status, load_scale
 from jld_explore import ExploreSettings, explore
-from jld_explore.drivers import Exact, certify, check_certifiable, make_driver
+from jld_explore.drivers import make_driver
+from jld_explore.drivers.exact.certifying import certify, check_certifiable
+from jld_explore.drivers.exact.driver import Exact
 from jld_explore.evaluation import Evaluation, EvaluatorSettings, evaluator_of
-from jld_explore.space import SearchSpace, count_named, feasible, search_space, values_of
+from jld_explore.space import SearchSpace, count_named, search_space, values_of
+from jld_explore.space.search_space import feasible
 from jld_explore.verification import verify
 
 SEEDS: Final = (0, 2000)

@@ -18,8 +18,8 @@ from studies.scenes import ring_arch, stacked_cubes
 
 from benchmarks.common import ROOT, about, table
 from jld_core import LimitAnalysis, Scene, build_assembly, load_scene, parse_scene, solve
-from jld_core.geometry import rectangle_torsion_length
-from jld_explore.drivers import Enumeration
+from jld_core.geometry.polygons import rectangle_torsion_length
+from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.space import search_space
 
 PAGE: Final = ROOT / "docs" / "validation.md"

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from jld_core import LimitAnalysisResult, build_assembly, solve
 from jld_core.views.figures import draw_assembly, draw_mechanism
 from jld_explore import Exploration, ExploreSettings
-from jld_explore.report import study_page
+from jld_explore.report.page_of_study import study_page
 from jld_explore.space import from_string
 from studies import scenes
 from studies.report import (

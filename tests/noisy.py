@@ -6,7 +6,8 @@ import numpy as np
 
 from jld_core import LimitAnalysis
 from jld_core.arrays import Bits
-from jld_core.limit import Proof, ProofAttempt
+from jld_core.limit import Proof
+from jld_core.limit.proof_attempt import ProofAttempt
 from jld_core.program import ConicProgram
 from jld_core.solvers import ClarabelSolver, RawSolution, Solver
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from jld_core import Assembly, LimitAnalysisResult, build_assembly, parse_scene
-from jld_core.limit import face_jumps
+from jld_core.limit.mechanism import face_jumps
 from jld_core.mechanics import equilibrium_matrix, load_vectors
 
 

@@ -8,9 +8,9 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from jld_core.scene import cracks, search
+from jld_core.scene import PointLoad, Scene, cracks, search
 from jld_core.scene import schema as structure
-from jld_core.scene.schema import BodyLoad, PointLoad, Scene
+from jld_core.scene.schema import BodyLoad
 from tools.scene_meanings import MEANINGS, Meaning
 
 Node = dict[str, Any]

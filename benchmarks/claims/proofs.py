@@ -31,7 +31,8 @@ from benchmarks.trust_scenes import _loads as random_loads
 from jld_core import InputError, Scene, build_assembly, parse_scene
 from jld_core.limit import Status, load_scale
 from jld_explore import ExploreSettings, explore
-from jld_explore.drivers import Enumeration, Exact
+from jld_explore.drivers.enumeration import Enumeration
+from jld_explore.drivers.exact.driver import Exact
 from jld_explore.evaluation import Evaluation, EvaluatorSettings, evaluator_of
 from jld_explore.space import SearchSpace, count_named, search_space, values_of
 

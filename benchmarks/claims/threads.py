@@ -15,7 +15,8 @@ import numpy as np
 from benchmarks.common import random_segmentations, wall
 from jld_core.arrays import Floats
 from jld_core.batch import ConflictRequest
-from jld_core.limit import LimitAnalysis, relaxation_of
+from jld_core.limit import LimitAnalysis
+from jld_core.limit.case_relaxation import relaxation_of
 
 
 def main() -> None:

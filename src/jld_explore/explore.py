@@ -17,43 +17,27 @@ from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.limit import SolveOptions
 from jld_core.memory import memory_limit
-from jld_core.models import cost_estimate, require_cracks, require_memory, require_model
-from jld_core.refinement import crack_cells
-from jld_core.scene import CellCracks, FieldCracks, Scene, cracks_in_words, load_scene
+from jld_core.models import cost_estimate, require_memory, require_model
+from jld_core.models.by_fields import require_cracks
+from jld_core.refinement.cells import crack_cells
+from jld_core.scene import Scene, load_scene
+from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_in_words
 from jld_core.threads import one_thread
-from jld_explore.drivers import (
-    DRIVERS,
-    Driver,
-    Enumeration,
-    Exact,
-    bound_of_all,
-    certify,
-    check_certifiable,
-    driver_for,
-    make_driver,
-    size_up_to,
-)
-from jld_explore.evaluation import (
-    FieldEvaluator,
-    MakeCellEvaluator,
-    MakeEvaluator,
-    OwnObjectiveEvaluator,
-    VoidCellsEvaluator,
-    evaluator_of,
-    on_cluster,
-)
+from jld_explore.drivers import DRIVERS, Driver, make_driver
+from jld_explore.drivers.choice import bound_of_all, driver_for
+from jld_explore.drivers.enumeration import Enumeration, size_up_to
+from jld_explore.drivers.exact.certifying import certify, check_certifiable
+from jld_explore.drivers.exact.driver import Exact
+from jld_explore.evaluation import MakeEvaluator, evaluator_of
+from jld_explore.evaluation.cluster import on_cluster
+from jld_explore.evaluation.field_evaluator import FieldEvaluator, MakeCellEvaluator
+from jld_explore.evaluation.own_objective import OwnObjectiveEvaluator
+from jld_explore.evaluation.void_cells import VoidCellsEvaluator
 from jld_explore.experiments import DEFAULT, Experiments, add_experiments
 from jld_explore.field_check import add_check, plan_check, time_for
 from jld_explore.field_study import FieldStudy
-from jld_explore.report import (
-    Exploration,
-    check_certificate_file,
-    check_folder,
-    write_pictures,
-    write_report,
-    write_tables,
-    write_text,
-)
+from jld_explore.report import Exploration, check_folder, write_pictures, write_report, write_text
+from jld_explore.report.folder import check_certificate_file, write_tables
 from jld_explore.settings import ExploreSettings, Objective
 from jld_explore.space import SearchSpace, from_string, search_space
 from jld_explore.study import Interrupted, Progress, StopReason, Study
@@ -209,8 +193,14 @@ def explore(
         raise ParameterError("out", "a search is resumed in its own folder", "the name of that folder")
     parsed = scene if isinstance(scene, Scene) else load_scene(Path(scene))
     folder = Path(tempfile.mkdtemp(prefix="jld-")) if out is None else Path(out)
-    with nullcontext() if isinstance(scene, Scene) else error_context(scene, str(folder)):
-        return _search(parsed, folder, settings, report, announce, started)
+    try:
+        with nullcontext() if isinstance(scene, Scene) else error_context(scene, str(folder)):
+            return _search(parsed, folder, settings, report, announce, started)
+    except InputError:
+        if out is None:
+            with suppress(OSError):  # removes the temporary folder only if nothing was written into it
+                folder.rmdir()
+        raise
 
 
 @one_thread()
@@ -294,7 +284,7 @@ def _space_of(scene: Scene, assembly: Assembly, driver: str | Driver | None) -> 
         return search_space(scene, assembly)
     space = driver.space
     if space.search != scene.search or space.assembly.elements.ids != assembly.elements.ids:
-        raise InputError("driver", "it was made for the space of another scene", "search_space of this scene")
+        raise ParameterError("driver", "it was made for the space of another scene", "search_space of this scene")
     return space
 
 

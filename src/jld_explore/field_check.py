@@ -18,7 +18,8 @@ from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError
-from jld_core.fields import CoarseBounds, FieldSetting, require_fields
+from jld_core.fields.adaptive import CoarseBounds, FieldSetting
+from jld_core.fields.requirements import require_fields
 from jld_core.files import whole_file
 from jld_core.limit import Status
 from jld_core.scene import Scene

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from jld_core.arrays import Bits
-from jld_core.scene import FieldCracks
-from jld_explore.evaluation import FieldRace, RaceResult, field_evaluation
-from jld_explore.space import orbit_sizes
+from jld_core.scene.cracks import FieldCracks
+from jld_explore.evaluation.field_evaluator import field_evaluation
+from jld_explore.evaluation.field_race import FieldRace, RaceResult
+from jld_explore.space.labelling import orbit_sizes
 from jld_explore.study import Progress, StopReason, Study
 
 if TYPE_CHECKING:

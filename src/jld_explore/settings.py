@@ -10,7 +10,7 @@ from typing import Any, Final, Literal, get_args
 from jld_core.errors import ParameterError
 from jld_core.limit import SolveOptions
 from jld_explore.drivers import Driver
-from jld_explore.evaluation import OwnObjective
+from jld_explore.evaluation.own_objective import OwnObjective
 
 ObjectiveName = Literal["associative", "zero-dilation", "zero-dilation-floor", "experiment"]
 """What a search maximises: λ with associative friction; without dilation the lowest λ found, or a proven bound below

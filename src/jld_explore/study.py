@@ -26,20 +26,12 @@ from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.limit import Status, exceeds, load_scale, relative_width
 from jld_core.models import cost_estimate
 from jld_core.scene import Scene
-from jld_explore.drivers import Driver, first_layout
-from jld_explore.evaluation import (
-    HANG,
-    Evaluation,
-    EvaluatorSettings,
-    IncumbentFront,
-    MakeEvaluator,
-    RecordedEvaluator,
-    Records,
-    Sent,
-    Workers,
-    WorkerSpec,
-    evaluator_of,
-)
+from jld_explore.drivers import Driver
+from jld_explore.drivers.first import first_layout
+from jld_explore.evaluation import Evaluation, EvaluatorSettings, MakeEvaluator, Records, evaluator_of
+from jld_explore.evaluation.pruning import IncumbentFront
+from jld_explore.evaluation.recorded import RecordedEvaluator, Sent
+from jld_explore.evaluation.workers import HANG, Workers, WorkerSpec
 from jld_explore.settings import ExploreSettings
 from jld_explore.space import SearchSpace, unpack
 

@@ -31,7 +31,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from jld_core.arrays import Bits, Floats, Ints
-from jld_core.mechanics import SpatialYield
+from jld_core.mechanics.yield_spatial import SpatialYield
 from jld_core.models.zero_dilation.modes import LinearModes, near_faces
 from jld_core.program import Template
 

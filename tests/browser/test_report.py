@@ -15,7 +15,8 @@ from jld_core.assembly import blocks_of
 from jld_core.views import look, quantities
 from jld_explore import ExploreSettings, explore, read_folder
 from jld_explore.report import page as joined
-from jld_explore.report import page_of_study, scene_page, show_page
+from jld_explore.report import page_of_study, show_page
+from jld_explore.report.page_of_study import scene_page
 from paths import SCENES
 from scenes_of_pages import HOSTILE, scene_of_cases, small_scene, spatial_scene
 

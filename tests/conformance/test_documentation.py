@@ -30,7 +30,7 @@ def test_it_builds_without_a_warning_and_describes_every_public_name(tmp_path: P
             assert re.search(f'id="(module-)?{module.__name__}.{name}"', written), f"{module.__name__}.{name}"
     text = re.sub("<[^>]+>", "", written)
     assert "Compute the collapse load factor of one labelling, with a two-sided bracket." in text
-    assert "Labels, True = dry. Default: the labels of the scene." in text
+    assert "True or 1 = dry, False or 0 = inner, or a text of the letters d and i." in text
     assert "--------" not in text  # titles of sections are no plain text
 
 

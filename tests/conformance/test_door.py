@@ -26,7 +26,9 @@ from jld_core.limit import SolveOptions
 from jld_core.views import facts_of_result
 from jld_core.views.figures import figure_of_result, save_figure
 from jld_explore import ExploreSettings, explore, read_folder, search_space
-from jld_explore.drivers import DRIVERS, REACH, driver_for, size_up_to
+from jld_explore.drivers import DRIVERS
+from jld_explore.drivers.choice import REACH, driver_for
+from jld_explore.drivers.enumeration import size_up_to
 from jld_explore.drivers.optuna import make_sampler
 from jld_explore.evaluation import Records
 from jld_explore.report.reading import history_of

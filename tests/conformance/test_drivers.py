@@ -18,11 +18,14 @@ from jld_core.build import build_assembly
 from jld_core.deadline import Deadline
 from jld_core.limit import Status
 from jld_core.scene import Scene, parse_scene
-from jld_explore.drivers import DRIVERS, Driver, Enumeration, make_driver
+from jld_explore.drivers import DRIVERS, Driver, make_driver
+from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.evaluation import Evaluation, EvaluatorSettings
 from jld_explore.report import tables
 from jld_explore.settings import ExploreSettings
-from jld_explore.space import SearchSpace, canonical, feasible, keys, search_space
+from jld_explore.space import SearchSpace, keys, search_space
+from jld_explore.space.labelling import canonical
+from jld_explore.space.search_space import feasible
 from jld_explore.study import Interrupted, StopReason, Study
 
 NAMES = [*(name for name in DRIVERS if name not in ("optuna", "exact")), "optuna:Random", "optuna:NSGAII"]

@@ -131,6 +131,10 @@ def test_what_an_objective_may_return() -> None:
         je.explore(scene, objective=lambda evaluation, assembly, labels: float("nan"), pictures=False)
     with pytest.raises(jc.InputError, match=r"^objective: no objective is named 'mass'"):
         je.explore(scene, objective="mass")  # type: ignore[arg-type]
+    before = sorted(Path.cwd().iterdir())
+    with pytest.raises(jc.InputError, match=r"^driver: no driver is named"):
+        je.explore(scene, driver="exakt")
+    assert sorted(Path.cwd().iterdir()) == before  # no empty folder is left
 
 
 def test_settings_by_keywords_and_by_parts_are_one() -> None:

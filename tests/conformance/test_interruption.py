@@ -27,7 +27,7 @@ from cases import grid_document
 from command import Command, Outcome, command, environment, process
 from jld_core.batch.library import SWITCH
 from jld_explore.drivers import DRIVERS
-from jld_explore.evaluation import RECORDS_FILE
+from jld_explore.evaluation.records import RECORDS_FILE
 
 CLASSES = 599  # 4×3 cells on a support row, blocks of 2 to 4 cells, counted by enumeration
 KILLS = int(os.environ.get("JLD_KILLS", "4"))

@@ -194,6 +194,12 @@ def test_names_of_version_0_2_warn_and_work(arch: jc.Assembly) -> None:
         assert result.falling is None
     with pytest.warns(FutureWarning, match='inner_bending="paper" is now inner_bending="uncoupled"'):
         assert SolveOptions(inner_bending="paper") == SolveOptions()  # type: ignore[arg-type]
+    assembly = SPATIAL["kern bond"]()
+    labels = np.zeros(len(assembly.interfaces), dtype=bool)
+    with pytest.warns(FutureWarning, match="uncoupled"):
+        old = jc.LimitAnalysis(assembly, inner_bending="paper").solve(labels)  # type: ignore[arg-type]
+    assert old.load_factor == pytest.approx(jc.LimitAnalysis(assembly).solve(labels).load_factor, rel=1e-9)
+    assert old.load_factor > 1.01 * jc.LimitAnalysis(assembly, inner_bending="kern").solve(labels).load_factor
     printed = result.to_json()
     assert printed["route"] == printed["solve_log"] == list(result.solve_log)
     assert printed["falling"] is printed["instability_mechanism"] is None

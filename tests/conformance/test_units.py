@@ -9,8 +9,7 @@ import pytest
 from benchmarks.claims import Tally, units
 
 from jld_core import build_assembly, parse_scene
-from jld_core.program import Template
-from jld_core.program.conic import ConicProgram
+from jld_core.program import ConicProgram, Template
 
 SCENES = (1, 3, 7, 8, 10, 13, 14, 15, 19, 22, 24, 34, 39, 45, 48, 51, 54, 55, 61, 76)
 """Seeds of quick scenes: in space and in the plane, with crushing, cohesion, load cases, voids and without weight."""

@@ -14,7 +14,7 @@ from cases_spatial import assembly as spatial_assembly
 from cases_spatial import box
 from command import call
 from jld_core import build_assembly, load_scene, parse_scene
-from jld_core.build import resultant
+from jld_core.build.plausibility import resultant
 from paths import SCENES
 
 

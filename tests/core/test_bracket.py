@@ -64,7 +64,7 @@ def test_an_unconverged_solver_is_overruled_or_named(iterations: int) -> None:
 
 def test_forces_and_mechanism_prove_the_bracket_in_scene_units() -> None:
     """What is reported is what was proven: equilibrium, yield and work balance redone from the result alone."""
-    from jld_core.mechanics.equilibrium import equilibrium_matrix, load_vectors
+    from jld_core.mechanics import equilibrium_matrix, load_vectors
 
     for name in ("wall", "beam", "cantilever"):
         assembly = grid_assembly(CASES[name][0], **CASES[name][1])

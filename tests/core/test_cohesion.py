@@ -23,7 +23,7 @@ from jld_core import Assembly, InputError, LimitAnalysis, SolveOptions, Status, 
 from jld_core.limit import result_of
 from jld_core.mechanics import scaling_of, yield_set
 from jld_core.views import quantities
-from jld_explore.drivers import Exact
+from jld_explore.drivers.exact.driver import Exact
 from jld_explore.explore import ExploreSettings, explore
 from jld_explore.space import search_space
 

@@ -11,7 +11,7 @@ from cases_spatial import wall as spatial_wall
 from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, Status, solve
 from jld_core.arrays import Bits
 from jld_core.limit import result_of
-from jld_core.models import prove_condensed, rigid_blocks, worth_condensing
+from jld_core.models.rigid_blocks import prove_condensed, rigid_blocks, worth_condensing
 
 
 def condensed(analysis: LimitAnalysis, labels: Bits) -> LimitAnalysisResult | None:
@@ -89,7 +89,7 @@ def test_endless_strength_is_no_numerical_trouble(strength: float) -> None:
 
 
 def test_mechanism_of_blocks_is_rigid_and_does_unit_work() -> None:
-    from jld_core.mechanics.equilibrium import equilibrium_matrix, load_vectors
+    from jld_core.mechanics import equilibrium_matrix, load_vectors
 
     assembly = grid_assembly(["aaaa", "aaaa", "aaaa", "####"], tension=1e9, shear=1e9)
     labels = random_segmentation(assembly, 5, np.random.default_rng(8))

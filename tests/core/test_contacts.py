@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from jld_core import Assembly, InputError, build_assembly, parse_scene
-from jld_core.geometry import check_polygons, find_planar_contacts
+from jld_core.geometry import find_planar_contacts
+from jld_core.geometry.planar_contacts import check_polygons
 from transforms import mirrored, rotated
 
 Document = dict[str, Any]

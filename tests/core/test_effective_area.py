@@ -13,9 +13,9 @@ from studies.by_scheme import solve_zero_dilation
 
 import cases_spatial
 from jld_core import Assembly, InputError, LimitAnalysis, Status, build_assembly, load_scene, parse_scene, solve
-from jld_core.geometry import rectangle_torsion_length
-from jld_core.mechanics import PrescribedFriction
-from jld_core.models import areas_under, change, frozen_areas
+from jld_core.geometry.polygons import rectangle_torsion_length
+from jld_core.mechanics.prescribed_friction import PrescribedFriction
+from jld_core.models.effective_area import areas_under, change, frozen_areas
 from jld_core.program import Template
 from jld_core.samples import vault
 from jld_core.solvers import ClarabelSolver

@@ -21,7 +21,7 @@ from jld_core import (
     parse_scene,
     solve,
 )
-from jld_core.geometry import rectangle_torsion_length
+from jld_core.geometry.polygons import rectangle_torsion_length
 from jld_core.limit.reasons import reason_of
 from jld_core.mechanics import scaling_of
 from jld_core.models.central_path import CentralPath

@@ -10,7 +10,10 @@ from pathlib import Path
 import pytest
 
 from jld_core import InputError
-from jld_core.batch import CARRIED, CARRIES, FALLS, LOCKED, OPEN, PROVEN, REFUTED, SOLVED, build, interface, library
+from jld_core.batch import build, interface, library
+from jld_core.batch.batch_solver import CARRIES, FALLS, LOCKED, OPEN, PROVEN
+from jld_core.batch.blocks import SOLVED
+from jld_core.batch.conflict_request import CARRIED, REFUTED
 
 STRUCTURES = {
     "JldFactorPattern": library.FactorPattern,

@@ -12,7 +12,7 @@ import cases_spatial
 from balances import flow_rule, work_balance
 from cases import CASES, grid_assembly
 from jld_core import LimitAnalysisResult, build_assembly, load_scene, parse_scene, solve
-from jld_core.limit import Movement, face_jumps, face_motions
+from jld_core.limit.mechanism import Movement, face_jumps, face_motions
 from paths import SCENES
 
 

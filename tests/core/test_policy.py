@@ -10,8 +10,10 @@ import pytest
 import cases_spatial
 from cases import grid_assembly
 from jld_core import InputError, LimitAnalysis, SolveOptions, Status, solve
-from jld_core.limit import FALLBACKS, Fallback, ProofAttempt, result_of
-from jld_core.models import FALLBACKS_BY_FRICTION, limit_analysis, solve_labelling
+from jld_core.limit import result_of
+from jld_core.limit.proof_attempt import FALLBACKS, Fallback, ProofAttempt
+from jld_core.models import limit_analysis, solve_labelling
+from jld_core.models.solve import FALLBACKS_BY_FRICTION
 from jld_core.program import ConicProgram
 from jld_core.solvers import SOLVERS, HighsSolver, RawSolution, Solver, installed_solvers
 

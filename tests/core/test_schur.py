@@ -10,11 +10,14 @@ from cases import CASES, grid_assembly
 from cases_spatial import ELL, IRREGULAR, OBLONG, TRIANGLE, assembly, rotation, stools, wall
 from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, Status, build_assembly, parse_scene, solve
 from jld_core.errors import SolverError
-from jld_core.limit import Prover, Repair
-from jld_core.mechanics import scaling_of, spatial_yield
-from jld_core.models import point_contact_assembly
+from jld_core.limit import Prover
+from jld_core.limit.repair import Repair
+from jld_core.mechanics import scaling_of
+from jld_core.mechanics.yield_spatial import spatial_yield
+from jld_core.models.point_contacts import point_contact_assembly
 from jld_core.program import Template, pack
-from jld_core.solvers import LARGE, ClarabelSolver, RawStatus, SchurSolver, make_solver
+from jld_core.solvers import LARGE, ClarabelSolver, RawStatus, make_solver
+from jld_core.solvers.schur.interior_point import SchurSolver
 
 SPATIAL = {
     "wall": lambda: assembly(wall(3, 2)),

@@ -16,8 +16,8 @@ from command import call
 from jld_core import Assembly, build_assembly, parse_scene, solve
 from jld_core.arrays import Bits
 from jld_core.limit import LimitAnalysis
-from jld_core.models import Sensitivity, sensitivities
-from jld_core.models.sensitivity import _parameters
+from jld_core.models import sensitivities
+from jld_core.models.sensitivity import Sensitivity, _parameters
 
 ARCH = ["#aabbc#", "#.....#"]
 

@@ -7,7 +7,8 @@ import pytest
 import shapely
 
 from jld_core import InputError, build_assembly, parse_scene, samples, solve
-from jld_core.geometry import facets_of, merge_points, snap_paths, snap_polygons, snap_solids, solids, straight
+from jld_core.geometry import facets_of, merge_points, snap_solids, solids
+from jld_core.geometry.snapping import snap_paths, snap_polygons, straight
 
 Polygon = list[list[float]]
 

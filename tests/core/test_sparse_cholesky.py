@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from jld_core.linalg import Fronts, nested_dissection
+from jld_core.linalg.cholesky import Fronts
+from jld_core.linalg.dissection import nested_dissection
 
 
 def grid_edges(width: int, height: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -17,12 +17,13 @@ import pytest
 from cases import CASES, grid_assembly
 from cases_spatial import box, scene
 from jld_core.assembly import Assembly
-from jld_core.batch import ConflictRequest, MinimizationOptions
+from jld_core.batch import ConflictRequest
+from jld_core.batch.conflict_request import MinimizationOptions
 from jld_core.build import build_assembly
-from jld_core.limit import LimitAnalysis, Relaxation, Status
+from jld_core.limit import LimitAnalysis, Status
+from jld_core.limit.relaxation import Relaxation
 from jld_core.scene import parse_scene
-from jld_explore.drivers import conflict_of
-from jld_explore.drivers.exact.conflict_minimization import Conflict
+from jld_explore.drivers.exact.conflict_minimization import Conflict, conflict_of
 
 OPEN = 6
 """Faces left undecided: 64 labellings each."""

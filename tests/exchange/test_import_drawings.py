@@ -410,10 +410,10 @@ def test_hostile_text(
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"tolerance": -1.0}, "--tolerance"),
-        ({"thickness": 0.0}, "--thickness"),
-        ({"facet": float("nan")}, "--facet"),
-        ({"unit": "furlong"}, "--unit"),
+        ({"tolerance": -1.0}, "^tolerance: "),
+        ({"thickness": 0.0}, "^thickness: "),
+        ({"facet": float("nan")}, "^facet: "),
+        ({"unit": "furlong"}, "^unit: "),
         ({"support": ("nope",)}, "no layer is like nope"),
     ],
 )

@@ -10,7 +10,7 @@ from studies.scenes import leonardo_flat_arch, stacked_cubes
 from cases import grid_document
 from jld_core import Assembly, build_assembly, load_scene, parse_scene, solve
 from jld_core.arrays import Bits, Floats
-from jld_core.mechanics.equilibrium import equilibrium_matrix, load_vectors
+from jld_core.mechanics import equilibrium_matrix, load_vectors
 from jld_experiment import Curve, Joints, Push, Settings, Specimen, Standing, push, ramp, run_experiment, specimen_of
 from jld_experiment.report import summary
 from paths import SCENES

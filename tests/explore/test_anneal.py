@@ -9,14 +9,17 @@ import pytest
 
 from cases import grid_document
 from jld_core.build import build_assembly
-from jld_core.limit import LimitAnalysis, Movements
+from jld_core.limit import LimitAnalysis
+from jld_core.limit.movements import Movements
 from jld_core.scene import parse_scene
 from jld_explore import ExploreSettings, explore
 from jld_explore.drivers import BufferedRandom, operators
 from jld_explore.drivers.anneal import Anneal
-from jld_explore.drivers.operators import Following
-from jld_explore.evaluation import Evaluator, EvaluatorSettings
-from jld_explore.space import feasible, search_space
+from jld_explore.drivers.operators.following import Following
+from jld_explore.evaluation import EvaluatorSettings
+from jld_explore.evaluation.evaluator import Evaluator
+from jld_explore.space import search_space
+from jld_explore.space.search_space import feasible
 
 WALL = [*["aaaa"] * 4, "####"]
 OPTIONS = {"block_cells": [1, 3], "tension": 5e3, "shear": 5e3}

@@ -16,8 +16,9 @@ from jld_core.build import build_assembly
 from jld_core.limit import LimitAnalysis
 from jld_core.scene import Scene, parse_scene
 from jld_explore import ExploreSettings, explore
-from jld_explore.drivers import Exact, possible_blocks
 from jld_explore.drivers.exact.block_bound_tightening import BlockBoundTightening, TightenedBound
+from jld_explore.drivers.exact.driver import Exact
+from jld_explore.drivers.exact.possible_blocks import possible_blocks
 from jld_explore.space import search_space
 
 WEAK: dict[str, Any] = {"tension": 2e3, "shear": 2e3, "block_cells": [1, 3]}

@@ -13,7 +13,8 @@ from cases import grid_document
 from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.scene import load_scene, parse_scene
-from jld_explore.space import SearchSpace, feasible, search_space
+from jld_explore.space import SearchSpace, search_space
+from jld_explore.space.search_space import feasible
 
 ROOT = Path(__file__).parents[2]
 SQUARE = ["ab", "cd", "##"]

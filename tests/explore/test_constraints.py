@@ -12,8 +12,11 @@ from jld_core.assembly import blocks_of as assembly_blocks
 from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.scene import parse_scene
-from jld_explore.drivers import Enumeration
-from jld_explore.space import SearchSpace, blocks_of, counts, feasible, from_string, reasons_against, search_space
+from jld_explore.drivers.enumeration import Enumeration
+from jld_explore.space import SearchSpace, counts, from_string, search_space
+from jld_explore.space.labelling import blocks_of
+from jld_explore.space.reasons import reasons_against
+from jld_explore.space.search_space import feasible
 
 ROWS = ["abc", "#.#"]  # faces: c0r0-c1r0, c0r0-c0r1, c1r0-c2r0, c2r0-c2r1
 CELL = 1400 * 9.81 * 0.1**3

@@ -18,22 +18,13 @@ from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.scene import Scene, Search, parse_scene
 from jld_explore import ExploreSettings, explore
-from jld_explore.drivers import Enumeration, Exact
+from jld_explore.drivers.enumeration import Enumeration
+from jld_explore.drivers.exact.driver import Exact
 from jld_explore.report.pictures_of_three import front_picture
-from jld_explore.space import (
-    MEASURES,
-    SHAPED,
-    Count,
-    Layouts,
-    SearchSpace,
-    Terms,
-    counts,
-    feasible,
-    register,
-    registered,
-    search_space,
-    unregister,
-)
+from jld_explore.space import Count, Layouts, SearchSpace, Terms, register, registered, search_space, unregister
+from jld_explore.space.counts import counts
+from jld_explore.space.limits import MEASURES, SHAPED
+from jld_explore.space.search_space import feasible
 
 SOURCES = Path(__file__).parents[2] / "src"
 ROWS = ["aaa", "aaa", "###"]

@@ -15,10 +15,12 @@ import pytest
 from cases import grid_document
 from command import Command
 from jld_core import InputError, build_assembly, parse_scene, solve
-from jld_core.fields import Fields, FieldSetting, bounds_by_fields
-from jld_core.refinement import crack_cells
+from jld_core.fields import bounds_by_fields
+from jld_core.fields.adaptive import Fields, FieldSetting
+from jld_core.refinement.cells import crack_cells
 from jld_explore import Exploration, ExploreSettings, explore, read_folder
-from jld_explore.evaluation import FieldRace, field_evaluation
+from jld_explore.evaluation.field_evaluator import field_evaluation
+from jld_explore.evaluation.field_race import FieldRace
 from jld_explore.report import words
 from jld_explore.space import from_string
 

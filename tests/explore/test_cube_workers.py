@@ -23,9 +23,11 @@ from jld_core.batch import chosen
 from jld_core.build import build_assembly
 from jld_core.scene import Scene, parse_scene
 from jld_explore import ExploreSettings, Progress, explore
-from jld_explore.drivers import Exact, Formula, certify
+from jld_explore.drivers.exact.certifying import certify
 from jld_explore.drivers.exact.cube_workers import CubeWorkers
 from jld_explore.drivers.exact.cubes import EVERYTHING, split_cube
+from jld_explore.drivers.exact.driver import Exact
+from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.minimum_count import MinimumCount
 from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.drivers.exact.worker_tasks import TaskResult
@@ -238,7 +240,7 @@ def test_processes_that_die_cost_a_moment(tmp_path: Path, monkeypatch: pytest.Mo
 def test_a_tree_of_blocks_is_that_of_one_job(dies: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("jld_explore.drivers.exact.block_bound_pool.ALONE", 0)
     # where the batch solver solves them nobody else is asked
-    monkeypatch.setattr("jld_core.limit.BlockRelaxation.many", False)
+    monkeypatch.setattr("jld_core.limit.block_relaxation.BlockRelaxation.many", False)
     monkeypatch.setattr(Mortal, "made", 0)
     if dies:
         monkeypatch.setattr("jld_explore.evaluation.worker_pool._process", Mortal)

@@ -16,8 +16,10 @@ from jld_core.arrays import Bits
 from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.scene import load_scene, parse_scene
-from jld_explore.drivers import Enumeration, Tally, size_up_to
-from jld_explore.space import SearchSpace, canonical, feasible, search_space, to_string
+from jld_explore.drivers.enumeration import Enumeration, Tally, size_up_to
+from jld_explore.space import SearchSpace, search_space, to_string
+from jld_explore.space.labelling import canonical
+from jld_explore.space.search_space import feasible
 
 ROOT = Path(__file__).parents[2]
 DOWN = [{"body": [0, -1]}]

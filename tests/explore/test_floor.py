@@ -13,16 +13,11 @@ from jld_core.build import build_assembly
 from jld_core.limit import SolveOptions, Status
 from jld_core.scene import parse_scene
 from jld_explore import ExploreSettings, explore
-from jld_explore.evaluation import (
-    BOUND,
-    Evaluation,
-    Evaluator,
-    EvaluatorSettings,
-    IncumbentFront,
-    places,
-    standing,
-    worth,
-)
+from jld_explore.evaluation import Evaluation, EvaluatorSettings
+from jld_explore.evaluation.evaluation import BOUND
+from jld_explore.evaluation.evaluator import Evaluator
+from jld_explore.evaluation.pruning import IncumbentFront
+from jld_explore.evaluation.ranking import places, standing, worth
 from jld_explore.space import search_space
 from paths import SCENES
 

@@ -8,9 +8,12 @@ import pytest
 from jld_core.build import build_assembly
 from jld_core.limit import Status
 from jld_core.scene import load_scene
-from jld_explore.drivers import Genetic
+from jld_explore.drivers.genetic import Genetic
 from jld_explore.drivers.nondominated import crowding_of, fronts_of
-from jld_explore.evaluation import FAILED, ORDER, Evaluation, Evaluator, EvaluatorSettings, objectives, places, standing
+from jld_explore.evaluation import Evaluation, EvaluatorSettings
+from jld_explore.evaluation.evaluation import FAILED
+from jld_explore.evaluation.evaluator import Evaluator
+from jld_explore.evaluation.ranking import ORDER, objectives, places, standing
 from jld_explore.space import search_space
 from paths import SCENES
 

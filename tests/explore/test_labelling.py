@@ -15,7 +15,9 @@ from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.scene import parse_scene
-from jld_explore.space import block_sizes, blocks_of, connectivity, labelling, slits
+from jld_explore.space import labelling
+from jld_explore.space.labelling import blocks_of, connectivity, slits
+from jld_explore.space.limits import block_sizes
 
 
 def plain_blocks(assembly: Assembly, labels: Bits, touching: list[tuple[int, int]]) -> list[int]:

@@ -11,9 +11,11 @@ import pytest
 
 from cases import grid_document
 from jld_core import InputError, build_assembly, parse_scene, samples, solve
-from jld_core.assembly_sequence import SequenceConstraint, assembly_order, locked_blocks
+from jld_core.assembly_sequence import assembly_order
+from jld_core.assembly_sequence.constraint import SequenceConstraint
+from jld_core.assembly_sequence.order import locked_blocks
 from jld_explore import ExploreSettings, explore, search_space
-from jld_explore.drivers import Enumeration
+from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact.proof_check import Claim, _left_over
 from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.space import from_string

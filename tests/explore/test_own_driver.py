@@ -18,7 +18,8 @@ from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.scene import Scene, parse_scene
 from jld_explore import Driver, Evaluation, ExploreSettings, SearchSpace, explore, search_space
-from jld_explore.drivers import DRIVERS, DriverOptions, Enumeration
+from jld_explore.drivers import DRIVERS, DriverOptions
+from jld_explore.drivers.enumeration import Enumeration
 
 
 class BackwardsOptions(DriverOptions):

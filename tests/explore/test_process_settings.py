@@ -12,9 +12,11 @@ from joblib.externals.loky import process_executor
 
 from cases import CASES, grid_assembly
 from jld_explore.drivers.exact.block_bound_pool import BlockBoundPool
-from jld_explore.evaluation import EvaluatorSettings, WorkerPool, Workers, WorkerSpec
+from jld_explore.evaluation import EvaluatorSettings
 from jld_explore.evaluation.process_settings import ignored_warning, switch_interval
 from jld_explore.evaluation.processes import Processes
+from jld_explore.evaluation.worker_pool import WorkerPool
+from jld_explore.evaluation.workers import Workers, WorkerSpec
 
 
 def settings() -> tuple[float, list[Any]]:

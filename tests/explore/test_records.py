@@ -19,10 +19,15 @@ from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.limit import Status
 from jld_core.scene import load_scene, parse_scene
-from jld_explore.evaluation import BOUND, RECORDS_FILE, Evaluation, Records
+from jld_explore.evaluation import Evaluation, Records
+from jld_explore.evaluation.evaluation import BOUND
+from jld_explore.evaluation.records import RECORDS_FILE
 from jld_explore.evaluation.rows import record_type, rows_of
 from jld_explore.report import tables
-from jld_explore.space import block_sizes, blocks_of, connectivity, counts, search_space, unpack
+from jld_explore.space import search_space, unpack
+from jld_explore.space.counts import counts
+from jld_explore.space.labelling import blocks_of, connectivity
+from jld_explore.space.limits import block_sizes
 from paths import SCENES
 
 HEADER = {"scene": "a", "seed": 1}

@@ -13,7 +13,7 @@ from cases import grid_document
 from command import call
 from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_core.build import build_robust
-from jld_core.scene import at_low
+from jld_core.scene.reading import at_low
 from jld_explore import ExploreSettings, explore
 from jld_explore.report import read_folder
 from jld_explore.space import from_string

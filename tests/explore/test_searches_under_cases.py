@@ -11,8 +11,8 @@ import pytest
 from cases import grid_document
 from jld_core import SolveOptions, Status, build_assembly, parse_scene, solve
 from jld_explore import ExploreSettings, explore, search_space
-from jld_explore.drivers import Enumeration
-from jld_explore.drivers.exact import Exact
+from jld_explore.drivers.enumeration import Enumeration
+from jld_explore.drivers.exact.driver import Exact
 from jld_explore.evaluation import EvaluatorSettings, evaluator_of
 from jld_explore.space import from_string
 

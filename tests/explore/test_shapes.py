@@ -14,9 +14,12 @@ from cases_spatial import assembly as spatial_assembly
 from cases_spatial import box
 from jld_core import build_assembly, parse_scene
 from jld_core.arrays import Bits
-from jld_core.geometry import Kinds, Outline, outlines
+from jld_core.geometry import outlines
+from jld_core.geometry.congruence import Kinds
+from jld_core.geometry.outlines import Outline
 from jld_explore import ExploreSettings, explore, search_space
-from jld_explore.space import BlockShapes, blocks_of, connectivity
+from jld_explore.space.labelling import blocks_of, connectivity
+from jld_explore.space.shapes import BlockShapes
 
 
 def labelled(rows: list[str], **keys: Any) -> tuple[Any, Bits]:

@@ -7,8 +7,9 @@ import numpy as np
 from cases import grid_document
 from jld_core.build import build_assembly
 from jld_core.scene import parse_scene
-from jld_explore.drivers import MEMORY, Enumeration, Surrogate
+from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.pool import Pool
+from jld_explore.drivers.surrogate import MEMORY, Surrogate
 from jld_explore.space import SearchSpace, keys, search_space
 
 

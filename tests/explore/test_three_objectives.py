@@ -13,7 +13,8 @@ from cases import grid_document
 from jld_core import InputError, parse_scene
 from jld_core.scene import Scene
 from jld_explore import ExploreSettings, explore
-from jld_explore.report import on_front, read_folder, words
+from jld_explore.report import read_folder, words
+from jld_explore.report.front import on_front
 
 FRONT = {"counts": ["blocks", "shapes"], "sense": ["max", "min"]}
 

@@ -12,7 +12,8 @@ from benchmarks.claims.fields import random_scenes
 from benchmarks.claims.geometry import Move, random_move
 
 from jld_core import Assembly, build_assembly, parse_scene
-from jld_core.fields import FieldStatus, bounds_by_fields
+from jld_core.fields import bounds_by_fields
+from jld_core.fields.bounds import FieldStatus
 
 
 def scene(elements: list[dict[str, Any]], live: list[Any], **materials: Any) -> Assembly:

@@ -10,8 +10,9 @@ import pytest
 
 from jld_core import Assembly, InputError, build_assembly, load_scene, parse_scene, samples
 from jld_core.arrays import Floats
-from jld_core.fields import bounds_by_fields, material_of
+from jld_core.fields import bounds_by_fields
 from jld_core.fields.loads import FieldLoads, loaded_mesh, thickness_of
+from jld_core.fields.material import material_of
 from jld_core.fields.mesh import Mesh
 
 

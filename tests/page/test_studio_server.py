@@ -20,7 +20,7 @@ import pytest
 
 from command import command, environment
 from jld_core import InputError, build_assembly, parse_scene, solve
-from jld_explore.report import asset_names
+from jld_explore.report.page import asset_names
 from scenes_of_pages import HOSTILE, small_scene
 
 uvicorn = pytest.importorskip("uvicorn", reason="the extra studio is not installed")

@@ -13,7 +13,7 @@ import pytest
 
 from cases_spatial import box
 from jld_core import LimitAnalysisResult, build_assembly, parse_scene, solve
-from jld_core.limit import Movement, face_motions
+from jld_core.limit.mechanism import Movement, face_motions
 
 SIDE, DENSITY = 1.0, 2.0
 WEIGHT = DENSITY * SIDE**3

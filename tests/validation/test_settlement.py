@@ -13,8 +13,9 @@ from studies.families import semicircular_arch
 from cases_spatial import box
 from command import call
 from jld_core import build_assembly, parse_scene
-from jld_core.build import settlements_of
-from jld_core.limit import Settled, reactions, settle
+from jld_core.build.settlements import settlements_of
+from jld_core.limit import Settled
+from jld_core.limit.settlement import reactions, settle
 from jld_core.scene import Scene
 
 SPREAD = {

@@ -32,11 +32,11 @@ from cases_spatial import assembly as spatial
 from cases_spatial import box
 from jld_core import Assembly, LimitAnalysis, build_assembly, load_scene, solve
 from jld_core.arrays import Floats
-from jld_core.geometry import rectangle_torsion_length
-from jld_core.models import ProximalOptions
+from jld_core.geometry.polygons import rectangle_torsion_length
 from jld_core.models.zero_dilation.found import MultiStartSearch
 from jld_core.models.zero_dilation.lower_bound_problem import LowerBoundProblem
 from jld_core.models.zero_dilation.rlt_relaxation import Region
+from jld_core.models.zero_dilation.search import ProximalOptions
 from paths import SCENES
 
 GROUND = box("ground", [-3.0, -3.0, -0.5], [9.0, 3.0, 0.0], support=True)

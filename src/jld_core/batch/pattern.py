@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from jld_core.arrays import Floats, Ints
 from jld_core.batch import library
-from jld_core.linalg import nested_dissection
+from jld_core.linalg.dissection import nested_dissection
 
 Int32s = NDArray[np.int32]
 """Array of int32."""

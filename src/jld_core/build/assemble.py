@@ -16,7 +16,9 @@ from jld_core.build.plausibility import implausible
 from jld_core.build.spatial import spatial_geometry
 from jld_core.errors import InputError
 from jld_core.linalg import components
-from jld_core.scene import BodyLoad, Contact, FaceMaterial, PointLoad, Scene, at_low
+from jld_core.scene import PointLoad, Scene
+from jld_core.scene.reading import at_low
+from jld_core.scene.schema import BodyLoad, Contact, FaceMaterial
 
 LABELS = {"dry": DRY, "inner": INNER}
 """Label values by their names in a scene: True = dry, False = inner."""

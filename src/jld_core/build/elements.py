@@ -11,7 +11,8 @@ from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Elements, Interfaces
 from jld_core.build import materials
 from jld_core.errors import InputError
-from jld_core.scene import Contact, Element, Scene
+from jld_core.scene import Scene
+from jld_core.scene.schema import Contact, Element
 
 
 def collect_elements(

@@ -11,7 +11,8 @@ from jld_core.arrays import Floats
 from jld_core.assembly import Elements
 from jld_core.errors import InputError
 from jld_core.geometry import moment_about
-from jld_core.scene import BodyLoad, PointLoad
+from jld_core.scene import PointLoad
+from jld_core.scene.schema import BodyLoad
 
 
 def generalised(entries: Sequence[PointLoad | BodyLoad], elements: Elements, key: str) -> Floats:

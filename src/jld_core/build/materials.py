@@ -9,7 +9,8 @@ import numpy as np
 from jld_core.arrays import Floats
 from jld_core.assembly import Strengths
 from jld_core.errors import InputError
-from jld_core.scene import (
+from jld_core.scene import Scene
+from jld_core.scene.schema import (
     Contact,
     Dry,
     DryFace,
@@ -18,7 +19,6 @@ from jld_core.scene import (
     Inner,
     InnerFace,
     Materials,
-    Scene,
     lies_within_apex,
 )
 

@@ -11,21 +11,19 @@ from jld_core.arrays import Floats
 from jld_core.assembly import Elements
 from jld_core.build.elements import Geometry, collect_elements, pair_index, refuse_twins, snapping
 from jld_core.errors import InputError
-from jld_core.geometry import (
+from jld_core.geometry import find_planar_contacts, polygons
+from jld_core.geometry.misfits import words_of
+from jld_core.geometry.planar_contacts import (
     PlanarContact,
     check_polygons,
-    find_planar_contacts,
-    fit_of_line,
-    judge_fit,
     near_misses,
     planar_interfaces,
-    polygons,
-    refuse_repeated,
-    snap_polygons,
     without_repeats,
-    words_of,
 )
-from jld_core.scene import Contact, Element, Grid, Scene
+from jld_core.geometry.snapping import snap_polygons
+from jld_core.geometry.stated_fit import fit_of_line, judge_fit, refuse_repeated
+from jld_core.scene import Scene
+from jld_core.scene.schema import Contact, Element, Grid
 
 
 def planar_geometry(scene: Scene) -> Geometry:

@@ -9,26 +9,16 @@ from jld_core.arrays import Floats
 from jld_core.assembly import Elements
 from jld_core.build.elements import Geometry, collect_elements, pair_index, refuse_twins, snapping
 from jld_core.errors import InputError
-from jld_core.geometry import (
-    Faces,
-    Facets,
-    SpatialContact,
-    check_overlaps,
-    facets_of,
-    find_spatial_contacts,
-    fit_of_polygon,
-    given_normals,
-    judge_fit,
-    near_pairs,
-    near_solids,
-    refuse_crossing,
-    refuse_repeated,
-    snap_solids,
-    solids,
-    spatial_interfaces,
-    words_of,
-)
-from jld_core.scene import Contact, Scene
+from jld_core.geometry import Faces, facets_of, find_spatial_contacts, near_pairs, snap_solids, solids
+from jld_core.geometry.misfits import words_of
+from jld_core.geometry.overlapping_solids import check_overlaps
+from jld_core.geometry.polyhedra import Facets
+from jld_core.geometry.spatial_contacts import SpatialContact, near_solids
+from jld_core.geometry.spatial_interfaces import spatial_interfaces
+from jld_core.geometry.stated_contacts import given_normals
+from jld_core.geometry.stated_fit import fit_of_polygon, judge_fit, refuse_crossing, refuse_repeated
+from jld_core.scene import Scene
+from jld_core.scene.schema import Contact
 
 
 def spatial_geometry(scene: Scene) -> Geometry:

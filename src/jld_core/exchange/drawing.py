@@ -29,7 +29,8 @@ from jld_core.exchange.options import (
     several,
 )
 from jld_core.exchange.paths import Path, flatten
-from jld_core.geometry import Snapped, find_planar_contacts, polygons, snap_paths, straight
+from jld_core.geometry import find_planar_contacts, polygons
+from jld_core.geometry.snapping import Snapped, snap_paths, straight
 
 _LEAST, _MOST_SIZE = 1e-12, 1e12
 """Limits of the size of a drawing, scene units."""

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from jld_core.build import gravity_vector
+from jld_core.build.materials import gravity_vector
 from jld_core.errors import InputError
 from jld_core.exchange.layout import Layout
-from jld_core.geometry import Surface, area_vector, extrude, solids, union_outlines, union_solids
+from jld_core.geometry import area_vector, solids
+from jld_core.geometry.unions import Surface, extrude, union_outlines, union_solids
 
 
 def command_text(layout: Layout) -> str:

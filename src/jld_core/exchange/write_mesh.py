@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from jld_core.exchange.layout import Layout
-from jld_core.geometry import Surface, extrude, union_outlines, union_solids
+from jld_core.geometry.unions import Surface, extrude, union_outlines, union_solids
 
 
 def solids_of(layout: Layout, *, cells: bool) -> Iterator[tuple[str, bool, Surface]]:

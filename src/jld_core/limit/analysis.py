@@ -10,7 +10,9 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.batch import BatchSolver, chosen, fits
+from jld_core.batch import chosen
+from jld_core.batch.batch_solver import BatchSolver
+from jld_core.batch.rows import fits
 from jld_core.limit.batch_results import ALONE
 from jld_core.limit.bounds import Prover, State, load_scale, relative_width
 from jld_core.limit.options import SolveOptions

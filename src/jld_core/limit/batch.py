@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats
-from jld_core.batch import FALLS, LOCKED, BatchSolver
+from jld_core.batch.batch_solver import FALLS, LOCKED, BatchSolver
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.bounds import crossed
 from jld_core.limit.status import Status

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bits
-from jld_core.batch import LOCKED, PROVEN, BatchResults
+from jld_core.batch.batch_solver import LOCKED, PROVEN, BatchResults
 from jld_core.limit.bounds import Motion, Prover
 from jld_core.limit.proof import Proof
 

@@ -12,11 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from jld_core.arrays import Bools, Floats, Ints
-from jld_core.batch import SOLVED, BlockAnswers, BlockColumns, BlockLanes, chosen
+from jld_core.batch import chosen
+from jld_core.batch.blocks import SOLVED, BlockAnswers, BlockColumns, BlockLanes
 from jld_core.limit.block_columns import columns_of
 from jld_core.limit.block_parts import BlockParts, Q
 from jld_core.limit.block_program import LEAST
-from jld_core.mechanics import CoulombWedge
+from jld_core.mechanics.yield_set import CoulombWedge
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from jld_core.arrays import Floats, Ints
-from jld_core.batch import BlockColumns
+from jld_core.batch.blocks import BlockColumns
 from jld_core.limit.block_parts import BlockParts, Q
-from jld_core.mechanics import CoulombWedge
+from jld_core.mechanics.yield_set import CoulombWedge
 
 Column = tuple[list[int], list[float]]
 """Rows and values of the entries of one column."""

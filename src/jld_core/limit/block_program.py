@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.limit.block_parts import BlockParts, Q
-from jld_core.mechanics import CoulombWedge
+from jld_core.mechanics.yield_set import CoulombWedge
 from jld_core.program import ConicProgram, pack
 
 LEAST: Final = 0.5

@@ -37,7 +37,7 @@ from jld_core.limit.block_faces import BlockFaces, FacesOfSets
 from jld_core.limit.block_parts import block_parts
 from jld_core.limit.block_program import BlockProgram
 from jld_core.limit.bounds import usable
-from jld_core.mechanics import CoulombWedge
+from jld_core.mechanics.yield_set import CoulombWedge
 from jld_core.solvers import ClarabelSolver, Solver
 
 _RESIDUAL: Final = 1e-7

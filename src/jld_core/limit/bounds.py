@@ -18,8 +18,8 @@ import scipy.sparse as sp
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.assembly import Assembly
-from jld_core.linalg import Projector, quick
-from jld_core.mechanics import reference_load
+from jld_core.linalg.projection import Projector, quick
+from jld_core.mechanics.scaling import reference_load
 from jld_core.program import Template
 
 _FAINT_SHARES: Final = (1e-12, 1e-9)

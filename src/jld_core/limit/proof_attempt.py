@@ -15,14 +15,15 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
-from jld_core.batch import FALLS, BatchSolver
+from jld_core.batch.batch_solver import FALLS, BatchSolver
 from jld_core.limit.batch_results import offer
 from jld_core.limit.bounds import Motion, Prover, State, apart, relative_width
 from jld_core.limit.proof import Proof
 from jld_core.limit.repair import Repair
 from jld_core.limit.status import Status
 from jld_core.program import Template
-from jld_core.solvers import ClarabelSolver, HighsSolver, RawSolution, RawStatus, SchurSolver, Solver, is_large
+from jld_core.solvers import ClarabelSolver, HighsSolver, RawSolution, RawStatus, Solver, is_large
+from jld_core.solvers.schur.interior_point import SchurSolver
 
 _GROWS: Final = 1e3  # Scaled λ above which a state without an upper bound may be unbounded.
 _NARROW: Final = 1e-10  # Rise of an upper bound, relative to λ, up to which the simplest opening motion is taken.

@@ -19,7 +19,10 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.batch import CARRIED, CARRIES, FALLS, OPEN, REFUTED, BatchSolver, ConflictRequest, chosen, fits
+from jld_core.batch import ConflictRequest, chosen
+from jld_core.batch.batch_solver import CARRIES, FALLS, OPEN, BatchSolver
+from jld_core.batch.conflict_request import CARRIED, REFUTED
+from jld_core.batch.rows import fits
 from jld_core.deadline import checkpoint
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.shared_hull import SharedHull

@@ -20,22 +20,17 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
-from jld_core.build import Settlement
+from jld_core.build.settlements import Settlement
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.bounds import relative_width
 from jld_core.limit.options import SolveOptions
 from jld_core.limit.proof import Proof
 from jld_core.limit.result import LimitAnalysisResult, number
 from jld_core.limit.status import Status
-from jld_core.mechanics import (
-    Scaling,
-    equilibrium_matrix,
-    reference_load,
-    require_materials,
-    scaling_of,
-    yield_set,
-)
-from jld_core.program import Beside, Template
+from jld_core.mechanics import Scaling, equilibrium_matrix, require_materials, scaling_of, yield_set
+from jld_core.mechanics.scaling import reference_load
+from jld_core.program import Template
+from jld_core.program.template import Beside
 from jld_core.threads import one_thread
 
 _REACHES: Final = (2.0, 32.0, 1024.0)

@@ -12,9 +12,13 @@ import numpy as np
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
-from jld_core.fields import FieldBounds, FieldStatus, bounds_by_fields, require_fields
-from jld_core.limit import Governing, Known, SolveOptions, Status, governing, number
-from jld_core.scene import CellCracks, FieldCracks, Scene, cracks_in_words, cracks_to_json
+from jld_core.fields import bounds_by_fields
+from jld_core.fields.bounds import FieldBounds, FieldStatus
+from jld_core.fields.requirements import require_fields
+from jld_core.limit import Known, SolveOptions, Status, governing, number
+from jld_core.limit.governing import Governing
+from jld_core.scene import Scene
+from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_in_words, cracks_to_json
 from jld_core.threads import one_thread
 
 FIELD_SECONDS: Final = 60.0

@@ -14,7 +14,7 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.limit import LimitAnalysis, Motion, Prover, State, relative_width
-from jld_core.mechanics import EffectiveAreas
+from jld_core.mechanics.prescribed_friction import EffectiveAreas
 from jld_core.models.central_path import CentralPath, PathPoint
 from jld_core.models.moving_rows import MovingRows, areas_under, frozen_areas
 

@@ -136,8 +136,9 @@ def solve_many(
 ) -> BatchResult:
     """Compute the collapse load factors of many labellings of one structure.
 
-    The compiled batch solver settles most labellings of whole faces with associative friction. It takes 2 to 5 % of
-    the time of `solve` for each. All others are solved one by one.
+    The compiled batch solver settles most labellings of whole faces with associative friction. For 1000 labellings of
+    24 planar faces it takes about one hundredth of the time of as many calls of `solve`. All others are solved one by
+    one.
 
     Parameters
     ----------

@@ -13,8 +13,8 @@ import scipy.sparse as sp
 
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.assembly import Assembly
-from jld_core.geometry import rectangle_torsion_length
-from jld_core.mechanics import EffectiveAreas, PrescribedFriction
+from jld_core.geometry.polygons import rectangle_torsion_length
+from jld_core.mechanics.prescribed_friction import EffectiveAreas, PrescribedFriction
 from jld_core.program import Template
 
 _FAINT = 1e-5

@@ -9,8 +9,9 @@ import numpy as np
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.assembly import DRY, INNER, Assembly
 from jld_core.errors import ParameterError
-from jld_core.limit import LimitAnalysis, Proof, State, element_velocities
-from jld_core.mechanics import local_hulls
+from jld_core.limit import LimitAnalysis, Proof, State
+from jld_core.limit.result import element_velocities
+from jld_core.mechanics.bending import local_hulls
 
 
 def point_contact_assembly(assembly: Assembly, labels: Bits) -> tuple[Assembly, Ints]:

@@ -15,20 +15,18 @@ from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.errors import ParameterError, SolverError
 from jld_core.limit import (
-    FALLBACKS,
     FLOOR_SECONDS,
     Condense,
     Contacts,
-    Fallback,
     Friction,
     LimitAnalysis,
     LimitAnalysisResult,
     Proof,
-    ProofAttempt,
     SolveOptions,
     governing_result,
     result_of,
 )
+from jld_core.limit.proof_attempt import FALLBACKS, Fallback, ProofAttempt
 from jld_core.mechanics import InnerBending, require_materials
 from jld_core.models.effective_area import prove_effective_area, require_rectangles
 from jld_core.models.inputs import Labels, Structure, assembly_of, labels_of

@@ -1,6 +1,5 @@
 """Conic program of one labelling, and the template that a relabelling changes.
 
-- `Beside`: one scaled equation in addition to equilibrium, row·F + dead + λ live = 0
 - `ConicProgram`: numbers of one conic program
 - `Structure`: sparsity and cones that all programs of one template share
 - `Template`: scaled data of an assembly that do not depend on the labelling
@@ -11,10 +10,9 @@
 from __future__ import annotations
 
 from jld_core.program.conic import ConicProgram, Structure, beginnings, pack
-from jld_core.program.template import Beside, Template
+from jld_core.program.template import Template
 
 __all__ = [
-    "Beside",
     "ConicProgram",
     "Structure",
     "Template",

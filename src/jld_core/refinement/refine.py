@@ -12,7 +12,8 @@ from jld_core.arrays import Floats
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.errors import InputError, ParameterError
-from jld_core.geometry import Faces, region_of
+from jld_core.geometry import Faces
+from jld_core.geometry.unions import region_of
 from jld_core.refinement.arrangement import join_small, split_by_cells
 from jld_core.refinement.tessellation import MOST, convex, cut, sectors, squares, voronoi
 from jld_core.scene import Scene, parse_scene

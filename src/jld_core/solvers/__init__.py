@@ -6,15 +6,10 @@ Every solution is a hint: bounds on λ are proven elsewhere, whatever a solver r
 - `SOLVERS`: names of the solvers
 - `ClarabelSolver`: Clarabel's interior-point method, updated in place, with an optional proximal term
 - `HighsSolver`: simplex and interior-point methods of HiGHS for linear programs
-- `LinearAnswer`: unverified solution of a linear program
-- `LinearRows`: linear program that is minimised for many objectives
 - `RawSolution`: unverified solution of a conic program
 - `RawStatus`: status that a solver reports
-- `SchurSolver`: the project's Schur-complement interior-point method for large assemblies
 - `Solver`: interface of a solver
 - `auxiliary`: solve a program other than that of a labelling
-- `installed_solvers`: return the names of the solvers whose libraries are installed
-- `interior_point`: solve a linear program by HiGHS' interior-point method
 - `is_large`: test whether `auto` chooses `schur` for a structure
 - `make_solver`: make a solver by its name
 - `require_solver`: refuse an unknown solver, or one that is not installed
@@ -30,8 +25,7 @@ from jld_core.program import ConicProgram, Structure
 from jld_core.solvers.base import RawSolution, RawStatus, Solver
 from jld_core.solvers.clarabel import ClarabelSolver
 from jld_core.solvers.highs import HighsSolver
-from jld_core.solvers.linear import LinearAnswer, LinearRows, interior_point
-from jld_core.solvers.schur import SchurSolver
+from jld_core.solvers.schur.interior_point import SchurSolver
 
 SOLVERS = ("auto", "clarabel", "schur", "highs", "highs-ipm", "cvxpy")
 """Names that `make_solver` takes."""
@@ -163,15 +157,10 @@ __all__ = [
     "SOLVERS",
     "ClarabelSolver",
     "HighsSolver",
-    "LinearAnswer",
-    "LinearRows",
     "RawSolution",
     "RawStatus",
-    "SchurSolver",
     "Solver",
     "auxiliary",
-    "installed_solvers",
-    "interior_point",
     "is_large",
     "make_solver",
     "require_solver",

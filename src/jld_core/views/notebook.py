@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from jld_core.assembly import Assembly
-from jld_core.build import Resultant, resultant
+from jld_core.build.plausibility import Resultant, resultant
 from jld_core.limit import LimitAnalysisResult, number
 from jld_core.notebook_repr import register_repr
 from jld_core.program import Template

@@ -11,7 +11,8 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from jld_core.arrays import Bools, Floats
-from jld_core.assembly_sequence import Laying, Step
+from jld_core.assembly_sequence import Laying
+from jld_core.assembly_sequence.order import Step
 from jld_core.views.look import INK, SOFT, SUPPORT
 from jld_core.views.structure import painter_order, projection_of
 

@@ -12,7 +12,8 @@ from jld_core.assembly_sequence import Laying, assembly_order
 from jld_explore.cli.layout import layout_of
 from jld_explore.cli.options import Rank, Source
 from jld_explore.cli.streams import say
-from jld_explore.report import check_writable, csv_of, write_text
+from jld_explore.report import csv_of, write_text
+from jld_explore.report.folder import check_writable
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -20,8 +20,9 @@ from typer.core import TyperGroup
 
 from jld_core._version import __version__
 from jld_core.assembly import Assembly
-from jld_core.batch import described as kernel_in_use
-from jld_core.build import build_assembly, build_robust, settlements_of
+from jld_core.batch.library import described as kernel_in_use
+from jld_core.build import build_assembly, build_robust
+from jld_core.build.settlements import settlements_of
 from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.limit import (
     FLOOR_SECONDS,
@@ -34,16 +35,11 @@ from jld_core.limit import (
     Status,
 )
 from jld_core.mechanics import InnerBending, require_materials
-from jld_core.models import (
-    FIELD_SECONDS,
-    cost_estimate,
-    require_cracks,
-    require_memory,
-    require_model,
-    sensitivities,
-)
+from jld_core.models import cost_estimate, require_memory, require_model, sensitivities
 from jld_core.models import solve as solve_assembly
-from jld_core.scene import FieldCracks, Scene, load_scene
+from jld_core.models.by_fields import FIELD_SECONDS, require_cracks
+from jld_core.scene import Scene, load_scene
+from jld_core.scene.cracks import FieldCracks
 from jld_core.solvers import SOLVERS
 from jld_core.tolerances import GAP
 from jld_explore import Exploration, explore
@@ -67,13 +63,10 @@ from jld_explore.cli.progress import ProgressBar
 from jld_explore.cli.settlement import settlement
 from jld_explore.cli.streams import say, warn
 from jld_explore.cli.verifying import verify_command
-from jld_explore.drivers import DRIVERS, owners
-from jld_explore.report import (
-    check_folder,
-    check_writable,
-    words,
-    write_text,
-)
+from jld_explore.drivers import DRIVERS
+from jld_explore.drivers.registry import owners
+from jld_explore.report import check_folder, words, write_text
+from jld_explore.report.folder import check_writable
 from jld_explore.settings import (
     BudgetSettings,
     ExploreSettings,

@@ -13,12 +13,15 @@ from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysisResult, SolveOptions, Status
-from jld_core.models import require_cracks, solve_by_fields
-from jld_core.refinement import crack_cells
-from jld_core.scene import CellCracks, FieldCracks, Scene, cracks_in_words, cracks_to_json, parse_cracks
+from jld_core.models import solve_by_fields
+from jld_core.models.by_fields import require_cracks
+from jld_core.refinement.cells import crack_cells
+from jld_core.scene import Scene, parse_cracks
+from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_in_words, cracks_to_json
 from jld_explore.cli.ending import UNCERTIFIED
 from jld_explore.cli.streams import say
-from jld_explore.report import check_writable, words, write_text
+from jld_explore.report import words, write_text
+from jld_explore.report.folder import check_writable
 
 Cracks = Annotated[
     str | None,

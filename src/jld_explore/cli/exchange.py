@@ -11,7 +11,8 @@ from jld_core.build import build_assembly
 from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.exchange import FORMATS, ImportOptions, Layout, blocks_csv, export, import_file
 from jld_core.models import solve
-from jld_core.refinement import KINDS, refine
+from jld_core.refinement import refine
+from jld_core.refinement.refine import KINDS
 from jld_core.scene import load_scene, parse_scene
 from jld_explore.cli.layout import layout_of
 from jld_explore.cli.options import Rank, SceneFile, Source, refuse_itself

@@ -21,7 +21,8 @@ from jld_explore.cli.ending import UNCERTIFIED
 from jld_explore.cli.layout import layout_of
 from jld_explore.cli.options import AsJson, Rank, Source
 from jld_explore.cli.streams import say
-from jld_explore.report import check_writable, csv_of, write_text
+from jld_explore.report import csv_of, write_text
+from jld_explore.report.folder import check_writable
 
 if TYPE_CHECKING:
     from jld_experiment import Curve

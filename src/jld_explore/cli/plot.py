@@ -14,7 +14,8 @@ from jld_core.scene import load_scene
 from jld_explore.cli.layout import layout_of, plot_ranks
 from jld_explore.cli.options import Source, refuse_itself
 from jld_explore.cli.streams import say
-from jld_explore.report import read_folder, scene_page, write_pictures, write_report, write_text
+from jld_explore.report import read_folder, write_pictures, write_report, write_text
+from jld_explore.report.page_of_study import scene_page
 
 
 def add_to(app: typer.Typer) -> None:

@@ -9,15 +9,17 @@ from typing import Annotated
 
 import typer
 
-from jld_core.build import settlements_of
+from jld_core.build.settlements import settlements_of
 from jld_core.errors import InputError, error_context
-from jld_core.limit import Settled, settle
+from jld_core.limit import Settled
+from jld_core.limit.settlement import settle
 from jld_explore.cli.cracks import rigid_cells
 from jld_explore.cli.ending import UNCERTIFIED
 from jld_explore.cli.layout import layout_of
 from jld_explore.cli.options import AsJson, Rank
 from jld_explore.cli.streams import say
-from jld_explore.report import check_writable, write_text
+from jld_explore.report import write_text
+from jld_explore.report.folder import check_writable
 
 
 def settlement(

@@ -11,7 +11,8 @@ import typer
 from jld_core.scene import load_scene
 from jld_explore.cli.options import AsJson
 from jld_explore.cli.streams import say
-from jld_explore.verification import Verified, verify
+from jld_explore.verification import verify
+from jld_explore.verification.verify import Verified
 
 
 def verify_command(

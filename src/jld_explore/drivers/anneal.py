@@ -24,12 +24,14 @@ from pydantic import Field
 
 from jld_core.arrays import Bits, Floats
 from jld_core.deadline import checkpoint
-from jld_core.limit import LimitAnalysis, Movements
+from jld_core.limit import LimitAnalysis
+from jld_core.limit.movements import Movements
 from jld_explore.drivers.base import DriverOptions
 from jld_explore.drivers.genetic import Genetic
-from jld_explore.drivers.operators import Following
+from jld_explore.drivers.operators.following import Following
 from jld_explore.drivers.searcher import Searcher
-from jld_explore.evaluation import Evaluation, standing
+from jld_explore.evaluation import Evaluation
+from jld_explore.evaluation.ranking import standing
 from jld_explore.space import SearchSpace, keys
 
 _HOT: Final = 0.04

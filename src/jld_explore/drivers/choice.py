@@ -13,7 +13,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final
 
-from jld_core.limit import FLOOR_SECONDS, SolveOptions, relaxation_of
+from jld_core.limit import FLOOR_SECONDS, SolveOptions
+from jld_core.limit.case_relaxation import relaxation_of
 from jld_explore.drivers.base import Driver
 from jld_explore.drivers.registry import DRIVERS, make_driver, owners
 from jld_explore.space import SearchSpace

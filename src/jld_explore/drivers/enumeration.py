@@ -21,7 +21,8 @@ from jld_core.arrays import Bits, Bools, Ints
 from jld_core.deadline import Deadline, DeadlinePassed, checkpoint
 from jld_explore.drivers.base import Driver
 from jld_explore.evaluation import Evaluation, Records
-from jld_explore.space import SearchSpace, representatives
+from jld_explore.space import SearchSpace
+from jld_explore.space.labelling import representatives
 
 Names = NDArray[np.unsignedinteger[Any]]
 

@@ -22,7 +22,8 @@ from jld_explore.drivers.nondominated import crowding_of, fronts_of
 from jld_explore.drivers.pool import Pool
 from jld_explore.drivers.searcher import Searcher
 from jld_explore.drivers.surrogate import Surrogate
-from jld_explore.evaluation import Envelope, Evaluation, objectives, places
+from jld_explore.evaluation import Evaluation
+from jld_explore.evaluation.ranking import Envelope, objectives, places
 from jld_explore.space import SearchSpace
 
 CROSSING: Final = 0.5

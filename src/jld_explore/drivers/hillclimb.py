@@ -10,11 +10,13 @@ import numpy as np
 from pydantic import Field
 
 from jld_core.arrays import Bits
-from jld_core.errors import InputError
+from jld_core.errors import ParameterError
 from jld_explore.drivers.base import DriverOptions
 from jld_explore.drivers.searcher import Searcher
-from jld_explore.evaluation import Evaluation, aims, standing
-from jld_explore.space import LETTERS, SearchSpace, feasible, from_string, keys
+from jld_explore.evaluation import Evaluation
+from jld_explore.evaluation.ranking import aims, standing
+from jld_explore.space import LETTERS, SearchSpace, from_string, keys
+from jld_explore.space.search_space import feasible
 
 _ALL = -1  # owner index of the labelling at which all runs start
 
@@ -98,10 +100,10 @@ class HillClimb(Searcher):
         self._first: Bits | None = None
         if start is not None:
             if len(start) != len(space.fixed) or start.strip(LETTERS):
-                raise InputError("start", f"it is {start[:40]!r}", f"{len(space.fixed)} letters d or i")
+                raise ParameterError("start", f"it is {start[:40]!r}", f"{len(space.fixed)} letters d or i")
             self._first = from_string(start)
             if not feasible(space, self._first[None])[0]:
-                raise InputError("start", "the search does not admit it", "a segmentation within all limits")
+                raise ParameterError("start", "the search does not admit it", "a segmentation within all limits")
 
     @property
     def settings(self) -> dict[str, Any]:

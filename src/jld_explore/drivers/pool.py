@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from jld_core.arrays import Bits, Floats, Ints
 from jld_explore.drivers.surrogate import MEMORY, Surrogate
-from jld_explore.evaluation import front_counts
+from jld_explore.evaluation.ranking import front_counts
 from jld_explore.space import SearchSpace
 
 Names = NDArray[Any]

@@ -16,8 +16,11 @@ from jld_core.arrays import Bits, Ints
 from jld_core.deadline import checkpoint
 from jld_explore.drivers.base import Driver
 from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.drivers.operators import BufferedRandom, Operators, operators
-from jld_explore.space import SearchSpace, canonical, feasible, keys
+from jld_explore.drivers.operators.atom_graph import BufferedRandom
+from jld_explore.drivers.operators.segmentations import Operators, operators
+from jld_explore.space import SearchSpace, keys
+from jld_explore.space.labelling import canonical
+from jld_explore.space.search_space import feasible
 
 PATIENCE: Final = 12
 """Proposals per new labelling wanted after which `Searcher.fresh` gives up."""

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 import joblib
 
-from jld_core import __version__
+from jld_core._version import __version__
 from jld_core.errors import ParameterError
 
 _ANSWER: Final = 10.0

@@ -12,9 +12,9 @@ import numpy as np
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline
-from jld_core.fields import CoarseBounds, FieldSetting
+from jld_core.fields.adaptive import CoarseBounds, FieldSetting
 from jld_core.limit import Status
-from jld_core.refinement import CrackCells
+from jld_core.refinement.cells import CrackCells
 from jld_explore.evaluation.cases import evaluator_of
 from jld_explore.evaluation.evaluation import BOUND, SOLVE, Evaluation
 from jld_explore.evaluation.evaluator import EvaluatorSettings

@@ -18,7 +18,9 @@ import numpy as np
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline
-from jld_core.fields import CoarseBounds, FieldMechanism, Fields, FieldSetting, FieldStresses, Mesh
+from jld_core.fields.adaptive import CoarseBounds, Fields, FieldSetting
+from jld_core.fields.mesh import Mesh
+from jld_core.fields.transfer import FieldMechanism, FieldStresses
 from jld_core.threads import one_thread
 
 _TOGETHER: Final = 4

@@ -13,7 +13,7 @@ from jld_explore.evaluation.evaluation import Evaluation
 from jld_explore.evaluation.pruning import IncumbentFront
 from jld_explore.evaluation.records import Records
 from jld_explore.evaluation.workers import Run, Workers
-from jld_explore.space import orbit_sizes
+from jld_explore.space.labelling import orbit_sizes
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ import cloudpickle
 import joblib
 import numpy as np
 
-from jld_core import __version__
+from jld_core._version import __version__
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.batch import chosen

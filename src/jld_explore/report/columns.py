@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from jld_core.assembly import Assembly
-from jld_core.exchange import RUN_BY_SPREADSHEETS, harmless
+from jld_core.exchange.writers import RUN_BY_SPREADSHEETS, harmless
 from jld_explore.space import registered
 
 if TYPE_CHECKING:

@@ -14,10 +14,11 @@ from jld_core.exchange import Layout
 from jld_core.limit import LimitAnalysisResult, SolveOptions, Status
 from jld_core.models import solve
 from jld_core.notebook_repr import NotebookRepr
-from jld_core.refinement import crack_cells
-from jld_core.scene import CellCracks, FieldCracks, Scene
+from jld_core.refinement.cells import crack_cells
+from jld_core.scene import Scene
+from jld_core.scene.cracks import CellCracks, FieldCracks
 from jld_explore.report.summary import Summary
-from jld_explore.space import cut
+from jld_explore.space.void import cut
 from jld_explore.study import StopReason
 
 if TYPE_CHECKING:

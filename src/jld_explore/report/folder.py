@@ -15,16 +15,16 @@ from jld_core.errors import InputError, ParameterError
 from jld_core.exchange import blocks_csv
 from jld_core.files import require_writable, whole_file
 from jld_core.limit import LimitAnalysisResult
-from jld_core.scene import FieldCracks, cracks_to_json
-from jld_explore.drivers import what_would_prove
-from jld_explore.evaluation import RECORDS_FILE
+from jld_core.scene.cracks import FieldCracks, cracks_to_json
+from jld_explore.drivers.choice import what_would_prove
+from jld_explore.evaluation.records import RECORDS_FILE
 from jld_explore.report import required, tables
 from jld_explore.report.columns import columns, csv_of
 from jld_explore.report.evidence import front_rows, values_on, with_evidence
 from jld_explore.report.exploration import Exploration
 from jld_explore.report.reading import history_of
 from jld_explore.report.summary import Summary
-from jld_explore.space import cut
+from jld_explore.space.void import cut
 from jld_explore.study import StopReason, Study, name_of
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from importlib.resources import files
 from importlib.resources.abc import Traversable
 from typing import Any, Final
 
-from jld_core import __version__
+from jld_core._version import __version__
 
 _IMPORT: Final = re.compile(r'^import \{([^}]*)\} from "\./([\w./]+)";\n', re.M)
 _STAR: Final = re.compile(r'^import \* as (\w+) from "\./([\w./]+)";\n', re.M)

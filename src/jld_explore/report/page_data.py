@@ -31,7 +31,8 @@ from jld_explore.report.page_contract import (
     Structure,
     Table,
 )
-from jld_explore.space import beside_nothing, omitted, to_string
+from jld_explore.space import to_string
+from jld_explore.space.void import beside_nothing, omitted
 
 PLACES: Final = 9
 """Significant digits of coordinates and load factors."""

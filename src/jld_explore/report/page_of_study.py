@@ -26,7 +26,8 @@ from jld_explore.report.page_contract import PageData, Solution
 from jld_explore.report.page_data import cases_of, page_data, solution_of, within
 from jld_explore.report.page_table import chosen_rows, curve_of, facts_of_summary, table_of
 from jld_explore.report.reading import history_of
-from jld_explore.space import cut, search_space
+from jld_explore.space import search_space
+from jld_explore.space.void import cut
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -28,7 +28,8 @@ from jld_core.views.look import DOTS, FRONT, INK, PLAIN, SOFT
 from jld_core.views.structure import LineStyle, element_points, extent, paint, projection_of
 from jld_explore.report.columns import ranked_by, value_in_words
 from jld_explore.report.evidence import known_front
-from jld_explore.space import Count, count_named, cut, dry_of, registered
+from jld_explore.space import Count, count_named, registered
+from jld_explore.space.void import cut, dry_of
 
 FIRST: Final = registered()[0].name
 """Default count of the front in pictures."""

@@ -13,14 +13,15 @@ from jld_core.assembly import Assembly
 from jld_core.build import build_assembly, build_robust
 from jld_core.errors import InputError
 from jld_core.limit import RENAMED_BENDING, SolveOptions, Status
-from jld_core.scene import FieldCracks, load_scene
+from jld_core.scene import load_scene
+from jld_core.scene.cracks import FieldCracks
 from jld_core.solvers import SOLVERS
-from jld_explore.evaluation import RECORDS_FILE
+from jld_explore.evaluation.records import RECORDS_FILE
 from jld_explore.report import tables
 from jld_explore.report.evidence import with_evidence
 from jld_explore.report.exploration import Exploration
 from jld_explore.report.summary import Summary
-from jld_explore.space import is_labelling
+from jld_explore.space.void import is_labelling
 from jld_explore.study import StopReason
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from jld_core.arrays import Floats
 from jld_core.limit import Status
 from jld_core.scene import Search
-from jld_explore.evaluation import BOUND
+from jld_explore.evaluation.evaluation import BOUND
 from jld_explore.space import count_named
 
 if TYPE_CHECKING:

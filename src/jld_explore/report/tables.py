@@ -14,10 +14,15 @@ from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.limit import Status, load_scale, relative_width
 from jld_core.tolerances import GAP
-from jld_explore.evaluation import BOUND, ORDER, Records, load_factors, settled, statuses
+from jld_explore.evaluation import Records
+from jld_explore.evaluation.evaluation import BOUND
+from jld_explore.evaluation.ranking import ORDER
+from jld_explore.evaluation.rows import load_factors, settled, statuses
 from jld_explore.report import required
 from jld_explore.report.front import on_front
-from jld_explore.space import SearchSpace, counts, registered, to_strings, unpack
+from jld_explore.space import SearchSpace, registered, unpack
+from jld_explore.space.counts import counts
+from jld_explore.space.labelling import to_strings
 from jld_explore.study import StopReason, Study, versions
 
 if TYPE_CHECKING:

@@ -8,9 +8,10 @@ import numpy as np
 
 from jld_core.assembly import Assembly
 from jld_core.limit import LimitAnalysisResult, Status
-from jld_core.scene import Scene, cracks_in_words
+from jld_core.scene import Scene
+from jld_core.scene.cracks import cracks_in_words
 from jld_core.views import facts_of_assembly, facts_of_result
-from jld_explore.evaluation import BOUND
+from jld_explore.evaluation.evaluation import BOUND
 from jld_explore.report import required
 from jld_explore.report.columns import ranked_by
 from jld_explore.report.evidence import COLUMN

@@ -10,7 +10,7 @@ import numpy as np
 
 from jld_core.arrays import Bits, Bools, Ints
 from jld_core.assembly import DRY, INNER, Assembly
-from jld_core.assembly_sequence import SequenceConstraint
+from jld_core.assembly_sequence.constraint import SequenceConstraint
 from jld_core.build import faces_of_pairs
 from jld_core.errors import InputError
 from jld_core.mechanics import require_materials

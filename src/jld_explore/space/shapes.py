@@ -18,7 +18,9 @@ import numpy as np
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.deadline import checkpoint
-from jld_core.geometry import Kinds, Outline, Outlines, reach_of
+from jld_core.geometry import Outlines, reach_of
+from jld_core.geometry.congruence import Kinds
+from jld_core.geometry.outlines import Outline
 
 _SHIFT: Final = 0.37
 """Offset before coordinates are rounded; it avoids multiples of one half, where rounding is ambiguous."""

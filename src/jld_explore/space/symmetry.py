@@ -10,7 +10,7 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
-from jld_core.geometry import frame
+from jld_core.geometry.vectors import frame
 from jld_core.scene import Search
 
 

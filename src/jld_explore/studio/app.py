@@ -20,7 +20,10 @@ from starlette.routing import Route
 
 from jld_core.errors import InputError, SolverError
 from jld_core.exchange import FORMATS, Layout, export
-from jld_explore.report import PageData, asset, asset_names, read_folder, study_data, study_page, write_text
+from jld_explore.report import read_folder, write_text
+from jld_explore.report.page import asset, asset_names
+from jld_explore.report.page_contract import PageData
+from jld_explore.report.page_of_study import study_data, study_page
 from jld_explore.studio.guard import Guard
 from jld_explore.studio.jobs import Jobs, orders_for
 from jld_explore.studio.session import StudioSession

@@ -14,7 +14,10 @@ from typing import Any
 from jld_core.errors import InputError, ParameterError
 from jld_core.exchange import FORMATS
 from jld_core.scene import Scene, load_scene, parse_scene
-from jld_explore.report import PageData, page_data, read_folder, solution_of, study_data
+from jld_explore.report import read_folder
+from jld_explore.report.page_contract import PageData
+from jld_explore.report.page_data import page_data, solution_of
+from jld_explore.report.page_of_study import study_data
 from jld_explore.studio.session import StudioSession
 
 START: dict[str, Any] = {

@@ -14,11 +14,14 @@ import numpy as np
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.build import build_assembly, build_geometry
+from jld_core.build import build_assembly
+from jld_core.build.assemble import build_geometry
 from jld_core.errors import InputError
 from jld_core.scene import Scene, parse_scene
-from jld_explore.report import CaseSolver, loads_of, solution_of
-from jld_explore.space import LETTERS, SearchSpace, from_string, reasons_against, search_space
+from jld_explore.report.page_data import loads_of, solution_of
+from jld_explore.report.page_of_study import CaseSolver
+from jld_explore.space import LETTERS, SearchSpace, from_string, search_space
+from jld_explore.space.reasons import reasons_against
 
 KEPT: Final = 16
 """Number of cached assemblies; the cache key contains all changes except labels."""

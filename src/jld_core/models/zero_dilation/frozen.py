@@ -8,7 +8,7 @@ import numpy as np
 
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.limit import LimitAnalysis
-from jld_core.mechanics import PrescribedFriction
+from jld_core.mechanics.prescribed_friction import PrescribedFriction
 from jld_core.models.zero_dilation.lower_bound_problem import LowerBoundProblem
 from jld_core.models.zero_dilation.modes import LinearModes
 from jld_core.models.zero_dilation.statics import Statics

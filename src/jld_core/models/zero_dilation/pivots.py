@@ -18,7 +18,7 @@ import numpy as np
 from jld_core.arrays import Bools, Floats
 from jld_core.deadline import checkpoint
 from jld_core.models.zero_dilation.modes import Modes
-from jld_core.solvers import LinearRows
+from jld_core.solvers.linear import LinearRows
 
 _CLOSED: Final = (1e-9, 1e-7, 1e-5)
 """Values of y below which a mode may move, tried in order until some mechanism exists."""

@@ -18,7 +18,7 @@ import scipy.sparse as sp
 
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.models.zero_dilation.modes import LinearModes, Modes
-from jld_core.solvers import LinearAnswer, interior_point
+from jld_core.solvers.linear import LinearAnswer, interior_point
 
 _NOTHING: Final = 1e-11
 """Size of coefficients that are rounding errors of an elimination."""

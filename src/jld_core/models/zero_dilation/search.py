@@ -12,9 +12,9 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.deadline import checkpoint
-from jld_core.errors import InputError
+from jld_core.errors import InputError, ParameterError
 from jld_core.limit import LimitAnalysis, Motion, Prover, State, Status, load_scale
-from jld_core.mechanics import EffectiveAreas, PrescribedFriction
+from jld_core.mechanics.prescribed_friction import EffectiveAreas, PrescribedFriction
 from jld_core.models.effective_area import HOLD, change, slack_to_ask
 from jld_core.models.fixed_points import under_own_areas
 from jld_core.models.moving_rows import areas_under
@@ -94,7 +94,7 @@ class ProximalOptions:
     def __post_init__(self) -> None:
         """Raise InputError if a value is outside its range."""
         if self.start not in (allowed := ("associative", "gravity", "vertex")):
-            raise InputError("start", f"there is no {self.start!r}", " or ".join(allowed))
+            raise ParameterError("start", f"there is no {self.start!r}", " or ".join(allowed))
         if not 0.0 <= self.alpha <= 1.0:
             raise InputError("alpha", f"{self.alpha}", "0 ≤ alpha ≤ 1")
         if not (self.damping > 0.0 and self.anchor > 0.0 and self.block >= 1 and self.most >= 1):

@@ -23,7 +23,7 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bits
-from jld_core.errors import InputError
+from jld_core.errors import ParameterError
 from jld_core.limit import LimitAnalysis, Proof, Status
 from jld_core.models.effective_area import require_rectangles
 from jld_core.models.zero_dilation.found import MultiStartSearch
@@ -94,7 +94,7 @@ def prove_zero_dilation(
     if scheme.effective_area:
         require_rectangles(analysis.assembly, labels)
     if scheme.start == "vertex" and analysis.template.structure.cones:
-        raise InputError("start", "'vertex' on a program with cones", "'associative' or 'gravity'")
+        raise ParameterError("start", "'vertex' on a program with cones", "'associative' or 'gravity'")
     associative = associative or analysis.prove(labels, stands=stands)
     collapses = associative.status is Status.COLLAPSE
     if collapses and associative.bracket[1] * analysis.template.scaling.load <= floor:

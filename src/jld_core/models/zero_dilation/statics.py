@@ -13,7 +13,7 @@ import numpy as np
 
 from jld_core.arrays import Bools, Floats
 from jld_core.models.zero_dilation.modes import LinearModes
-from jld_core.solvers import LinearRows
+from jld_core.solvers.linear import LinearRows
 
 _SUMS: Final = 1e-13
 """Rounding error of a sum of a few hundred products, relative to the sum of their absolute values."""

@@ -18,7 +18,7 @@ import scipy.sparse as sp
 
 from jld_core.arrays import Floats, Ints
 from jld_core.errors import SolverError
-from jld_core.linalg import Factor, Fronts
+from jld_core.linalg.cholesky import Factor, Fronts
 from jld_core.program import ConicProgram, Structure
 from jld_core.solvers.schur.face_blocks import FaceBlocks, Family, face_blocks, filled
 from jld_core.solvers.schur.nesterov_todd import NesterovTodd

@@ -15,7 +15,9 @@ from jld_core.arrays import Bits
 from jld_core.deadline import checkpoint
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks, possible_blocks
-from jld_explore.space import SearchSpace, canonical, feasible
+from jld_explore.space import SearchSpace
+from jld_explore.space.labelling import canonical
+from jld_explore.space.search_space import feasible
 
 
 def admissible_layout(space: SearchSpace, seed: int = 0) -> Bits | None:

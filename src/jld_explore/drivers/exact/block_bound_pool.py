@@ -19,10 +19,13 @@ from typing import Final
 import cloudpickle
 
 from jld_core.arrays import Bools
-from jld_core.limit import AnyBlockRelaxation, Asked, Choice, LimitAnalysis, block_relaxation_of
+from jld_core.limit import LimitAnalysis
+from jld_core.limit.block_relaxation import Asked, Choice
+from jld_core.limit.case_relaxation import AnyBlockRelaxation, block_relaxation_of
 from jld_core.threads import one_thread
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
-from jld_explore.evaluation import PoolWorker, WorkerPool, client_of_cluster, is_lost
+from jld_explore.evaluation.cluster import client_of_cluster
+from jld_explore.evaluation.worker_pool import PoolWorker, WorkerPool, is_lost
 from jld_explore.space import SearchSpace
 
 ALONE: Final = 40

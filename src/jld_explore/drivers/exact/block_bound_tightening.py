@@ -23,11 +23,12 @@ import cloudpickle
 import numpy as np
 
 from jld_core.arrays import Bools, Ints
-from jld_core.limit import Choice, LimitAnalysis, applies_to
+from jld_core.limit import LimitAnalysis
+from jld_core.limit.block_relaxation import Choice, applies_to
 from jld_explore.drivers.exact.block_bound_pool import Space, bound_blocks
 from jld_explore.drivers.exact.conflict_minimization import Conflict, Evidence
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
-from jld_explore.evaluation import WorkerPool
+from jld_explore.evaluation.worker_pool import WorkerPool
 from jld_explore.space import SearchSpace
 
 _RELAXATIONS: Final = (5.0, 0.25)

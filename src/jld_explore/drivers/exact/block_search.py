@@ -15,7 +15,9 @@ from typing import Final, Literal
 import numpy as np
 
 from jld_core.arrays import Bits
-from jld_core.limit import AnyRelaxation, LimitAnalysis, applies_to
+from jld_core.limit import LimitAnalysis
+from jld_core.limit.block_relaxation import applies_to
+from jld_core.limit.case_relaxation import AnyRelaxation
 from jld_explore.drivers.exact.block_bound_pool import BlockBoundPool
 from jld_explore.drivers.exact.block_tree import BlockTree, Node
 from jld_explore.drivers.exact.conflict_minimization import Conflict

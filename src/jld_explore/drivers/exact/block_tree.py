@@ -23,7 +23,7 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Ints
-from jld_core.limit import Asked, Choice
+from jld_core.limit.block_relaxation import Asked, Choice
 from jld_explore.drivers.exact.block_bound_pool import BlockBoundPool
 from jld_explore.drivers.exact.conflict_minimization import Conflict, Evidence
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks

@@ -19,7 +19,8 @@ from pysat.solvers import Solver
 from jld_core._version import __version__
 from jld_core.arrays import Bits, Floats
 from jld_core.errors import ParameterError
-from jld_core.limit import LimitAnalysis, SolveOptions, load_scale, relaxation_of
+from jld_core.limit import LimitAnalysis, SolveOptions, load_scale
+from jld_core.limit.case_relaxation import relaxation_of
 from jld_core.scene import Scene
 from jld_core.solvers import make_solver
 from jld_explore.drivers.base import Driver
@@ -27,8 +28,12 @@ from jld_explore.drivers.exact.conflict_minimization import Conflict, conflict_o
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.inner_paths import InnerPaths
 from jld_explore.drivers.exact.trimming import refutation
-from jld_explore.space import SearchSpace, blocks_of, to_string
-from jld_explore.verification import Balances, Checker, Claim, Labellings, Lemma, Mechanism, Reason, Rule, write
+from jld_explore.space import SearchSpace, to_string
+from jld_explore.space.labelling import blocks_of
+from jld_explore.verification.balance import Balances
+from jld_explore.verification.certificate import Claim, Lemma, Mechanism, Reason, Rule, write
+from jld_explore.verification.labellings import Labellings
+from jld_explore.verification.verify import Checker
 
 _SLACK: Final = 2e-7
 """Relative amount by which the certified bound exceeds the bound of the search.

@@ -12,7 +12,8 @@ from pydantic import Field
 
 from jld_core.arrays import Bits, Floats
 from jld_core.deadline import Deadline, DeadlinePassed, time_left
-from jld_core.limit import LimitAnalysis, relaxation_of
+from jld_core.limit import LimitAnalysis
+from jld_core.limit.case_relaxation import relaxation_of
 from jld_explore.drivers.base import Aim, Driver, DriverOptions
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact.conflict_sources import ConflictSources

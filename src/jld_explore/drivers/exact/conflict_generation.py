@@ -15,8 +15,10 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bits, Bools
-from jld_core.batch import ConflictRequest, MinimizationOptions
-from jld_core.limit import AnyRelaxation, MinimizedConflict
+from jld_core.batch import ConflictRequest
+from jld_core.batch.conflict_request import MinimizationOptions
+from jld_core.limit.case_relaxation import AnyRelaxation
+from jld_core.limit.relaxation import MinimizedConflict
 from jld_explore.drivers.exact.conflict_minimization import Conflict, Mechanism, conflict_of
 from jld_explore.drivers.exact.cubes import EVERYTHING, Cube
 from jld_explore.drivers.exact.formula import Formula

@@ -9,15 +9,16 @@ from __future__ import annotations
 from typing import Final
 
 from jld_core.arrays import Bools
-from jld_core.limit import AnyRelaxation
+from jld_core.limit.case_relaxation import AnyRelaxation
 from jld_explore.drivers.exact.conflict_generation import ConflictGenerator
 from jld_explore.drivers.exact.cube_workers import CubeWorkers
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.drivers.exact.threaded_generation import ThreadedGenerator
-from jld_explore.evaluation import client_of_cluster
-from jld_explore.space import Range, SearchSpace
+from jld_explore.evaluation.cluster import client_of_cluster
+from jld_explore.space import SearchSpace
+from jld_explore.space.limits import Range
 
 SOLO_RELAXATIONS: Final = (8000, 1000)
 """Relaxations before worker processes start, with and without the batch solver.

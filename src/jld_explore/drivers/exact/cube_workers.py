@@ -26,8 +26,9 @@ from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.drivers.exact.worker_tasks import Task, TaskResult, WorkerSetup, run_task
-from jld_explore.evaluation import PoolWorker, WorkerPool, is_lost
-from jld_explore.space import Range, SearchSpace
+from jld_explore.evaluation.worker_pool import PoolWorker, WorkerPool, is_lost
+from jld_explore.space import SearchSpace
+from jld_explore.space.limits import Range
 
 MOMENT: Final = 0.3
 """Time, s, that a worker spends on a cube per task.

@@ -20,8 +20,10 @@ from jld_explore.drivers.exact.conflict_driver import ConflictDriver
 from jld_explore.drivers.exact.conflict_sources import ConflictSources
 from jld_explore.drivers.exact.proof_check import Claim
 from jld_explore.drivers.genetic import Genetic
-from jld_explore.evaluation import Evaluation, may_meet, meets
-from jld_explore.space import Range, SearchSpace, count_named, values_of
+from jld_explore.evaluation import Evaluation
+from jld_explore.evaluation.ranking import may_meet, meets
+from jld_explore.space import SearchSpace, count_named, values_of
+from jld_explore.space.limits import Range
 
 
 class MinimumCount(ConflictDriver):

@@ -16,12 +16,13 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats
-from jld_core.limit import AnyRelaxation
+from jld_core.limit.case_relaxation import AnyRelaxation
 from jld_explore.drivers.exact.conflict_minimization import Conflict, Evidence
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.drivers.exact.proof_state import ProofState
-from jld_explore.space import Range, SearchSpace
+from jld_explore.space import SearchSpace
+from jld_explore.space.limits import Range
 
 _SOLVER: Final = "glucose42"
 """Satisfiability solver of the check, another one than that of the search."""

@@ -15,7 +15,8 @@ import numpy as np
 from jld_core.arrays import Bits
 from jld_explore.drivers.exact.conflict_minimization import Conflict
 from jld_explore.drivers.exact.conflicts import Conflicts
-from jld_explore.space import SearchSpace, canonical
+from jld_explore.space import SearchSpace
+from jld_explore.space.labelling import canonical
 
 
 class ProofState:

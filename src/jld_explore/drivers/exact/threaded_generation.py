@@ -19,13 +19,14 @@ from threading import Condition
 from typing import Final
 
 from jld_core.arrays import Bools
-from jld_core.limit import AnyRelaxation
+from jld_core.limit.case_relaxation import AnyRelaxation
 from jld_core.threads import one_thread
 from jld_explore.drivers.exact.conflict_generation import ConflictBatch, ConflictGenerator
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.drivers.exact.proof_state import ProofState
-from jld_explore.space import Range, SearchSpace
+from jld_explore.space import SearchSpace
+from jld_explore.space.limits import Range
 
 _PATIENCE: Final = 0.1
 """Longest time, s, that the main thread waits for results before the next deadline check."""

@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.batch import Joining
+from jld_core.batch.parts import Joining
 from jld_core.deadline import checkpoint
 from jld_explore.drivers.operators.atom_graph import AtomGraph, PartLimits
-from jld_explore.space import SearchSpace, blocks_of
+from jld_explore.space import SearchSpace
+from jld_explore.space.labelling import blocks_of
 
 NEAR: Final = 0.5
 """Threshold: a pair with a key above it is separated, a pair with a lower key is joined."""

@@ -22,7 +22,8 @@ from jld_explore.drivers.operators.batches import NEAR, Batches
 from jld_explore.drivers.operators.cutting import Cutter
 from jld_explore.drivers.operators.free_bits import FreeBits
 from jld_explore.drivers.operators.repair import Repair
-from jld_explore.space import SearchSpace, blocks_of
+from jld_explore.space import SearchSpace
+from jld_explore.space.labelling import blocks_of
 
 _TREES: Final = 6
 """Number of spanning trees tried for one set of keys."""
