@@ -49,6 +49,7 @@ def test_the_race_is_right(raced: Exploration) -> None:
     assert summary["gap"] <= 0.25
     assert len(table) == summary["evaluated"] == 38
     best = table["bracket_lo"].max()
+    assert summary["best"] == best == table["load_factor"][0]
     assert summary["bound"] == pytest.approx(table["bracket_hi"].max(), rel=1e-12)
     assert (table["load_factor"].dropna() == table["bracket_lo"][table["load_factor"].notna()]).all()
     ranked = table[table["rank"].notna()]
