@@ -55,7 +55,8 @@ def test_the_race_is_right(raced: Exploration) -> None:
     ranked = table[table["rank"].notna()]
     # shared is the first rank by all that nothing is proven to be stronger than
     assert ((ranked["rank"] == 1) == (ranked["bracket_hi"] >= best)).all()
-    for text, low, high in zip(table["labelling"], table["bracket_lo"], table["bracket_hi"], strict=True):
+    some = table.iloc[[0, 1, *range(2, len(table), 6)]]
+    for text, low, high in zip(some["labelling"], some["bracket_lo"], some["bracket_hi"], strict=True):
         alone = bounds_by_fields(raced.assembly, from_string(str(text)), gap=1e-9, most_triangles=1)
         assert np.isnan(low) or low <= alone.upper * (1 + 1e-9)
         if np.isfinite(alone.lower):
