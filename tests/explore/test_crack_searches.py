@@ -51,12 +51,14 @@ def test_the_race_is_right(raced: Exploration) -> None:
     assert summary["gap"] <= 0.25
     assert len(table) == summary["evaluated"] == 38
     best = table["bracket_lo"].max()
+    assert summary["best"] == best == table["load_factor"][0]
     assert summary["bound"] == pytest.approx(table["bracket_hi"].max(), rel=1e-12)
     assert (table["load_factor"].dropna() == table["bracket_lo"][table["load_factor"].notna()]).all()
     ranked = table[table["rank"].notna()]
     # shared is the first rank by all that nothing is proven to be stronger than
     assert ((ranked["rank"] == 1) == (ranked["bracket_hi"] >= best)).all()
-    for text, low, high in zip(table["labelling"], table["bracket_lo"], table["bracket_hi"], strict=True):
+    some = table.iloc[[0, 1, *range(2, len(table), 6)]]
+    for text, low, high in zip(some["labelling"], some["bracket_lo"], some["bracket_hi"], strict=True):
         alone = bounds_by_fields(raced.assembly, from_string(str(text)), gap=1e-9, most_triangles=1)
         assert np.isnan(low) or low <= alone.upper * (1 + 1e-9)
         if np.isfinite(alone.lower):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.optimize import linprog
 
 from jld_core.arrays import Floats, Ints
 from jld_core.fields.conic import ConeProgram, Rows
@@ -43,6 +42,8 @@ def _convex_gradients(problem: Problem, number: Ints) -> Floats | None:
 
     It exists for every mesh of fans, trees of triangles and their bisections, which are regular subdivisions.
     """
+    from scipy.optimize import linprog  # takes longer to import than most commands need
+
     mesh, e = problem.mesh, problem.edges
     key = number[:, None] * len(mesh.points) + mesh.triangles
     unique, node = np.unique(key, return_inverse=True)

@@ -124,7 +124,9 @@ def results_table(
     # Sort ties by simplicity, using the counts with terms: fewer blocks, then fewer dry faces.
     simple = [table[count.name].to_numpy() for count in registered() if count.terms is not None]
     wanted = required.order(table, space.search)
-    order = np.lexsort((packed.view(f"S{packed.shape[1]}").ravel(), *simple, ties, *wanted, place))
+    # Of wide brackets the one with the greater lower end comes first, however simple the others are.
+    stronger = [-np.nan_to_num(load_factor)] if wide else []
+    order = np.lexsort((packed.view(f"S{packed.shape[1]}").ravel(), *simple, *stronger, ties, *wanted, place))
     table = table.iloc[order].reset_index(drop=True)
     # Tied rows share the rank of the first of them.
     ranked = int(np.count_nonzero(place == 0))
