@@ -62,6 +62,10 @@ def test_the_race_is_right(raced: Exploration) -> None:
         if np.isfinite(alone.lower):
             assert alone.lower <= high * (1 + 1e-9)
             assert alone.lower <= summary["bound"] * (1 + 1e-9)
+    # the front is that of the lower ends, with the best on it
+    front = raced.front.sort_values("load_factor", ascending=False)
+    assert front["load_factor"].iloc[0] == best
+    assert front["dry_faces"].is_monotonic_increasing
     pruned = table[table["settled"] == "bound"]
     assert len(pruned) > 10
     assert (pruned["bracket_hi"] < best).all()
