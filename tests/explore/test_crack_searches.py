@@ -15,6 +15,7 @@ import pytest
 from cases import grid_document
 from command import Command
 from jld_core import InputError, build_assembly, parse_scene, solve
+from jld_core.deadline import Deadline
 from jld_core.fields import Fields, FieldSetting, bounds_by_fields
 from jld_core.refinement import crack_cells
 from jld_explore import Exploration, ExploreSettings, explore, read_folder
@@ -99,6 +100,17 @@ def test_no_time_leaves_one_layout(tmp_path: Path) -> None:
     assert done.summary["best"] is not None
     assert not done.summary["proven"]
     assert "of the search" in done.summary["next"]
+
+
+def test_no_mesh_is_begun_that_would_be_late(raced: Exploration) -> None:
+    """Where every mesh would take longer than what is left, bounds of the coarsest mesh remain, with any jobs."""
+    labellings = np.array([from_string(str(text)) for text in raced.results["labelling"][:4]])
+    race = FieldRace(raced.assembly, labellings, 1e-3, Deadline(60.0), jobs=2)
+    race._rate = 1e9
+    found = race.run()
+    assert found.refined == 0
+    assert found.gap > 0.01
+    assert np.isfinite(race.low()).all()
 
 
 def test_load_cases_race_by_the_governing_factor() -> None:
