@@ -15,6 +15,7 @@ import pytest
 from cases import grid_document
 from command import Command
 from jld_core import InputError, build_assembly, parse_scene, solve
+from jld_core.deadline import Deadline
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.adaptive import Fields, FieldSetting
 from jld_core.refinement.cells import crack_cells
@@ -64,6 +65,10 @@ def test_the_race_is_right(raced: Exploration) -> None:
         if np.isfinite(alone.lower):
             assert alone.lower <= high * (1 + 1e-9)
             assert alone.lower <= summary["bound"] * (1 + 1e-9)
+    # the front is that of the lower ends, with the best on it
+    front = raced.front.sort_values("load_factor", ascending=False)
+    assert front["load_factor"].iloc[0] == best
+    assert front["dry_faces"].is_monotonic_increasing
     pruned = table[table["settled"] == "bound"]
     assert len(pruned) > 10
     assert (pruned["bracket_hi"] < best).all()
@@ -97,6 +102,17 @@ def test_no_time_leaves_one_layout(tmp_path: Path) -> None:
     assert done.summary["best"] is not None
     assert not done.summary["proven"]
     assert "of the search" in done.summary["next"]
+
+
+def test_no_mesh_is_begun_that_would_be_late(raced: Exploration) -> None:
+    """Where every mesh would take longer than what is left, bounds of the coarsest mesh remain, with any jobs."""
+    labellings = np.array([from_string(str(text)) for text in raced.results["labelling"][:4]])
+    race = FieldRace(raced.assembly, labellings, 1e-3, Deadline(60.0), jobs=2)
+    race._rate = 1e9
+    found = race.run()
+    assert found.refined == 0
+    assert found.gap > 0.01
+    assert np.isfinite(race.low()).all()
 
 
 def test_load_cases_race_by_the_governing_factor() -> None:

@@ -32,6 +32,9 @@ _MOST_TRIANGLES: Final = 12_000
 _GROWTH: Final = 1.4
 """Power of the number of triangles that the time of a mesh grows with, as measured up to 6 000."""
 
+_CAUTION: Final = 1.5
+"""Factor on the expected time of a mesh, which a busy machine exceeds."""
+
 _PATIENCE: Final = 6
 """Meshes after which a layout without one of the bounds is given up."""
 
@@ -181,13 +184,13 @@ class FieldRace:
             # the case that is known worst decides next
             case = int(np.argmin(self._low[row] / self._required))
             mesh = self._meshes.get((row, case), self._settings[case].coarse)
-            if self._rate * len(mesh) ** _GROWTH > self.deadline.remaining():
+            if _CAUTION * self._rate * len(mesh) ** _GROWTH > self.deadline.remaining():
                 # it would be late
                 self._given_up[row] = True
                 continue
             enough = best * float(self._required[case])
             tasks.append((row, case, (self._settings[case], self.labellings[row], mesh, enough)))
-        if self.jobs == 1 or len(tasks) == 1:
+        if self.jobs == 1 or len(tasks) <= 1:
             found = [_step(*arguments) for _, _, arguments in tasks]
         else:
             run = joblib.Parallel(n_jobs=min(self.jobs, len(tasks)))

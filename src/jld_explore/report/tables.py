@@ -180,15 +180,15 @@ def front_table(results: pd.DataFrame, axes: Sequence[tuple[str, str]], *, wide:
     """Return pareto.csv: the rows of the results on the front of λ and the scene's counts.
 
     Rows whose brackets overlap count as equally strong, so only those with the best count are on the front.
-    Of several rows with the same counts the first is kept. `axes` holds counts with their senses; `wide` as in
-    `results_table`.
+    Of several rows with the same counts the first is kept. `axes` holds counts with their senses. Where
+    brackets are `wide`, nearly all rows overlap, and the front is that of the proven lower ends.
     """
     ranked = results["status"] == str(Status.COLLAPSE)
     value = np.where(ranked, results["load_factor"].to_numpy(dtype=float), np.nan)
-    ties = _ties(value, *(results[end].to_numpy(dtype=float) for end in ("bracket_lo", "bracket_hi")), wide=wide)
+    ties = _ties(value, *(results[end].to_numpy(dtype=float) for end in ("bracket_lo", "bracket_hi")))
     names, senses = zip(*axes, strict=True)
     # Groups are numbered from the best; 0 means that there is no λ.
-    worth = np.where(ties > 0, -ties.astype(float), np.nan)
+    worth = value if wide else np.where(ties > 0, -ties.astype(float), np.nan)
     front = results[on_front(worth, results[list(names)].to_numpy(dtype=float), *senses)]
     return front.drop_duplicates(list(names))
 
