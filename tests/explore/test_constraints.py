@@ -13,7 +13,8 @@ from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.scene import parse_scene
 from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.space import SearchSpace, counts, from_string, search_space
+from jld_explore.space import SearchSpace, from_string, search_space
+from jld_explore.space.counts import counts
 from jld_explore.space.labelling import blocks_of
 from jld_explore.space.reasons import reasons_against
 from jld_explore.space.search_space import feasible

@@ -86,6 +86,6 @@ def test_a_proven_floor_is_refused_in_space(tmp_path: Path) -> None:
     """Spatial scenes have no bound without dilation, so no layout could be ranked by it."""
     model = SolveOptions(friction="zero-dilation", range=True, floor_seconds=1.0)
     scene = load_scene(SCENES / "spatial_cubes.json")
-    with pytest.raises(InputError, match="--objective: spatial scenes have no bound without dilation"):
+    with pytest.raises(InputError, match="objective: spatial scenes have no bound without dilation"):
         explore(scene, tmp_path / "out", ExploreSettings(model=model))
     assert not (tmp_path / "out").exists()

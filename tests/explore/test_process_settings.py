@@ -58,7 +58,7 @@ def test_a_pool_in_threads_and_a_pool_of_processes_leave_nothing_behind() -> Non
     assembly = grid_assembly(rows, **options)
     spec, m = WorkerSpec.of(assembly, EvaluatorSettings()), len(assembly.interfaces)
     before = settings()
-    threads = Workers(spec, 2, m, quick=True)
+    threads = Workers(spec, 2, m, batch=True)
     assert sys.getswitchinterval() < before[0]
     threads.close()
     processes, pool = Processes(1, hang=60.0), WorkerPool(1)

@@ -8,7 +8,6 @@ closed form; the small walls against the proven floor of tests/core/test_zero_di
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -186,7 +185,6 @@ def test_the_command_prints_the_range(monkeypatch: pytest.MonkeyPatch, capsys: p
         monkeypatch, capsys, "solve", SCENES / "spatial_cubes.json", "--friction", "zero-dilation", "--range"
     )
     assert "0.323979676 to 0.323979676" in outcome.out
-    assert "proven, the lowest found is the lowest there is" in outcome.out
 
 
 # --- in a search ----------------------------------------------------------------------------------------------------
@@ -213,9 +211,8 @@ def search_by(scene: Scene, tmp_path: Path, floor_seconds: float) -> pd.DataFram
     return explore(scene, tmp_path / f"{floor_seconds:g}", settings).results
 
 
-@pytest.mark.parametrize("scene", [beam, column])
-def test_a_search_ranks_by_the_lowest_found_or_by_the_floor(scene: Callable[[], Scene], tmp_path: Path) -> None:
-    found, proven = search_by(scene(), tmp_path, 0.0), search_by(scene(), tmp_path, 2.0)
+def test_a_search_ranks_by_the_lowest_found_or_by_the_floor(tmp_path: Path) -> None:
+    found, proven = search_by(beam(), tmp_path, 0.0), search_by(beam(), tmp_path, 2.0)
     first = found[found["settled"] == "solve"].set_index("labelling")["load_factor"].dropna()
     floors = proven[proven["settled"] == "solve"].set_index("labelling")["load_factor"].dropna()
     assert len(first) >= 2

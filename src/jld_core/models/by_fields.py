@@ -11,7 +11,7 @@ import numpy as np
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.errors import InputError
+from jld_core.errors import InputError, ParameterError
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import FieldBounds, FieldStatus
 from jld_core.fields.requirements import require_fields
@@ -232,8 +232,7 @@ def require_cracks(
     default = SolveOptions()
     for name, value in vars(options or default).items():
         if value != getattr(default, name):
-            option = name.replace("_", "-")
-            raise InputError(f"--{option}", "cracks by fields do not know it", "the default, or cracks by faces")
+            raise ParameterError(name, "cracks by fields do not know it", "the default, or cracks by faces")
     require_fields(assembly)
 
 

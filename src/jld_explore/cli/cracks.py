@@ -11,7 +11,7 @@ import typer
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.errors import InputError
+from jld_core.errors import InputError, ParameterError
 from jld_core.limit import LimitAnalysisResult, SolveOptions, Status
 from jld_core.models import solve_by_fields
 from jld_core.models.by_fields import require_cracks
@@ -44,7 +44,7 @@ def with_cracks(scene: Scene, text: str | None) -> Scene:
 def check_cracks(scene: Scene, assembly: Assembly, text: str | None, options: SolveOptions, robust: bool) -> None:
     """Raise InputError if the scene or the options do not support its crack model."""
     if isinstance(scene.cracks, FieldCracks) and robust:
-        raise InputError("--robust", "cracks by fields take one value of each strength", "cracks by faces or cells")
+        raise ParameterError("robust", "cracks by fields take one value of each strength", "cracks by faces or cells")
     require_cracks(scene, assembly, options, "cracks" if text is None else _OPTION)
 
 
