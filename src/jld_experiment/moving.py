@@ -53,8 +53,8 @@ class Plane(NamedTuple):
     edge_first : (n + 1,) int array
         Position of the first corner of each element, counter-clockwise.
     spring : (6,) float array
-        Normal and shear force per length of a corner, friction, clearance, margin.
-        The last entry is state: the largest elastic overlap of any face.
+        Normal and shear stiffness of a corner contact (force per overlap or slip), friction coefficient, overlap
+        without force, distance within which corners are checked. The last entry is state: the largest elastic overlap.
     gap, slid : (s,) float array
         Gap and slip of sub-contacts.
     stuck : (p,) float array

@@ -47,9 +47,10 @@ class System:
 
 
 def system_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats, step: float) -> System:
-    """Compute the elastic system with all faces closed.
+    """Compute stiffness, scaled masses and periods of an assembly with all faces in contact.
 
-    `kn` and `ks` (m,) are springs per area; `step` is the share of the critical step.
+    `kn` and `ks` (m,) are normal and shear stiffness per area. `step` is the time step as a share of the largest stable
+    one.
     """
     elements, q, d = assembly.elements, assembly.freedoms, assembly.dimension
     ends = np.column_stack([assembly.interfaces.a, assembly.interfaces.b]).astype(np.int64)

@@ -289,7 +289,7 @@ class JldProblem(ctypes.Structure):
 
 
 class JldTry(ctypes.Structure):
-    """Settings of one pass, see `STRUCTURES`."""
+    """Interior-point settings of one pass over the labellings; for the fields see `STRUCTURES`."""
 
 
 class JldMinimization(ctypes.Structure):

@@ -60,7 +60,7 @@ def fits(template: Template, undecided: Rows | None = None) -> bool:
 
 
 def _products(template: Template) -> int:
-    """Return the number of scalar products of one factorisation."""
+    """Return the number of scalar multiplications in one block Cholesky factorisation."""
     return int(pattern_of(template.assembly)[0].products * template.assembly.freedoms**3)
 
 
@@ -204,9 +204,9 @@ def _pairs(pattern: RowPattern, values: Floats, sides: Floats, faces: int) -> Fl
 
 
 def spatial_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
-    """Return the rows of spatial faces under one label, or None if unsupported.
+    """Return the yield rows (m, EDGES + 1, 4) of spatial faces under one label, as in `_spatial_table`.
 
-    The layout is that of `_spatial_table`.
+    Return None where the batch solver does not know the yield set.
     """
     if pattern.cones != (3,) * faces or pattern.extra != faces:
         return None

@@ -42,7 +42,8 @@ _CHUNK, _CROSSINGS = 64, 5
 def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes) -> Imported:
     """Convert a drawing to a planar scene.
 
-    Raises InputError where there is no possible element, no support, or more content than a structure has.
+    Raises InputError if nothing can become an element, a support is missing, a unit, size or load is invalid, or the
+    drawing exceeds `MOST` corners or cells.
     """
     scale, unit = _scale(drawing, options, notes)
     paths = [_scaled(path, scale) for path in drawing.paths if options.role(path.layer) not in ("skip", "id")]

@@ -18,9 +18,10 @@ from jld_core.exchange.paths import Path
 def drawn_loads(
     paths: list[Path], marks: list[Mark], cells: list[Cell], options: ImportOptions, drawing: Drawing, notes: Notes
 ) -> dict[str, Any]:
-    """Return the loads of a drawing: arrows along lines, or points and texts.
+    """Return the entry "loads" of a scene from the lines, points and texts of a drawing.
 
-    Texts give the magnitudes; an arrow without a text has magnitude 1.
+    A line is a force that ends at its point of application. A text nearby gives its magnitude, 1 without. A text at a
+    point gives a force there; a single number acts downwards.
     """
     entries: dict[str, list[dict[str, Any]]] = {"live": [], "dead": []}
     unit = str(drawing.facts.get("units", {}).get("force", "N"))

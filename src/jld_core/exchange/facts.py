@@ -92,7 +92,10 @@ def _lifted(vector: list[float], y: float = 0.0) -> list[float]:
 
 
 def element_keys(layout: Layout) -> dict[str, dict[str, Any]]:
-    """Return the scene's non-geometric keys of each element, by id."""
+    """Return density, weight, volume, centroid and block as the scene states them, by element id.
+
+    Elements without any of them are left out.
+    """
     entries = layout.scene.elements or []
     dumped = [entry.model_dump(mode="json", exclude_defaults=True) for entry in entries]
     kept: dict[str, dict[str, Any]] = {}

@@ -40,9 +40,10 @@ def _rows(text: str, mark: str) -> Iterator[list[str]]:
 
 
 def read_csv(path: File, notes: Notes) -> Drawing:
-    """Read the polygons of a CSV file separated by commas, semicolons or tabs.
+    """Read the polygons of a CSV file separated by commas, semicolons or tabs, one corner per line.
 
-    Raises InputError with the number of the wrong line.
+    Columns are id, x, y and optionally layer and support; lines of one id form a polygon. Raises InputError that names
+    the wrong line or element.
     """
     text = text_of(path)
     first = text.splitlines()[0]

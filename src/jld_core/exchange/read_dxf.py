@@ -258,7 +258,10 @@ class _Reader:
         return len(self._solids) > before
 
     def _loop(self, path: Any) -> Any:
-        """Return the points of a hatch boundary with bulges; None for curves other than arcs."""
+        """Return (k, 3) rows x, y, bulge of a hatch boundary, or None if it is empty or has curves other than arcs.
+
+        The bulge is the tangent of a quarter of the angle of the arc to the next point.
+        """
         if hasattr(path, "vertices"):
             return np.array([(v[0], v[1], v[2] if len(v) > 2 else 0.0) for v in path.vertices], dtype=float)
         pieces: list[Any] = []

@@ -221,7 +221,7 @@ class _Best:
         self.velocities: Velocities | None = None
 
     def take(self, fields: Fields) -> None:
-        """Keep what is better than before."""
+        """Keep the lower bound with its stresses and the upper bound with its velocities, each if it improves."""
         units, mesh, (lower, upper) = fields.problem.units, fields.mesh, fields.bounds
         if fields.stress is not None and lower > self.lower:
             m, d, s = np.moveaxis(fields.stress.stress, -1, 0)

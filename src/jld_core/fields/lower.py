@@ -101,7 +101,10 @@ class LowerBound:
         return None
 
     def propose(self, labels: Bits, margin: float) -> Answer:
-        """Return what the solver proposes, with a margin to every yield condition."""
+        """Solve for the stress field of largest λ with a slack in the yield conditions; it is not certified yet.
+
+        Shear of joints without friction and cohesion has no slack.
+        """
         if margin not in self._programs:
             self._programs[margin] = self._program(margin)
         program, owner = self._programs[margin]

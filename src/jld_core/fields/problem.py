@@ -38,8 +38,8 @@ class Joints:
 class Problem:
     """Scaled limit analysis of the blocks on one mesh, unit thickness.
 
-    mesh: scaled coordinates. dead, live: (t, 2) forces per volume. pull: (e, 2, 2) live tractions at both ends of the
-    edges of triangle a. supported: (m,) True where an interface touches a support.
+    mesh: scaled coordinates. dead, live: (t, 2) forces per volume. pull: (e, 2, 2) live tractions (end, axis) at both
+    ends of each edge, zero where no load acts. supported: (m,) True where an interface touches a support.
     """
 
     units: Units

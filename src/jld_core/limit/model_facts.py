@@ -76,12 +76,13 @@ class ZeroDilation:
 
 @dataclass(frozen=True)
 class EffectiveAreas:
-    """Convergence of the iteration that adapts base torsion to the areas in compression.
+    """How well the torsion limits of dry faces agree with their areas in compression.
 
     Attributes
     ----------
     change : float or None
-        Largest relative change of an effective area in the last iteration; None if no forces were found.
+        Largest difference between the effective areas of the proof and those of its forces, relative to the face, or
+        between their centres; 0 at a proven fixed point. None if no forces were found.
     load_factor_whole_faces : float or None
         λ with torsion on whole faces, scene units; None where there is none.
     """

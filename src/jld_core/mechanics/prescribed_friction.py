@@ -19,7 +19,8 @@ from jld_core.mechanics.yield_set import CoulombWedge, FrictionSet, ParabolicBen
 class EffectiveAreas:
     """Effective rectangles of m spatial faces, as they enter torsion.
 
-    With e = ρ (mT + a·V) the limit on shear is |V| + |e| ≤ capacity.
+    V is the shear force and mT = MT / c_T. c_T and c_T,e are the torsion arms of the whole face and of the effective
+    rectangle. With e = ρ (mT + a·V) the limit on shear is |V| + |e| ≤ μN.
 
     Attributes
     ----------
@@ -128,7 +129,7 @@ class PrescribedFriction:
 
     @cached_property
     def _associated(self) -> FrictionSet:
-        """Base with the share α of friction, which follows the present N."""
+        """Base yield set with friction αμ: the part of friction that depends on the present N, not on N_prev."""
         return self.base.with_friction(self.alpha)
 
     def rubs(self, labels: Bits) -> Bools:

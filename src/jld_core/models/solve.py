@@ -201,7 +201,10 @@ def solve_labelling(
 
 
 def _proof(analysis: LimitAnalysis, labels: Bits, options: SolveOptions, stands: bool, floor: float) -> Proof:
-    """Prove the load factor of one labelling, without the conversion to point contacts."""
+    """Prove λ of one labelling under the friction of the options, on the contacts as given.
+
+    stands, floor: as in `solve_labelling`.
+    """
     if options.friction == "zero-dilation":
         scheme = ProximalOptions(effective_area=options.effective_area)
         seconds = options.floor_seconds if options.range else None

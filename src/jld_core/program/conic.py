@@ -76,7 +76,9 @@ def pack(
     cones: tuple[int, ...],
     places: Floats | None = None,
 ) -> ConicProgram:
-    """Make a conic program with a structure of its own from sparse rows.
+    """Make the program min q·y subject to M y + s = r, with s in zeros, R₊ and second-order cones.
+
+    Its sparsity pattern is not shared with other programs.
 
     Parameters
     ----------

@@ -306,9 +306,9 @@ def _old_faces(assembly: Assembly) -> dict[tuple[str, str], list[int]]:
 
 
 def _labels(old: Assembly, new: Assembly, parent: dict[str, str]) -> dict[str, list[list[str]]]:
-    """Return the label lists that preserve the label of every face.
+    """Return the pairs of pieces to label "inner" and "dry", so that new faces keep the label of the old face.
 
-    Faces whose label already follows from blocks are left out.
+    New faces within one element are inner. Pairs that the new scene labels so already are left out.
     """
     known = _old_faces(old)
     ids, faces = new.elements.ids, new.interfaces

@@ -78,7 +78,7 @@ def write_loads(ax: Axes, assembly: Assembly) -> list[Artist]:
 
 
 def write_forces(ax: Axes, result: LimitAnalysisResult) -> list[Artist]:
-    """Write the magnitude of the force on each face beside its arrow; none below `SMALL`."""
+    """Write the magnitude of the force on each face beside its arrow, except below the share `SMALL` of the largest."""
     if result.forces is None:
         return []
     assembly = result.assembly

@@ -127,7 +127,7 @@ class Surrogate:
         return np.asarray(below / (2.0 * max(1, len(known))))
 
     def guess(self, labellings: Bits) -> Floats:
-        """Predict the share of remembered labellings that each labelling exceeds.
+        """Predict for each labelling the share of remembered labellings with a lower objective value.
 
         Parameters
         ----------

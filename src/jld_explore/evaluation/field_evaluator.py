@@ -153,6 +153,6 @@ class CellEvaluator:
         return found
 
     def evaluate(self, labels: Bits, floor: float = -math.inf) -> Evaluation:
-        """Evaluate one labelling (m,) of the joint grid."""
+        """Evaluate one labelling (m,) of the coarse elements on the finer cells; see `Evaluator.evaluate`."""
         found: Evaluation = self._fine.evaluate(self._cells.labels(labels), floor)
         return found

@@ -75,7 +75,8 @@ def may_meet(space: SearchSpace, evaluation: Evaluation) -> bool:
     Returns
     -------
     bool
-        False for unstable labellings and for those whose upper bound is below the threshold.
+        True without a requirement. Otherwise False for unstable labellings and for those whose upper bound on λ is
+        below the required one.
     """
     required = space.search.require
     if required is None or meets(space, evaluation):

@@ -33,7 +33,10 @@ def column(low: Floats, status: NDArray[np.object_], search: Search) -> dict[str
 
 
 def order(table: pd.DataFrame, search: Search) -> list[Floats]:
-    """Return keys (k,) for `lexsort`: layouts that meet the requirement first, by the count."""
+    """Return keys (k,) for `lexsort` that put layouts with the required load factor first, best count first.
+
+    The count is the first one of the front. Without a requirement there are no keys.
+    """
     if search.require is None:
         return []
     met = table[COLUMN].to_numpy(bool)

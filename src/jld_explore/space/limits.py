@@ -306,7 +306,7 @@ class Limits:
 
     @cached_property
     def block_shapes(self) -> BlockShapes:
-        """Outlines of blocks, compared as the moulds of the scene allow."""
+        """Outlines of blocks; rotated or mirrored ones are equal if `search.moulds` allows it."""
         moulds = self.search.moulds
         return BlockShapes(self.assembly, rotate=moulds.rotate, flip=moulds.flip)
 

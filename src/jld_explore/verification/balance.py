@@ -154,7 +154,10 @@ class Balances:
         return found
 
     def _power(self, forces: list[list[int]], shared: int, moves: Moves, digits: int) -> Fraction:
-        """Return the power of forces under given velocities."""
+        """Return the exact power of forces under velocities.
+
+        Forces are integers over 2^shared by element, velocities integers over 2^digits.
+        """
         total = sum(
             f * v for element, velocity in moves.items() for f, v in zip(forces[element], velocity, strict=True)
         )
