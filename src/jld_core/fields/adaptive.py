@@ -123,7 +123,7 @@ class Fields:
 
     @cached_property
     def for_all(self) -> tuple[FieldStresses | None, FieldMechanism | None]:
-        """Bounds for any labelling: lower by the stress field, upper by the velocity field; None for a missing field."""
+        """Bounds for any labelling, lower by the stress field, upper by the velocity field; None without the field."""
         stresses = None if self.stress is None else stresses_of(self.lower, self.stress, self.labels)
         return stresses, None if self.velocity is None else mechanism_of(self.upper, self.velocity, self.labels)
 
