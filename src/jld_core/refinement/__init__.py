@@ -1,7 +1,6 @@
 """Refinement of elements into cells, which makes any structure a grid of candidate faces.
 
 - `Refined`: refined scene, with the original element of each piece and notes
-- `crack_cells`: split elements into cells along which blocks may crack
 - `refine`: split every free element of a scene into cells
 """
 

@@ -10,6 +10,7 @@ Every solution is a hint: bounds on λ are proven elsewhere, whatever a solver r
 - `RawStatus`: status that a solver reports
 - `Solver`: interface of a solver
 - `auxiliary`: solve a program other than that of a labelling
+- `installed_solvers`: list the solvers that are installed
 - `is_large`: test whether `auto` chooses `schur` for a structure
 - `make_solver`: make a solver by its name
 - `require_solver`: refuse an unknown solver, or one that is not installed
@@ -161,6 +162,7 @@ __all__ = [
     "RawStatus",
     "Solver",
     "auxiliary",
+    "installed_solvers",
     "is_large",
     "make_solver",
     "require_solver",
