@@ -73,7 +73,7 @@ def test_a_solver_that_is_not_installed_is_refused_and_not_advised(monkeypatch: 
     assert installed_solvers() == SOLVERS
     monkeypatch.setattr("jld_core.solvers.find_spec", lambda name: None)
     assert installed_solvers() == tuple(name for name in SOLVERS if name != "cvxpy")
-    with pytest.raises(InputError, match=r"--solver: cvxpy is not installed.*jld\[reference\]"):
+    with pytest.raises(InputError, match=r"solver: cvxpy is not installed.*jld\[reference\]"):
         solve(grid_assembly(["aa", "##"]), solver="cvxpy")
 
 

@@ -1,10 +1,9 @@
-"""Build results from proofs: from scaled bounds to one result, and from load cases to the governing one."""
+"""Build results from proofs, and the governing result from those of load cases."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,12 +13,9 @@ from jld_core.limit.brackets import load_scale, relative_width
 from jld_core.limit.governing import Known, governing
 from jld_core.limit.options import SolveOptions
 from jld_core.limit.proof import Proof
+from jld_core.limit.result import LimitAnalysisResult
 from jld_core.limit.status import Status
 from jld_core.program import Template
-
-if TYPE_CHECKING:
-    pass
-from jld_core.limit.result import LimitAnalysisResult
 
 
 def result_of(

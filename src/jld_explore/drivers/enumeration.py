@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from jld_core.arrays import Bits, Bools, Ints
 from jld_core.deadline import Deadline, DeadlinePassed, checkpoint
 from jld_explore.drivers.base import Driver
-from jld_explore.drivers.face_order import breadth_first
+from jld_explore.drivers.element_order import breadth_first
 from jld_explore.evaluation import Evaluation, Records
 from jld_explore.space import SearchSpace
 from jld_explore.space.labelling import representatives
