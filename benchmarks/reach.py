@@ -27,7 +27,7 @@ from jld_explore.drivers.choice import REACH
 from jld_explore.drivers.enumeration import size_up_to
 from jld_explore.settings import SMALL
 from jld_explore.space import search_space
-from jld_explore.study import Interrupted, Progress
+from jld_explore.study_state import Interrupted, Progress
 
 SECONDS: Final = 10.0
 

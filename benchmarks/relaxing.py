@@ -27,7 +27,8 @@ from jld_core.arrays import Bits, Bools, Floats
 from jld_core.batch import ConflictRequest
 from jld_core.batch.library import described
 from jld_core.limit import LimitAnalysis
-from jld_core.limit.relaxation import MinimizedConflict, Relaxation
+from jld_core.limit.dual_bounds import MinimizedConflict
+from jld_core.limit.relaxation import Relaxation
 from jld_core.solvers import make_solver
 from jld_explore.drivers.exact.conflict_generation import ConflictGenerator
 from jld_explore.drivers.exact.conflict_minimization import conflict_of

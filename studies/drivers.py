@@ -22,7 +22,7 @@ from jld_core.scene import Scene
 from jld_core.views.figures import draw_assembly, draw_mechanism
 from jld_explore import Exploration, ExploreSettings
 from jld_explore.space import from_string
-from jld_explore.study import Progress
+from jld_explore.study_state import Progress
 from studies.report import (
     GREY,
     PAIRED,

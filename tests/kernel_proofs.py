@@ -7,7 +7,8 @@ import pytest
 
 from jld_core import LimitAnalysis, Status, tolerances
 from jld_core.arrays import Bits, Floats
-from jld_core.batch.batch_solver import FALLS, LOCKED, OPEN, PROVEN, BatchResults, BatchSolver
+from jld_core.batch.batch_solver import BatchSolver
+from jld_core.batch.verdicts import FALLS, LOCKED, OPEN, PROVEN, BatchResults
 
 LAST_DIGITS = 1e-11
 """What may separate two sums of the same dissipation, relative."""

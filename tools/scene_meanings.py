@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 from pydantic import BaseModel
 
-from jld_core.scene import cracks, schema, search
+from jld_core.scene import cracks, loads, materials, schema, search
 
 
 class Meaning(NamedTuple):
@@ -94,7 +94,7 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "inner_friction_coefficient": Meaning("", "μ of this face as an inner one; that of `inner` where absent."),
         "inner_friction_angle": Meaning("degrees", "The same as an angle."),
     },
-    schema.Materials: {
+    materials.Materials: {
         "density": Meaning("mass/length³", "Of all elements without one of their own; times `gravity` it is a weight."),
         "gravity": Meaning(
             "length/s²",
@@ -104,66 +104,66 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "inner": Meaning("", "Crack planes inside blocks; needed where a face can be inner."),
         "faces": Meaning("", "Values of the faces between two elements, in the place of those above."),
     },
-    schema.FaceMaterial: {
+    materials.FaceMaterial: {
         "between": Meaning(
             "", "Ids of two elements that touch; the entry is for all their faces, one entry for each pair."
         ),
         "dry": Meaning("", "Values as joints; what is left out is that of `materials.dry`."),
         "inner": Meaning("", "Values as crack planes; what is left out is that of `materials.inner`."),
     },
-    schema.DryFace: {
+    materials.DryFace: {
         "friction_angle": _ANGLE,
         "friction_coefficient": _FRICTION,
         "compressive_strength": _CRUSHING,
         "cohesion": _COHESION,
     },
-    schema.InnerFace: {
+    materials.InnerFace: {
         "tensile_strength": _TENSILE,
         "shear_strength": _SHEAR,
         "compressive_strength": _CRUSHING,
         "friction_angle": Meaning("degrees", "Angle of friction of cracks."),
         "friction_coefficient": Meaning("", "μ of cracks; σt is at most τ/μ."),
     },
-    schema.Dry: {
+    materials.Dry: {
         "friction_angle": Meaning("degrees", "Angle of friction; exactly one of this and `friction_coefficient`."),
         "friction_coefficient": Meaning("", "μ, the tangent of the angle of friction."),
         "compressive_strength": _CRUSHING,
         "cohesion": _COHESION,
     },
-    schema.Inner: {
+    materials.Inner: {
         "tensile_strength": Meaning("stress", "σt, the elastic edge stress at which a crack opens."),
         "shear_strength": Meaning("stress", "τ, the mean shear stress at which a crack slides."),
         "compressive_strength": _CRUSHING,
         "friction_angle": Meaning("degrees", "Angle of friction of cracks; 0 where neither it nor μ is given."),
         "friction_coefficient": Meaning("", "μ of cracks: shear strength is τ + μ N/A; σt is at most τ/μ."),
     },
-    schema.Loads: {
+    loads.Loads: {
         "dead": Meaning("", "Loads that λ does not multiply, beside self-weight."),
         "live": Meaning("", "Loads that λ multiplies; together they must not be zero. Not beside `cases`."),
         "cases": Meaning("", "Several patterns of load; the one with the least λ over `required` governs."),
     },
-    schema.Case: {
+    loads.Case: {
         "name": Meaning("", "What the case is called in tables, a name of its own."),
         "live": Meaning("", "Loads that λ of this case multiplies."),
         "dead": Meaning("", "Loads of this case that λ does not multiply, beside `loads.dead`."),
         "required": Meaning("", "Load factor that is asked of this case."),
     },
-    schema.PointLoad: {
+    loads.PointLoad: {
         "element": Meaning("", "Id of the free element that carries it."),
         "force": Meaning("force", "The force."),
         "at": Meaning("length", "Where it acts, outside the element too; the centroid where it is not given."),
         "moment": Meaning("force·length", "A moment: a number in the plane (counter-clockwise), a vector in space."),
         "width": Meaning("length", "Patch that the force is spread on by `cracks` as fields; else its free face."),
     },
-    schema.BodyLoad: {
+    loads.BodyLoad: {
         "body": Meaning("", "On every free element its weight, as a positive number, times this vector."),
     },
-    schema.Settling: {
+    loads.Settling: {
         "name": Meaning("", "What it is called."),
         "supports": Meaning("", "Which supports move, and how; supports that are not named stay."),
         "load": Meaning("", "Share of the live load that acts meanwhile."),
     },
-    schema.Moved: {
+    loads.Moved: {
         "elements": Meaning("", "Ids of supports that move as one."),
         "move": Meaning("", "Translation, for a unit of the movement."),
         "turn": Meaning("", "Rotation, for a unit of the movement: counter-clockwise, in space a vector."),

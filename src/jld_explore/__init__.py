@@ -39,7 +39,7 @@ if TYPE_CHECKING:
         SearchMethod,
     )
     from jld_explore.space import SearchSpace, search_space
-    from jld_explore.study import Progress, StopReason
+    from jld_explore.study_state import Progress, StopReason
 
 __all__ = [
     "BudgetSettings",

@@ -13,20 +13,20 @@ from typing import Any, Final
 
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly, build_robust
-from jld_core.deadline import Deadline, DeadlinePassed
+from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.limit import SolveOptions
 from jld_core.memory import memory_limit
-from jld_core.models import cost_estimate, require_memory, require_model
-from jld_core.models.by_fields import require_cracks
+from jld_core.models import cost_estimate, require_memory
 from jld_core.refinement.cells import crack_cells
 from jld_core.scene import Scene, load_scene
 from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_in_words
 from jld_core.threads import one_thread
-from jld_explore.drivers import DRIVERS, Driver, make_driver
-from jld_explore.drivers.choice import bound_of_all, driver_for
-from jld_explore.drivers.enumeration import Enumeration, size_up_to
-from jld_explore.drivers.exact.certifying import certify, check_certifiable
+from jld_explore.driver_choice import CLASSES, choose_driver, nothing_found
+from jld_explore.drivers import Driver
+from jld_explore.drivers.choice import bound_of_all
+from jld_explore.drivers.enumeration import Enumeration
+from jld_explore.drivers.exact.certifying import certify
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.evaluation import MakeEvaluator, evaluator_of
 from jld_explore.evaluation.cluster import on_cluster
@@ -36,14 +36,13 @@ from jld_explore.evaluation.void_cells import VoidCellsEvaluator
 from jld_explore.experiments import DEFAULT, Experiments, add_experiments
 from jld_explore.field_check import add_check, plan_check, time_for
 from jld_explore.field_study import FieldStudy
+from jld_explore.refusals import refuse_beside_void, refuse_together, refuse_unfit
 from jld_explore.report import Exploration, check_folder, write_pictures, write_report, write_text
 from jld_explore.report.folder import check_certificate_file, write_tables
 from jld_explore.settings import ExploreSettings, Objective
 from jld_explore.space import SearchSpace, from_string, search_space
-from jld_explore.study import Interrupted, Progress, StopReason, Study
-
-CLASSES: Final = "classes (layouts, those alike by symmetry once)"
-"""Term "classes" with its explanation, used where it first appears."""
+from jld_explore.study import Study
+from jld_explore.study_state import Interrupted, Progress, StopReason
 
 WRITING: Final = 1.0
 """Seconds reserved from a time limit for tables and page, their time at the end of a small search."""
@@ -60,8 +59,6 @@ A command may end 10 % of the limit plus 2 s after it; the remainder is for busy
 LAST: Final = (0.1, 1.0)
 """Latest time of pictures after a time limit, as `OVER`; later pictures are not drawn."""
 
-COUNTING: Final = 0.2
-"""Share of the remaining time for counting the classes of a space; a slower count means that the space is large."""
 
 BOUNDING: Final = 5.0
 """Expected time of the bound on all labellings, as a multiple of the time of one labelling.
@@ -222,27 +219,20 @@ def _search(
     if settings.certificate is not None:
         check_certificate_file(settings.certificate, folder)
     assembly = build_robust(scene) if settings.robust else build_assembly(scene)
-    if assembly.warnings and settings.strict:
-        raise InputError("", assembly.warnings[0], "a scene without warnings, or `strict=False`")
-    _refuse_together(scene, settings, assembly)
-    _refuse_beside_own_objective(scene, settings)
+    refuse_together(scene, settings, assembly)
     # Announce warnings only once the search begins; a refused search gives its error alone.
     said = [f"warning: {warning}" for warning in assembly.warnings]
     space = _space_of(scene, assembly, settings.driver)
     assembly = space.assembly if isinstance(settings.driver, Driver) else assembly
     settings = _affordable(assembly, settings, said)
     chosen, total = choose_driver(space, settings, deadline, many=scene.cracks != "faces")
-    if chosen.modular and scene.cracks != "faces":
-        raise ParameterError("driver", f"{chosen.name} knows cracks by faces alone", "another driver")
     said.append(f"driver: {chosen.name}" + (f", {total} {CLASSES}" if total is not None else ""))
     if scene.cracks != "faces":
         said.append(f"cracks: {cracks_in_words(scene.cracks)}")
-    _refuse_unfit(scene, assembly, settings, chosen)
-    kind, make = _makers(scene, assembly, chosen, settings.budget)
-    if settings.own_objective is not None:
-        make = partial(OwnObjectiveEvaluator, settings.own_objective)
+    refuse_unfit(scene, assembly, settings, chosen)
+    kind, make = _makers(scene, assembly, chosen, settings)
     if space.void is not None:
-        _refuse_beside_void(settings, chosen)
+        refuse_beside_void(settings, chosen)
         assembly, make = space.assembly, VoidCellsEvaluator
     checked = plan_check(scene, assembly, space, settings)
     study = kind(
@@ -263,9 +253,7 @@ def _search(
     write_text(folder / "scene.json", scene.model_dump_json(indent=1, exclude_defaults=True))
     done = write_tables(study, _run(study, deadline))
     if settings.certificate is not None and isinstance(chosen, Exact):
-        best, load = done.summary.best_labelling, done.summary.best
-        found = None if best is None or load is None else (from_string(best), load)
-        certify(chosen, scene, settings.certificate, found)
+        _certify(chosen, scene, settings.certificate, done)
     if checked is not None:
         done = add_check(done, space, checked, _of_search(deadline, settings))
     if settings.experiment or settings.by_experiment:
@@ -288,55 +276,25 @@ def _space_of(scene: Scene, assembly: Assembly, driver: str | Driver | None) -> 
     return space
 
 
-def _refuse_together(scene: Scene, settings: ExploreSettings, assembly: Assembly) -> None:
-    """Raise InputError for settings that exclude each other or do not support the loads."""
-    _refuse_beside_cracks(scene, settings, assembly)
-    if settings.certificate is not None and settings.robust:
-        raise ParameterError("certificate", "it speaks of one value of each strength", "a search with `robust=False`")
-    if settings.model.by_floor and assembly.dimension == 3:
-        raise ParameterError("objective", "spatial scenes have no bound without dilation", "zero-dilation")
-    if settings.certificate is not None and settings.by_experiment:
-        raise ParameterError("certificate", "an experiment is no proof", '`objective="associative"`')
+def _certify(driver: Exact, scene: Scene, path: Path, done: Exploration) -> None:
+    """Write the certificate of a proof, with the best labelling found."""
+    best, load = done.summary.best_labelling, done.summary.best
+    certify(driver, scene, path, None if best is None or load is None else (from_string(best), load))
 
 
-def _refuse_beside_own_objective(scene: Scene, settings: ExploreSettings) -> None:
-    """Raise InputError for what needs bounds on λ, or another ranking, beside an objective of the user."""
-    if settings.own_objective is None:
-        return
-    driver = settings.driver
-    proves = driver.modular if isinstance(driver, Driver) else driver == Exact.name
-    for name, asked in (
-        ("`driver`", proves),
-        ("`certificate`", settings.certificate is not None),
-        ("`robust`", settings.robust),
-        ("`experiment`", settings.experiment is not None),
-        ("search.void", scene.search.void is not None),
-        ("search.require", scene.search.require is not None),
-    ):
-        if asked:
-            raise ParameterError("objective", f"{name} speaks of λ, not of a function", "one of both")
+def _makers(
+    scene: Scene, assembly: Assembly, driver: Driver, settings: ExploreSettings
+) -> tuple[type[Study], MakeEvaluator]:
+    """Return the kind of study and the evaluators that the objective and the crack model of a scene need."""
+    kind, make = _by_cracks(scene, assembly, driver, settings.budget)
+    if settings.own_objective is not None:
+        make = partial(OwnObjectiveEvaluator, settings.own_objective)
+    return kind, make
 
 
-def _refuse_beside_cracks(scene: Scene, settings: ExploreSettings, assembly: Assembly) -> None:
-    """Raise InputError for settings that a search with cracks beside the faces does not know."""
-    if scene.cracks == "faces":
-        return
-    fields = isinstance(scene.cracks, FieldCracks)
-    for option, asked in (
-        ("certificate", settings.certificate is not None),
-        ("experiment", settings.experiment is not None or settings.by_experiment),
-        ("robust", settings.robust and fields),
-        ("resume", settings.resume and fields),
-        ("driver", isinstance(settings.driver, str) and settings.driver == Exact.name),
-        ("search.void", scene.search.void is not None),
-        ("search.require", scene.search.require is not None and fields),
-    ):
-        if asked:
-            raise ParameterError(option, "it knows cracks by faces alone", 'a search without it, or "cracks": "faces"')
-    require_cracks(scene, assembly, settings.model)
-
-
-def _makers(scene: Scene, assembly: Assembly, driver: Driver, budget: int | None) -> tuple[type[Study], MakeEvaluator]:
+def _by_cracks(
+    scene: Scene, assembly: Assembly, driver: Driver, budget: int | None
+) -> tuple[type[Study], MakeEvaluator]:
     """Return the kind of study and the evaluators that the crack model of a scene needs."""
     if isinstance(scene.cracks, CellCracks):
         cells = crack_cells(scene, assembly, scene.cracks.cell)
@@ -345,28 +303,6 @@ def _makers(scene: Scene, assembly: Assembly, driver: Driver, budget: int | None
     if isinstance(scene.cracks, FieldCracks):
         return FieldStudy if isinstance(driver, Enumeration) and not budget else Study, FieldEvaluator
     return Study, evaluator_of
-
-
-def _refuse_unfit(scene: Scene, assembly: Assembly, settings: ExploreSettings, driver: Driver) -> None:
-    """Raise InputError if driver, model, experiment or certificate do not fit the structure.
-
-    If a certificate is requested, also restrict the exact driver to proofs that a certificate can hold.
-    """
-    if driver.modular and not replace(settings.model, friction="associative").modular:
-        raise ParameterError(
-            "driver", f"{driver.name} has no bounds for this model", "convex contact on whole faces, uncoupled bending"
-        )
-    space = driver.space
-    dry = (space.candidates | space.fixed) & (space.assembly.interfaces.b != space.assembly.sink)
-    require_model(space.assembly, settings.model, dry)
-    if settings.experiment or settings.by_experiment:
-        from jld_experiment import require_one_load  # optional; raises its error here if missing
-
-        require_one_load(assembly)
-    if settings.certificate is not None:
-        check_certifiable(driver, settings.model, scene)
-        if isinstance(driver, Exact):
-            driver.prove_by_faces()
 
 
 def _of_search(deadline: Deadline, settings: ExploreSettings) -> Deadline:
@@ -405,7 +341,7 @@ def _run(study: Study, deadline: Deadline) -> StopReason:
             path.unlink(missing_ok=True)
         if not any(study.folder.iterdir()):
             study.folder.rmdir()
-        raise _nothing_found(study.space, study.settings.seconds if reason is StopReason.TIME else None)
+        raise nothing_found(study.space, study.settings.seconds if reason is StopReason.TIME else None)
     if reason not in (StopReason.PROVEN, StopReason.EXHAUSTED) and study.bound is None:
         _bound_all(study, sure=BOUNDING * cost_estimate(study.assembly).seconds < deadline.remaining() + STOPPING)
     return reason
@@ -450,92 +386,3 @@ def _bound_all(study: Study, *, sure: bool) -> None:
     if study.bound is None and sure and study.scene.cracks == "faces" and study.settings.own_objective is None:
         study.keep_bound(bound_of_all(study.space, study.settings.model))
     study.records.close()
-
-
-def _refuse_beside_void(settings: ExploreSettings, driver: Driver) -> None:
-    """Raise InputError for options that need a single structure if cells may be left out."""
-    for option, asked in (
-        ("experiment", settings.experiment is not None or settings.by_experiment),
-        ("driver", driver.modular),
-    ):
-        if asked:
-            raise ParameterError(
-                option, "it speaks of one structure, and search.void leaves cells out", "a search without"
-            )
-
-
-def choose_driver(
-    space: SearchSpace, settings: ExploreSettings, deadline: Deadline | None = None, *, many: bool = False
-) -> tuple[Driver, int | None]:
-    """Choose the driver and count the classes of the space if it is small.
-
-    Parameters
-    ----------
-    space : SearchSpace
-        Search space.
-    settings : ExploreSettings
-        Settings with the wanted driver and its options.
-    deadline : Deadline, optional
-        Deadline of the search; a count that exceeds a share of it means a large space.
-    many : bool
-        Take no driver that proves by bounds on faces alone.
-
-    Returns
-    -------
-    driver : Driver
-        Driver of the search.
-    total : int or None
-        Number of classes if known.
-
-    Raises
-    ------
-    InputError
-        If the driver or an option is unknown, or the space provably holds no labelling.
-    """
-    wanted = settings.driver
-    if isinstance(wanted, str) and wanted not in DRIVERS:
-        raise ParameterError("driver", f"no driver is named {wanted!r}", "one of " + ", ".join(DRIVERS))
-    # A driver chosen by name needs the size of the space for progress reports only.
-    quick = isinstance(wanted, str) and wanted != Enumeration.name
-    deadline = Deadline() if deadline is None else deadline
-    known = None
-    with suppress(DeadlinePassed), deadline.within(COUNTING * deadline.remaining()).enforced():
-        known = size_up_to(space, settings.small, quick=quick) if settings.small else None
-    if known == 0:
-        raise _nothing_found(space)
-    if isinstance(wanted, Driver):
-        return wanted, known
-    if wanted is None:
-        many = many or settings.by_experiment or settings.experiment is not None or settings.own_objective is not None
-        make = partial(driver_for, space, settings.seed, settings.model, known, settings.options, many=many)
-    else:
-        make = partial(make_driver, wanted, space, settings.seed, **settings.options)
-    try:
-        with deadline.enforced():  # The exact driver prepares for its space, in a share of the time left.
-            return make(), known
-    except DeadlinePassed:
-        return make(), known
-
-
-def _nothing_found(space: SearchSpace, seconds: float | None = None) -> InputError:
-    """Return the error for a search without any layout, ended by `seconds` or by exhaustion.
-
-    It says whether the space is proven empty.
-    """
-    where, problem, remedy = "search", "no labelling satisfies the constraints", "constraints that some labelling meets"
-    if seconds is not None:
-        problem = "no layout that satisfies the constraints was found"
-    open_question = "" if seconds is None else f" within `seconds={seconds:g}`, nor a proof that there is none"
-    if space.laying is not None and space.laying.refused:
-        standing = space.search.assemble == "standing"
-        wish = "stands at every stage without props" if standing else "can be laid"
-        where = "search.assemble"
-        within = "" if seconds is None else f" of {space.laying.refused} that were looked at"
-        aside = space.assembly.dimension == 2 and not space.search.assemble_out_of_plane
-        remedy = "assemble_out_of_plane, or no such limit" if aside else "no such limit"
-        remedy = '"translation", with centring' if standing else remedy
-        problem = f"no layout{within} {wish}"
-        if seconds is None and space.laying.undecided:
-            problem = f"no layout was found that {wish}"
-            open_question = f", and for {space.laying.undecided} of them the search for an order stopped at its limit"
-    return InputError(where, problem + open_question, remedy if seconds is None else f"{remedy}, or more seconds")

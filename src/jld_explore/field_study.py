@@ -12,7 +12,8 @@ from jld_core.scene.cracks import FieldCracks
 from jld_explore.evaluation.field_evaluator import field_evaluation
 from jld_explore.evaluation.field_race import FieldRace, RaceResult
 from jld_explore.space.labelling import orbit_sizes
-from jld_explore.study import Progress, StopReason, Study
+from jld_explore.study import Study
+from jld_explore.study_state import Progress, StopReason
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -64,13 +65,14 @@ class FieldStudy(Study):
 
     def facts(self, results: pd.DataFrame) -> dict[str, Any]:
         """Return what the race proves: the bound over all layouts, its gap, and whether one layout is the strongest."""
-        if self.race is None:
+        race = self.race
+        if race is None:
             return {}
-        bound = _finite(float((self.race.high / self.assembly.required).min(axis=1).max(initial=-math.inf)))
+        bound = _finite(float((race.high / self.assembly.required).min(axis=1).max(initial=-math.inf)))
         bound = bound if self._complete else None
-        gap = _finite(self.race.gap) if self._complete else None
+        gap = _finite(race.gap) if self._complete else None
         first = results[results["rank"] == 1]
-        alone = bound is not None and len(first) == 1 and not self._tied(first)
+        alone = bound is not None and len(first) == 1 and not self._tied(race, first)
         cracks = self.scene.cracks
         assert isinstance(cracks, FieldCracks)
         return {
@@ -79,17 +81,16 @@ class FieldStudy(Study):
             "gap": gap,
             "next": None if alone else self._next(gap, cracks.gap),
             "race": {
-                "refined": self.race.refined,
-                "programs": self.race.programs,
+                "refined": race.refined,
+                "programs": race.programs,
                 "decided": gap is not None and gap <= cracks.gap,
                 "tied": int((results["rank"] == 1).sum()),
             },
         }
 
-    def _tied(self, first: pd.DataFrame) -> bool:
+    def _tied(self, race: RaceResult, first: pd.DataFrame) -> bool:
         """Return whether another layout may carry more than the first row is proven to."""
-        assert self.race is not None
-        high = (self.race.high / self.assembly.required).min(axis=1)
+        high = (race.high / self.assembly.required).min(axis=1)
         return int((high >= float(first["bracket_lo"].iloc[0])).sum()) > 1
 
     def _next(self, gap: float | None, wanted: float) -> str:

@@ -10,8 +10,6 @@ from __future__ import annotations
 import platform
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
-from enum import StrEnum
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -31,9 +29,11 @@ from jld_explore.drivers.first import first_layout
 from jld_explore.evaluation import Evaluation, EvaluatorSettings, MakeEvaluator, Records, evaluator_of
 from jld_explore.evaluation.pruning import IncumbentFront
 from jld_explore.evaluation.recorded import RecordedEvaluator, Sent
-from jld_explore.evaluation.workers import HANG, Workers, WorkerSpec
+from jld_explore.evaluation.worker_tasks import WorkerSpec
+from jld_explore.evaluation.workers import HANG, Workers
 from jld_explore.settings import ExploreSettings
 from jld_explore.space import SearchSpace, unpack
+from jld_explore.study_state import Progress, StopReason
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -54,60 +54,6 @@ _FIRST: Final = 0.6
 
 _LEAST: Final = 1.0
 """Seconds to find a first labelling if the time limit passes before any evaluation."""
-
-
-class StopReason(StrEnum):
-    """Reason why a study ended."""
-
-    EXHAUSTED = "exhausted"
-    PROVEN = "proven"
-    UNPROVEN = "unproven"
-    BUDGET = "budget"
-    TIME = "time"
-    INTERRUPTED = "interrupted"
-
-
-class Interrupted(BaseException):
-    """Exception of the command line's signal handlers; finished results are on disk.
-
-    Attributes
-    ----------
-    done : Exploration or None
-        Results of the interrupted search, once written.
-    """
-
-    done: Any = None
-
-
-@dataclass(frozen=True)
-class Progress:
-    """State of a running study.
-
-    Attributes
-    ----------
-    done : int
-        Number of evaluated labellings, including recorded ones.
-    total : int or None
-        Number of classes, or the budget if smaller; None if unknown.
-    solved : int
-        Number of labellings that the workers evaluated.
-    best : float
-        Largest λ so far, NaN if there is none.
-    seconds : float
-        Time since the start, s.
-    bound : float
-        Proven upper bound on λ of all layouts, NaN if there is none.
-    gap : float
-        Relative difference between best and bound, NaN if there is none.
-    """
-
-    done: int
-    total: int | None
-    solved: int
-    best: float
-    seconds: float
-    bound: float = np.nan
-    gap: float = np.nan
 
 
 class Study:
@@ -263,16 +209,8 @@ class Study:
         Interrupted
             If a signal arrives; the record is closed first.
         """
-        faces, budget, driver = len(self.assembly.interfaces), self.settings.budget, self.driver
-        settings = EvaluatorSettings(self.settings.model)
-        recipe = WorkerSpec.of(self.assembly, settings, self._make)
-        workers = Workers(
-            recipe,
-            self.settings.jobs,
-            faces,
-            hang=max(HANG, _HANGS * cost_estimate(self.assembly).seconds),
-            batch=self._make is evaluator_of and settings.batched and recipe.evaluator().settles,
-        )
+        budget, driver = self.settings.budget, self.driver
+        workers = self._workers()
         # Bounds on λ without dilation spare solves, unless another objective takes the place of λ.
         spare = self.settings.model.friction == "zero-dilation" and self.settings.own_objective is None
         front = IncumbentFront(self.space) if spare else None
@@ -288,11 +226,7 @@ class Study:
         dry = False
         try:
             if driver.remembers and len(self.records):
-                rows = unpack(self.records.rows["labelling"], faces)
-                known = [self.records.find(labels) for labels in rows]
-                restored = [evaluation for evaluation in known if evaluation is not None]
-                self._withdraw_contradicted(restored)
-                driver.restore(rows, restored)
+                self._restore()
             driver.set_workers(self.settings.jobs)
             driver.start(self.deadline, lambda: self._count([]), self.records)
             while True:
@@ -330,6 +264,26 @@ class Study:
                 self.keep_bound(driver.bound)
             finally:
                 self.records.close()
+
+    def _workers(self) -> Workers:
+        """Return the workers that evaluate labellings of this study."""
+        settings = EvaluatorSettings(self.settings.model)
+        recipe = WorkerSpec.of(self.assembly, settings, self._make)
+        return Workers(
+            recipe,
+            self.settings.jobs,
+            len(self.assembly.interfaces),
+            hang=max(HANG, _HANGS * cost_estimate(self.assembly).seconds),
+            batch=self._make is evaluator_of and settings.batched and recipe.evaluator().settles,
+        )
+
+    def _restore(self) -> None:
+        """Hand the evaluations on record to the driver."""
+        rows = unpack(self.records.rows["labelling"], len(self.assembly.interfaces))
+        known = [self.records.find(labels) for labels in rows]
+        restored = [evaluation for evaluation in known if evaluation is not None]
+        self._withdraw_contradicted(restored)
+        self.driver.restore(rows, restored)
 
     def _reason(self, dry: bool) -> StopReason:
         """Return why the study ends when no labelling is requested or in progress."""

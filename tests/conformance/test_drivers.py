@@ -26,7 +26,8 @@ from jld_explore.settings import ExploreSettings
 from jld_explore.space import SearchSpace, keys, search_space
 from jld_explore.space.labelling import canonical
 from jld_explore.space.search_space import feasible
-from jld_explore.study import Interrupted, StopReason, Study
+from jld_explore.study import Study
+from jld_explore.study_state import Interrupted, StopReason
 
 NAMES = [*(name for name in DRIVERS if name not in ("optuna", "exact")), "optuna:Random", "optuna:NSGAII"]
 DOWN = [{"element": "c1r0", "force": [0, -1]}]

@@ -21,11 +21,12 @@ from command import Command
 from jld_core import Assembly, LimitAnalysis
 from jld_core.arrays import Bits
 from jld_core.batch import ConflictRequest, build, library
-from jld_core.batch.batch_solver import CARRIES, OPEN, PROVEN, TRIES, BatchSolver
+from jld_core.batch.batch_solver import TRIES, BatchSolver
 from jld_core.batch.conflict_request import CARRIED, REFUTED, MinimizationOptions
 from jld_core.batch.parts import Graph, Joining
 from jld_core.batch.pattern import factor_pattern
 from jld_core.batch.rows import fits
+from jld_core.batch.verdicts import CARRIES, OPEN, PROVEN
 from jld_core.errors import InputError
 from jld_core.limit.relaxation import Relaxation
 from kernel_proofs import LAST_DIGITS, assert_proven, lanes_of

@@ -11,9 +11,9 @@ import pytest
 
 from jld_core import InputError
 from jld_core.batch import build, interface, library
-from jld_core.batch.batch_solver import CARRIES, FALLS, LOCKED, OPEN, PROVEN
 from jld_core.batch.blocks import SOLVED
 from jld_core.batch.conflict_request import CARRIED, REFUTED
+from jld_core.batch.verdicts import CARRIES, FALLS, LOCKED, OPEN, PROVEN
 
 STRUCTURES = {
     "JldFactorPattern": library.FactorPattern,

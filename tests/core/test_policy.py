@@ -11,7 +11,8 @@ import cases_spatial
 from cases import grid_assembly
 from jld_core import InputError, LimitAnalysis, SolveOptions, Status, solve
 from jld_core.limit import result_of
-from jld_core.limit.proof_attempt import FALLBACKS, Fallback, ProofAttempt
+from jld_core.limit.fallbacks import FALLBACKS, Fallback
+from jld_core.limit.proof_attempt import ProofAttempt
 from jld_core.models import limit_analysis, solve_labelling
 from jld_core.models.solve import FALLBACKS_BY_FRICTION
 from jld_core.program import ConicProgram

@@ -23,7 +23,8 @@ from jld_explore.drivers.exact.driver import Exact
 from jld_explore.report.pictures_of_three import front_picture
 from jld_explore.space import Count, Layouts, SearchSpace, Terms, register, registered, search_space, unregister
 from jld_explore.space.counts import counts
-from jld_explore.space.limits import MEASURES, SHAPED
+from jld_explore.space.limits import SHAPED
+from jld_explore.space.measures import MEASURES
 from jld_explore.space.search_space import feasible
 
 SOURCES = Path(__file__).parents[2] / "src"

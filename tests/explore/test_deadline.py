@@ -24,6 +24,7 @@ from jld_core.deadline import Deadline, DeadlinePassed, checkpoint, time_left
 from jld_core.limit import SolveOptions
 from jld_explore import Driver, ExploreSettings, explore
 from jld_explore.cli.command import main
+from jld_explore.driver_choice import choose_driver
 from jld_explore.drivers import BufferedRandom, operators
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact.driver import Exact
@@ -32,11 +33,10 @@ from jld_explore.drivers.exact.possible_blocks import possible_blocks
 from jld_explore.drivers.first import first_layout
 from jld_explore.evaluation import EvaluatorSettings
 from jld_explore.evaluation.evaluator import Evaluator
-from jld_explore.explore import choose_driver
 from jld_explore.report import write_report
 from jld_explore.space import search_space
 from jld_explore.space.labelling import canonical
-from jld_explore.space.limits import Range
+from jld_explore.space.measures import Range
 from jld_explore.space.search_space import feasible
 
 

@@ -16,7 +16,8 @@ from jld_explore.evaluation import EvaluatorSettings
 from jld_explore.evaluation.process_settings import ignored_warning, switch_interval
 from jld_explore.evaluation.processes import Processes
 from jld_explore.evaluation.worker_pool import WorkerPool
-from jld_explore.evaluation.workers import Workers, WorkerSpec
+from jld_explore.evaluation.worker_tasks import WorkerSpec
+from jld_explore.evaluation.workers import Workers
 
 
 def settings() -> tuple[float, list[Any]]:

@@ -28,7 +28,8 @@ from jld_explore.report import Exploration, words
 from jld_explore.space import search_space
 from jld_explore.space.labelling import blocks_of
 from jld_explore.space.shapes import BlockShapes
-from jld_explore.study import StopReason, Study
+from jld_explore.study import Study
+from jld_explore.study_state import StopReason
 
 QUIET = ExploreSettings(pictures=False, small=0)
 WEAK: dict[str, Any] = {"tension": 5e3, "shear": 5e3, "block_cells": [1, 3]}

@@ -27,7 +27,7 @@ from jld_explore.report import tables
 from jld_explore.space import search_space, unpack
 from jld_explore.space.counts import counts
 from jld_explore.space.labelling import blocks_of, connectivity
-from jld_explore.space.limits import block_sizes
+from jld_explore.space.measures import block_sizes
 from paths import SCENES
 
 HEADER = {"scene": "a", "seed": 1}

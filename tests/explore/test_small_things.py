@@ -18,7 +18,7 @@ from jld_explore.cli import overview
 from jld_explore.cli.progress import ProgressBar
 from jld_explore.drivers import DRIVERS
 from jld_explore.report import words
-from jld_explore.study import Progress
+from jld_explore.study_state import Progress
 from paths import ROOT
 from scenes_of_pages import scene_of_cases, small_scene
 

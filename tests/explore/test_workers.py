@@ -24,7 +24,8 @@ from jld_core.scene import parse_scene
 from jld_explore import Progress, explore
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.evaluation import Evaluation, EvaluatorSettings
-from jld_explore.evaluation.workers import Workers, WorkerSpec, batch_size
+from jld_explore.evaluation.worker_tasks import WorkerSpec
+from jld_explore.evaluation.workers import Workers, batch_size
 from jld_explore.settings import ExploreSettings
 from jld_explore.space import search_space
 

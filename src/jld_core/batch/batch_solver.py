@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse.linalg import spsolve
 
 from jld_core import tolerances
@@ -20,20 +19,9 @@ from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.batch import interface, library
 from jld_core.batch.conflict_request import ConflictRequest, MinimizationResults
 from jld_core.batch.rows import pattern_of, rows_of
+from jld_core.batch.verdicts import OPEN, PROVEN, BatchResults
 from jld_core.mechanics import Rows
 from jld_core.program import Template
-
-_VERDICTS: Final = interface.codes("JldVerdict")
-OPEN: Final = _VERDICTS["OPEN"]
-"""Verdict: nothing proven yet."""
-PROVEN: Final = _VERDICTS["PROVEN"]
-"""Verdict: both bounds are proven and the bracket is narrow."""
-FALLS: Final = _VERDICTS["FALLS"]
-"""Verdict: no λ ≥ 0 is admissible."""
-CARRIES: Final = _VERDICTS["CARRIES"]
-"""Verdict: λ is above its threshold."""
-LOCKED: Final = _VERDICTS["LOCKED"]
-"""Verdict: λ is unbounded."""
 
 _FIRST: Final[dict[str, float]] = {
     "proximal": 1e-5,
@@ -104,42 +92,6 @@ class _Start:
     speed: Floats
     load: float
     room: float
-
-
-@dataclass(frozen=True)
-class BatchResults:
-    """Proven bounds on λ of k labellings, scaled.
-
-    Attributes
-    ----------
-    low, high : (k,) arrays
-        Lower and upper bound on λ; infinite where there is none.
-    verdict : (k,) int32 array
-        `OPEN`; `PROVEN` (both bounds, a narrow bracket); `FALLS` (no λ ≥ 0 is admissible); `CARRIES` (λ above its
-        threshold); or `LOCKED` (λ is unbounded, proven by an admissible state and a ray).
-    iterations : (k,) int32 array
-        Iterations of all passes.
-    tries : (k,) int32 array
-        Number of passes.
-    forces : (k, m, q) array or None
-        Forces of the lower bound; only with `vectors=True`, as all that follow.
-    velocity : (k, q·free) array or None
-        Velocities of the upper bound, in the order of the elements.
-    diagnosis : (k, 4) array or None
-        Slack, equilibrium error, margin of the jumps (before the opening motion is added) and gap at the last pass.
-    rays : (k, m, q) array or None
-        Rays of `LOCKED` labellings, for λ = 1.
-    """
-
-    low: Floats
-    high: Floats
-    verdict: NDArray[np.int32]
-    iterations: NDArray[np.int32]
-    tries: NDArray[np.int32]
-    forces: Floats | None = None
-    velocity: Floats | None = None
-    diagnosis: Floats | None = None
-    rays: Floats | None = None
 
 
 class BatchSolver:

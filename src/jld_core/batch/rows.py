@@ -145,13 +145,13 @@ def _rows_of(template: Template, undecided: Rows | None) -> Sheets | None:
         return Sheets(np.ascontiguousarray(rows), (rows.shape[-1] - 3) // 6, keep)
     bows, meets = None, False
     if own.pattern.cones:
-        bowed = [own.bow(undecided=False), *([] if undecided is None else [own.bow(undecided=True)])]
-        if any(one is None for one in bowed):
+        asked = [own.bow(undecided=False), *([] if undecided is None else [own.bow(undecided=True)])]
+        bowed = [one for one in asked if one is not None]
+        if len(bowed) < len(asked):
             return None
-        meets = rows.shape[2] == 3 and any(one is not None and one.meeting is not None for one in bowed)
+        meets = rows.shape[2] == 3 and any(one.meeting is not None for one in bowed)
         bows = np.zeros((len(rows), len(every), 14 if meets else 2))
         for label, one in enumerate(bowed, start=1):
-            assert one is not None
             crushed = one.crushed
             bows[label, crushed, :2] = one.bow
             rows[label, crushed] = one.rows[:, : rows.shape[2]]

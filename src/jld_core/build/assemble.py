@@ -17,8 +17,10 @@ from jld_core.build.spatial import spatial_geometry
 from jld_core.errors import InputError
 from jld_core.linalg import components
 from jld_core.scene import PointLoad, Scene
+from jld_core.scene.loads import BodyLoad
+from jld_core.scene.materials import FaceMaterial
 from jld_core.scene.reading import at_low
-from jld_core.scene.schema import BodyLoad, Contact, FaceMaterial
+from jld_core.scene.schema import Contact
 
 LABELS = {"dry": DRY, "inner": INNER}
 """Label values by their names in a scene: True = dry, False = inner."""

@@ -12,7 +12,7 @@ from jld_core.assembly import Elements
 from jld_core.errors import InputError
 from jld_core.geometry import moment_about
 from jld_core.scene import PointLoad
-from jld_core.scene.schema import BodyLoad
+from jld_core.scene.loads import BodyLoad
 
 
 def generalised(entries: Sequence[PointLoad | BodyLoad], elements: Elements, key: str) -> Floats:

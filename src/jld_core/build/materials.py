@@ -10,17 +10,8 @@ from jld_core.arrays import Floats
 from jld_core.assembly import Strengths
 from jld_core.errors import InputError
 from jld_core.scene import Scene
-from jld_core.scene.schema import (
-    Contact,
-    Dry,
-    DryFace,
-    Element,
-    FaceMaterial,
-    Inner,
-    InnerFace,
-    Materials,
-    lies_within_apex,
-)
+from jld_core.scene.materials import Dry, DryFace, FaceMaterial, Inner, InnerFace, Materials, lies_within_apex
+from jld_core.scene.schema import Contact, Element
 
 
 def friction(source: Dry | Inner | Contact) -> float | None:

@@ -16,7 +16,8 @@ from jld_core.assembly import Assembly, Elements
 from jld_core.build.materials import friction, gravity_vector
 from jld_core.geometry import moment_about
 from jld_core.scene import Scene
-from jld_core.scene.schema import Contact, Dry, Inner
+from jld_core.scene.materials import Dry, Inner
+from jld_core.scene.schema import Contact
 
 _FRICTION: Final = 2.0  # above this friction coefficient, an angle in degrees was probably meant
 _ANGLE: Final = 2.0  # degrees: below, radians or the coefficient were probably given

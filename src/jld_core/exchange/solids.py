@@ -67,6 +67,28 @@ class Solids:
     name: str = "solids"
 
 
+def _size(vertices: list[Floats]) -> float:
+    """Return the longest side of the bounding box of all solids; raise InputError where it is out of range."""
+    every = np.concatenate(vertices)
+    if not np.isfinite(every).all():
+        raise InputError("", "it holds a coordinate that is no number", "finite numbers only")
+    size = float(np.ptp(every, axis=0).max())
+    if not 1e-12 <= size <= 1e12:
+        raise InputError("", f"it is {size:g} large, out of range", "from 1e-12 to 1e+12")
+    return size
+
+
+def _supports(parts: list[Part], vertices: list[Floats], options: ImportOptions, near: float) -> list[bool]:
+    """Return which solids are supports; `near` is the height above the lowest point that counts as lowest."""
+    low = min(float(v[:, 2].min()) for v in vertices)
+    return [
+        part.support
+        or options.role(part.group) == "support"
+        or (LOWEST in options.support and float(v[:, 2].min()) <= low + near)
+        for part, v in zip(parts, vertices, strict=True)
+    ]
+
+
 def spatial_scene(found: Solids, options: ImportOptions, notes: Notes) -> Imported:
     """Convert solids to a spatial scene.
 
@@ -80,12 +102,7 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes) -> Import
     scale = METRES[options.unit] if options.unit is not None else 1.0
     names = _names([part.name for part in parts])
     vertices = [scale * part.vertices for part in parts]
-    every = np.concatenate(vertices)
-    if not np.isfinite(every).all():
-        raise InputError("", "it holds a coordinate that is no number", "finite numbers only")
-    size = float(np.ptp(every, axis=0).max())
-    if not 1e-12 <= size <= 1e12:
-        raise InputError("", f"it is {size:g} large, out of range", "from 1e-12 to 1e+12")
+    size = _size(vertices)
     tolerance = SNAP * size if options.tolerance is None else options.tolerance
     snapped = snap_solids(vertices, [part.faces for part in parts], tolerance)
     notes.largest = snapped.largest
@@ -104,13 +121,7 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes) -> Import
     whole, faces = _merged(whole, faces)
     if (now := sum(map(len, faces))) < given:
         notes.found.append(f"{given} faces merged to {now} plane ones")
-    low = min(float(v[:, 2].min()) for v in whole)
-    supports = [
-        part.support
-        or options.role(part.group) == "support"
-        or (LOWEST in options.support and float(v[:, 2].min()) <= low + max(tolerance, 1e-9 * size))
-        for part, v in zip(parts, whole, strict=True)
-    ]
+    supports = _supports(parts, whole, options, max(tolerance, 1e-9 * size))
     if LOWEST in options.support:
         chosen = (name for name, support in zip(names, supports, strict=True) if support)
         notes.found.append(f"supports where the lowest point is: {listed(chosen)}")

@@ -13,6 +13,7 @@ from jld_core.exchange.facts import element_keys, facts_of, interfaces_of
 from jld_core.exchange.layout import Layout
 from jld_core.exchange.write_mesh import solids_of
 from jld_core.geometry import area_vector
+from jld_core.geometry.unions import Surface
 
 _SPACE: Final = uuid.UUID("6f1c2a52-6d0e-5a5e-9a54-6a6c64636f6d")
 """Namespace of the name-based guids of written objects."""
@@ -33,18 +34,7 @@ def compas_text(layout: Layout, *, cells: bool) -> str:
         ]
     nodes, edges = {}, {str(k): {} for k in range(len(solids))}  # type: ignore[var-annotated]
     for k, (name, support, surface) in enumerate(solids):
-        block = {
-            "attributes": {"name": name, "node": k},
-            "default_vertex_attributes": {"x": 0.0, "y": 0.0, "z": 0.0},
-            "default_edge_attributes": {},
-            "default_face_attributes": {},
-            "vertex": {str(i): dict(zip("xyz", p, strict=True)) for i, p in enumerate(surface.points.tolist())},
-            "face": {str(i): list(loop) for i, loop in enumerate(surface.faces)},
-            "facedata": {},
-            "edgedata": {},
-            "max_vertex": len(surface.points) - 1,
-            "max_face": len(surface.faces) - 1,
-        }
+        block = _block(name, k, surface)
         x, y, z = surface.points.mean(axis=0).tolist()
         own = dict(keys.get(name, {}))
         if "block" in own:
@@ -83,6 +73,22 @@ def compas_text(layout: Layout, *, cells: bool) -> str:
         "graph": _envelope("compas.datastructures/Graph", graph, "graph"),
     }
     return json.dumps(_envelope("compas_assembly.datastructures/Assembly", data, layout.assembly.name), indent=1) + "\n"
+
+
+def _block(name: str, node: int, surface: Surface) -> dict[str, Any]:
+    """Return the data of a block: its name, its node in the graph, and its mesh."""
+    return {
+        "attributes": {"name": name, "node": node},
+        "default_vertex_attributes": {"x": 0.0, "y": 0.0, "z": 0.0},
+        "default_edge_attributes": {},
+        "default_face_attributes": {},
+        "vertex": {str(i): dict(zip("xyz", p, strict=True)) for i, p in enumerate(surface.points.tolist())},
+        "face": {str(i): list(loop) for i, loop in enumerate(surface.faces)},
+        "facedata": {},
+        "edgedata": {},
+        "max_vertex": len(surface.points) - 1,
+        "max_face": len(surface.faces) - 1,
+    }
 
 
 def _envelope(kind: str, data: Any, name: str) -> dict[str, Any]:

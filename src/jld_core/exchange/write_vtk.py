@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -13,6 +14,58 @@ from jld_core.exchange.libraries import library
 from jld_core.exchange.write_mesh import solids_of
 from jld_core.limit import displacement
 from jld_core.views.quantities import face_vectors, utilisation
+
+_NAMES: Final = ("part", "element", "block", "shape", "support", "label", "utilisation", "normal_force")
+"""Cell fields of one number each."""
+
+
+class _Polygons:
+    """Polygons of a layout with their fields, collected one element or interface at a time."""
+
+    def __init__(self, layout: Layout) -> None:
+        self.layout, self.result = layout, layout.result
+        self.planar = layout.assembly.dimension == 2
+        self.points: list[Floats] = []
+        self.faces: list[tuple[int, ...]] = []
+        self.rows: dict[str, list[float]] = {name: [] for name in _NAMES}
+        self.forces: list[list[float]] = []
+        self.motion: list[Floats] = []
+        count = len(layout.assembly.interfaces)
+        self._used, self._normal, self._vectors = np.zeros(count), np.zeros(count), np.zeros((count, 3))
+        if self.result is not None and self.result.forces is not None:
+            self._used, self._normal = utilisation(self.result), self.result.forces[:, 0]
+            plain = face_vectors(layout.assembly, self.result.forces)
+            self._vectors = np.column_stack([plain[:, 0], np.zeros(len(plain)), plain[:, 1]]) if self.planar else plain
+
+    def add(self, corners: Floats, loops: list[tuple[int, ...]], element: int, part: int, face: int | None) -> None:
+        """Add faces of an element or an interface with their fields."""
+        start = sum(map(len, self.points))
+        self.points.append(corners)
+        self.motion.append(self._velocity(element, corners))
+        block = int(self.layout.block_of[element])
+        own = {
+            "part": part,
+            "element": element,
+            "block": block,
+            "shape": self.layout.blocks[block].shape,
+            "support": float(self.layout.assembly.elements.support[element]),
+            "label": -1.0 if face is None else float(self.layout.labels[face]),
+            "utilisation": 0.0 if face is None else float(self._used[face]),
+            "normal_force": 0.0 if face is None else float(self._normal[face]),
+        }
+        for loop in loops:
+            self.faces.append(tuple(start + index for index in loop))
+            for name, value in own.items():
+                self.rows[name].append(value)
+            self.forces.append([0.0, 0.0, 0.0] if face is None else self._vectors[face].tolist())
+
+    def _velocity(self, element: int, corners: Floats) -> Floats:
+        """Return the velocities (k, 3) of corners by the mechanism."""
+        if self.result is None or self.result.mechanism is None:
+            return np.zeros((len(corners), 3))
+        flat = corners[:, [0, 2]] if self.planar else corners
+        moved = displacement(self.layout.assembly, self.result.mechanism, element, flat)
+        return np.column_stack([moved[:, 0], np.zeros(len(moved)), moved[:, 1]]) if self.planar else moved
 
 
 def write_vtk(layout: Layout, path: Path, *, legacy: bool = False) -> None:
@@ -24,60 +77,8 @@ def write_vtk(layout: Layout, path: Path, *, legacy: bool = False) -> None:
     in .vtk. Raises InputError without meshio.
     """
     meshio = library("meshio", path)
-    assembly, result = layout.assembly, layout.result
-    points: list[Floats] = []
-    faces: list[tuple[int, ...]] = []
-    rows: dict[str, list[float]] = {
-        name: [] for name in ("part", "element", "block", "shape", "support", "label", "utilisation", "normal_force")
-    }
-    forces: list[list[float]] = []
-    motion: list[Floats] = []
-    planar = assembly.dimension == 2
-
-    def flat(corners: Floats) -> Floats:
-        """Return planar coordinates of corners in a planar scene."""
-        return corners[:, [0, 2]] if planar else corners
-
-    def velocity(element: int, corners: Floats) -> Floats:
-        """Return the velocities (k, 3) of corners by the mechanism."""
-        if result is None or result.mechanism is None:
-            return np.zeros((len(corners), 3))
-        moved = displacement(assembly, result.mechanism, element, flat(corners))
-        return np.column_stack([moved[:, 0], np.zeros(len(moved)), moved[:, 1]]) if planar else moved
-
-    def add(corners: Floats, loops: list[tuple[int, ...]], element: int, part: int, face: int | None) -> None:
-        """Add faces of an element or an interface with their fields."""
-        start = sum(map(len, points))
-        points.append(corners)
-        motion.append(velocity(element, corners))
-        block = int(layout.block_of[element])
-        for loop in loops:
-            faces.append(tuple(start + index for index in loop))
-            rows["part"].append(part)
-            rows["element"].append(element)
-            rows["block"].append(block)
-            rows["shape"].append(layout.blocks[block].shape)
-            rows["support"].append(float(assembly.elements.support[element]))
-            rows["label"].append(-1.0 if face is None else float(layout.labels[face]))
-            known = face is not None and result is not None and result.forces is not None
-            rows["utilisation"].append(float(used[face]) if known else 0.0)
-            rows["normal_force"].append(float(result.forces[face, 0]) if known else 0.0)  # type: ignore[index,union-attr]
-            forces.append(vectors[face].tolist() if known else [0.0, 0.0, 0.0])
-
-    used = utilisation(result) if result is not None and result.forces is not None else np.zeros(0)
-    vectors = np.zeros((len(assembly.interfaces), 3))
-    if result is not None and result.forces is not None:
-        plain = face_vectors(assembly, result.forces)
-        vectors = np.column_stack([plain[:, 0], np.zeros(len(plain)), plain[:, 1]]) if planar else plain
-    for element, (_, _, surface) in enumerate(solids_of(layout, cells=True)):
-        add(surface.points, list(surface.faces), element, 0, None)
-    for face, polygon in enumerate(assembly.interfaces.polygon):
-        corners = polygon
-        if planar:
-            (x0, z0), (x1, z1) = polygon.tolist()
-            depth = layout.thickness
-            corners = np.array([[x0, 0.0, z0], [x1, 0.0, z1], [x1, depth, z1], [x0, depth, z0]])
-        add(corners, [tuple(range(len(corners)))], int(assembly.interfaces.a[face]), 1, face)
+    found = _polygons_of(layout)
+    faces = found.faces
     order = sorted(range(len(faces)), key=lambda k: len(faces[k]))
     cells: list[tuple[str, list[tuple[int, ...]]]] = []
     for k in order:
@@ -90,15 +91,31 @@ def write_vtk(layout: Layout, path: Path, *, legacy: bool = False) -> None:
         """Split values by cell type, in the order of the file."""
         return [values[order[a:b]] for a, b in itertools.pairwise(stops)]
 
-    fields = {name: by_block(np.array(values)) for name, values in rows.items()}
-    fields["force"] = by_block(np.array(forces))
+    fields = {name: by_block(np.array(values)) for name, values in found.rows.items()}
+    fields["force"] = by_block(np.array(found.forces))
     mesh = meshio.Mesh(
-        np.concatenate(points),
+        np.concatenate(found.points),
         [(kind, np.array(block)) for kind, block in cells],
-        point_data={"mechanism": np.concatenate(motion)},
+        point_data={"mechanism": np.concatenate(found.motion)},
         cell_data=fields,
     )
     if legacy:
         meshio.vtk.write(path, mesh, binary=True)
     else:
         meshio.vtu.write(path, mesh, binary=True)
+
+
+def _polygons_of(layout: Layout) -> _Polygons:
+    """Collect the surfaces of all elements, then the interfaces."""
+    found = _Polygons(layout)
+    interfaces = layout.assembly.interfaces
+    for element, (_, _, surface) in enumerate(solids_of(layout, cells=True)):
+        found.add(surface.points, list(surface.faces), element, 0, None)
+    for face, polygon in enumerate(interfaces.polygon):
+        corners = polygon
+        if found.planar:
+            (x0, z0), (x1, z1) = polygon.tolist()
+            depth = layout.thickness
+            corners = np.array([[x0, 0.0, z0], [x1, 0.0, z1], [x1, depth, z1], [x0, depth, z0]])
+        found.add(corners, [tuple(range(len(corners)))], int(interfaces.a[face]), 1, face)
+    return found

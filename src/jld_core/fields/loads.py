@@ -226,7 +226,7 @@ def _face_of(assembly: Assembly, faces: list[_FreeFace], place: Floats, vector: 
 
 def _segments(assembly: Assembly, face: _FreeFace, forces: list[_Force]) -> list[Segment]:
     """Return the loaded segments of one free face under forces at distances from its start; overlaps are added up."""
-    pieces = [_stated(assembly, face, force) for force in forces if force.width is not None]
+    pieces = [_stated(assembly, face, force, force.width) for force in forces if force.width is not None]
     plain = [force for force in forces if force.width is None]
     if plain:
         pieces.append(_spread(assembly, face, plain))
@@ -273,14 +273,13 @@ def _spread(assembly: Assembly, face: _FreeFace, forces: list[_Force]) -> _Piece
     return 0.0, face.length, np.array([mean - lean, mean + lean])
 
 
-def _stated(assembly: Assembly, face: _FreeFace, force: _Force) -> _Piece:
-    """Uniform patch of stated width about one force."""
-    assert force.width is not None
+def _stated(assembly: Assembly, face: _FreeFace, force: _Force, width: float) -> _Piece:
+    """Return a uniform patch of stated width about one force."""
     reach = 10.0 * tolerances.CONTACT * assembly.size
-    low, high = force.at - 0.5 * force.width, force.at + 0.5 * force.width
+    low, high = force.at - 0.5 * width, force.at + 0.5 * width
     if low < -reach or high > face.length + reach:
         raise _no_room(assembly, face, force.at)
-    traction = force.vector / (force.width * thickness_of(assembly))
+    traction = force.vector / (width * thickness_of(assembly))
     return max(0.0, low), min(face.length, high), np.array([traction, traction])
 
 

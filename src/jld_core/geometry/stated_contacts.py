@@ -73,11 +73,13 @@ def _sides(normal: Floats, place: Floats, size: Floats, a: Ints, facets: Facets)
     plus = np.bincount(owner, weights=np.maximum(vote, 0.0), minlength=len(a))
     minus = np.bincount(owner, weights=np.maximum(-vote, 0.0), minlength=len(a))
     side = np.where(plus >= minus, 1.0, -1.0)
-    frames = FacetFrames.on(facets) if np.any((plus > 0.0) == (minus > 0.0)) else None
-    for index in np.flatnonzero((plus > 0.0) == (minus > 0.0)).tolist():
+    unclear = np.flatnonzero((plus > 0.0) == (minus > 0.0)).tolist()
+    if not unclear:
+        return side
+    frames = FacetFrames.on(facets)
+    for index in unclear:
         # Boxes are ambiguous here: measure distances to the faces themselves, of any direction if none is parallel.
         rows = np.flatnonzero(owner == index)
-        assert frames is not None
         distance = []
         for row in rows:
             which = facet[[row]]

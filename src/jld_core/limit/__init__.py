@@ -30,15 +30,18 @@
 
 from __future__ import annotations
 
+from jld_core.limit.admissible import Motion, State
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.batch import Batch
-from jld_core.limit.bounds import Motion, Prover, State, exceeds, load_scale, relative_width
+from jld_core.limit.bounds import Prover
+from jld_core.limit.brackets import exceeds, load_scale, relative_width
 from jld_core.limit.governing import Known, governing
 from jld_core.limit.mechanism import displacement
 from jld_core.limit.model_facts import EffectiveAreas, ZeroDilation
 from jld_core.limit.options import FLOOR_SECONDS, RENAMED_BENDING, Condense, Contacts, Friction, SolveOptions
 from jld_core.limit.proof import Proof
-from jld_core.limit.result import LimitAnalysisResult, governing_result, number, result_of
+from jld_core.limit.result import LimitAnalysisResult, number
+from jld_core.limit.result_building import governing_result, result_of
 from jld_core.limit.settlement import Settled
 from jld_core.limit.status import Status
 

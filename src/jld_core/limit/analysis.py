@@ -13,13 +13,17 @@ from jld_core.assembly import Assembly
 from jld_core.batch import chosen
 from jld_core.batch.batch_solver import BatchSolver
 from jld_core.batch.rows import fits
+from jld_core.limit.admissible import State
 from jld_core.limit.batch_results import ALONE
-from jld_core.limit.bounds import Prover, State, load_scale, relative_width
+from jld_core.limit.bounds import Prover
+from jld_core.limit.brackets import load_scale, relative_width
+from jld_core.limit.fallbacks import FALLBACKS, Fallback, run_fallbacks
 from jld_core.limit.options import SolveOptions
 from jld_core.limit.proof import Proof
-from jld_core.limit.proof_attempt import FALLBACKS, Fallback, ProofAttempt
+from jld_core.limit.proof_attempt import ProofAttempt
 from jld_core.limit.repair import Repair
-from jld_core.limit.result import LimitAnalysisResult, result_of
+from jld_core.limit.result import LimitAnalysisResult
+from jld_core.limit.result_building import result_of
 from jld_core.limit.status import Status
 from jld_core.mechanics import InnerBending, require_materials, scaling_of, yield_set
 from jld_core.program import Template
@@ -143,7 +147,7 @@ class LimitAnalysis:
             Bounds and status, scaled.
         """
         start = time.perf_counter()
-        proof = ProofAttempt(self, labels).up(ladder)
+        proof = run_fallbacks(ProofAttempt(self, labels), ladder)
         proof.seconds = time.perf_counter() - start
         if stands:
             proof.stands = False if proof.status is Status.UNSTABLE else self.stands(labels, proof.state)

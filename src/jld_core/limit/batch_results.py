@@ -8,8 +8,9 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bits
-from jld_core.batch.batch_solver import LOCKED, PROVEN, BatchResults
-from jld_core.limit.bounds import Motion, Prover
+from jld_core.batch.verdicts import LOCKED, PROVEN, BatchResults
+from jld_core.limit.admissible import Motion
+from jld_core.limit.bounds import Prover
 from jld_core.limit.proof import Proof
 
 ALONE: Final = (48, 400)

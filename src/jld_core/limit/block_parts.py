@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from jld_core.arrays import Floats, Ints
-from jld_core.limit.bounds import Motion
+from jld_core.limit.admissible import Motion
 from jld_core.program import Template
 
 Q: Final = 3

@@ -36,7 +36,7 @@ from jld_core.limit.block_cones import ConeProgram
 from jld_core.limit.block_faces import BlockFaces, FacesOfSets
 from jld_core.limit.block_parts import block_parts
 from jld_core.limit.block_program import BlockProgram
-from jld_core.limit.bounds import usable
+from jld_core.limit.equilibrium import usable
 from jld_core.mechanics.yield_set import CoulombWedge
 from jld_core.solvers import ClarabelSolver, Solver
 
@@ -209,9 +209,8 @@ class BlockRelaxation:
         list of Choice
             One result for each set.
         """
-        if not self.many or not asked:
+        if not self.many or self._many is None or not asked:
             return [self.choose(*one) for one in asked]
-        assert self._many is not None
         allowed, threshold, most = (np.array(column) for column in zip(*asked, strict=True))
         answers = self._many.solve(allowed, threshold, most, pool)
         self.solves += len(asked)

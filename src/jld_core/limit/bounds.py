@@ -8,17 +8,17 @@ and checked, and gives no bound if the check fails. All quantities here are scal
 from __future__ import annotations
 
 import copy
-from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import scipy.sparse as sp
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats
-from jld_core.assembly import Assembly
-from jld_core.linalg.projection import Projector, quick
+from jld_core.limit.admissible import Motion, State
+from jld_core.limit.equilibrium import EquilibriumProjectors, error_or_inf, projected_onto, rows_by_element, usable
+from jld_core.linalg.projection import quick
 from jld_core.mechanics.scaling import reference_load
 from jld_core.program import Template
 
@@ -30,61 +30,6 @@ _LAST_DIGITS: Final = 4.0 * float(np.finfo(float).eps)
 
 _LAST_DIGIT: Final = 8.0 * float(np.finfo(float).eps)
 """Share of the largest force of a ray up to which those of a face are zero."""
-
-
-@dataclass(frozen=True)
-class State:
-    """Forces and λ of one labelling, with their slack and their equilibrium error.
-
-    Attributes
-    ----------
-    forces : (m, q) float array
-        Resultants of each face, scaled.
-    load : float
-        λ, scaled.
-    slack : float
-        Least slack over all yield rows, scaled; of a ray, over the recession cones.
-    error : float
-        Estimate of the force error left in equilibrium, scaled.
-    """
-
-    forces: Floats
-    load: float
-    slack: float
-    error: float
-
-    @property
-    def admissible(self) -> bool:
-        """Return True if the exact solution next to the rounded forces lies in every yield set."""
-        return self.slack >= 2.0 * self.error
-
-
-@dataclass(frozen=True)
-class Motion:
-    """Velocities of all free elements, with the upper bound on λ that they prove.
-
-    Attributes
-    ----------
-    velocity : (q·free,) float array
-        Velocities, scaled.
-    jumps : (m, q) float array
-        Velocity jumps of the faces, scaled.
-    work : float
-        Work b_λ·u of the live load, scaled.
-    margin : float
-        Least margin of the conditions for finite dissipation; the bound holds if it is ≥ 0.
-    bound : float
-        Dissipation minus dead work, Σ D(J) − b·u, scaled.
-    noise : float
-        Rounding error that the bound may contain.
-    """
-
-    velocity: Floats
-    jumps: Floats
-    work: float
-    margin: float
-    bound: float
-    noise: float = 0.0
 
 
 class Prover:
@@ -103,7 +48,7 @@ class Prover:
         self._magnitudes = abs(template.matrix)
         self._weight = abs(template.dead)
         self._total = float(self._weight.sum()) or reference_load(template.assembly) / template.scaling.force
-        self._projectors: dict[bytes, Projector] = {}
+        self._projectors = EquilibriumProjectors(template)
         self._columns = template.matrix.shape[1]
         self._everything = np.ones((len(template.assembly.interfaces), template.assembly.freedoms), dtype=bool)
 
@@ -148,38 +93,8 @@ class Prover:
         """
         other = copy.copy(self)
         other.template = template
+        other._projectors = self._projectors.under(template)
         return other
-
-    def projector(self, labels: Bits) -> tuple[Projector, Floats | None]:
-        """Return the projector onto equilibrium for the resultants that a labelling keeps.
-
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry.
-
-        Returns
-        -------
-        projector : Projector
-            Projector of the kept resultants; with dropped resultants it has λ as its last column.
-        mask : (q·m,) float array or None
-            1 for each kept resultant, 0 for the others; None if all are kept.
-        """
-        active = self.template.yield_set.active(labels)
-        if active.all():
-            active = self._everything
-        key = np.packbits(active).tobytes()
-        mask = None if active is self._everything else active.ravel().astype(float)
-        if key not in self._projectors:
-            matrix, places = self.template.matrix, self.template.structure.places
-            if mask is not None:
-                places = None
-                live = sp.csc_array(self.template.live[:, None])
-                matrix = sp.csc_array(sp.hstack([matrix @ sp.diags_array(mask), live]))
-            if len(self._projectors) >= 16:
-                self._projectors.pop(next(iter(self._projectors)))
-            self._projectors[key] = Projector(sp.csc_array(matrix), places)
-        return self._projectors[key], mask
 
     def state(self, point: Floats, labels: Bits, passes: int = 2, held: bool = False) -> State:
         """Project a raw point onto equilibrium and measure its slack.
@@ -240,7 +155,7 @@ class Prover:
     def _ray(self, forces: Floats, active: Bools, labels: Bits) -> State:
         """Project forces (q·m,) that are zero but where `active` (m, q) on A R + b_λ = 0, and measure them."""
         mask, live = active.ravel().astype(float), self.template.live
-        forces, left, error = _balanced(self._of_forces(mask), forces * mask, -live, 3)
+        forces, left, error = projected_onto(self._projectors.of_forces(mask), forces * mask, -live, 3)
         table = forces.reshape(self._everything.shape)
         # what elements that bear nothing show is the last digit of the factors
         table[abs(table).max(axis=1) <= _LAST_DIGIT * abs(table).max(initial=0.0)] = 0.0
@@ -250,7 +165,7 @@ class Prover:
         slack = self.template.yield_set.recession_slack(table, labels)
         slack = np.where(largest > 0.0, slack / np.where(largest > 0.0, np.minimum(largest, 1.0), 1.0), slack)
         share = self.imbalance(forces, live)
-        return State(table, 1.0, float(slack.min()), max(_trusted(error, left, forces), share))
+        return State(table, 1.0, float(slack.min()), max(error_or_inf(error, left, forces), share))
 
     def imbalance(self, forces: Floats, load: Floats) -> float:
         """Return the largest residual of A F + load, relative to what meets at its element.
@@ -270,32 +185,28 @@ class Prover:
         freedoms = self._everything.shape[1]
         left, met = self.template.matrix @ forces + load, self._magnitudes @ abs(forces) + abs(load)
         # Judge element by element: a moment that is zero may be rounding of forces times arms.
-        met = np.minimum(_of_elements(met, freedoms).max(axis=1, initial=0.0), 1.0)
-        gone = _of_elements(abs(left), freedoms).max(axis=1, initial=0.0)
+        met = np.minimum(rows_by_element(met, freedoms).max(axis=1, initial=0.0), 1.0)
+        gone = rows_by_element(abs(left), freedoms).max(axis=1, initial=0.0)
         return float((gone / np.where(met > 0.0, met, 1.0)).max(initial=0.0))
 
     def _nothing(self) -> State:
         """Return the state that proves no bound."""
         return State(np.zeros(self._everything.shape), 0.0, -np.inf, np.inf)
 
-    def _of_forces(self, mask: Floats) -> Projector:
-        """Return the projector that keeps λ fixed; mask: (q·m,) 1 for each kept resultant."""
-        return Projector(sp.csc_array(self.template.matrix @ sp.diags_array(mask)), self.template.structure.places)
-
     def _state(self, forces: Floats, load: float, labels: Bits, passes: int, held: bool = False) -> State:
         """Project forces (q·m,) at a given λ onto equilibrium and measure their slack."""
         template = self.template
-        projector, mask = self.projector(labels)
+        projector, mask = self._projectors.with_load(labels)
         if mask is None or held:
             if mask is not None:
-                projector, forces = self._of_forces(mask), forces * mask
-            forces, left, error = _balanced(projector, forces, -(template.dead + load * template.live), passes)
+                projector, forces = self._projectors.of_forces(mask), forces * mask
+            forces, left, error = projected_onto(projector, forces, -(template.dead + load * template.live), passes)
         else:
             # With resultants dropped, equilibrium may hold at one λ alone: project λ with the forces.
-            joint, left, error = _balanced(projector, np.append(forces * mask, load), -template.dead, passes + 1)
+            joint, left, error = projected_onto(projector, np.append(forces * mask, load), -template.dead, passes + 1)
             forces, load = joint[:-1], float(joint[-1])
         if mask is not None:
-            error = _trusted(error, left, forces)
+            error = error_or_inf(error, left, forces)
         table = forces.reshape(self._everything.shape)
         return State(table, load, float(template.yield_set.slack(table, labels).min()), error)
 
@@ -464,137 +375,3 @@ class Prover:
                 return mixed
             share *= 2.0
         return mixed
-
-
-def _of_elements(rows: Floats, freedoms: int) -> Floats:
-    """Rows of equilibrium by element, (free, q); further rows of a template, such as a settlement's, each alone."""
-    whole = len(rows) // freedoms * freedoms
-    more = np.zeros((len(rows) - whole, freedoms))
-    more[:, 0] = rows[whole:]
-    return np.concatenate([rows[:whole].reshape(-1, freedoms), more])
-
-
-def _balanced(projector: Projector, vector: Floats, target: Floats, passes: int) -> tuple[Floats, Floats, float]:
-    """Project a vector onto rows·y = target.
-
-    Returns the vector, its residual, and an estimate of the error left in it.
-    """
-    for _ in range(passes):
-        vector = vector - projector.correction(projector.rows @ vector - target)
-    left = projector.rows @ vector - target
-    return vector, left, float(abs(projector.correction(left)).max())
-
-
-def _trusted(error: float, left: Floats, forces: Floats) -> float:
-    """Return the error, or inf if the residual exceeds rounding.
-
-    In that case the kept resultants reach no equilibrium.
-    """
-    much = float(abs(left).max()) > tolerances.ROUNDING * max(1.0, float(abs(forces).max()))
-    return np.inf if much else error
-
-
-def usable(vector: Floats) -> bool:
-    """Return True if a scaled vector is of plausible size (below 1e30).
-
-    A failed solve may leave any values behind.
-    """
-    return not vector.size or bool(abs(vector).max() < 1e30)
-
-
-def relative_width(low: float, high: float, floor: float) -> float:
-    """Compute the width of a bracket over max(|low|, |high|, floor) (docs/method.md (3.13)).
-
-    Parameters
-    ----------
-    low, high : float
-        Bounds on λ, in any one unit; NaN or infinite where missing.
-    floor : float
-        λ below which differences are negligible, in the same unit (see `load_scale`).
-
-    Returns
-    -------
-    float
-        Relative width; inf where a bound is missing.
-    """
-    if not (np.isfinite(low) and np.isfinite(high)):
-        return np.inf
-    size = max(abs(low), abs(high), floor)
-    return (high - low) / size if size > 0.0 else float(high > low)
-
-
-def exceeds(low: float, bound: float, load_scale: float) -> bool:
-    """Return whether a proven lower bound on λ contradicts an upper bound.
-
-    The difference must exceed the proof tolerance.
-
-    Parameters
-    ----------
-    low : float
-        Proven lower bound on λ.
-    bound : float
-        Upper bound on λ, may be infinite.
-    load_scale : float
-        λ below which differences are negligible, in the unit of the bounds.
-
-    Returns
-    -------
-    bool
-        True if low − bound exceeds `tolerances.PROVEN` relative to the largest of the three.
-    """
-    return low - bound > tolerances.PROVEN * max(abs(low), abs(bound) if np.isfinite(bound) else 0.0, load_scale)
-
-
-def crossed(low: Any, high: Any, least: float = 1.0) -> Any:
-    """Return whether lower bounds exceed upper bounds by more than rounding.
-
-    In that case neither bound is reliable.
-
-    Parameters
-    ----------
-    low, high : float or float array
-        Bounds, NaN where there is none.
-    least : float
-        Size below which rounding is not relative; 1 for scaled bounds.
-
-    Returns
-    -------
-    bool or bool array
-        True where the bounds contradict each other; False where one is NaN.
-    """
-    return low - high > 10.0 * tolerances.ROUNDING * np.maximum(np.maximum(abs(low), abs(high)), least)
-
-
-def apart(one: tuple[float, float], other: tuple[float, float]) -> bool:
-    """Return True if two brackets of the same λ are disjoint.
-
-    Parameters
-    ----------
-    one, other : (float, float)
-        Lower and upper bound in any one unit; NaN or infinite where unknown.
-
-    Returns
-    -------
-    bool
-        True if the lower bound of either exceeds the upper bound of the other by more than rounding.
-    """
-    return bool(crossed(one[0], other[1], 0.0) or crossed(other[0], one[1], 0.0))
-
-
-def load_scale(assembly: Assembly) -> float:
-    """Compute the load factor below which differences are negligible.
-
-    It is 1e-3 · total weight / total live load. Without weight, `reference_load` takes its place.
-
-    Parameters
-    ----------
-    assembly : Assembly
-        Structure; of several load cases the least value over the required factor counts.
-
-    Returns
-    -------
-    float
-        Load factor in scene units.
-    """
-    each = zip(assembly.by_case, assembly.required.tolist(), strict=True)
-    return float(min(tolerances.GAP_FLOOR * reference_load(one) / one.total_live / required for one, required in each))

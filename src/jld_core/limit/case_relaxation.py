@@ -18,7 +18,8 @@ from jld_core.assembly import Assembly
 from jld_core.batch import ConflictRequest
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.block_relaxation import Asked, BlockRelaxation, Choice
-from jld_core.limit.relaxation import DualBound, MinimizedConflict, Relaxation
+from jld_core.limit.dual_bounds import DualBound, MinimizedConflict
+from jld_core.limit.relaxation import Relaxation
 
 _ROUNDING = 4.0 * float(np.finfo(float).eps)
 """Relative amount by which bounds are raised and thresholds lowered on a change of units, so that bounds stay valid."""

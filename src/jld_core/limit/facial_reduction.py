@@ -11,15 +11,15 @@ Parrilo, Partial facial reduction, Math. Program. 171 (2018).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 import scipy.linalg as la
-import scipy.sparse as sp
 
 from jld_core import tolerances
-from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.arrays import Bits, Floats, Ints
+from jld_core.limit.admissible import Motion, State
 from jld_core.limit.auxiliary_programs import (
     LARGEST,
     LargestSupport,
@@ -27,10 +27,10 @@ from jld_core.limit.auxiliary_programs import (
     motion_inside,
     on_faces,
     polygonal_support,
-    tips_of,
 )
-from jld_core.limit.bounds import Motion, Prover, State
-from jld_core.program import ConicProgram, Template, pack
+from jld_core.limit.bounds import Prover
+from jld_core.limit.reduced_rows import Reduced, kept_rows, leaning_program, program_of_rows, reduced_by
+from jld_core.program import ConicProgram, Template
 from jld_core.solvers import ClarabelSolver, RawStatus
 
 DENSE: Final = 4000  # Number of velocities up to which dense algebra is used.
@@ -45,19 +45,6 @@ _CALM: Final = 1e-10  # Weight of |F|² next to λ, scaled; without it forces ma
 _LEFT: Final = 1e-12  # Size of a forbidden jump below which its row is dropped.
 # Share of the largest velocity that a pseudo-inverse leaves as rounding.
 _LAST_DIGIT: Final = 16.0 * float(np.finfo(float).eps)
-
-
-@dataclass(frozen=True)
-class Reduced:
-    """Rows of a program whose multipliers may differ from zero.
-
-    linear: (k,) kept inequalities, as rows of the program. cones: indices of the kept cones.
-    rays: for each cone that is replaced by a ray, the direction (size − 1,) of the self-stress in it.
-    """
-
-    linear: Ints
-    cones: tuple[int, ...]
-    rays: dict[int, Floats] = field(default_factory=dict)
 
 
 class FacialReduction:
@@ -176,7 +163,7 @@ class FacialReduction:
             if (program.matrix.tocsr()[starts][:, :columns] @ stress).max() >= 0.0:
                 continue  # After the projection the self-stress does not lie on these rays.
             for share in _LEANS:
-                stated = _leaning(program, reduced, share * stress)
+                stated = leaning_program(program, reduced, share * stress)
                 raw = ClarabelSolver(1e-9, proximal=(resultants, _CALM)).solve(stated)
                 if raw.status in (RawStatus.OPTIMAL, RawStatus.ALMOST) and np.all(np.isfinite(raw.point)):
                     y = np.append((raw.point[:columns] + share * stress)[:resultants], raw.point[-1])
@@ -296,12 +283,6 @@ class FacialReduction:
         return Motion(velocity, jumps, work, float(margin.min()), bound, self.prover.noise(velocity, bound))
 
 
-def kept_rows(program: ConicProgram) -> Reduced:
-    """Return all rows except that of λ, before any self-stress is found."""
-    s = program.structure
-    return Reduced(tips_of(s)[: s.linear - 1], tuple(range(len(s.cones))))
-
-
 def _rounds(program: ConicProgram, columns: int, search: _Search) -> list[Reduced]:
     """Return the rows kept after each successive self-stress, the last first."""
     found = [kept_rows(program)]
@@ -319,75 +300,6 @@ def _projected(velocity: Floats, forbid: Floats, inverse: Floats) -> Floats:
     for _ in range(2):
         velocity = velocity - inverse @ (forbid @ velocity)
     return velocity
-
-
-def program_of_rows(program: ConicProgram, reduced: Reduced, right: bool = False) -> ConicProgram:
-    """Return the program of the kept rows, with rays as the last inequalities.
-
-    Right-hand sides are zero, unless `right` keeps those of the program.
-    """
-    s = program.structure
-    first = np.concatenate([np.arange(s.equalities + 1), reduced.linear]).astype(np.int64)
-    cones = [np.arange(s.heads[cone], s.heads[cone] + s.cones[cone]) for cone in reduced.cones]
-    last = np.concatenate(cones or [np.empty(0)]).astype(np.int64)
-    pick = [sp.eye_array(s.shape[0]).tocsr()[first]]
-    if reduced.rays:
-        ways = sp.lil_array((len(reduced.rays), s.shape[0]))
-        for row, (cone, direction) in enumerate(reduced.rays.items()):
-            ways[row, s.heads[cone]] = 1.0
-            for place, value in enumerate(direction, start=1):
-                ways[row, s.heads[cone] + place] = -value
-        pick.append(ways.tocsr())
-    chosen: sp.csr_array = sp.vstack([*pick, sp.eye_array(s.shape[0]).tocsr()[last]]).tocsr()
-    rhs = np.asarray(chosen @ program.rhs) if right else np.zeros(chosen.shape[0])
-    linear = 1 + len(reduced.linear) + len(reduced.rays)
-    sizes = tuple(s.cones[cone] for cone in reduced.cones)
-    return pack(chosen @ program.matrix.tocsr(), rhs, program.objective, s.equalities, linear, sizes, s.places)
-
-
-def _leaning(program: ConicProgram, reduced: Reduced, stress: Floats) -> ConicProgram:
-    """Return the program of forces that are admissible with a large self-stress added.
-
-    stress: (columns,) the self-stress. In a cone with R = stress on its boundary, along d: s (2 |R|) ≥ |V across d|², s
-    = t − d·V.
-    """
-    left = program_of_rows(program, reduced, right=True)
-    s, matrix, own = program.structure, program.matrix.tocsr(), left.structure
-    rows, ends = [left.matrix.tocsr()], [left.rhs]
-    last = own.equalities + own.linear - len(reduced.rays)
-    for number, (cone, way) in enumerate(reduced.rays.items()):
-        at = slice(s.heads[cone], s.heads[cone] + s.cones[cone])
-        touch, end = left.matrix.tocsr()[[last + number]], left.rhs[last + number]
-        size = float(-(matrix[[s.heads[cone]]][:, : len(stress)] @ stress)[0])
-        across = sp.csr_array(la.null_space(way[None]).T) * (2.0 / np.sqrt(2.0 * size))
-        rows += [touch, across @ matrix[at][1:], touch]
-        ends += [np.array([end + 1.0]), np.asarray(across @ program.rhs[at][1:]), np.array([end - 1.0])]
-    sizes = own.cones + tuple(s.cones[cone] for cone in reduced.rays)
-    tall = sp.vstack(rows)
-    return pack(tall, np.concatenate(ends), program.objective, own.equalities, own.linear, sizes, own.places)
-
-
-def reduced_by(found: LargestSupport, program: ConicProgram, reduced: Reduced) -> Reduced | None:
-    """Return the rows kept after a self-stress is found; None if they are unchanged."""
-    sizes = [program.structure.cones[cone] for cone in reduced.cones]
-    linear = len(reduced.linear) + len(reduced.rays)
-    loose: Bools = found.slack > 0.5
-    kept = reduced.linear[~loose[: len(reduced.linear)]]
-    turned = dict(zip(reduced.rays, loose[len(reduced.linear) : linear], strict=True))
-    rays = {cone: way for cone, way in reduced.rays.items() if not turned[cone]}
-    cones = []
-    starts = len(found.values) - sum(sizes) + np.cumsum([0, *sizes])[:-1]
-    for cone, start, size, free in zip(reduced.cones, starts, sizes, loose[linear:], strict=True):
-        if free:
-            continue
-        way = found.ray(start, size)
-        if way is None:
-            cones.append(cone)
-        else:
-            rays[cone] = way
-    if len(kept) == len(reduced.linear) and len(cones) == len(reduced.cones) and len(rays) == len(reduced.rays):
-        return None
-    return Reduced(kept, tuple(cones), rays)
 
 
 def _along_axes(program: ConicProgram, columns: int) -> LargestSupport | None:

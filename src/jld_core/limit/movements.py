@@ -8,7 +8,7 @@ import numpy as np
 
 from jld_core.arrays import Bits, Floats
 from jld_core.limit.analysis import LimitAnalysis
-from jld_core.limit.bounds import usable
+from jld_core.limit.equilibrium import usable
 from jld_core.solvers import make_solver
 
 _RESIDUAL: Final = 1e-8
@@ -45,8 +45,7 @@ class Movements:
             Largest entry of each scaled jump over the largest of all faces; zero where no mechanism is found.
         """
         if self._batch is not None:
-            velocities = self._batch.solve(labellings, vectors=True).velocity
-            assert velocities is not None
+            velocities = self._batch.solve(labellings, vectors=True).velocities
         else:
             rows = self.template.matrix.shape[0]
             velocities = np.array([self._route.solve(self.template.program(row)).dual[:rows] for row in labellings])

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from jld_core import tolerances
-from jld_core.limit.bounds import Motion, State
+from jld_core.limit.admissible import Motion, State
 from jld_core.limit.status import Status
 
 
@@ -101,7 +101,7 @@ class Proof:
         """
         if self.state is None or self.motion is None:
             return False
-        # Same test as `bounds.crossed`, which accepts arrays and takes ten times as long.
+        # Same test as `brackets.crossed`, which accepts arrays and takes ten times as long.
         low, high = self.state.load, self.motion.bound
         return bool(low - high > 10.0 * tolerances.ROUNDING * max(abs(low), abs(high), 1.0))
 

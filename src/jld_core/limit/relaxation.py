@@ -11,109 +11,30 @@ holds for every labelling that agrees, however loose the program that supplied t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from threading import Lock
 from typing import Final
 
 import numpy as np
 
-from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.batch import ConflictRequest, chosen
-from jld_core.batch.batch_solver import CARRIES, FALLS, OPEN, BatchSolver
+from jld_core.batch.batch_solver import BatchSolver
 from jld_core.batch.conflict_request import CARRIED, REFUTED
 from jld_core.batch.rows import fits
+from jld_core.batch.verdicts import CARRIES, FALLS, OPEN
 from jld_core.deadline import checkpoint
 from jld_core.limit.analysis import LimitAnalysis
+from jld_core.limit.dual_bounds import DualBound, MinimizedConflict
 from jld_core.limit.shared_hull import SharedHull
+from jld_core.limit.work_balance import WorkBalances
 from jld_core.program import ConicProgram
 from jld_core.solvers import make_solver
-
-_TINY: Final = 1e-6
-"""Violation of a margin, relative to the largest jump, up to which a small opening motion repairs it."""
 
 _ANY: Final = 1e12
 """Threshold above every scaled λ of interest; with it any finite bound counts as a refutation."""
 
 _RESIDUAL: Final = 1e-10
 """Residual requested from the solver; bounds are computed from its answer, so it need not be exact."""
-
-
-@dataclass(frozen=True)
-class DualBound:
-    """Mechanism that refutes a λ for every labelling that agrees on the decided faces.
-
-    It is the dual certificate of a relaxation, with the work balance that it proves.
-
-    Attributes
-    ----------
-    excess : float
-        threshold · b_λ·u + b·u − Σ D, scaled, rounding deducted; positive (docs/method.md (6.4)).
-    cost : (m,) float array
-        Reduction of the excess if a face becomes undecided, scaled; inf where no bound remains.
-    bound : float
-        λ that no such labelling exceeds, scaled; −inf where none is admissible at any λ. In the unit of the governing
-        factor if it comes from `CaseRelaxation`.
-    velocity : (q·free,) float array
-        The mechanism, scaled.
-    case : int
-        Index of the load case of the mechanism.
-    """
-
-    excess: float
-    cost: Floats
-    bound: float
-    velocity: Floats
-    case: int = 0
-
-
-@dataclass(frozen=True)
-class MinimizedConflict:
-    """Result of minimising the conflict of a labelling, or of one of its neighbours.
-
-    Attributes
-    ----------
-    labelling : int
-        Index of the requested labelling.
-    drawn : bool
-        True for the labelling itself, False for a neighbour.
-    decided : (m,) bool array
-        Faces whose labels are part of the conflict.
-    bound : float or None
-        Scaled λ that no labelling with these labels exceeds; −inf where none is admissible at any λ. None where nothing
-        refuted it. In the unit of the governing factor if it comes from `CaseRelaxation`.
-    carries : bool
-        True if the forces found carry more than the threshold.
-    velocity : (q·free,) float array or None
-        Mechanism that refuted the labelling, scaled.
-    case : int
-        Index of the load case of the mechanism.
-    """
-
-    labelling: int
-    drawn: bool
-    decided: Bools
-    bound: float | None
-    carries: bool = False
-    velocity: Floats | None = None
-    case: int = 0
-
-
-@dataclass(frozen=True)
-class _WorkBalance:
-    """Work balance of k mechanisms: λ · work ≤ total for every labelling that agrees.
-
-    velocities: (k, q·free), with the opening that rounding required. work: (k,) of the live load.
-    total: (k,) dissipation minus dead work, plus possible rounding. sound: (k,) whether the dissipation is finite.
-    own, either: (k, m) dissipation of each face under its own label, and the larger of both labels.
-    """
-
-    velocities: Floats
-    work: Floats
-    total: Floats
-    sound: Bools
-    own: Floats
-    either: Floats
 
 
 class Relaxation:
@@ -132,7 +53,8 @@ class Relaxation:
 
     def __init__(self, analysis: LimitAnalysis) -> None:
         self.template = analysis.template
-        self._prover, self._interior = analysis.prover, analysis.repair
+        self._repair = analysis.repair
+        self._balances = WorkBalances(self.template, analysis.prover, analysis.repair)
         hull = self.template.yield_set.hull()
         if hull is None:
             raise TypeError("no hull is known of these yield sets")
@@ -233,11 +155,10 @@ class Relaxation:
         left = np.arange(count)
         if self._batch is not None:
             answers = self._batch.solve(labellings, undecided=undecided, thresholds=thresholds, vectors=True)
-            assert answers.velocity is not None
             # Skip labellings whose forces carry more than the threshold. Unchecked forces suffice: skipping proves
             # nothing false.
             told = np.flatnonzero(answers.verdict != CARRIES)
-            self._weigh_all(answers.velocity[told], told, labellings, undecided, thresholds, found)
+            self._weigh_all(answers.velocities[told], told, labellings, undecided, thresholds, found)
             # Between abutments the batch solver reports bounds that the exact work balance cannot confirm.
             low = (answers.verdict == OPEN) | (answers.verdict == FALLS) | (answers.high < thresholds)
             left = np.array([k for k in told.tolist() if found[k] is None and low[k]], dtype=int)
@@ -265,7 +186,8 @@ class Relaxation:
         list of MinimizedConflict
             One entry for each labelling or neighbour that was begun.
         """
-        assert self._batch is not None
+        if self._batch is None:
+            raise RuntimeError("conflicts are minimised by the batch solver alone; ask `many` first")
         raw = self._batch.minimize_conflicts(asked)
         with self._counting:
             self.solves += int(raw.relaxations.sum())
@@ -311,7 +233,7 @@ class Relaxation:
         """
         if case != 0:
             raise ValueError(f"case: there is one load, and no load case {case}")
-        balance = self._balance(velocities, labellings, undecided)
+        balance = self._balances.balance(velocities, labellings, undecided)
         with np.errstate(invalid="ignore", divide="ignore"):
             bound = np.where(balance.work > 0.0, balance.total / balance.work, np.inf)
         bound[(balance.work == 0.0) & (balance.total < 0.0)] = -np.inf
@@ -337,7 +259,7 @@ class Relaxation:
         size = abs(velocities).max(axis=1, initial=0.0)
         moving = (size > 0.0) & (size < 1e30)  # A failed solve may leave any values behind.
         which, velocities = which[moving], velocities[moving] / size[moving, None]
-        opening = self._interior.opening()
+        opening = self._repair.opening()
         for parted in (False, True):
             if parted:
                 if opening is None:
@@ -404,7 +326,7 @@ class Relaxation:
 
     def _weigh(self, velocities: Floats, labels: Bits, undecided: Bools, thresholds: Floats) -> list[DualBound | None]:
         """Return the refutations of labellings (k, m) by velocities (k, q·free) of order one."""
-        balance = self._balance(velocities, labels, undecided)
+        balance = self._balances.balance(velocities, labels, undecided)
         work, total = balance.work, balance.total
         excess = thresholds * work - total
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -416,55 +338,3 @@ class Relaxation:
             else None
             for k in range(len(labels))
         ]
-
-    def _balance(self, velocities: Floats, labels: Bits, undecided: Bools) -> _WorkBalance:
-        """Compute the work balance of mechanisms (k, q·free) for labellings (k, m).
-
-        Possible rounding is added to the total.
-        """
-        velocities, jumps, finite = self._opened(velocities)
-        dissipation = np.where(finite >= 0.0, self._measured(jumps, margins=False), np.inf)
-        either = dissipation.max(axis=0)
-        own = np.where(undecided, either, np.where(labels, dissipation[0], dissipation[1]))
-        # Sum row by row: the rounding of a matrix product depends on the number of rows.
-        powers = velocities * self.template.live
-        work = powers.sum(axis=1)
-        # A remainder of cancelling terms gives no bound.
-        work[abs(work) < tolerances.ROUNDING * abs(powers).sum(axis=1)] = 0.0
-        total = own.sum(axis=1) - (velocities * self.template.dead).sum(axis=1)
-        sound = np.isfinite(total) & (work >= 0.0)
-        total = np.where(sound, total, 0.0)
-        total += self._prover.noises(velocities, total)
-        return _WorkBalance(velocities, work, total, sound, own, either)
-
-    def _measured(self, jumps: Floats, *, margins: bool) -> Floats:
-        """Return margins or dissipation (2, k, m) of jumps (k, m, q).
-
-        The first entry is for dry faces, the second for inner faces.
-        """
-        sets, faces = self.template.yield_set, jumps.shape[1]
-        measure = sets.margin if margins else sets.dissipation
-        every = np.ones(faces, dtype=bool)
-        if self.template.assembly.dimension == 2:
-            return np.array([measure(jumps, every), measure(jumps, ~every)])
-        each = [[measure(one, labels) for one in jumps] for labels in (every, ~every)]
-        return np.array(each).reshape(2, *jumps.shape[:2])
-
-    def _opened(self, velocities: Floats) -> tuple[Floats, Floats, Floats]:
-        """Add an opening motion where margins are violated by rounding.
-
-        Returns velocities, jumps and margins.
-        """
-        jumps = self._prover.jumps(velocities)
-        finite = self._measured(jumps, margins=True)
-        opening = self._interior.opening()
-        reach = _TINY * np.maximum(abs(jumps).max(axis=(1, 2)), 1e-300)
-        lacks = np.where((finite < 0.0) & (finite > -reach[None, :, None]), -finite, 0.0).max(axis=(0, 2))
-        rows = np.flatnonzero(lacks > 0.0)
-        if opening is None or not rows.size:
-            return velocities, jumps, finite
-        velocities = velocities.copy()
-        velocities[rows] += (1.01 * lacks[rows] / opening.margin)[:, None] * opening.velocity
-        jumps[rows] = self._prover.jumps(velocities[rows])
-        finite[:, rows] = self._measured(jumps[rows], margins=True)
-        return velocities, jumps, finite

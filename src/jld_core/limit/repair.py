@@ -6,17 +6,15 @@ solved only where the first answer does not prove its own bounds.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import scipy.sparse as sp
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats
+from jld_core.limit.admissible import Motion, State
 from jld_core.limit.auxiliary_programs import (
     largest_support,
     most_slack,
-    motion_inside,
     of_columns,
     on_faces,
     polygonal_support,
@@ -24,15 +22,16 @@ from jld_core.limit.auxiliary_programs import (
     tips_of,
     with_slack,
 )
-from jld_core.limit.bounds import Motion, Prover, State, usable
+from jld_core.limit.bounds import Prover
+from jld_core.limit.equilibrium import usable
 from jld_core.limit.facial_reduction import FacialReduction
+from jld_core.limit.opening_motions import OpeningMotions
 from jld_core.limit.self_stress import SelfStress
 from jld_core.program import Structure, Template
 from jld_core.solvers import RawSolution, auxiliary, is_large
 
 _DENSE = 4000  # Number of velocities up to which equations are solved by dense algebra.
 _LEAST_SLACK = 1e-5  # Slack, scaled, that every row can have at once if it can have any.
-_TIMES = (1.0, 10.0, 100.0)  # Factors on the velocity component along gravity, tried for a simple opening motion.
 # Bounds on the force of a ray, and slacks below which a row counts as tight, both scaled, in the order tried. Force 0:
 # solve by simplex; slack 0: take the vertex without projection.
 _RAYS = ((0.0, 0.0), (0.0, 1e-5), (1e3, 1e-5), (1e2, 1e-4), (1e1, 1e-6))
@@ -54,10 +53,7 @@ class Repair:
 
     def __init__(self, template: Template, prover: Prover) -> None:
         self.template, self.prover = template, prover
-        self._opening: Motion | None = None
-        self._opening_known = False
-        self._expansion: Motion | None = None
-        self._expansion_known = False
+        self._openings = OpeningMotions(template, prover)
         self._deepest_key: bytes | None = None
         self._deepest: RawSolution | None = None
         self._magnitudes = abs(template.matrix)
@@ -315,77 +311,12 @@ class Repair:
     # --- motions ----------------------------------------------------------------------------------------
 
     def opening(self) -> Motion | None:
-        """Find a motion that strictly opens every face; None if the assembly is confined.
-
-        Every face is taken as dry. A dry face has a stricter condition on jumps (δ ≥ |θ| l/2 + μ|s|) than an inner one
-        (δ ≥ |θ| l/6), with μ the larger friction of both labels. One such motion therefore serves all labellings of the
-        assembly. The result is cached.
-
-        Returns
-        -------
-        Motion or None
-            Motion with positive margin on every face, not normalised.
-        """
-        if not self._opening_known:
-            every = np.ones(len(self.template.assembly.interfaces), dtype=bool)
-            template = self._steepest()
-            program = template.program(every)
-            inside = motion_inside(program, program.structure.shape[1] - 1)
-            self._opening = None if inside is None else self.prover.motion(inside, every, normalise=False)
-            self._opening_known = True
-        return self._opening
+        """Find a motion that strictly opens every face, see `OpeningMotions.opening`."""
+        return self._openings.opening()
 
     def expansion(self) -> Motion | None:
-        """Find an opening motion of simple form, without solving a program.
-
-        All elements move away from the supports, and the courses may separate faster than the elements within them. The
-        result is cached.
-
-        Returns
-        -------
-        Motion or None
-            Motion with positive margin on every face; None if no motion of this form opens every face.
-        """
-        if not self._expansion_known:
-            self._expansion, self._expansion_known = self._expanding(), True
-        return self._expansion
-
-    def _expanding(self) -> Motion | None:
-        """Return the motion of `expansion`, which keeps it."""
-        template = self.template
-        elements, faces = template.assembly.elements, template.assembly.interfaces
-        held = elements.support[faces.a] | elements.support[faces.b]
-        weight = template.assembly.dead[elements.free, : template.assembly.dimension].sum(axis=0)
-        size = float(np.linalg.norm(weight))
-        if template.beside is not None or self._steepest() is not template or not held.any() or size == 0.0:
-            return None
-        every = np.ones(len(faces), dtype=bool)
-        away, down = elements.centroid[elements.free] - faces.origin[held].mean(axis=0), weight / size
-        if abs(away).max() <= tolerances.ROUNDING * template.assembly.size:
-            return None  # A single element in the middle of its supports has nowhere to go.
-        for times in _TIMES:
-            speed = np.zeros((len(away), template.assembly.freedoms))
-            speed[:, : len(down)] = away + (times - 1.0) * (away @ down)[:, None] * down
-            motion = self.prover.motion((speed / abs(speed).max()).ravel(), every, normalise=False)
-            if motion.margin > _OPENS:
-                return motion
-        return None
-
-    def _steepest(self) -> Template:
-        """Return this template with the strictest conditions on jumps.
-
-        It has no crushing, and the larger friction of both labels. A crushing face has finite dissipation for every
-        jump. A dry face must be at least as strict as an inner one.
-        """
-        assembly, scaling = self.template.assembly, self.template.scaling
-        strengths = assembly.strengths
-        crushes = np.isfinite(strengths.crush_dry).any() or np.isfinite(strengths.crush_inner).any()
-        friction = np.fmax(strengths.friction, strengths.inner_friction)
-        if not crushes and not (strengths.inner_friction > np.nan_to_num(strengths.friction)).any():
-            return self.template
-        endless = np.full(len(assembly.interfaces), np.inf)
-        strengths = replace(strengths, friction=friction, crush_dry=endless, crush_inner=endless)
-        return Template(replace(assembly, strengths=strengths), scaling, beside=self.template.beside)
+        """Find an opening motion of simple form, see `OpeningMotions.expansion`."""
+        return self._openings.expansion()
 
     def make_work_positive(self, motion: Motion, labels: Bits) -> Motion:
         """Add a small opening motion to a motion whose live work is negative by rounding.

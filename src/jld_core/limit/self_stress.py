@@ -20,9 +20,12 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bits, Floats
+from jld_core.limit.admissible import State
 from jld_core.limit.auxiliary_programs import largest_support, on_faces, polygonal_support
-from jld_core.limit.bounds import Prover, State, usable
-from jld_core.limit.facial_reduction import DENSE, SEARCHES, Reduced, kept_rows, program_of_rows
+from jld_core.limit.bounds import Prover
+from jld_core.limit.equilibrium import usable
+from jld_core.limit.facial_reduction import DENSE, SEARCHES
+from jld_core.limit.reduced_rows import Reduced, kept_rows, program_of_rows
 from jld_core.program import ConicProgram
 from jld_core.solvers import ClarabelSolver
 

@@ -22,7 +22,7 @@ from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.build.settlements import Settlement
 from jld_core.limit.analysis import LimitAnalysis
-from jld_core.limit.bounds import relative_width
+from jld_core.limit.brackets import relative_width
 from jld_core.limit.options import SolveOptions
 from jld_core.limit.proof import Proof
 from jld_core.limit.result import LimitAnalysisResult, number

@@ -95,8 +95,7 @@ def _bisect(nodes: Ints, a: Ints, b: Ints, places: Floats, side: np.ndarray) -> 
     """
     middle = places[nodes] - places[nodes].mean(axis=0)
     axes = np.linalg.eigh(middle.T @ middle)[1][:, ::-1]
-    best: tuple[Bools, Bools] | None = None
-    least = np.inf
+    cuts: list[tuple[int, Bools, Bools]] = []
     for axis in axes.T[:2]:
         along = middle @ axis
         upper = np.zeros(len(nodes), dtype=bool)
@@ -108,11 +107,8 @@ def _bisect(nodes: Ints, a: Ints, b: Ints, places: Floats, side: np.ndarray) -> 
             shore = np.zeros(len(side), dtype=bool)
             shore[ends[side[ends] == value]] = True
             here = shore[nodes]
-            size = float(here.sum())
-            if size < least:
-                least, best = size, (upper & ~here, here)
-    assert best is not None
-    upper, here = best
+            cuts.append((int(here.sum()), upper & ~here, here))
+    _, upper, here = min(cuts, key=lambda cut: cut[0])
     return nodes[~upper & ~here], nodes[upper], nodes[here]
 
 

@@ -192,45 +192,18 @@ def planar_yield(assembly: Assembly, scaling: Scaling) -> PlanarYield:
     return PlanarYield(**vars(sets), pattern=_planar_rows(sets))
 
 
+_Rows = tuple[Ints, list[tuple[int, Floats, Floats]], Floats, Floats]
+"""Faces, two (resultant, dry coefficient, inner coefficient), dry and inner right-hand side."""
+
+
 def _planar_rows(sets: Strengths) -> RowPattern:
     """Build the rows of planar faces, linear rows first.
 
     Each face has ±m against N and ±V against N; with an inner σc also ±m against σc; with a dry σc the cones N² ≤ N_c
     (N ∓ m).
     """
-    friction, tension, shear, cohesion = sets.friction, sets.tension, sets.shear, sets.cohesion
-    crush_inner, inner_friction = sets.crush_inner, sets.inner_friction
-    count = len(friction)
-    every = np.arange(count)
-    zero, one = np.zeros(count), np.ones(count)
-    size_v = np.maximum(np.maximum(1.0, friction), cohesion)
-    size_t, size_s = np.maximum(1.0, tension / 3.0), np.maximum(np.maximum(1.0, shear), inner_friction)
-    # Each row: faces, two (resultant, dry coefficient, inner coefficient), dry and inner right-hand side.
-    kinds = []
-    for sign in (1.0, -1.0):
-        kinds.append(
-            (
-                every,
-                [(0, -one, -one / (3.0 * size_t)), (2, sign * one, sign / size_t)],
-                zero,
-                tension / (3.0 * size_t),
-            )
-        )
-    # Without any shear resistance V is dropped from equilibrium; right-hand side one keeps its rows inactive.
-    idle = (
-        np.where(friction + cohesion > 0.0, cohesion / size_v, 1.0),
-        np.where(shear + inner_friction > 0.0, shear / size_s, 1.0),
-    )
-    for sign in (1.0, -1.0):
-        normal = (0, -friction / size_v, zero - inner_friction / size_s)
-        kinds.append((every, [normal, (1, sign / size_v, sign / size_s)], *idle))
-    some = np.flatnonzero(np.isfinite(crush_inner))
-    if some.size:
-        size_c = np.maximum(1.0, crush_inner[some] / 3.0)
-        for sign in (1.0, -1.0):
-            none = np.zeros(some.size)
-            rows = [(0, none, 1.0 / (3.0 * size_c)), (2, none, sign / size_c)]
-            kinds.append((some, rows, np.ones(some.size), crush_inner[some] / (3.0 * size_c)))
+    count = len(sets.friction)
+    kinds = _linear_rows(sets)
     entries: list[tuple[Ints, Ints, Ints, Floats, Floats]] = []
     h_dry, h_inner, row_face = [], [], []
     linear = 0
@@ -267,3 +240,43 @@ def _planar_rows(sets: Strengths) -> RowPattern:
         cones=(3,) * (2 * len(crushed)),
         capacity=np.concatenate([4 * count + np.arange(count), 6 * count + np.arange(count)]),
     )
+
+
+def _linear_rows(sets: Strengths) -> list[_Rows]:
+    """Return the linear rows of planar faces by kind.
+
+    Each kind: faces, two (resultant, dry coefficient, inner coefficient), dry and inner right-hand side.
+    """
+    friction, tension, shear, cohesion = sets.friction, sets.tension, sets.shear, sets.cohesion
+    crush_inner, inner_friction = sets.crush_inner, sets.inner_friction
+    count = len(friction)
+    every = np.arange(count)
+    zero, one = np.zeros(count), np.ones(count)
+    size_v = np.maximum(np.maximum(1.0, friction), cohesion)
+    size_t, size_s = np.maximum(1.0, tension / 3.0), np.maximum(np.maximum(1.0, shear), inner_friction)
+    kinds: list[_Rows] = []
+    for sign in (1.0, -1.0):
+        kinds.append(
+            (
+                every,
+                [(0, -one, -one / (3.0 * size_t)), (2, sign * one, sign / size_t)],
+                zero,
+                tension / (3.0 * size_t),
+            )
+        )
+    # Without any shear resistance V is dropped from equilibrium; right-hand side one keeps its rows inactive.
+    idle = (
+        np.where(friction + cohesion > 0.0, cohesion / size_v, 1.0),
+        np.where(shear + inner_friction > 0.0, shear / size_s, 1.0),
+    )
+    for sign in (1.0, -1.0):
+        normal = (0, -friction / size_v, zero - inner_friction / size_s)
+        kinds.append((every, [normal, (1, sign / size_v, sign / size_s)], *idle))
+    some = np.flatnonzero(np.isfinite(crush_inner))
+    if some.size:
+        size_c = np.maximum(1.0, crush_inner[some] / 3.0)
+        for sign in (1.0, -1.0):
+            none = np.zeros(some.size)
+            rows = [(0, none, 1.0 / (3.0 * size_c)), (2, none, sign / size_c)]
+            kinds.append((some, rows, np.ones(some.size), crush_inner[some] / (3.0 * size_c)))
+    return kinds

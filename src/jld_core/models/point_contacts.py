@@ -10,7 +10,7 @@ from jld_core.arrays import Bits, Floats, Ints
 from jld_core.assembly import DRY, INNER, Assembly
 from jld_core.errors import ParameterError
 from jld_core.limit import LimitAnalysis, Proof, State
-from jld_core.limit.result import element_velocities
+from jld_core.limit.result_building import element_velocities
 from jld_core.mechanics.bending import local_hulls
 
 

@@ -20,7 +20,7 @@ from jld_core.arrays import Bits, Floats, Ints
 from jld_core.assembly import Assembly, Elements, blocks_of
 from jld_core.geometry import moment_about, spun
 from jld_core.limit import LimitAnalysis, Motion, Proof, Status
-from jld_core.limit.result import element_velocities
+from jld_core.limit.result_building import element_velocities
 from jld_core.program import Template, beginnings, pack
 from jld_core.solvers import ClarabelSolver, is_large
 

@@ -26,7 +26,8 @@ from jld_core.limit import (
     governing_result,
     result_of,
 )
-from jld_core.limit.proof_attempt import FALLBACKS, Fallback, ProofAttempt
+from jld_core.limit.fallbacks import FALLBACKS, Fallback
+from jld_core.limit.proof_attempt import ProofAttempt
 from jld_core.mechanics import InnerBending, require_materials
 from jld_core.models.effective_area import prove_effective_area, require_rectangles
 from jld_core.models.inputs import Labels, Structure, assembly_of, labels_of

@@ -151,7 +151,8 @@ def _planar(
     outlines = [shapely.Polygon(shape) for shape in elements.shape]
     least = _LEAST * sizes[0] * sizes[1]
     if kind == "radial":
-        assert centre is not None
+        if centre is None:
+            raise ValueError("radial cells need a centre")
         cells = sectors(lower, upper, sizes, centre)
         least = _LEAST * sizes[0] ** 2
     elif kind == "voronoi":

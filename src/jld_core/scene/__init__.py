@@ -11,8 +11,9 @@
 from __future__ import annotations
 
 from jld_core.scene.cracks import parse_cracks
+from jld_core.scene.loads import PointLoad
 from jld_core.scene.reading import load_scene, parse_scene
-from jld_core.scene.schema import PointLoad, Scene
+from jld_core.scene.schema import Scene
 from jld_core.scene.search import Search
 
 __all__ = [

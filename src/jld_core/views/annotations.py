@@ -243,13 +243,12 @@ def load_handles(drawn: Drawn) -> list[Artist]:
     return [handle for name, handle in known.items() if name in drawn]
 
 
-def force_handles(result: LimitAnalysisResult, drawn: Drawn, thick: float) -> list[Artist]:
+def force_handles(result: LimitAnalysisResult, forces: Floats, drawn: Drawn, thick: float) -> list[Artist]:
     """Return legend handles of a figure of forces.
 
-    thick: width of the widest face at rest, points.
+    forces: (m, q) those of the result. thick: width of the widest face at rest, points.
     """
-    assert result.forces is not None
-    size = np.linalg.norm(quantities.face_vectors(result.assembly, result.forces), axis=1)
+    size = np.linalg.norm(quantities.face_vectors(result.assembly, forces), axis=1)
     largest = f"longest {float(size.max(initial=0.0)):.3g} {result.assembly.units[1]}"
     handles: list[Artist] = []
     for used in (0.0, 0.5, 1.0):

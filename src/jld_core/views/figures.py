@@ -7,7 +7,6 @@ ones. Each draw function returns a dict of artist lists by their meaning.
 from __future__ import annotations
 
 import io
-import math
 import textwrap
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,7 +17,6 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from jld_core.arrays import Bits, Floats
@@ -28,6 +26,7 @@ from jld_core.files import whole_file
 from jld_core.limit import LimitAnalysisResult, Status, displacement
 from jld_core.views import annotations as notes
 from jld_core.views import quantities
+from jld_core.views.figure_layout import figure_for, finish, title_of
 from jld_core.views.look import HATCH, PLAIN, PRESS, REST, SUPPORT, TINTS
 from jld_core.views.structure import (
     Drawn,
@@ -87,7 +86,8 @@ def draw_forces(ax: Axes, result: LimitAnalysisResult) -> Drawn:
     assembly, labels = result.assembly, result.labels
     base = default_ink(ax, assembly, labels)
     fills = [PLAIN] * len(assembly.elements)
-    if result.forces is None:
+    forces = result.forces
+    if forces is None:
         faded = LineStyle([FADED] * len(labels), base.widths)
         drawn = paint(ax, assembly, labels, fills, faded)
         notes.frame(ax, assembly, notes.draw_loads(ax, assembly, drawn))
@@ -100,20 +100,19 @@ def draw_forces(ax: Axes, result: LimitAnalysisResult) -> Drawn:
     ink = LineStyle([tuple(notes.USED(float(u))) for u in used], thick * (0.45 + 1.15 * used))
     drawn = paint(ax, assembly, labels, fills, ink)
     covered = notes.draw_loads(ax, assembly, drawn)
-    covered += _draw_face_forces(ax, result, drawn)
-    _draw_thrust(ax, result, drawn)
-    _draw_yielding(ax, result, used, drawn)
+    covered += _draw_face_forces(ax, result, forces, drawn)
+    _draw_thrust(ax, result, forces, drawn)
+    _draw_yielding(ax, result, forces, used, drawn)
     notes.frame(ax, assembly, covered)
-    notes.legend(ax, notes.force_handles(result, drawn, thick))
+    notes.legend(ax, notes.force_handles(result, forces, drawn, thick))
     where = "at the best λ found" if result.status is Status.UNCERTIFIED else "at the proven λ"
     ax.set_title(f"Forces on the faces, {where}", fontsize=10)
     return drawn
 
 
-def _draw_face_forces(ax: Axes, result: LimitAnalysisResult, drawn: Drawn) -> list[Floats]:
+def _draw_face_forces(ax: Axes, result: LimitAnalysisResult, forces: Floats, drawn: Drawn) -> list[Floats]:
     """Draw arrows and couples, add them to `drawn`, and return the points (k, 2) they cover."""
-    assembly, forces, projection = result.assembly, result.forces, projection_of(result.assembly)
-    assert forces is not None
+    assembly, projection = result.assembly, projection_of(result.assembly)
     vectors = quantities.down_the_load_path(assembly, quantities.face_vectors(assembly, forces))
     size = np.linalg.norm(vectors, axis=1)
     largest = float(size.max(initial=0.0))
@@ -147,23 +146,21 @@ def _draw_face_forces(ax: Axes, result: LimitAnalysisResult, drawn: Drawn) -> li
     return [feet - 0.5 * arrows, feet + 0.5 * arrows]
 
 
-def _draw_thrust(ax: Axes, result: LimitAnalysisResult, drawn: Drawn) -> None:
+def _draw_thrust(ax: Axes, result: LimitAnalysisResult, forces: Floats, drawn: Drawn) -> None:
     """Draw the thrust line and add it to `drawn`."""
-    assert result.forces is not None
     projection = projection_of(result.assembly)
-    pieces = [projection(piece) for piece in quantities.thrust_segments(result.assembly, result.forces)]
+    pieces = [projection(piece) for piece in quantities.thrust_segments(result.assembly, forces)]
     if pieces:
         drawn["thrust"] = [
             line for piece in pieces for line in ax.plot(*piece.T, **notes.THRUST, zorder=3.0, label="thrust")
         ]
 
 
-def _draw_yielding(ax: Axes, result: LimitAnalysisResult, used: Floats, drawn: Drawn) -> None:
+def _draw_yielding(ax: Axes, result: LimitAnalysisResult, forces: Floats, used: Floats, drawn: Drawn) -> None:
     """Mark yielding faces, on the half of the face opposite to the arrow."""
-    assert result.forces is not None
     faces, labels = result.assembly.interfaces, result.labels
     size = float(np.clip(0.11 * element_points(ax, result.assembly), 2.0, 5.5))
-    at = quantities.pressure_points(result.assembly, result.forces)[0]
+    at = quantities.pressure_points(result.assembly, forces)[0]
     side = np.where(np.einsum("ij,ij->i", at - faces.origin, faces.e1) > 0.0, -0.3, 0.3)
     places = projection_of(result.assembly)(faces.origin + (side * faces.l1)[:, None] * faces.e1)
     for name, mask in (("yield dry", labels), ("yield inner", ~labels)):
@@ -294,72 +291,6 @@ def figure_of_layouts(results: Sequence[LimitAnalysisResult], titles: Sequence[s
         draw_mechanism(axes[count + k], result)
     finish(figure, axes, textwrap.shorten(results[0].assembly.name, 60, placeholder=" …"), columns=count)
     return figure
-
-
-def figure_for(assembly: Assembly, count: int, columns: int | None = None) -> tuple[Figure, list[Axes]]:
-    """Return a figure with axes of about their final size, on which line widths depend.
-
-    count: number of axes. columns: axes per row.
-    """
-    lower, upper = extent(assembly, projection_of(assembly))
-    figure = Figure(dpi=120)
-    FigureCanvasAgg(figure)
-    axes = [figure.add_axes((0.0, 0.0, 1.0, 1.0), label=str(k)) for k in range(count)]
-    _place(figure, axes, upper - lower + 0.2 * float(np.max(upper - lower)), columns)
-    return figure, axes
-
-
-def finish(figure: Figure, axes: list[Axes], title: str, columns: int | None = None) -> None:
-    """Give all axes one scale and their final sizes, and set the title."""
-    limits = np.array([[ax.get_xlim(), ax.get_ylim()] for ax in axes])
-    low, high = limits[:, :, 0].min(axis=0), limits[:, :, 1].max(axis=0)
-    for ax in axes:
-        ax.set_xlim(low[0], high[0])
-        ax.set_ylim(low[1], high[1])
-    _place(figure, axes, high - low, columns)
-    figure.suptitle(title, fontsize=11, y=1.0 - 0.1 / figure.get_figheight(), va="top")
-
-
-def _place(figure: Figure, axes: list[Axes], span: Floats, columns: int | None = None) -> None:
-    """Set sizes in inches from the space for data, ticks, titles and the longest legend.
-
-    span: (2,) extent of the data. columns: axes per row; default all in one row, or one column for very wide scenes.
-    """
-    stacked = columns is None and len(axes) > 1 and span[1] < 0.4 * span[0]
-    width = 9.5 if stacked else 4.4 if len(axes) > 1 else 6.0
-    height = width * float(span[1] / span[0])
-    if height > 6.0:
-        width, height = width * 6.0 / height, 6.0
-    depth = max(notes.legend_inches(ax) for ax in axes)
-    slot = max(width + 0.75, 3.7)
-    row = 0.45 + height + depth
-    columns = columns or (1 if stacked else len(axes))
-    rows = math.ceil(len(axes) / columns)
-    total = (columns * slot + 0.1, rows * row + 0.55)
-    figure.set_size_inches(*total)
-    for k, ax in enumerate(axes):
-        line, column = divmod(k, columns)
-        left = column * slot + 0.5 * (slot - width) + 0.25
-        bottom = total[1] - 0.55 - line * row - 0.45 - height
-        ax.set_position((left / total[0], bottom / total[1], width / total[0], height / total[1]))
-
-
-def title_of(result: LimitAnalysisResult) -> str:
-    """Return name, λ with its bracket, status and kind of friction, on two lines."""
-    digits = 4
-    if math.isfinite(result.gap) and result.gap > 0.0:
-        digits = int(np.clip(math.ceil(-math.log10(result.gap)) + 2, 4, 14))
-    low, high = (f"{end:.{digits}g}" if math.isfinite(end) else "unproven" for end in result.bracket)
-    if result.status is Status.LOCKED:
-        value = f"no finite collapse load (admissible from λ = {low} upwards)"
-    elif result.status is Status.UNSTABLE:
-        value = "no λ ≥ 0 is admissible"
-    elif math.isfinite(result.load_factor):
-        value = f"λ = {result.load_factor:.{max(digits - 2, 4)}g}  in  [{low}, {high}]"
-    else:
-        value = f"λ in [{low}, {high}]"
-    name = textwrap.shorten(result.assembly.name, 90, placeholder=" …")
-    return f"{name}\n{value}  ·  {result.status}  ·  {result.friction} friction"
 
 
 def save_figure(figure: Figure, path: str | Path) -> None:

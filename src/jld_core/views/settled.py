@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 
 from jld_core.limit import Settled
 from jld_core.limit.settlement import Thrust
-from jld_core.views.figures import draw_assembly, draw_forces, draw_mechanism, figure_for, finish
+from jld_core.views.figure_layout import figure_for, finish
+from jld_core.views.figures import draw_assembly, draw_forces, draw_mechanism
 from jld_core.views.look import FRONT
 from jld_core.views.structure import projection_of
 

@@ -5,20 +5,19 @@ Other modules of this sub-package add the other commands.
 
 from __future__ import annotations
 
-import inspect
 import json
 import math
 import os
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal, cast, get_type_hints
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
 from jld_core._version import __version__
+from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.batch.library import described as kernel_in_use
 from jld_core.build import build_assembly, build_robust
@@ -26,21 +25,16 @@ from jld_core.build.settlements import settlements_of
 from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.limit import (
     FLOOR_SECONDS,
-    RENAMED_BENDING,
-    Condense,
-    Contacts,
-    Friction,
     LimitAnalysisResult,
     SolveOptions,
     Status,
 )
-from jld_core.mechanics import InnerBending, require_materials
+from jld_core.mechanics import require_materials
 from jld_core.models import cost_estimate, require_memory, require_model, sensitivities
 from jld_core.models import solve as solve_assembly
 from jld_core.models.by_fields import FIELD_SECONDS, require_cracks
 from jld_core.scene import Scene, load_scene
 from jld_core.scene.cracks import FieldCracks
-from jld_core.solvers import SOLVERS
 from jld_core.tolerances import GAP
 from jld_explore import Exploration, explore
 from jld_explore.cli import exchange, overview, plot, samples
@@ -55,29 +49,54 @@ from jld_explore.cli.cracks import (
     say_by_fields,
     with_cracks,
 )
+from jld_explore.cli.driver_options import with_driver_options
 from jld_explore.cli.ending import UNCERTIFIED, raise_on_signals, run
 from jld_explore.cli.experiment import experiment
 from jld_explore.cli.layout import layout_of
+from jld_explore.cli.model_options import (
+    Bending,
+    Blocks,
+    Contact,
+    EffectiveArea,
+    First,
+    Gap,
+    Robust,
+    Strict,
+    current_bending,
+)
 from jld_explore.cli.options import AsJson, Rank, SceneFile, refuse_itself
 from jld_explore.cli.progress import ProgressBar
+from jld_explore.cli.search_options import (
+    Budget,
+    CertificateFile,
+    Certificates,
+    CheckFields,
+    Cluster,
+    DriverName,
+    ExperimentOf,
+    Jobs,
+    Objective,
+    OutFolder,
+    Resume,
+    Seconds,
+    Seed,
+)
 from jld_explore.cli.settlement import settlement
+from jld_explore.cli.solve_options import FloorSeconds, FrictionModel, ResultFolder, SolutionRange, SolvedFile
 from jld_explore.cli.streams import say, warn
 from jld_explore.cli.verifying import verify_command
-from jld_explore.drivers import DRIVERS
-from jld_explore.drivers.registry import owners
 from jld_explore.report import check_folder, words, write_text
 from jld_explore.report.folder import check_writable
 from jld_explore.settings import (
     BudgetSettings,
     ExploreSettings,
     ModelSettings,
-    ObjectiveName,
     OutputSettings,
     ParallelSettings,
     SearchMethod,
 )
 from jld_explore.space import SearchSpace, search_space
-from jld_explore.study import Interrupted
+from jld_explore.study_state import Interrupted
 
 _JOBS = 16  # Largest number of worker processes per core.
 
@@ -106,39 +125,6 @@ app.command()(experiment)
 app.command(name="assembly")(laying)
 app.command(name="settlement")(settlement)
 app.command(name="verify")(verify_command)
-
-EffectiveArea = Annotated[
-    bool, typer.Option("--effective-area", help="Torsion about the area really pressed (spatial).")
-]
-Contact = Annotated[
-    Contacts, typer.Option(help="Resultants at centres of pressure, or points at the corners of dry faces.")
-]
-Bending = Annotated[
-    Literal["uncoupled", "kern", "paper"],
-    typer.Option(
-        help="Bending of spatial inner faces: uncoupled, or by elastic edge stress; paper is uncoupled by its old name."
-    ),
-]
-Blocks = Annotated[
-    Condense, typer.Option(help="Rigid blocks, cracked on demand; auto: where inner faces are very strong.")
-]
-First = Annotated[
-    str,
-    typer.Option(help="Solver asked first: " + ", ".join(SOLVERS) + "; where it proves nothing, others follow."),
-]
-Gap = Annotated[float, typer.Option(help="Relative width of the bracket above which λ is uncertified.")]
-Strict = Annotated[bool, typer.Option("--strict", help="Take what is possible but hardly meant as an error.")]
-Robust = Annotated[
-    bool, typer.Option("--robust", help="λ at the low values of materials, and at the nominal ones besides.")
-]
-
-
-def _current_bending(given: str) -> InnerBending:
-    """Return the value of --inner-bending by its present name; warn about a name of version 0.2."""
-    if given not in RENAMED_BENDING:
-        return cast(InnerBending, given)
-    warn(f"jld: warning: --inner-bending {given} is now {RENAMED_BENDING[given]}; the old name works until version 0.4")
-    return RENAMED_BENDING[given]
 
 
 def _load(path: Path, strict: bool = False) -> tuple[Scene, Assembly]:
@@ -182,22 +168,18 @@ def check(scene: SceneFile, strict: Strict = False) -> None:
 
 @app.command()
 def solve(
-    scene: Annotated[Path, typer.Argument(help="Scene file (JSON), or a folder of jld explore.", show_default=False)],
+    scene: SolvedFile,
     rank: Rank = None,
-    friction: Annotated[Friction, typer.Option(help="Associative, or sliding without dilation.")] = "associative",
-    range_: Annotated[
-        bool, typer.Option("--range", help="Zero dilation: the lowest and the highest λ, sought from every side.")
-    ] = False,
-    floor_seconds: Annotated[
-        float, typer.Option(help="With --range: processor time for the bound below the lowest λ, 0 for none.")
-    ] = FLOOR_SECONDS,
+    friction: FrictionModel = "associative",
+    range_: SolutionRange = False,
+    floor_seconds: FloorSeconds = FLOOR_SECONDS,
     effective_area: EffectiveArea = False,
     contact: Contact = "convex",
     inner_bending: Bending = "uncoupled",
     condense: Blocks = "auto",
     solver: First = "auto",
     gap: Gap = GAP,
-    out: Annotated[Path | None, typer.Option(help="Folder for result.json and pictures.")] = None,
+    out: ResultFolder = None,
     strict: Strict = False,
     robust: Robust = False,
     cracks: Cracks = None,
@@ -213,29 +195,14 @@ def solve(
         floor_seconds=floor_seconds,
         effective_area=effective_area,
         contact=contact,
-        inner_bending=_current_bending(inner_bending),
+        inner_bending=current_bending(inner_bending),
         condense=condense,
         solver=solver,
         gap=gap,
     )
     own = not (scene.is_dir() or rank is not None)
-    if own:
-        parsed, assembly = _load(scene, strict)
-        labels = assembly.labels
-    else:
-        parsed, assembly, labels = layout_of(scene, rank)
-    if "search" in parsed.model_fields_set:
-        _check_search(scene, parsed, assembly)
-    if robust:
-        assembly = build_robust(parsed)
-    parsed = with_cracks(parsed, cracks)
-    with error_context(scene):
-        require_materials(assembly, labels, ~labels)
-        settlements_of(parsed, assembly)
-        require_model(assembly, options, labels)
-        check_cracks(parsed, assembly, cracks, options, robust)
-        if not isinstance(parsed.cracks, FieldCracks):
-            assembly, labels = of_cells(parsed, assembly, labels)
+    given = _own_labelling(scene, strict) if own else layout_of(scene, rank)
+    parsed, assembly, labels = _checked(scene, given, options, cracks, robust=robust)
     if own and not as_json:
         _warn_of(scene, assembly)
     if isinstance(parsed.cracks, FieldCracks):
@@ -247,10 +214,7 @@ def solve(
     with error_context(scene):
         result = solve_assembly(assembly, labels, **vars(options))
     if robust:
-        nominal = solve_assembly(assembly.at_nominal, result.labels, **vars(result.model)).load_factor
-        result = replace(
-            result, facts={**result.facts, "load_factor_nominal": None if math.isnan(nominal) else nominal}
-        )
+        result = _with_nominal(assembly, result)
     rates = {name: rate.to_json() for name, rate in sensitivities(result).items()}
     result = named(parsed, replace(result, facts={**result.facts, "sensitivities": rates}))
     if out is not None:
@@ -258,6 +222,43 @@ def solve(
     say(json.dumps(result.to_json(), indent=1) if as_json else result_in_words(parsed, result))
     if result.status is Status.UNCERTIFIED:
         raise typer.Exit(UNCERTIFIED)
+
+
+def _own_labelling(path: Path, strict: bool) -> tuple[Scene, Assembly, Bits]:
+    """Return a scene, its assembly and its own labelling."""
+    scene, assembly = _load(path, strict)
+    return scene, assembly, assembly.labels
+
+
+def _checked(
+    path: Path,
+    given: tuple[Scene, Assembly, Bits],
+    options: SolveOptions,
+    cracks: str | None,
+    *,
+    robust: bool,
+) -> tuple[Scene, Assembly, Bits]:
+    """Return scene, assembly and labels as they are solved; raise InputError where the options do not fit them."""
+    scene, assembly, labels = given
+    if "search" in scene.model_fields_set:
+        _check_search(path, scene, assembly)
+    if robust:
+        assembly = build_robust(scene)
+    scene = with_cracks(scene, cracks)
+    with error_context(path):
+        require_materials(assembly, labels, ~labels)
+        settlements_of(scene, assembly)
+        require_model(assembly, options, labels)
+        check_cracks(scene, assembly, cracks, options, robust)
+        if not isinstance(scene.cracks, FieldCracks):
+            assembly, labels = of_cells(scene, assembly, labels)
+    return scene, assembly, labels
+
+
+def _with_nominal(assembly: Assembly, result: LimitAnalysisResult) -> LimitAnalysisResult:
+    """Return the result with λ at the nominal values of materials besides."""
+    nominal = solve_assembly(assembly.at_nominal, result.labels, **vars(result.model)).load_factor
+    return replace(result, facts={**result.facts, "load_factor_nominal": None if math.isnan(nominal) else nominal})
 
 
 def _write_result(result: LimitAnalysisResult, out: Path) -> None:
@@ -274,57 +275,20 @@ def _write_result(result: LimitAnalysisResult, out: Path) -> None:
             figures.save_figure(figure, out / f"result{after}.{ending}")
 
 
-def _with_driver_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Return a command that also has the options of all drivers.
-
-    The help texts come from the drivers, which also validate the values.
-    """
-    kinds = {name: list(owners(name)) for kind in DRIVERS.values() for name in kind.Options.model_fields}
-    types = {name: hint for name, hint in get_type_hints(command, include_extras=True).items() if name != "own"}
-    stated = inspect.signature(command).parameters
-    parameters = [p.replace(annotation=types[name]) for name, p in stated.items() if name in types]
-    for name, drivers in kinds.items():
-        field = drivers[0].Options.model_fields[name]
-        spoken = " and ".join(sorted(kind.name for kind in drivers))
-        words = f"{spoken.capitalize()} driver{'s' * (len(drivers) > 1)}: {field.description}."
-        types[name] = Annotated[str | None, typer.Option(help=words)]
-        parameters.append(inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=types[name]))
-
-    def run(**given: Any) -> None:
-        command(**given)
-
-    run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    run.__annotations__, run.__doc__ = types, command.__doc__
-    return run
-
-
 @app.command(name="explore")
-@_with_driver_options
+@with_driver_options
 def explore_command(
     context: typer.Context,
     scene: SceneFile,
-    out: Annotated[Path, typer.Option(help="Folder for tables and pictures.", show_default=False)],
-    driver: Annotated[
-        str | None, typer.Option(help="Search driver; default: one that proves where the proof is in reach.")
-    ] = None,
-    objective: Annotated[
-        ObjectiveName,
-        typer.Option(
-            help="What is maximised: λ; without dilation the lowest found, or a proven bound below it (-floor); or "
-            "what a virtual experiment carries."
-        ),
-    ] = "associative",
-    experiment_of: Annotated[
-        int | None,
-        typer.Option("--experiment", min=1, help="Put the best K to the virtual experiment: a column more."),
-    ] = None,
-    check_fields: Annotated[
-        int, typer.Option(min=0, help="Check the best K of a search by faces by fields, 0 for none.")
-    ] = 10,
-    budget: Annotated[int | None, typer.Option(min=1, help="Distinct classes evaluated at the most.")] = None,
-    seconds: Annotated[float | None, typer.Option(min=0.0, help="Time limit.")] = None,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Worker processes; default: one per core.")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the driver.")] = 0,
+    out: OutFolder,
+    driver: DriverName = None,
+    objective: Objective = "associative",
+    experiment_of: ExperimentOf = None,
+    check_fields: CheckFields = 10,
+    budget: Budget = None,
+    seconds: Seconds = None,
+    jobs: Jobs = None,
+    seed: Seed = 0,
     strict: Strict = False,
     robust: Robust = False,
     cracks: Cracks = None,
@@ -334,35 +298,26 @@ def explore_command(
     condense: Blocks = "auto",
     solver: First = "auto",
     gap: Gap = GAP,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with a folder that holds a study.")] = False,
-    certificates: Annotated[
-        bool, typer.Option("--certificates", hidden=True, help="No effect; accepted until version 0.4.")
-    ] = False,
-    cluster: Annotated[
-        str | None,
-        typer.Option(help="Scheduler of dask, tcp://host:8786, whose workers evaluate."),
-    ] = None,
-    certificate: Annotated[
-        Path | None, typer.Option(help="Exact driver: file for its proof, which jld verify checks.")
-    ] = None,
+    resume: Resume = False,
+    certificates: Certificates = False,
+    cluster: Cluster = None,
+    certificate: CertificateFile = None,
     as_json: AsJson = False,
     **own: Any,
 ) -> None:
     """Search the labellings of a scene for the strongest: ranked table, front, pictures."""
     parsed = with_cracks(load_scene(scene), cracks)
-    most = _JOBS * (os.cpu_count() or 1)
     if certificates:
         warn("jld: --certificates has no effect and will be refused in version 0.4; leave it out")
     check_folder(out, resume)
     if certificate is not None:
         refuse_itself(scene, certificate)
-    if jobs is not None and jobs > most:
-        raise ParameterError("jobs", f"{jobs} processes would starve one another", f"at most {most} on this machine")
+    _check_jobs(jobs)
     raise_on_signals()
     model = SolveOptions(
         effective_area=effective_area,
         contact=contact,
-        inner_bending=_current_bending(inner_bending),
+        inner_bending=current_bending(inner_bending),
         condense=condense,
         solver=solver,
         gap=gap,
@@ -383,6 +338,13 @@ def explore_command(
             _say_found(stop.done, as_json)
         raise
     _say_found(done, as_json)
+
+
+def _check_jobs(jobs: int | None) -> None:
+    """Raise InputError for more worker processes than the machine can serve."""
+    most = _JOBS * (os.cpu_count() or 1)
+    if jobs is not None and jobs > most:
+        raise ParameterError("jobs", f"{jobs} processes would starve one another", f"at most {most} on this machine")
 
 
 def _say_found(done: Exploration, as_json: bool) -> None:

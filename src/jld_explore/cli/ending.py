@@ -14,7 +14,7 @@ from jld_core.errors import InputError, SolverError
 from jld_core.memory import memory_limit
 from jld_explore.cli.streams import STOPPED, warn
 from jld_explore.evaluation import raise_deferred
-from jld_explore.study import Interrupted
+from jld_explore.study_state import Interrupted
 
 INPUT, UNCERTIFIED = 2, 4
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
@@ -12,9 +12,6 @@ from jld_core.errors import ParameterError, error_context
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.scene import Scene, load_scene
 from jld_explore.report import Exploration, read_folder
-
-if TYPE_CHECKING:
-    pass
 
 _MOST: Final = 6
 """Largest number of layouts drawn side by side."""

@@ -17,7 +17,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from jld_explore import study
+from jld_explore import study_state
 
 
 class ProgressBar:
@@ -50,7 +50,7 @@ class ProgressBar:
         """Stop the display."""
         self._bar.stop()
 
-    def __call__(self, now: study.Progress) -> None:
+    def __call__(self, now: study_state.Progress) -> None:
         """Show the state of a study."""
         rate = now.solved / now.seconds if now.seconds > 0.0 else 0.0
         best = "no λ yet" if math.isnan(now.best) else f"best λ {now.best:.6g}"

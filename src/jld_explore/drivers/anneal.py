@@ -227,7 +227,8 @@ class Anneal(Searcher):
         else:
             place = self._chains[self.rng.below(len(self._chains))].place
             other = own if place is None else place
-        assert other is not None
+        if other is None:
+            raise ValueError(f"chain {number} has no place yet, so it cannot be crossed")
         image: Bits = other[group[self.rng.below(len(group))]]
         return image
 

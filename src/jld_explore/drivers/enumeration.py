@@ -9,7 +9,6 @@ labellings found.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -20,6 +19,7 @@ from numpy.typing import NDArray
 from jld_core.arrays import Bits, Bools, Ints
 from jld_core.deadline import Deadline, DeadlinePassed, checkpoint
 from jld_explore.drivers.base import Driver
+from jld_explore.drivers.element_order import breadth_first
 from jld_explore.evaluation import Evaluation, Records
 from jld_explore.space import SearchSpace
 from jld_explore.space.labelling import representatives
@@ -123,7 +123,7 @@ class Enumeration(Driver):
         graph, elements = space.graph, space.assembly.elements
         # Places are the free elements in the order of decision, then the supports. The name of a block is its
         # smallest place. A block contains a free element exactly where its name is below the number of free elements.
-        self._order = np.concatenate([_order(space), np.flatnonzero(elements.support)])
+        self._order = np.concatenate([breadth_first(space), np.flatnonzero(elements.support)])
         place = np.argsort(self._order)
         self._free = len(elements.free)
         self._sink = int(place[space.assembly.sink]) if space.assembly.sink >= 0 else -1
@@ -389,32 +389,3 @@ def size_up_to(space: SearchSpace, limit: int, *, quick: bool = False) -> int | 
     if quick:
         return Enumeration(space, rows=_NARROW).size_up_to(limit, work=_GLANCE)
     return Enumeration(space).size_up_to(limit)
-
-
-def _order(space: SearchSpace) -> Ints:
-    """Return the free elements in breadth-first order, each component from a far end."""
-    assembly, graph = space.assembly, space.graph
-    count = len(assembly.elements)
-    links: list[list[int]] = [[] for _ in range(count)]
-    joined = space.candidates & assembly.free_faces
-    for a, b in zip(graph.a[joined].tolist(), graph.b[joined].tolist(), strict=True):
-        links[a].append(b)
-        links[b].append(a)
-
-    def from_(start: int, seen: set[int]) -> list[int]:
-        queue, found, seen = deque([start]), [], {*seen, start}
-        while queue:
-            element = queue.popleft()
-            found.append(element)
-            for other in sorted(set(links[element])):
-                if other not in seen:
-                    seen.add(other)
-                    queue.append(other)
-        return found
-
-    order: list[int] = []
-    for element in assembly.elements.free.tolist():
-        if element not in order:
-            seen = set(order)
-            order += from_(from_(from_(element, seen)[-1], seen)[-1], seen)
-    return np.array(order, dtype=np.int64)

@@ -11,7 +11,7 @@ from jld_core.arrays import Bits
 from jld_core.deadline import Deadline, DeadlinePassed, checkpoint, time_left
 from jld_explore.drivers.exact.admissible import admissible_layout
 from jld_explore.drivers.operators.atom_graph import BufferedRandom
-from jld_explore.drivers.operators.segmentations import operators
+from jld_explore.drivers.operators.make import operators
 from jld_explore.space import SearchSpace
 from jld_explore.space.labelling import canonical
 from jld_explore.space.search_space import feasible

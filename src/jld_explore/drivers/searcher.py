@@ -17,7 +17,8 @@ from jld_core.deadline import checkpoint
 from jld_explore.drivers.base import Driver
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.operators.atom_graph import BufferedRandom
-from jld_explore.drivers.operators.segmentations import Operators, operators
+from jld_explore.drivers.operators.interface import Operators
+from jld_explore.drivers.operators.make import operators
 from jld_explore.space import SearchSpace, keys
 from jld_explore.space.labelling import canonical
 from jld_explore.space.search_space import feasible

@@ -15,7 +15,7 @@ from jld_explore.evaluation.deferred_signals import raise_deferred
 from jld_explore.evaluation.evaluation import Evaluation
 from jld_explore.evaluation.evaluator import EvaluatorSettings
 from jld_explore.evaluation.records import Records
-from jld_explore.evaluation.workers import MakeEvaluator
+from jld_explore.evaluation.worker_tasks import MakeEvaluator
 
 __all__ = [
     "Evaluation",

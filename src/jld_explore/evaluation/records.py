@@ -11,15 +11,12 @@ Every row has a checksum of its content, which detects flipped bits that SQLite 
 
 from __future__ import annotations
 
-import errno
 import json
-import os
-import shutil
 import sqlite3
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any, Final
 
@@ -29,7 +26,8 @@ from numpy.typing import NDArray
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.errors import InputError
 from jld_explore.evaluation.evaluation import Evaluation
-from jld_explore.evaluation.lock import FolderLock, busy
+from jld_explore.evaluation.lock import FolderLock
+from jld_explore.evaluation.record_file import FORMAT, TABLES, damaged, errors_named
 from jld_explore.evaluation.record_rows import (
     BOUND,
     CONFLICTS_OF,
@@ -64,25 +62,8 @@ _PATIENCE: Final = 5.0
 _TOGETHER: Final = 1 << 15
 """Number of rows read at a time, which limits temporary memory."""
 
-_FORMAT: Final = 5
-"""Version of the file format; a record of another version cannot be resumed."""
 _EVIDENCE: Final = {0: "", 1: "closed", 2: "possible blocks"}
 """Prefix of a conflict's checksum by the kind of its proof (`Evidence` of the exact driver)."""
-
-_TABLES: Final = """
-CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL /* JSON: what a study must agree with to go on */);
-CREATE TABLE evaluations (
-  id INTEGER PRIMARY KEY /* in the order in which they were finished */,
-  labelling BLOB NOT NULL /* a bit for each face of faces.csv, the first the highest, 1 dry: see hex(labelling) */,
-  multiplicity INTEGER NOT NULL, status TEXT NOT NULL, settled TEXT NOT NULL,
-  low REAL, high REAL, associative REAL, zero_dilation REAL, seconds REAL,
-  governing INTEGER NOT NULL /* position of the load case that governs, -1 of one load alone */,
-  cases BLOB NOT NULL /* a float64 for each load case: its load factor */, checksum INTEGER NOT NULL);
-CREATE TABLE conflicts (
-  id INTEGER PRIMARY KEY, decided BLOB NOT NULL, labels BLOB NOT NULL, bound REAL NOT NULL,
-  closed INTEGER NOT NULL /* evidence: 0 a mechanism, 1 a cube that conflicts leave nothing of, 2 possible blocks */,
-  checksum INTEGER NOT NULL);
-"""
 
 
 class Records:
@@ -126,7 +107,7 @@ class Records:
         self.bound: float | None = None
         self.withdrawn: list[str] = []
         folder.mkdir(parents=True, exist_ok=True)
-        wanted = {"jld": "records", "format": _FORMAT, "faces": faces, **header}
+        wanted = {"jld": "records", "format": FORMAT, "faces": faces, **header}
         self._file: Any = None
         self._lock = FolderLock(folder)
         fresh = not self.path.exists()
@@ -156,7 +137,7 @@ class Records:
             if (self.folder / SCENE_FILE).exists():  # The scene is written only after the tables exist.
                 raise self._damaged("it has no tables, though a search was begun here")
             with self._transaction():
-                for statement in _TABLES.split(";")[:-1]:
+                for statement in TABLES.split(";")[:-1]:
                     self._file.execute(statement)
                 rows = [(key, json.dumps(value)) for key, value in wanted.items()]
                 self._file.executemany("INSERT INTO meta VALUES (?, ?)", rows)
@@ -389,35 +370,10 @@ class Records:
             self._file.execute("PRAGMA synchronous=NORMAL")
             self._synced = now
 
-    @contextmanager
-    def _told(self) -> Iterator[None]:
+    def _told(self) -> AbstractContextManager[None]:
         """Convert SQLite errors to InputError or OSError with the name of the file."""
-        try:
-            yield
-        except sqlite3.Error as error:
-            code = getattr(error, "sqlite_errorcode", 0) & 0xFF
-            if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
-                raise busy(self.folder) from None
-            if code in _DISK:
-                # SQLite reports a general I/O error if the disk has no room for its auxiliary files.
-                full = code == sqlite3.SQLITE_IOERR and shutil.disk_usage(self.folder).free < _BESIDE
-                number = errno.ENOSPC if full else _DISK[code]
-                raise OSError(number, os.strerror(number), str(self.path)) from None
-            raise self._damaged(str(error)) from None
+        return errors_named(self.path)
 
     def _damaged(self, how: str) -> InputError:
         """Return the error for a damaged file."""
-        return InputError(str(self.path), f"it is damaged ({how})", "a file as jld explore left it, or a new folder")
-
-
-_BESIDE: Final = 1 << 16
-"""Bytes that SQLite's auxiliary files need at least."""
-
-_DISK: Final = {
-    sqlite3.SQLITE_FULL: errno.ENOSPC,
-    sqlite3.SQLITE_IOERR: errno.EIO,
-    sqlite3.SQLITE_READONLY: errno.EACCES,
-    sqlite3.SQLITE_CANTOPEN: errno.EACCES,
-    sqlite3.SQLITE_PERM: errno.EACCES,
-}
-"""System error number for each SQLite error code that concerns the disk or permissions."""
+        return damaged(self.path, how)

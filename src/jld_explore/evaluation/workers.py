@@ -8,36 +8,23 @@ The number `jobs` is then ignored.
 
 from __future__ import annotations
 
-import hashlib
 import multiprocessing
-import os
-import pickle
-import signal
 import sys
-import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
 
-import cloudpickle
 import joblib
 import numpy as np
 
-from jld_core._version import __version__
 from jld_core.arrays import Bits, Floats
-from jld_core.assembly import Assembly
-from jld_core.batch import chosen
-from jld_core.deadline import Deadline, DeadlinePassed
-from jld_core.errors import ParameterError
-from jld_core.threads import one_thread
-from jld_explore.evaluation.cases import evaluator_of
+from jld_core.deadline import Deadline
 from jld_explore.evaluation.evaluation import FAILED, Evaluation
-from jld_explore.evaluation.evaluator import EvaluatorSettings
 from jld_explore.evaluation.process_settings import ignored_warning, switch_interval
 from jld_explore.evaluation.processes import DEATHS, Flight, Processes
+from jld_explore.evaluation.worker_tasks import WorkerSpec, evaluate_batch
 
 HANG: Final = 600.0
 """Seconds without any result after which workers count as hung."""
@@ -64,68 +51,6 @@ The default of 5 ms equals the time of the batch solver for a generation of 48 l
 With the default a search took 10 % longer in wall-clock time.
 """
 
-_own = threading.local()  # An evaluator is for one thread, but workers of a cluster may run several threads.
-_last: Final[dict[str, Any]] = {}  # Last evaluator of this process by digest; other threads make twins of it.
-
-
-MakeEvaluator = Callable[[Assembly, EvaluatorSettings], Any]
-"""Type of a function that makes the evaluator of a worker; defined at module level so that it can be pickled."""
-
-
-@dataclass(frozen=True)
-class WorkerSpec:
-    """Pickled data from which a worker makes its evaluator.
-
-    Attributes
-    ----------
-    content : bytes
-        Pickle of the function that makes the evaluator, the assembly and the settings.
-    digest : str
-        SHA-256 of the content and the name of the batch solver.
-    parent : int
-        Process id of the process that made this specification.
-    version : str
-        Version of jld that made it; a worker of a cluster may have another one.
-    """
-
-    content: bytes
-    digest: str
-    parent: int
-    version: str = __version__
-
-    @classmethod
-    def of(cls, assembly: Assembly, settings: EvaluatorSettings, make: MakeEvaluator = evaluator_of) -> WorkerSpec:
-        """Make the specification of an assembly, settings and a function that makes evaluators."""
-        content = cloudpickle.dumps((make, assembly, settings))  # pickle refuses functions defined in a program
-        # Include the batch solver in the digest, since results depend on it.
-        kernel = (chosen() or "none").encode()
-        return cls(content, hashlib.sha256(kernel + content).hexdigest(), os.getpid())
-
-    def evaluator(self) -> Any:
-        """Return the evaluator of this thread, if possible as a twin of another thread's.
-
-        Raises
-        ------
-        InputError
-            If the worker has another version of jld.
-        """
-        if getattr(_own, "digest", None) != self.digest:
-            known = _last.get(self.digest)
-            if known is None:
-                if self.version != __version__:
-                    raise ParameterError(
-                        "cluster", f"a worker has jld {__version__}", f"jld {self.version} on every one"
-                    )
-                make, assembly, settings = pickle.loads(self.content)
-                made = make(assembly, settings)
-                _last.clear()
-                if hasattr(made, "twin"):
-                    _last[self.digest] = made
-            else:
-                made = known.twin()
-            _own.evaluator, _own.digest = made, self.digest
-        return _own.evaluator
-
 
 def batch_size(faces: int, asked: int) -> int:
     """Compute the number of labellings per task.
@@ -143,54 +68,6 @@ def batch_size(faces: int, asked: int) -> int:
         Labellings per task, from 1 to `_MOST`.
     """
     return int(np.clip(min(3000 // max(faces, 1), -(-asked // _TASKS)), 1, _MOST))
-
-
-@one_thread()
-def evaluate_batch(
-    recipe: WorkerSpec,
-    number: int,
-    labellings: Bits,
-    deadline: Deadline | None = None,
-    floors: Floats | None = None,
-    owed: bool = False,
-) -> tuple[int, list[Evaluation]]:
-    """Evaluate one batch in this process with the evaluator of this thread.
-
-    Parameters
-    ----------
-    recipe : WorkerSpec
-        Specification of the evaluator.
-    number : int
-        Number of the batch.
-    labellings : (k, m) bool array
-        Labels, True = dry.
-    deadline : Deadline, optional
-        Time after which no further labelling is begun.
-    floors : (k,) float array, optional
-        Pruning thresholds (see `Evaluator.evaluate`).
-    owed : bool
-        Evaluate all labellings regardless of the deadline.
-        The deadline then limits only the search without dilation, whose result so far is used.
-        If nothing is known by the deadline, the batch is evaluated without a limit.
-
-    Returns
-    -------
-    number : int
-        Number of the batch.
-    evaluations : list of Evaluation
-        Evaluations of all k labellings, or of those finished by the deadline.
-    """
-    if os.getpid() != recipe.parent and threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # The parent process handles Ctrl-C.
-    evaluator = recipe.evaluator()
-    if owed and deadline is not None:
-        try:
-            # Use the results known when the deadline passes.
-            with deadline.enforced():
-                return number, evaluator.evaluate_all(labellings, floors)
-        except DeadlinePassed:
-            deadline = None
-    return number, evaluator.evaluate_all(labellings, floors, deadline)
 
 
 class Workers:

@@ -19,7 +19,7 @@ from jld_core.scene import Scene
 from jld_core.scene.cracks import CellCracks, FieldCracks
 from jld_explore.report.summary import Summary
 from jld_explore.space.void import cut
-from jld_explore.study import StopReason
+from jld_explore.study_state import StopReason
 
 if TYPE_CHECKING:
     import pandas as pd

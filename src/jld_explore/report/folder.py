@@ -25,7 +25,8 @@ from jld_explore.report.exploration import Exploration
 from jld_explore.report.reading import history_of
 from jld_explore.report.summary import Summary
 from jld_explore.space.void import cut
-from jld_explore.study import StopReason, Study, name_of
+from jld_explore.study import Study, name_of
+from jld_explore.study_state import StopReason
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -298,7 +299,8 @@ def _drawn(name: str, done: Exploration) -> Figure:
     if name == "dry_frequency":
         return drawings.plot_dry_frequency(done.results, done.assembly)
     history = history_of(done.folder)
-    assert history is not None
+    if history is None:
+        raise ValueError(f"{done.folder} has no history, so its convergence cannot be drawn")
     return drawings.plot_convergence({str(done.summary.driver): history})
 
 

@@ -22,7 +22,7 @@ from jld_explore.report.evidence import with_evidence
 from jld_explore.report.exploration import Exploration
 from jld_explore.report.summary import Summary
 from jld_explore.space.void import is_labelling
-from jld_explore.study import StopReason
+from jld_explore.study_state import StopReason
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -23,7 +23,8 @@ from jld_explore.report.front import on_front
 from jld_explore.space import SearchSpace, registered, unpack
 from jld_explore.space.counts import counts
 from jld_explore.space.labelling import to_strings
-from jld_explore.study import StopReason, Study, versions
+from jld_explore.study import Study, versions
+from jld_explore.study_state import StopReason
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -17,7 +17,8 @@ from jld_core.mechanics import require_materials
 from jld_core.scene import Scene, Search
 from jld_explore.space.counts import Terms, count_named
 from jld_explore.space.labelling import Connectivity, blocks_of, canonical, connectivity
-from jld_explore.space.limits import CELLS, MEASURES, Limits, block_sizes
+from jld_explore.space.limits import Limits
+from jld_explore.space.measures import CELLS, MEASURES, block_sizes
 from jld_explore.space.symmetry import SymmetryGroup, symmetry_group
 from jld_explore.space.void import Void, void_of, with_sink
 

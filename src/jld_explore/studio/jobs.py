@@ -219,7 +219,8 @@ class Jobs:
 
     def _listen(self, job: Job, process: subprocess.Popen[str], words: IO[str], told: dict[str, Any]) -> None:
         """Read the progress of a process until it ends, then record its state."""
-        assert process.stdout is not None
+        if process.stdout is None:
+            raise RuntimeError("a search was started without a pipe for its progress")
         with process.stdout, words:
             for line in process.stdout:
                 progress = _progress_of(line)

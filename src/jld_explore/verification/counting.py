@@ -30,5 +30,6 @@ def at_least(literals: Sequence[int], least: int, top: int) -> tuple[list[list[i
                 clauses.append([-top, *same, *([] if one_less is None else [one_less])])
         before = now
     last = before[least]
-    assert last is not None
+    if last is None:
+        raise ValueError("a constraint on no literal needs no clauses; least must be 1 or more")
     return [*clauses, [last]], top

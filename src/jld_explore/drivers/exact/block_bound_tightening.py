@@ -114,6 +114,13 @@ class BlockBoundTightening:
         self._least: float | None = None
         self.solves = 0
 
+    @property
+    def _possible(self) -> PossibleBlocks:
+        """The possible blocks; raises RuntimeError where they are not listed, so that the tightening is never due."""
+        if self._blocks is None:
+            raise RuntimeError("the possible blocks are not listed, so their bounds cannot be tightened")
+        return self._blocks
+
     def leave(self) -> None:
         """Disable the tightening from now on."""
         self._next = math.inf
@@ -148,7 +155,6 @@ class BlockBoundTightening:
         TightenedBound
             Bound not above `most`, and the conflicts of the refuted blocks.
         """
-        assert self._blocks is not None
         self._next *= 4.0
         self._least = least
         end = time.perf_counter() + _SHARE * left
@@ -172,9 +178,8 @@ class BlockBoundTightening:
         self, chosen: Ints, range_: tuple[float, float], seconds: float, late: Callable[[], bool]
     ) -> Choice | None:
         """Solve the relaxation of some blocks (k,); return None if time runs out first."""
-        assert self._blocks is not None
-        members = tuple(self._blocks.members[p] for p in chosen.tolist())
-        part = Space(self._space, PossibleBlocks(members, tuple(self._blocks.inside[p] for p in chosen.tolist())))
+        members = tuple(self._possible.members[p] for p in chosen.tolist())
+        part = Space(self._space, PossibleBlocks(members, tuple(self._possible.inside[p] for p in chosen.tolist())))
         asked = np.ones(len(chosen), dtype=bool), *range_
         if self._sides <= _HERE:
             relaxation = part.relaxation(self._analyses, seconds)
@@ -202,11 +207,10 @@ class BlockBoundTightening:
 
     def _without(self, p: int, least: float) -> Conflict:
         """Return the conflict that no labelling with block p exceeds the scaled λ `least`."""
-        assert self._blocks is not None
-        faces, members = self._space.assembly.interfaces, self._blocks.members[p]
+        faces, members = self._space.assembly.interfaces, self._possible.members[p]
         touched = (np.isin(faces.a, members) | np.isin(faces.b, members)) & self._space.candidates
         labels = np.ones(len(touched), dtype=bool)
-        labels[list(self._blocks.inside[p])] = False
+        labels[list(self._possible.inside[p])] = False
         where = np.flatnonzero(touched)
         return Conflict(where, labels[where], least, Evidence.BLOCKS)
 

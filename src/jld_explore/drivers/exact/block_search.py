@@ -19,10 +19,11 @@ from jld_core.limit import LimitAnalysis
 from jld_core.limit.block_relaxation import applies_to
 from jld_core.limit.case_relaxation import AnyRelaxation
 from jld_explore.drivers.exact.block_bound_pool import BlockBoundPool
-from jld_explore.drivers.exact.block_tree import BlockTree, Node
+from jld_explore.drivers.exact.block_tree import BlockTree
 from jld_explore.drivers.exact.conflict_minimization import Conflict
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
+from jld_explore.drivers.exact.tree_nodes import Node
 from jld_explore.space import SearchSpace
 
 ByBlocks = Literal["auto", "on", "off"]
@@ -203,11 +204,13 @@ class BlockSearch:
         late : callable
             Returns True once the deadline has passed; called between programs.
         """
-        assert self._tree is not None
-        step = self._tree.step(threshold, formula.possible, late)
+        tree = self._tree
+        if tree is None:
+            raise RuntimeError("there is no tree to step in; call `start` first")
+        step = tree.step(threshold, formula.possible, late)
         if step.labelling is not None:
             return Found(step.conflicts, whole=step.labelling)
-        promising = None if late() else self._rounded(self._tree, step.node, formula, threshold)
+        promising = None if late() else self._rounded(tree, step.node, formula, threshold)
         return Found(step.conflicts, promising=promising)
 
     def note_blunt(self) -> None:

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import islice
 from typing import Final
 
@@ -27,6 +27,7 @@ from jld_core.limit.block_relaxation import Asked, Choice
 from jld_explore.drivers.exact.block_bound_pool import BlockBoundPool
 from jld_explore.drivers.exact.conflict_minimization import Conflict, Evidence
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
+from jld_explore.drivers.exact.tree_nodes import Looked, Node, Possible, Question, Step, Tried, Waiting
 from jld_explore.space import SearchSpace
 
 _TRIED: Final = (2, 4)
@@ -41,91 +42,6 @@ _SMALL: Final = 1e-5
 
 With this minimum a label without effect does not hide the effect of the other label.
 """
-
-Possible = Callable[[Ints, Bits], bool]
-"""Function that returns True if any labelling with labels (k,) on faces (k,) is left."""
-
-
-@dataclass(frozen=True)
-class Node:
-    """Node of the tree: a partial labelling and its block relaxation.
-
-    Attributes
-    ----------
-    faces, labels : (k,) int array and (k,) bool array
-        Decided faces and their labels, True = dry.
-    allowed : (p,) bool array
-        Blocks that are left.
-    choice : Choice
-        Result of the block relaxation over those blocks.
-    """
-
-    faces: Ints
-    labels: Bits
-    allowed: Bools
-    choice: Choice
-
-
-@dataclass(frozen=True)
-class Tried:
-    """Children of a node for both labels of one face; None for a child that is refuted."""
-
-    inner: Node | None
-    dry: Node | None
-
-    @property
-    def left(self) -> list[Node]:
-        """The children that are not refuted."""
-        return [one for one in (self.inner, self.dry) if one is not None]
-
-
-Looked = tuple[list[Tried], list[Conflict]]
-"""Children of a node for several faces, and the conflicts of the refuted children."""
-
-Waiting = tuple[tuple[int, bool], Node]
-"""Face (index among the candidates) and label of a child, and the unsolved child."""
-
-
-@dataclass(frozen=True)
-class Question:
-    """Arguments of branching at one node.
-
-    Attributes
-    ----------
-    node : Node
-        The node.
-    allowed : (p,) bool array
-        Blocks left at the node.
-    threshold : float
-        Scaled λ to reach.
-    possible, late : callable
-        As in `BlockTree.step`.
-    """
-
-    node: Node
-    allowed: Bools
-    threshold: float
-    possible: Possible
-    late: Callable[[], bool]
-
-
-@dataclass(frozen=True)
-class Step:
-    """Result of `BlockTree.step`.
-
-    Attributes
-    ----------
-    node : Node
-        The node that was processed.
-    conflicts : tuple of Conflict
-        Conflicts found.
-    labelling : (m,) bool array or None
-        Labelling of a node without undecided faces, which the caller must check; True = dry.
-    """
-
-    node: Node
-    conflicts: tuple[Conflict, ...] = ()
-    labelling: Bits | None = None
 
 
 class BlockTree:

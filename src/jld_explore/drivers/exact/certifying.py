@@ -155,7 +155,8 @@ class Certifier:
         )
         self._analyses = [LimitAnalysis(case) for case in assembly.by_case]
         relaxation = relaxation_of(assembly, self._analyses)
-        assert relaxation is not None  # the search has proven a bound, so a relaxation exists
+        if relaxation is None:
+            raise RuntimeError("a proof by conflicts needs a relaxation, and the assembly has none")
         self._relaxation, self._scale = relaxation, relaxation.unit
         self._checker = Checker(scene, assembly, self._claim)
         self._paths = InnerPaths(space)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
@@ -13,9 +14,10 @@ from pydantic import Field
 from jld_core.arrays import Bits, Floats
 from jld_core.deadline import Deadline, DeadlinePassed, time_left
 from jld_core.limit import LimitAnalysis
-from jld_core.limit.case_relaxation import relaxation_of
+from jld_core.limit.case_relaxation import AnyRelaxation, relaxation_of
 from jld_explore.drivers.base import Aim, Driver, DriverOptions
 from jld_explore.drivers.enumeration import Enumeration
+from jld_explore.drivers.exact.conflict_minimization import Conflict, Evidence, Mechanism
 from jld_explore.drivers.exact.conflict_sources import ConflictSources
 from jld_explore.drivers.exact.conflicts import key_of
 from jld_explore.drivers.exact.formula import Formula
@@ -118,6 +120,27 @@ class ConflictDriver(Driver):
         )
 
     @property
+    def relaxation(self) -> AnyRelaxation:
+        """Relaxation that refutes labellings; raises RuntimeError for an enumerated space."""
+        if self._relaxation is None:
+            raise RuntimeError("an enumerated space has no relaxation")
+        return self._relaxation
+
+    @property
+    def sources(self) -> ConflictSources:
+        """Conflict sources of the proof; raises RuntimeError for an enumerated space."""
+        if self._sources is None:
+            raise RuntimeError("an enumerated space has no conflict sources")
+        return self._sources
+
+    @property
+    def formula(self) -> Formula:
+        """Formula of the present target; raises RuntimeError before the first target."""
+        if self._formula is None:
+            raise RuntimeError("the proof has no formula before its first target")
+        return self._formula
+
+    @property
     def state(self) -> ProofState:
         """State of the proof: conflicts, and labellings that no conflict refutes."""
         return self._state
@@ -214,6 +237,11 @@ class ConflictDriver(Driver):
         """Whether the deadline has passed."""
         return self._deadline.passed()
 
+    def _late_after_heartbeat(self) -> bool:
+        """Report progress, then return whether time is up."""
+        self._heartbeat()
+        return self._late
+
     def _given(self, limit: int | None) -> Bits:
         """Remove and return at most `limit` of the labellings that wait for evaluation."""
         given = self._waiting[:limit]
@@ -256,6 +284,27 @@ class ConflictDriver(Driver):
         self._learn_handed_over()
         return self._formula
 
+    def _bound_all(self, bound: float, evidence: Evidence, mechanism: Mechanism | None = None) -> None:
+        """State a bound on all labellings, scaled λ, as a conflict without faces."""
+        if bound != math.inf:
+            nothing = np.empty(0, dtype=np.int64)
+            self._state.add_conflicts([Conflict(nothing, nothing.astype(bool), bound, evidence, mechanism)])
+
+    def _add(self, conflict: Conflict) -> None:
+        """Add a conflict to the state of the proof and to the formula."""
+        self._state.add_conflicts([conflict])
+        self.formula.forbid(conflict.faces, conflict.labels, conflict.bound)
+
+    def _root(self) -> float:
+        """Return a bound on all labellings from one relaxation, scene units; inf if there is none."""
+        # candidates outside every possible block are dry whatever the label of the scene
+        labels = self.space.fixed | (self.space.candidates & ~self._free)
+        found = self.relaxation.least_bound(labels, self._free)
+        if found is None:
+            return math.inf
+        self._bound_all(found.bound, Evidence.MECHANISM, Mechanism(found.case, found.velocity))
+        return found.bound * self._scale
+
     def _check(self, claims: Sequence[Claim], problem: str, evaluated: tuple[Bits, Floats]) -> ProofCheck:
         """Check a finished proof; see `check_proof`.
 
@@ -268,11 +317,9 @@ class ConflictDriver(Driver):
         evaluated : tuple of (k, m) bool array and (k,) float array
             The strongest labellings, and the λ that each is proven to carry, scene units.
         """
-        if self._relaxation is None:
-            raise ValueError("a space without a relaxation has no proof to check")
         seconds = time.perf_counter() - self._began_at
         scaled = evaluated[0], evaluated[1] / self._scale
-        proof = self._relaxation, self.space, self._blocks, self._free, self._state
+        proof = self.relaxation, self.space, self._blocks, self._free, self._state
         return check_proof(*proof, claims, scaled, problem, seconds)
 
 

@@ -18,7 +18,7 @@ from jld_core.arrays import Bits, Bools
 from jld_core.batch import ConflictRequest
 from jld_core.batch.conflict_request import MinimizationOptions
 from jld_core.limit.case_relaxation import AnyRelaxation
-from jld_core.limit.relaxation import MinimizedConflict
+from jld_core.limit.dual_bounds import MinimizedConflict
 from jld_explore.drivers.exact.conflict_minimization import Conflict, Mechanism, conflict_of
 from jld_explore.drivers.exact.cubes import EVERYTHING, Cube
 from jld_explore.drivers.exact.formula import Formula
@@ -91,6 +91,13 @@ class ConflictGenerator:
         self._windows: tuple[Bits, ...] = ()
         self._statistics = WindowStatistics(0)
 
+    @property
+    def formula(self) -> Formula:
+        """Formula of the labellings that are left; raises RuntimeError before `begin`."""
+        if self._formula is None:
+            raise RuntimeError("there is no formula yet; call `begin` first")
+        return self._formula
+
     def begin(self, formula: Formula, hear: Callable[[], None] | None = None) -> None:
         """Continue with another formula.
 
@@ -119,8 +126,7 @@ class ConflictGenerator:
             Labels that every drawn labelling has.
         """
         caught = ConflictBatch()
-        assert self._formula is not None
-        self._formula.rise(threshold)
+        self.formula.rise(threshold)
         drawn = self._draw(cube)
         caught.exhausted = not len(drawn)
         if len(drawn) and self._many:
@@ -131,8 +137,7 @@ class ConflictGenerator:
 
     def _draw(self, cube: Cube) -> Bits:
         """Draw labellings (k, m) from the formula; return (0, m) where none is left."""
-        formula = self._formula
-        assert formula is not None
+        formula = self.formula
         # The first batches are small: where one conflict rules out nearly all labellings, more draws are wasted.
         room = min(_DRAWN, 1 + len(self._known)) if self._many else 1
         drawn: list[Bits] = []
@@ -204,19 +209,17 @@ class ConflictGenerator:
 
     def _take(self, conflict: Conflict, caught: ConflictBatch) -> None:
         """Add a conflict to the batch and to the formula unless it is known."""
-        assert self._formula is not None
         name = conflict.name
         if name not in self._known:
             self._known.add(name)
             caught.conflicts.append(conflict)
-            self._formula.forbid(conflict.faces, conflict.labels, conflict.bound)
+            self.formula.forbid(conflict.faces, conflict.labels, conflict.bound)
 
     def _preferred(self) -> Bits | None:
         """Return random preferred labels (m,), True = dry; None without the batch solver."""
         if not self._many:
             return None
-        assert self._formula is not None
-        return self._rng.random(len(self._formula.space.fixed)) < _DRY
+        return self._rng.random(len(self.formula.space.fixed)) < _DRY
 
 
 def _nothing() -> None:

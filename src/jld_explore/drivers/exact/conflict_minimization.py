@@ -17,7 +17,7 @@ import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.limit.case_relaxation import AnyRelaxation
-from jld_core.limit.relaxation import DualBound
+from jld_core.limit.dual_bounds import DualBound
 
 _TRIES: Final = 2
 """Single faces tried without success before a conflict is accepted.

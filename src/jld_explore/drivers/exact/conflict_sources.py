@@ -18,7 +18,7 @@ from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.drivers.exact.threaded_generation import ThreadedGenerator
 from jld_explore.evaluation.cluster import client_of_cluster
 from jld_explore.space import SearchSpace
-from jld_explore.space.limits import Range
+from jld_explore.space.measures import Range
 
 SOLO_RELAXATIONS: Final = (8000, 1000)
 """Relaxations before worker processes start, with and without the batch solver.
@@ -94,6 +94,13 @@ class ConflictSources:
             recipe = self._relaxation, self._space, self._blocks, self._free, self._seed
             self._threads = ThreadedGenerator(*recipe, min(jobs, _THREADS), self._state)
 
+    @property
+    def formula(self) -> Formula:
+        """Formula of the labellings that are left; raises RuntimeError before `begin`."""
+        if self._formula is None:
+            raise RuntimeError("there is no formula yet; call `begin` first")
+        return self._formula
+
     def begin(self, formula: Formula, count: int | Range | None, threshold: float) -> None:
         """Continue with another formula.
 
@@ -131,35 +138,35 @@ class ConflictSources:
 
         `threshold` is a scaled λ, at least that of the call before with the same formula.
         """
-        assert self._formula is not None
+        formula = self.formula
         if self.cube_workers is None and self._helped and self._is_time():
-            self._formula.learn(self._state.conflicts)  # threads add conflicts to formulas of their own only
+            formula.learn(self._state.conflicts)  # threads add conflicts to formulas of their own only
             self.cube_workers = CubeWorkers(self._space, self._blocks, self._free, self._seed, self._jobs, self._state)
-            self.cube_workers.begin(self._formula, self._count, threshold)
+            self.cube_workers.begin(formula, self._count, threshold)
         if self.cube_workers is None:
             return self._near(threshold)
-        self._formula.rise(threshold)
+        formula.rise(threshold)
         self.cube_workers.pump()
         # this process also generates conflicts until a worker has started
         if not self.cube_workers.at_work and (self._alone != 0 or not self.cube_workers.expected):
             before = len(self._state.conflicts)
             exhausted = self._near(threshold)
-            self._formula.learn(self._state.conflicts[before:])
+            formula.learn(self._state.conflicts[before:])
             closed = self.cube_workers.step(threshold, idle=False)
         else:
             exhausted = False
             if self._threads is not None:
                 self._threads.close()
                 self._threads = None
-                self._formula.learn(self._state.conflicts, self._state.handed_over)
+                formula.learn(self._state.conflicts, self._state.handed_over)
             closed = self.cube_workers.step(threshold, idle=True)
         self.solves = self.cube_workers.solves
         if closed:
-            self._formula.learn((), self._state.handed_over)
-            if self._formula.next() is None:
+            formula.learn((), self._state.handed_over)
+            if formula.next() is None:
                 return True
             # labellings left although their cube was closed are assigned again
-            self.cube_workers.begin(self._formula, self._count, threshold)
+            self.cube_workers.begin(formula, self._count, threshold)
         return exhausted
 
     def _near(self, threshold: float) -> bool:

@@ -28,7 +28,7 @@ from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.drivers.exact.worker_tasks import Task, TaskResult, WorkerSetup, run_task
 from jld_explore.evaluation.worker_pool import PoolWorker, WorkerPool, is_lost
 from jld_explore.space import SearchSpace
-from jld_explore.space.limits import Range
+from jld_explore.space.measures import Range
 
 MOMENT: Final = 0.3
 """Time, s, that a worker spends on a cube per task.
@@ -209,7 +209,8 @@ class CubeWorkers:
 
     def _part(self) -> None:
         """Split waiting cubes until there are enough for all workers."""
-        assert self._formula is not None
+        if self._formula is None:
+            return
         enough = _WAITING * max(len(self._seats), 1) - len(self._lent)
         while len(self._cubes) < enough:
             # An untried cube may be closed quickly and is not split, except the whole space, which is never closed

@@ -23,43 +23,35 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from jld_core import tolerances
 from jld_core.arrays import Bits
-from jld_core.errors import InputError, ParameterError
+from jld_core.errors import ParameterError
 from jld_core.limit import load_scale
 from jld_explore.drivers.anneal import Anneal
 from jld_explore.drivers.base import Aim
 from jld_explore.drivers.exact.block_bound_tightening import BlockBoundTightening
 from jld_explore.drivers.exact.block_search import BlockSearch, ByBlocks
 from jld_explore.drivers.exact.conflict_driver import ConflictDriver
-from jld_explore.drivers.exact.conflict_minimization import Conflict, Evidence, Mechanism, conflict_of
+from jld_explore.drivers.exact.conflict_minimization import Evidence, conflict_of
 from jld_explore.drivers.exact.incumbents import HeuristicSchedule, Incumbents
-from jld_explore.drivers.exact.optimum import Best, claims_of, counts_of, front, front_of_all
+from jld_explore.drivers.exact.optimum import Best, claims_of, front, front_of_all
 from jld_explore.drivers.exact.target_schedule import TargetSchedule
+from jld_explore.drivers.exact.targets import Targets, front_count
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.evaluation import Evaluation
-from jld_explore.space import SearchSpace, count_named, registered
+from jld_explore.space import SearchSpace
 
 if TYPE_CHECKING:
     import pandas as pd
-
-_STEP: Final = 0.5 * tolerances.PROVEN
-"""Relative distance above the best λ known at which labellings are sought.
-
-It is half of `tolerances.PROVEN`, the relative difference that counts as proven.
-"""
 
 _PATIENCE: Final = (6000, 500)
 """Conflicts before the bound is lowered in smaller steps, with and without batch solver.
 
 Finding so many conflicts takes a few seconds.
 """
-
 
 _COMPARED: Final = 300
 """Number of the strongest labellings compared with all conflicts at the end of a proof."""
@@ -122,14 +114,7 @@ class Exact(ConflictDriver):
         if space.void is not None:
             raise ParameterError("driver", "exact proves nothing where cells may be left out", "enumeration or genetic")
         self.aim, self._programs = aim, programs
-        if aim == "front" and space.search.front.counts:
-            raise InputError(
-                "search.front.counts", "two counts have no exact front", 'one count, or `driver="genetic"`'
-            )
-        self._count = count_named(space.search.front.count) if aim == "front" else None
-        if self._count is not None and self._count.terms is None:
-            known = " or ".join(count.name for count in registered() if count.terms)
-            raise InputError("search.front.count", f"{self._count.name} has no exact front", known)
+        self._count = front_count(space) if aim == "front" else None
         super().__init__(space, seed, self._count, list_blocks=list_blocks, alone=alone)
         self._floor = load_scale(space.assembly)
         self._by_blocks: BlockSearch | None = None
@@ -149,9 +134,12 @@ class Exact(ConflictDriver):
         self._aimed = math.inf
         self._began = 0
         self._begun = False
-        self._targets: list[int | None] = [None]
-        self._listed = aim == "best"
-        self.found: dict[int | None, Best] = {None: Best(None, math.nan, math.inf, self._floor)}
+        self._targets = Targets(space, self._count, self._incumbents, self._floor)
+
+    @property
+    def found(self) -> dict[int | None, Best]:
+        """Best labelling and bound for each count; key None for all labellings."""
+        return self._targets.found
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -185,7 +173,12 @@ class Exact(ConflictDriver):
         """Whether targets are left and the proof is not given up; see `Driver.working`."""
         if self._everything is not None:
             return self._everything.working
-        return bool(self._targets) and not self._given_up
+        return bool(self._open_targets) and not self._given_up
+
+    @property
+    def _open_targets(self) -> list[int | None]:
+        """Targets that are not settled; none after the proof was given up."""
+        return [] if self._given_up else self._targets.left
 
     def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
         """Return the cost of the proof, and the front if it is the aim; see `Driver.facts`."""
@@ -205,10 +198,7 @@ class Exact(ConflictDriver):
 
     def _forget_bounds(self) -> None:
         """Restart the proof at its first target, keeping the evaluations."""
-        low = self._incumbents.best(None)
-        self.found = {None: Best(None, low if math.isfinite(low) else math.nan, math.inf, self._floor)}
-        self._targets = [] if self._given_up else [None]
-        self._listed = self.aim == "best"
+        self._targets.restart()
         self._schedule = TargetSchedule(self._patience)
         self._begun = False
         if self._by_blocks is not None:
@@ -237,21 +227,19 @@ class Exact(ConflictDriver):
             return self._everything.ask(limit)
         if self._sources is not None:
             self._sources.pump()
-        while not len(self._waiting) and self._targets and not self._late:
+        while not len(self._waiting) and self._open_targets and not self._late:
             if self._left > 0:
                 self._waiting = self._search.ask(self._left if limit is None else min(limit, self._left))
                 self._left = self._left - len(self._waiting) if len(self._waiting) else 0
             else:
-                self._waiting = self._pursue(self._targets[0])
+                self._waiting = self._pursue(self._open_targets[0])
         if self._none_asked and not len(self._waiting) and not self._incumbents:
             self._waiting = self._search.ask(1)  # even after the deadline, so that the study has one result
         given = self._given(limit)
         self._none_asked &= not len(given)
-        if not len(given) and not self._targets and self._proof_check is None and not self._given_up:
-            strongest = self._incumbents.strongest(_COMPARED)
-            self._proof_check = self._check(
-                *claims_of(self.found.values(), self._incumbents, self._scale, self._floor), strongest
-            )
+        if not len(given) and not self._open_targets and self._proof_check is None and not self._given_up:
+            claims, problem = claims_of(self.found.values(), self._incumbents, self._scale, self._floor)
+            self._proof_check = self._check(claims, problem, self._incumbents.strongest(_COMPARED))
         return given
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
@@ -266,20 +254,12 @@ class Exact(ConflictDriver):
     def _learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         """Take in evaluations and raise the best λ of each target."""
         self._incumbents.learn(labellings, evaluations)
-        for target, best in self.found.items():
-            low = self._incumbents.best(target)
-            if math.isfinite(low) and not best.load_factor >= low:
-                self.found[target] = replace(best, load_factor=low)
+        self._targets.learn()
 
     @property
     def _late(self) -> bool:
         """Whether the deadline has passed or `programs` programs are solved."""
         return super()._late or (self._programs is not None and self.relaxations >= self._programs)
-
-    def _late_after_heartbeat(self) -> bool:
-        """Report progress, then return whether time is up."""
-        self._heartbeat()
-        return self._late
 
     # --- one target -------------------------------------------------------------------------------------
 
@@ -288,12 +268,11 @@ class Exact(ConflictDriver):
 
         No labelling is returned if the target is settled or time is up.
         """
-        assert self._by_blocks is not None
-        assert self._sources is not None
+        blocks, sources = self.block_search, self.sources
         if not self._begun:
             if target is None:
                 self._lower(target, self._root())
-                root = self._by_blocks.start(self.least(None) / self._scale, self.found[None].bound / self._scale)
+                root = blocks.start(self.least(None) / self._scale, self.found[None].bound / self._scale)
                 if self._by_more_than_faces:
                     self._bound_all(root, Evidence.BLOCKS)
                     self._lower(target, root * self._scale)
@@ -304,12 +283,11 @@ class Exact(ConflictDriver):
             return self._none
         while not self._late:
             threshold = max(self._aimed, self.least(target))
-            assert self._formula is not None
-            if self._by_blocks.active:
-                proposed = self._choose(self._by_blocks, threshold)
+            if blocks.active:
+                proposed = self._choose(blocks, threshold)
                 self._began = self.conflicts
                 self._heartbeat()
-                self._left = self._by_blocks.annealed()
+                self._left = blocks.annealed()
                 if len(proposed) or self._left:
                     return proposed
                 continue
@@ -319,7 +297,7 @@ class Exact(ConflictDriver):
                     return self._none
                 self._begin(None)
                 continue
-            exhausted = self._generate(self._sources, threshold)
+            exhausted = self._generate(sources, threshold)
             proposed = self._to_evaluate()
             if exhausted and not len(proposed):
                 self._lower(target, threshold)
@@ -348,11 +326,12 @@ class Exact(ConflictDriver):
         self._lower(None, found.bound * self._scale)
         return True
 
-    def _bound_all(self, bound: float, evidence: Evidence, mechanism: Mechanism | None = None) -> None:
-        """State a bound on all labellings, scaled λ, as a conflict without faces."""
-        if bound != math.inf:
-            nothing = np.empty(0, dtype=np.int64)
-            self._state.add_conflicts([Conflict(nothing, nothing.astype(bool), bound, evidence, mechanism)])
+    @property
+    def block_search(self) -> BlockSearch:
+        """Branch and bound over blocks; raises RuntimeError for an enumerated space."""
+        if self._by_blocks is None:
+            raise RuntimeError("an enumerated space has no search over blocks")
+        return self._by_blocks
 
     def _keep_open_nodes(self) -> None:
         """State the bound of every open node of the block tree as a conflict."""
@@ -368,25 +347,18 @@ class Exact(ConflictDriver):
         if self._tightening is not None:
             self._tightening.leave()
 
-    def _add(self, conflict: Conflict) -> None:
-        """Add a conflict to the state of the proof and to the formula."""
-        assert self._formula is not None
-        self._state.add_conflicts([conflict])
-        self._formula.forbid(conflict.faces, conflict.labels, conflict.bound)
-
     def _choose(self, search: BlockSearch, threshold: float) -> Bits:
         """Take one step of the block tree; return the labellings (k, m) to evaluate."""
-        assert self._formula is not None
-        assert self._relaxation is not None
-        self._formula.rise(threshold / self._scale)
-        step = search.step(self._formula, threshold / self._scale, self._late_after_heartbeat)
+        formula = self.formula
+        formula.rise(threshold / self._scale)
+        step = search.step(formula, threshold / self._scale, self._late_after_heartbeat)
         for conflict in step.conflicts:
             self._add(conflict)
         self._state.conflicts.save()
-        if step.whole is not None and self._formula.next(np.arange(len(step.whole)), step.whole) is None:
+        if step.whole is not None and formula.next(np.arange(len(step.whole)), step.whole) is None:
             return self._none  # the tree ignores limits on counts and assembly sequences
         if step.whole is not None:
-            fallen = conflict_of(self._relaxation, step.whole, self._free, threshold / self._scale)
+            fallen = conflict_of(self.relaxation, step.whole, self._free, threshold / self._scale)
             if fallen is None:
                 self._offer(step.whole)
                 return self._to_evaluate()
@@ -400,68 +372,29 @@ class Exact(ConflictDriver):
         return self._to_evaluate()
 
     def least(self, target: int | None) -> float:
-        """Return the λ that a labelling must exceed to count as better, scene units.
-
-        Parameters
-        ----------
-        target : int or None
-            Value of the count; None for all labellings.
-        """
-        low = self._incumbents.best(target)
-        return low + _STEP * max(abs(low), self._floor) if math.isfinite(low) else 0.0
-
-    def _root(self) -> float:
-        """Return a bound on all labellings from one relaxation, scene units; inf if there is none."""
-        assert self._relaxation is not None
-        # candidates outside every possible block are dry whatever the label of the scene
-        labels = self.space.fixed | (self.space.candidates & ~self._free)
-        found = self._relaxation.least_bound(labels, self._free)
-        if found is None:
-            return math.inf
-        self._bound_all(found.bound, Evidence.MECHANISM, Mechanism(found.case, found.velocity))
-        return found.bound * self._scale
+        """Return the λ that a labelling must exceed to count as better, see `Targets.least`."""
+        return self._targets.least(target)
 
     def _begin(self, target: int | None) -> None:
         """Aim the formula at the next λ of a target."""
-        assert self._by_blocks is not None
-        assert self._sources is not None
         low = self.least(target)
-        self._aimed = low if self._by_blocks.active else self._schedule.aim(self.found[target].bound, low)
+        self._aimed = low if self.block_search.active else self._schedule.aim(self.found[target].bound, low)
         self._began = self.conflicts
         self._begun = True
         formula = self._told()
         formula.aim(self._aimed / self._scale, target)
-        self._sources.begin(formula, target, self._aimed / self._scale)
+        self.sources.begin(formula, target, self._aimed / self._scale)
 
     def _lower(self, target: int | None, bound: float) -> None:
-        """Lower the bound of a target, but not below the brackets of labellings handed over.
-
-        No mechanism refutes those labellings, so only their own brackets bound them.
-        """
-        for labels in self._state.handed_over:
-            bound = max(bound, self._incumbents.high(labels, target))
-        best = self.found[target]
-        if bound < best.bound:
-            self.found[target] = replace(best, bound=bound)
+        """Lower the bound of a target, see `Targets.lower`."""
+        self._targets.lower(target, bound, self._state.handed_over)
 
     def _settle(self, target: int | None) -> None:
-        """Close a target; after the first target of a front add one target per value of the count."""
-        best = self.found[target]
-        if math.isnan(best.load_factor) and best.bound <= 0.0:
-            self.found[target] = best = replace(best, bound=-math.inf)
-        self._targets.remove(target)
+        """Close a target, its formula and its block tree, see `Targets.settle`."""
+        self._targets.settle(target)
         self._schedule = TargetSchedule(self._patience)
         if self._by_blocks is not None:
             self._by_blocks.abandon()
         if self._begun:
-            assert self._sources is not None
-            self._sources.end()
+            self.sources.end()
             self._begun = False
-        if not self._listed:
-            self._listed = True
-            assert self._count is not None
-            for count in counts_of(self.space, self._count):
-                low = self._incumbents.best(count)
-                known = low if math.isfinite(low) else math.nan
-                self.found[count] = Best(count, known, best.bound, self._floor)
-                self._targets.append(count)

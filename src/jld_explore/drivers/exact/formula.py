@@ -31,7 +31,7 @@ from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.drivers.exact.unary_counter import UnaryCounter
 from jld_explore.space import Count, SearchSpace, count_named
 from jld_explore.space.labelling import blocks_of, canonical
-from jld_explore.space.limits import Range
+from jld_explore.space.measures import Range
 
 _SOLVER: Final = "minisat22"
 """Satisfiability solver of the search.

@@ -23,7 +23,7 @@ from jld_explore.drivers.genetic import Genetic
 from jld_explore.evaluation import Evaluation
 from jld_explore.evaluation.ranking import may_meet, meets
 from jld_explore.space import SearchSpace, count_named, values_of
-from jld_explore.space.limits import Range
+from jld_explore.space.measures import Range
 
 
 class MinimumCount(ConflictDriver):
@@ -105,10 +105,9 @@ class MinimumCount(ConflictDriver):
                 return found
         self._searching = False
         while not len(self._waiting) and not self._done and not self._late and not self._given_up:
-            assert self._sources is not None
             if not self._begun:
-                self._begin(self._sources)
-            exhausted = self._generate(self._sources, self._threshold)
+                self._begin(self.sources)
+            exhausted = self._generate(self.sources, self._threshold)
             self._waiting = self._to_evaluate()
             self._done = exhausted and not len(self._waiting)
         given = self._given(limit)

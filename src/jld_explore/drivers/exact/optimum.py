@@ -119,8 +119,12 @@ def front_of_all(results: pd.DataFrame, count: str, complete: bool) -> list[dict
 
 
 def counts_of(space: SearchSpace, count: Count) -> list[int]:
-    """Return the values that a count, a sum of ones, may take within the limits of a space."""
-    assert count.terms is not None
+    """Return the values that a count may take within the limits of a space.
+
+    Raises ValueError for a count that is no sum of binary terms.
+    """
+    if count.terms is None:
+        raise ValueError(f"{count.name} is no sum of binary terms")
     most = count.terms(space.assembly).most(space.assembly)
     bounds = next((bounds for one, bounds in space.limits.on_counts if one is count), None)
     if bounds is None:

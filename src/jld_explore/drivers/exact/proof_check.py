@@ -22,7 +22,7 @@ from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.space import SearchSpace
-from jld_explore.space.limits import Range
+from jld_explore.space.measures import Range
 
 _SOLVER: Final = "glucose42"
 """Satisfiability solver of the check, another one than that of the search."""

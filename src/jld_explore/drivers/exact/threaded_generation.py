@@ -15,6 +15,7 @@ from __future__ import annotations
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from threading import Condition
 from typing import Final
 
@@ -26,7 +27,7 @@ from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.space import SearchSpace
-from jld_explore.space.limits import Range
+from jld_explore.space.measures import Range
 
 _PATIENCE: Final = 0.1
 """Longest time, s, that the main thread waits for results before the next deadline check."""
@@ -71,16 +72,15 @@ class _GeneratorThread:
         if chase is not self._chase:
             self._chase = chase
             self._formula.aim(chase.threshold, chase.count)
-            self._generator.begin(self._formula, self._hear)
+            self._generator.begin(self._formula, partial(self._hear, self._formula))
         return self._generator.step(chase.threshold)
 
-    def _hear(self) -> None:
+    def _hear(self, formula: Formula) -> None:
         """Add the new conflicts and handed-over labellings of all threads to the formula."""
-        assert self._formula is not None
         reached("before hearing")
         news, passed = self._state.conflicts[self._heard :], self._state.handed_over_since(self._dealt)
         self._heard, self._dealt = self._heard + len(news), self._dealt + len(passed)
-        self._formula.learn(news, passed)
+        formula.learn(news, passed)
 
 
 class ThreadedGenerator:

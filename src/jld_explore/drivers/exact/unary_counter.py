@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from pysat.card import ITotalizer
 
-from jld_explore.space.limits import Range
+from jld_explore.space.measures import Range
 
 
 class UnaryCounter:

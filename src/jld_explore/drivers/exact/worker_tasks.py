@@ -23,7 +23,7 @@ from jld_explore.drivers.exact.cubes import Cube
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.space import SearchSpace
-from jld_explore.space.limits import Range
+from jld_explore.space.measures import Range
 
 _KEPT: Final = 4
 """Number of proofs whose state a worker keeps.
@@ -133,7 +133,8 @@ class _WorkerProof:
     def __init__(self, recipe: WorkerSetup) -> None:
         self._space, self._blocks = recipe.space, recipe.blocks
         relaxation = relaxation_of(recipe.space.assembly)
-        assert relaxation is not None  # a proof in progress has a relaxation
+        if relaxation is None:
+            raise RuntimeError("a proof by conflicts needs a relaxation, and the assembly has none")
         self._relaxation = relaxation
         self._generator = ConflictGenerator(relaxation, recipe.free, recipe.seed)
         self._formula: Formula | None = None

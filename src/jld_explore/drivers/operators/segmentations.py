@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import inf
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 
@@ -42,86 +42,6 @@ _RARE: Final = 0.125
 
 Otherwise segmentations are made one by one, with repair.
 """
-
-
-class Operators(Protocol):
-    """Interface of the operators on labellings.
-
-    Labellings are rows (k, m), True = dry. Results hold at most one row per requested one.
-
-    Attributes
-    ----------
-    keys : int
-        Number of keys that `read` takes.
-    offspring_factor : int
-        Number of children to make for each evaluated one.
-    sure : bool
-        Whether every row is feasible without a check.
-    """
-
-    keys: int
-    """Number of keys that `read` takes."""
-
-    offspring_factor: int
-    """Number of children that are cheap enough to make for each evaluated one."""
-
-    sure: bool
-    """Whether every row is feasible, because the operators keep all limits of the space."""
-
-    def draw(self, count: int, rng: BufferedRandom) -> Bits:
-        """Draw random labellings, at most `count`."""
-
-    def vary(self, parents: Bits, rng: BufferedRandom) -> Bits:
-        """Return one child of each parent, which differs by a small change."""
-
-    def cross(self, first: Bits, second: Bits, rng: BufferedRandom) -> Bits:
-        """Return one child of each couple."""
-
-    def crossed(self, first: Bits, second: Bits, rng: BufferedRandom) -> tuple[Bits, Ints]:
-        """Return one child of each couple where one is found.
-
-        Parameters
-        ----------
-        first, second : (k, m) bool arrays
-            Parents of each couple.
-        rng : BufferedRandom
-            Source of random numbers.
-
-        Returns
-        -------
-        (j, m) bool array
-            Children.
-        (j,) int array
-            Couple of each child.
-        """
-
-    def breed(self, first: Bits, second: Bits, single: Bits, rng: BufferedRandom) -> Bits:
-        """Return one child of each couple, and one change of each single parent."""
-
-    def read(self, keys: list[float]) -> Bits:
-        """Convert keys in [0, 1] to a labelling (1, m), or (0, m) if none is found.
-
-        The same keys always give the same labelling.
-        """
-
-    def write(self, labelling: Bits) -> list[float]:
-        """Return keys of a labelling (m,), which `read` converts back to it."""
-
-
-def operators(space: SearchSpace) -> Operators:
-    """Make the operators on the labellings of a space.
-
-    Parameters
-    ----------
-    space : SearchSpace
-        The search space.
-
-    Returns
-    -------
-    Operators
-        Operators on segmentations, or on single labels if slits are allowed.
-    """
-    return Segmentations(space) if space.search.segmentation else FreeBits(space)
 
 
 class Segmentations:

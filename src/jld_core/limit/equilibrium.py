@@ -1,0 +1,108 @@
+"""Project raw points onto equilibrium, and judge the residuals and sizes of vectors."""
+
+from __future__ import annotations
+
+import copy
+
+import numpy as np
+import scipy.sparse as sp
+
+from jld_core import tolerances
+from jld_core.arrays import Bits, Floats
+from jld_core.linalg.projection import Projector
+from jld_core.program import Template
+
+
+def rows_by_element(rows: Floats, freedoms: int) -> Floats:
+    """Return rows of equilibrium by element, (free, q).
+
+    Further rows of a template, such as a settlement's, stand alone.
+    """
+    whole = len(rows) // freedoms * freedoms
+    more = np.zeros((len(rows) - whole, freedoms))
+    more[:, 0] = rows[whole:]
+    return np.concatenate([rows[:whole].reshape(-1, freedoms), more])
+
+
+def projected_onto(projector: Projector, vector: Floats, target: Floats, passes: int) -> tuple[Floats, Floats, float]:
+    """Project a vector onto rows·y = target.
+
+    Returns the vector, its residual, and an estimate of the error left in it.
+    """
+    for _ in range(passes):
+        vector = vector - projector.correction(projector.rows @ vector - target)
+    left = projector.rows @ vector - target
+    return vector, left, float(abs(projector.correction(left)).max())
+
+
+def error_or_inf(error: float, left: Floats, forces: Floats) -> float:
+    """Return the error, or inf if the residual exceeds rounding.
+
+    In that case the kept resultants reach no equilibrium.
+    """
+    much = float(abs(left).max()) > tolerances.ROUNDING * max(1.0, float(abs(forces).max()))
+    return np.inf if much else error
+
+
+def usable(vector: Floats) -> bool:
+    """Return True if a scaled vector is of plausible size (below 1e30).
+
+    A failed solve may leave any values behind.
+    """
+    return not vector.size or bool(abs(vector).max() < 1e30)
+
+
+class EquilibriumProjectors:
+    """Projectors onto the equilibrium of one template, by the resultants that a labelling keeps.
+
+    Parameters
+    ----------
+    template : Template
+        Scaled programs of one assembly.
+    """
+
+    def __init__(self, template: Template) -> None:
+        self.template = template
+        self._known: dict[bytes, Projector] = {}
+        self._everything = np.ones((len(template.assembly.interfaces), template.assembly.freedoms), dtype=bool)
+
+    def under(self, template: Template) -> EquilibriumProjectors:
+        """Return these projectors for another template of the same matrix; both share what is computed."""
+        other = copy.copy(self)
+        other.template = template
+        return other
+
+    def with_load(self, labels: Bits) -> tuple[Projector, Floats | None]:
+        """Return the projector onto equilibrium for the resultants that a labelling keeps.
+
+        Parameters
+        ----------
+        labels : (m,) bool array
+            Labels, True = dry.
+
+        Returns
+        -------
+        projector : Projector
+            Projector of the kept resultants; with dropped resultants it has λ as its last column.
+        mask : (q·m,) float array or None
+            1 for each kept resultant, 0 for the others; None if all are kept.
+        """
+        active = self.template.yield_set.active(labels)
+        if active.all():
+            active = self._everything
+        key = np.packbits(active).tobytes()
+        mask = None if active is self._everything else active.ravel().astype(float)
+        if key not in self._known:
+            matrix, places = self.template.matrix, self.template.structure.places
+            if mask is not None:
+                places = None
+                live = sp.csc_array(self.template.live[:, None])
+                matrix = sp.csc_array(sp.hstack([matrix @ sp.diags_array(mask), live]))
+            if len(self._known) >= 16:
+                self._known.pop(next(iter(self._known)))
+            self._known[key] = Projector(sp.csc_array(matrix), places)
+        return self._known[key], mask
+
+    def of_forces(self, mask: Floats) -> Projector:
+        """Return the projector that keeps λ fixed; mask: (q·m,) 1 for each kept resultant."""
+        return Projector(sp.csc_array(self.template.matrix @ sp.diags_array(mask)), self.template.structure.places)

@@ -1,0 +1,110 @@
+"""Find motions that open every face of an assembly, for every labelling."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from jld_core import tolerances
+from jld_core.limit.admissible import Motion
+from jld_core.limit.auxiliary_programs import (
+    motion_inside,
+)
+from jld_core.limit.bounds import Prover
+from jld_core.program import Template
+
+_TIMES = (1.0, 10.0, 100.0)  # Factors on the velocity component along gravity, tried for a simple opening motion.
+_OPENS = 1e-6  # Margin, at speeds up to 1, above which a motion counts as opening.
+
+
+class OpeningMotions:
+    """Motions that open every face of one assembly, computed once.
+
+    Parameters
+    ----------
+    template : Template
+        Scaled programs of one assembly.
+    prover : Prover
+        Checks motions of this template.
+    """
+
+    def __init__(self, template: Template, prover: Prover) -> None:
+        self.template, self.prover = template, prover
+        self._opening: Motion | None = None
+        self._opening_known = False
+        self._expansion: Motion | None = None
+        self._expansion_known = False
+
+    def opening(self) -> Motion | None:
+        """Find a motion that strictly opens every face; None if the assembly is confined.
+
+        Every face is taken as dry. A dry face has a stricter condition on jumps (δ ≥ |θ| l/2 + μ|s|) than an inner one
+        (δ ≥ |θ| l/6), with μ the larger friction of both labels. One such motion therefore serves all labellings of the
+        assembly. The result is cached.
+
+        Returns
+        -------
+        Motion or None
+            Motion with positive margin on every face, not normalised.
+        """
+        if not self._opening_known:
+            every = np.ones(len(self.template.assembly.interfaces), dtype=bool)
+            template = self._steepest()
+            program = template.program(every)
+            inside = motion_inside(program, program.structure.shape[1] - 1)
+            self._opening = None if inside is None else self.prover.motion(inside, every, normalise=False)
+            self._opening_known = True
+        return self._opening
+
+    def expansion(self) -> Motion | None:
+        """Find an opening motion of simple form, without solving a program.
+
+        All elements move away from the supports, and the courses may separate faster than the elements within them. The
+        result is cached.
+
+        Returns
+        -------
+        Motion or None
+            Motion with positive margin on every face; None if no motion of this form opens every face.
+        """
+        if not self._expansion_known:
+            self._expansion, self._expansion_known = self._expanding(), True
+        return self._expansion
+
+    def _expanding(self) -> Motion | None:
+        """Return the motion of `expansion`, which keeps it."""
+        template = self.template
+        elements, faces = template.assembly.elements, template.assembly.interfaces
+        held = elements.support[faces.a] | elements.support[faces.b]
+        weight = template.assembly.dead[elements.free, : template.assembly.dimension].sum(axis=0)
+        size = float(np.linalg.norm(weight))
+        if template.beside is not None or self._steepest() is not template or not held.any() or size == 0.0:
+            return None
+        every = np.ones(len(faces), dtype=bool)
+        away, down = elements.centroid[elements.free] - faces.origin[held].mean(axis=0), weight / size
+        if abs(away).max() <= tolerances.ROUNDING * template.assembly.size:
+            return None  # A single element in the middle of its supports has nowhere to go.
+        for times in _TIMES:
+            speed = np.zeros((len(away), template.assembly.freedoms))
+            speed[:, : len(down)] = away + (times - 1.0) * (away @ down)[:, None] * down
+            motion = self.prover.motion((speed / abs(speed).max()).ravel(), every, normalise=False)
+            if motion.margin > _OPENS:
+                return motion
+        return None
+
+    def _steepest(self) -> Template:
+        """Return this template with the strictest conditions on jumps.
+
+        It has no crushing, and the larger friction of both labels. A crushing face has finite dissipation for every
+        jump. A dry face must be at least as strict as an inner one.
+        """
+        assembly, scaling = self.template.assembly, self.template.scaling
+        strengths = assembly.strengths
+        crushes = np.isfinite(strengths.crush_dry).any() or np.isfinite(strengths.crush_inner).any()
+        friction = np.fmax(strengths.friction, strengths.inner_friction)
+        if not crushes and not (strengths.inner_friction > np.nan_to_num(strengths.friction)).any():
+            return self.template
+        endless = np.full(len(assembly.interfaces), np.inf)
+        strengths = replace(strengths, friction=friction, crush_dry=endless, crush_inner=endless)
+        return Template(replace(assembly, strengths=strengths), scaling, beside=self.template.beside)

@@ -1,0 +1,104 @@
+"""Reduce a program to the rows whose multipliers may differ from zero after a self-stress is found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from jld_core.arrays import Bools, Floats, Ints
+from jld_core.limit.auxiliary_programs import (
+    LargestSupport,
+    tips_of,
+)
+from jld_core.program import ConicProgram, pack
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """Rows of a program whose multipliers may differ from zero.
+
+    linear: (k,) kept inequalities, as rows of the program. cones: indices of the kept cones.
+    rays: for each cone that is replaced by a ray, the direction (size − 1,) of the self-stress in it.
+    """
+
+    linear: Ints
+    cones: tuple[int, ...]
+    rays: dict[int, Floats] = field(default_factory=dict)
+
+
+def kept_rows(program: ConicProgram) -> Reduced:
+    """Return all rows except that of λ, before any self-stress is found."""
+    s = program.structure
+    return Reduced(tips_of(s)[: s.linear - 1], tuple(range(len(s.cones))))
+
+
+def program_of_rows(program: ConicProgram, reduced: Reduced, right: bool = False) -> ConicProgram:
+    """Return the program of the kept rows, with rays as the last inequalities.
+
+    Right-hand sides are zero, unless `right` keeps those of the program.
+    """
+    s = program.structure
+    first = np.concatenate([np.arange(s.equalities + 1), reduced.linear]).astype(np.int64)
+    cones = [np.arange(s.heads[cone], s.heads[cone] + s.cones[cone]) for cone in reduced.cones]
+    last = np.concatenate(cones or [np.empty(0)]).astype(np.int64)
+    pick = [sp.eye_array(s.shape[0]).tocsr()[first]]
+    if reduced.rays:
+        ways = sp.lil_array((len(reduced.rays), s.shape[0]))
+        for row, (cone, direction) in enumerate(reduced.rays.items()):
+            ways[row, s.heads[cone]] = 1.0
+            for place, value in enumerate(direction, start=1):
+                ways[row, s.heads[cone] + place] = -value
+        pick.append(ways.tocsr())
+    chosen: sp.csr_array = sp.vstack([*pick, sp.eye_array(s.shape[0]).tocsr()[last]]).tocsr()
+    rhs = np.asarray(chosen @ program.rhs) if right else np.zeros(chosen.shape[0])
+    linear = 1 + len(reduced.linear) + len(reduced.rays)
+    sizes = tuple(s.cones[cone] for cone in reduced.cones)
+    return pack(chosen @ program.matrix.tocsr(), rhs, program.objective, s.equalities, linear, sizes, s.places)
+
+
+def leaning_program(program: ConicProgram, reduced: Reduced, stress: Floats) -> ConicProgram:
+    """Return the program of forces that are admissible with a large self-stress added.
+
+    stress: (columns,) the self-stress. In a cone with R = stress on its boundary, along d: s (2 |R|) ≥ |V across d|², s
+    = t − d·V.
+    """
+    left = program_of_rows(program, reduced, right=True)
+    s, matrix, own = program.structure, program.matrix.tocsr(), left.structure
+    rows, ends = [left.matrix.tocsr()], [left.rhs]
+    last = own.equalities + own.linear - len(reduced.rays)
+    for number, (cone, way) in enumerate(reduced.rays.items()):
+        at = slice(s.heads[cone], s.heads[cone] + s.cones[cone])
+        touch, end = left.matrix.tocsr()[[last + number]], left.rhs[last + number]
+        size = float(-(matrix[[s.heads[cone]]][:, : len(stress)] @ stress)[0])
+        across = sp.csr_array(la.null_space(way[None]).T) * (2.0 / np.sqrt(2.0 * size))
+        rows += [touch, across @ matrix[at][1:], touch]
+        ends += [np.array([end + 1.0]), np.asarray(across @ program.rhs[at][1:]), np.array([end - 1.0])]
+    sizes = own.cones + tuple(s.cones[cone] for cone in reduced.rays)
+    tall = sp.vstack(rows)
+    return pack(tall, np.concatenate(ends), program.objective, own.equalities, own.linear, sizes, own.places)
+
+
+def reduced_by(found: LargestSupport, program: ConicProgram, reduced: Reduced) -> Reduced | None:
+    """Return the rows kept after a self-stress is found; None if they are unchanged."""
+    sizes = [program.structure.cones[cone] for cone in reduced.cones]
+    linear = len(reduced.linear) + len(reduced.rays)
+    loose: Bools = found.slack > 0.5
+    kept = reduced.linear[~loose[: len(reduced.linear)]]
+    turned = dict(zip(reduced.rays, loose[len(reduced.linear) : linear], strict=True))
+    rays = {cone: way for cone, way in reduced.rays.items() if not turned[cone]}
+    cones = []
+    starts = len(found.values) - sum(sizes) + np.cumsum([0, *sizes])[:-1]
+    for cone, start, size, free in zip(reduced.cones, starts, sizes, loose[linear:], strict=True):
+        if free:
+            continue
+        way = found.ray(start, size)
+        if way is None:
+            cones.append(cone)
+        else:
+            rays[cone] = way
+    if len(kept) == len(reduced.linear) and len(cones) == len(reduced.cones) and len(rays) == len(reduced.rays):
+        return None
+    return Reduced(kept, tuple(cones), rays)

@@ -1,0 +1,103 @@
+"""Balance the work of mechanisms for all labellings that agree on the decided faces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from jld_core import tolerances
+from jld_core.arrays import Bits, Bools, Floats
+from jld_core.limit.bounds import Prover
+from jld_core.limit.repair import Repair
+from jld_core.program import Template
+
+_TINY: Final = 1e-6
+"""Violation of a margin, relative to the largest jump, up to which a small opening motion repairs it."""
+
+
+@dataclass(frozen=True)
+class WorkBalance:
+    """Work balance of k mechanisms: λ · work ≤ total for every labelling that agrees.
+
+    velocities: (k, q·free), with the opening that rounding required. work: (k,) of the live load.
+    total: (k,) dissipation minus dead work, plus possible rounding. sound: (k,) whether the dissipation is finite.
+    own, either: (k, m) dissipation of each face under its own label, and the larger of both labels.
+    """
+
+    velocities: Floats
+    work: Floats
+    total: Floats
+    sound: Bools
+    own: Floats
+    either: Floats
+
+
+class WorkBalances:
+    """Work balances of mechanisms of one template, with the support function of the hull.
+
+    Parameters
+    ----------
+    template : Template
+        Scaled programs of one assembly.
+    prover : Prover
+        Measures jumps and rounding.
+    repair : Repair
+        Supplies the opening motion.
+    """
+
+    def __init__(self, template: Template, prover: Prover, repair: Repair) -> None:
+        self.template, self._prover, self._repair = template, prover, repair
+
+    def balance(self, velocities: Floats, labels: Bits, undecided: Bools) -> WorkBalance:
+        """Compute the work balance of mechanisms (k, q·free) for labellings (k, m).
+
+        Possible rounding is added to the total.
+        """
+        velocities, jumps, finite = self._opened(velocities)
+        dissipation = np.where(finite >= 0.0, self._measured(jumps, margins=False), np.inf)
+        either = dissipation.max(axis=0)
+        own = np.where(undecided, either, np.where(labels, dissipation[0], dissipation[1]))
+        # Sum row by row: the rounding of a matrix product depends on the number of rows.
+        powers = velocities * self.template.live
+        work = powers.sum(axis=1)
+        # A remainder of cancelling terms gives no bound.
+        work[abs(work) < tolerances.ROUNDING * abs(powers).sum(axis=1)] = 0.0
+        total = own.sum(axis=1) - (velocities * self.template.dead).sum(axis=1)
+        sound = np.isfinite(total) & (work >= 0.0)
+        total = np.where(sound, total, 0.0)
+        total += self._prover.noises(velocities, total)
+        return WorkBalance(velocities, work, total, sound, own, either)
+
+    def _measured(self, jumps: Floats, *, margins: bool) -> Floats:
+        """Return margins or dissipation (2, k, m) of jumps (k, m, q).
+
+        The first entry is for dry faces, the second for inner faces.
+        """
+        sets, faces = self.template.yield_set, jumps.shape[1]
+        measure = sets.margin if margins else sets.dissipation
+        every = np.ones(faces, dtype=bool)
+        if self.template.assembly.dimension == 2:
+            return np.array([measure(jumps, every), measure(jumps, ~every)])
+        each = [[measure(one, labels) for one in jumps] for labels in (every, ~every)]
+        return np.array(each).reshape(2, *jumps.shape[:2])
+
+    def _opened(self, velocities: Floats) -> tuple[Floats, Floats, Floats]:
+        """Add an opening motion where margins are violated by rounding.
+
+        Returns velocities, jumps and margins.
+        """
+        jumps = self._prover.jumps(velocities)
+        finite = self._measured(jumps, margins=True)
+        opening = self._repair.opening()
+        reach = _TINY * np.maximum(abs(jumps).max(axis=(1, 2)), 1e-300)
+        lacks = np.where((finite < 0.0) & (finite > -reach[None, :, None]), -finite, 0.0).max(axis=(0, 2))
+        rows = np.flatnonzero(lacks > 0.0)
+        if opening is None or not rows.size:
+            return velocities, jumps, finite
+        velocities = velocities.copy()
+        velocities[rows] += (1.01 * lacks[rows] / opening.margin)[:, None] * opening.velocity
+        jumps[rows] = self._prover.jumps(velocities[rows])
+        finite[:, rows] = self._measured(jumps[rows], margins=True)
+        return velocities, jumps, finite

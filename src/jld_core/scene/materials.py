@@ -1,0 +1,195 @@
+"""Define the keys of materials in a scene file, with types and defaults."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+
+from jld_core.errors import InputError
+from jld_core.scene.part import Angle, NonNegative, Pair, Part, PositiveValue, Value, Vector
+
+
+class Dry(Part):
+    """Material of dry joints: no tension, Mohr–Coulomb friction, optional cohesion.
+
+    Attributes
+    ----------
+    friction_angle, friction_coefficient : float or None
+        Friction, as an angle in degrees or a coefficient; exactly one is given.
+    compressive_strength : float or None
+        Compressive strength, stress; None for unlimited.
+    cohesion : float
+        Cohesion, stress.
+    """
+
+    friction_angle: Angle | None = None
+    friction_coefficient: Value | None = None
+    compressive_strength: PositiveValue | None = None
+    cohesion: Value = 0.0
+
+    @model_validator(mode="after")
+    def _one_friction(self) -> Self:
+        """Check that friction is given exactly once."""
+        if (self.friction_angle is None) == (self.friction_coefficient is None):
+            how = "friction is missing" if self.friction_angle is None else "friction is given twice"
+            raise InputError("", how, 'exactly one of "friction_angle" and "friction_coefficient"')
+        return self
+
+
+def lies_within_apex(tension: float | None, shear: float | None, friction: float | None, where: str = "") -> None:
+    """Refuse a tensile strength beyond the apex of the friction cone, shear strength over μ.
+
+    Parameters
+    ----------
+    tension, shear : float or None
+        Tensile and shear strength, stress.
+    friction : float or None
+        Friction coefficient μ; without friction there is no apex.
+    where : str
+        Key for the error message.
+
+    Raises
+    ------
+    InputError
+        tension × μ exceeds the shear strength.
+    """
+    if tension is not None and shear is not None and friction and tension * friction > shear * (1.0 + 1e-12):
+        raise InputError(
+            where,
+            f"tensile_strength {tension:g} lies beyond the apex of its friction",
+            f"at most shear_strength over friction, {shear / friction:g}",
+        )
+
+
+class Inner(Part):
+    """Material of inner faces (potential cracks): tensile and shear strength, friction.
+
+    Attributes
+    ----------
+    tensile_strength, shear_strength : float
+        Strengths, stress.
+    compressive_strength : float or None
+        Compressive strength, stress; None for unlimited.
+    friction_angle, friction_coefficient : float or None
+        Friction, as an angle in degrees or a coefficient; at most one is given.
+    """
+
+    tensile_strength: Annotated[Value, Field(description="a stress of at least 0")]
+    shear_strength: Annotated[Value, Field(description="a stress of at least 0")]
+    compressive_strength: PositiveValue | None = None
+    friction_angle: Angle | None = None
+    friction_coefficient: Value | None = None
+
+    @model_validator(mode="after")
+    def _one_friction(self) -> Self:
+        """Check that friction is given at most once and its apex allows the tensile strength."""
+        if self.friction_angle is not None and self.friction_coefficient is not None:
+            raise InputError("", "friction is given twice", '"friction_angle" or "friction_coefficient"')
+        angle, coefficient = self.friction_angle, self.friction_coefficient
+        slope = coefficient if angle is None else math.tan(math.radians(angle))
+        lies_within_apex(self.tensile_strength, self.shear_strength, slope)
+        return self
+
+
+class DryFace(Part):
+    """Joint values that override "materials.dry" for the faces between two elements.
+
+    Attributes
+    ----------
+    friction_angle, friction_coefficient : float or None
+        Friction, as an angle in degrees or a coefficient; at most one is given.
+    compressive_strength, cohesion : float or None
+        Strengths, stress.
+    """
+
+    friction_angle: Angle | None = None
+    friction_coefficient: Value | None = None
+    compressive_strength: PositiveValue | None = None
+    cohesion: Value | None = None
+
+    @model_validator(mode="after")
+    def _one_friction(self) -> Self:
+        """Check that friction is given at most once."""
+        _at_most_one_friction(self.friction_angle, self.friction_coefficient)
+        return self
+
+
+class InnerFace(Part):
+    """Inner-face values that override "materials.inner" for the faces between two elements.
+
+    Attributes
+    ----------
+    tensile_strength, shear_strength, compressive_strength : float or None
+        Strengths, stress.
+    friction_angle, friction_coefficient : float or None
+        Friction, as an angle in degrees or a coefficient; at most one is given.
+    """
+
+    tensile_strength: Value | None = None
+    shear_strength: Value | None = None
+    compressive_strength: PositiveValue | None = None
+    friction_angle: Angle | None = None
+    friction_coefficient: Value | None = None
+
+    @model_validator(mode="after")
+    def _one_friction(self) -> Self:
+        """Check that friction is given at most once."""
+        _at_most_one_friction(self.friction_angle, self.friction_coefficient)
+        return self
+
+
+def _at_most_one_friction(angle: float | None, coefficient: float | None) -> None:
+    """Raise InputError if both angle and coefficient are given."""
+    if angle is not None and coefficient is not None:
+        raise InputError("", "friction is given twice", '"friction_angle" or "friction_coefficient"')
+
+
+class FaceMaterial(Part):
+    """Material of all faces between two elements; absent values are those of "materials".
+
+    Attributes
+    ----------
+    between : [str, str]
+        Ids of two elements that touch.
+    dry : DryFace or None
+        Values of dry joints.
+    inner : InnerFace or None
+        Values of inner faces.
+    """
+
+    between: Annotated[Pair, Field(description="[id, id] of two elements that touch")]
+    dry: DryFace | None = None
+    inner: InnerFace | None = None
+
+    @model_validator(mode="after")
+    def _something(self) -> Self:
+        """Check that at least one material is given."""
+        if self.dry is None and self.inner is None:
+            raise InputError("", "it states no value", '"dry", "inner" or both')
+        return self
+
+
+class Materials(Part):
+    """Weights and strengths of all elements and faces.
+
+    Attributes
+    ----------
+    density : float or None
+        Density of elements that state none.
+    gravity : float or list of float
+        Magnitude, acting downwards, or a vector.
+    dry : Dry or None
+        Material of dry joints.
+    inner : Inner or None
+        Material of inner faces.
+    faces : list of FaceMaterial
+        Materials of the faces between pairs of elements.
+    """
+
+    density: NonNegative | None = None
+    gravity: Annotated[float | Vector, Field(description="a number or a vector")] = 9.81
+    dry: Dry | None = None
+    inner: Inner | None = None
+    faces: list[FaceMaterial] = []

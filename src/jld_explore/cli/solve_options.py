@@ -1,0 +1,22 @@
+"""Define the options of `jld solve` alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from jld_core.limit import (
+    Friction,
+)
+
+SolvedFile = Annotated[Path, typer.Argument(help="Scene file (JSON), or a folder of jld explore.", show_default=False)]
+FrictionModel = Annotated[Friction, typer.Option(help="Associative, or sliding without dilation.")]
+SolutionRange = Annotated[
+    bool, typer.Option("--range", help="Zero dilation: the lowest and the highest λ, sought from every side.")
+]
+FloorSeconds = Annotated[
+    float, typer.Option(help="With --range: processor time for the bound below the lowest λ, 0 for none.")
+]
+ResultFolder = Annotated[Path | None, typer.Option(help="Folder for result.json and pictures.")]

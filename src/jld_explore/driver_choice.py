@@ -1,0 +1,98 @@
+"""Choose the driver of a search, and say why a search found no layout."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from functools import partial
+from typing import Final
+
+from jld_core.deadline import Deadline, DeadlinePassed
+from jld_core.errors import InputError, ParameterError
+from jld_explore.drivers import DRIVERS, Driver, make_driver
+from jld_explore.drivers.choice import driver_for
+from jld_explore.drivers.enumeration import Enumeration, size_up_to
+from jld_explore.settings import ExploreSettings
+from jld_explore.space import SearchSpace
+
+CLASSES: Final = "classes (layouts, those alike by symmetry once)"
+"""Term "classes" with its explanation, used where it first appears."""
+
+COUNTING: Final = 0.2
+"""Share of the remaining time for counting the classes of a space; a slower count means that the space is large."""
+
+
+def choose_driver(
+    space: SearchSpace, settings: ExploreSettings, deadline: Deadline | None = None, *, many: bool = False
+) -> tuple[Driver, int | None]:
+    """Choose the driver and count the classes of the space if it is small.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        Search space.
+    settings : ExploreSettings
+        Settings with the wanted driver and its options.
+    deadline : Deadline, optional
+        Deadline of the search; a count that exceeds a share of it means a large space.
+    many : bool
+        Take no driver that proves by bounds on faces alone.
+
+    Returns
+    -------
+    driver : Driver
+        Driver of the search.
+    total : int or None
+        Number of classes if known.
+
+    Raises
+    ------
+    InputError
+        If the driver or an option is unknown, or the space provably holds no labelling.
+    """
+    wanted = settings.driver
+    if isinstance(wanted, str) and wanted not in DRIVERS:
+        raise ParameterError("driver", f"no driver is named {wanted!r}", "one of " + ", ".join(DRIVERS))
+    # A driver chosen by name needs the size of the space for progress reports only.
+    quick = isinstance(wanted, str) and wanted != Enumeration.name
+    deadline = Deadline() if deadline is None else deadline
+    known = None
+    with suppress(DeadlinePassed), deadline.within(COUNTING * deadline.remaining()).enforced():
+        known = size_up_to(space, settings.small, quick=quick) if settings.small else None
+    if known == 0:
+        raise nothing_found(space)
+    if isinstance(wanted, Driver):
+        return wanted, known
+    if wanted is None:
+        many = many or settings.by_experiment or settings.experiment is not None or settings.own_objective is not None
+        make = partial(driver_for, space, settings.seed, settings.model, known, settings.options, many=many)
+    else:
+        make = partial(make_driver, wanted, space, settings.seed, **settings.options)
+    try:
+        with deadline.enforced():  # The exact driver prepares for its space, in a share of the time left.
+            return make(), known
+    except DeadlinePassed:
+        return make(), known
+
+
+def nothing_found(space: SearchSpace, seconds: float | None = None) -> InputError:
+    """Return the error for a search without any layout, ended by `seconds` or by exhaustion.
+
+    It says whether the space is proven empty.
+    """
+    where, problem, remedy = "search", "no labelling satisfies the constraints", "constraints that some labelling meets"
+    if seconds is not None:
+        problem = "no layout that satisfies the constraints was found"
+    open_question = "" if seconds is None else f" within `seconds={seconds:g}`, nor a proof that there is none"
+    if space.laying is not None and space.laying.refused:
+        standing = space.search.assemble == "standing"
+        wish = "stands at every stage without props" if standing else "can be laid"
+        where = "search.assemble"
+        within = "" if seconds is None else f" of {space.laying.refused} that were looked at"
+        aside = space.assembly.dimension == 2 and not space.search.assemble_out_of_plane
+        remedy = "assemble_out_of_plane, or no such limit" if aside else "no such limit"
+        remedy = '"translation", with centring' if standing else remedy
+        problem = f"no layout{within} {wish}"
+        if seconds is None and space.laying.undecided:
+            problem = f"no layout was found that {wish}"
+            open_question = f", and for {space.laying.undecided} of them the search for an order stopped at its limit"
+    return InputError(where, problem + open_question, remedy if seconds is None else f"{remedy}, or more seconds")

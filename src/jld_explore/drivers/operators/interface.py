@@ -1,0 +1,72 @@
+"""Define the interface of the operators on labellings."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from jld_core.arrays import Bits, Ints
+from jld_explore.drivers.operators.atom_graph import BufferedRandom
+
+
+class Operators(Protocol):
+    """Interface of the operators on labellings.
+
+    Labellings are rows (k, m), True = dry. Results hold at most one row per requested one.
+
+    Attributes
+    ----------
+    keys : int
+        Number of keys that `read` takes.
+    offspring_factor : int
+        Number of children to make for each evaluated one.
+    sure : bool
+        Whether every row is feasible without a check.
+    """
+
+    keys: int
+    """Number of keys that `read` takes."""
+
+    offspring_factor: int
+    """Number of children that are cheap enough to make for each evaluated one."""
+
+    sure: bool
+    """Whether every row is feasible, because the operators keep all limits of the space."""
+
+    def draw(self, count: int, rng: BufferedRandom) -> Bits:
+        """Draw random labellings, at most `count`."""
+
+    def vary(self, parents: Bits, rng: BufferedRandom) -> Bits:
+        """Return one child of each parent, which differs by a small change."""
+
+    def cross(self, first: Bits, second: Bits, rng: BufferedRandom) -> Bits:
+        """Return one child of each couple."""
+
+    def crossed(self, first: Bits, second: Bits, rng: BufferedRandom) -> tuple[Bits, Ints]:
+        """Return one child of each couple where one is found.
+
+        Parameters
+        ----------
+        first, second : (k, m) bool arrays
+            Parents of each couple.
+        rng : BufferedRandom
+            Source of random numbers.
+
+        Returns
+        -------
+        (j, m) bool array
+            Children.
+        (j,) int array
+            Couple of each child.
+        """
+
+    def breed(self, first: Bits, second: Bits, single: Bits, rng: BufferedRandom) -> Bits:
+        """Return one child of each couple, and one change of each single parent."""
+
+    def read(self, keys: list[float]) -> Bits:
+        """Convert keys in [0, 1] to a labelling (1, m), or (0, m) if none is found.
+
+        The same keys always give the same labelling.
+        """
+
+    def write(self, labelling: Bits) -> list[float]:
+        """Return keys of a labelling (m,), which `read` converts back to it."""

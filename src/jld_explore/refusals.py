@@ -1,0 +1,103 @@
+"""Refuse settings of a search that exclude each other or do not fit the structure."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from jld_core.assembly import Assembly
+from jld_core.errors import InputError, ParameterError
+from jld_core.models import require_model
+from jld_core.models.by_fields import require_cracks
+from jld_core.scene import Scene
+from jld_core.scene.cracks import FieldCracks
+from jld_explore.drivers import Driver
+from jld_explore.drivers.exact.certifying import check_certifiable
+from jld_explore.drivers.exact.driver import Exact
+from jld_explore.settings import ExploreSettings
+
+
+def refuse_together(scene: Scene, settings: ExploreSettings, assembly: Assembly) -> None:
+    """Raise InputError for settings that exclude each other or do not support the loads."""
+    if assembly.warnings and settings.strict:
+        raise InputError("", assembly.warnings[0], "a scene without warnings, or `strict=False`")
+    refuse_beside_cracks(scene, settings, assembly)
+    if settings.certificate is not None and settings.robust:
+        raise ParameterError("certificate", "it speaks of one value of each strength", "a search with `robust=False`")
+    if settings.model.by_floor and assembly.dimension == 3:
+        raise ParameterError("objective", "spatial scenes have no bound without dilation", "zero-dilation")
+    if settings.certificate is not None and settings.by_experiment:
+        raise ParameterError("certificate", "an experiment is no proof", '`objective="associative"`')
+    refuse_beside_own_objective(scene, settings)
+
+
+def refuse_beside_own_objective(scene: Scene, settings: ExploreSettings) -> None:
+    """Raise InputError for what needs bounds on λ, or another ranking, beside an objective of the user."""
+    if settings.own_objective is None:
+        return
+    driver = settings.driver
+    proves = driver.modular if isinstance(driver, Driver) else driver == Exact.name
+    for name, asked in (
+        ("`driver`", proves),
+        ("`certificate`", settings.certificate is not None),
+        ("`robust`", settings.robust),
+        ("`experiment`", settings.experiment is not None),
+        ("search.void", scene.search.void is not None),
+        ("search.require", scene.search.require is not None),
+    ):
+        if asked:
+            raise ParameterError("objective", f"{name} speaks of λ, not of a function", "one of both")
+
+
+def refuse_beside_cracks(scene: Scene, settings: ExploreSettings, assembly: Assembly) -> None:
+    """Raise InputError for settings that a search with cracks beside the faces does not know."""
+    if scene.cracks == "faces":
+        return
+    fields = isinstance(scene.cracks, FieldCracks)
+    for option, asked in (
+        ("certificate", settings.certificate is not None),
+        ("experiment", settings.experiment is not None or settings.by_experiment),
+        ("robust", settings.robust and fields),
+        ("resume", settings.resume and fields),
+        ("driver", isinstance(settings.driver, str) and settings.driver == Exact.name),
+        ("search.void", scene.search.void is not None),
+        ("search.require", scene.search.require is not None and fields),
+    ):
+        if asked:
+            raise ParameterError(option, "it knows cracks by faces alone", 'a search without it, or "cracks": "faces"')
+    require_cracks(scene, assembly, settings.model)
+
+
+def refuse_unfit(scene: Scene, assembly: Assembly, settings: ExploreSettings, driver: Driver) -> None:
+    """Raise InputError if driver, model, experiment or certificate do not fit the structure.
+
+    If a certificate is requested, also restrict the exact driver to proofs that a certificate can hold.
+    """
+    if driver.modular and scene.cracks != "faces":
+        raise ParameterError("driver", f"{driver.name} knows cracks by faces alone", "another driver")
+    if driver.modular and not replace(settings.model, friction="associative").modular:
+        raise ParameterError(
+            "driver", f"{driver.name} has no bounds for this model", "convex contact on whole faces, uncoupled bending"
+        )
+    space = driver.space
+    dry = (space.candidates | space.fixed) & (space.assembly.interfaces.b != space.assembly.sink)
+    require_model(space.assembly, settings.model, dry)
+    if settings.experiment or settings.by_experiment:
+        from jld_experiment import require_one_load  # optional; raises its error here if missing
+
+        require_one_load(assembly)
+    if settings.certificate is not None:
+        check_certifiable(driver, settings.model, scene)
+        if isinstance(driver, Exact):
+            driver.prove_by_faces()
+
+
+def refuse_beside_void(settings: ExploreSettings, driver: Driver) -> None:
+    """Raise InputError for options that need a single structure if cells may be left out."""
+    for option, asked in (
+        ("experiment", settings.experiment is not None or settings.by_experiment),
+        ("driver", driver.modular),
+    ):
+        if asked:
+            raise ParameterError(
+                option, "it speaks of one structure, and search.void leaves cells out", "a search without"
+            )
