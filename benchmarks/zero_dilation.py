@@ -23,9 +23,9 @@ from studies.families import random_wall
 from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, build_assembly, load_scene, tolerances
 from jld_core.arrays import Floats
 from jld_core.limit import Proof, result_of
-from jld_core.models.zero_dilation.proof import proof_of
+from jld_core.models.zero_dilation.proof import pair_proof
 from jld_core.models.zero_dilation.search import FixedPointSearch, PrimalDualPair, ProximalOptions
-from jld_core.models.zero_dilation.starts import first_forces
+from jld_core.models.zero_dilation.starts import initial_forces
 
 ROOT = Path(__file__).resolve().parent
 WALLS = tuple(f"ferris_tinloi_{number}" for number in (1, 2, 3, 4, 5))
@@ -52,8 +52,8 @@ def smoothed(analysis: LimitAnalysis, scheme: Smoothing, associative: Proof | No
     start, labels = time.perf_counter(), analysis.assembly.labels
     associative = associative or analysis.prove(labels)
     search = FixedPointSearch(analysis, labels, ProximalOptions(start=scheme.start, most=scheme.most))
-    pair = _iterate(search, scheme, first_forces(search, associative, scheme.start))
-    proof = proof_of(associative, analysis, pair, search.solves)
+    pair = _iterate(search, scheme, initial_forces(search, associative, scheme.start))
+    proof = pair_proof(associative, analysis, pair, search.solves)
     options = replace(analysis.options, friction="zero-dilation")
     elapsed = time.perf_counter() - start
     return result_of(analysis.template, labels, options, proof, assemble=analysis.seconds, elapsed=elapsed)
@@ -65,8 +65,8 @@ def _iterate(search: FixedPointSearch, scheme: Smoothing, forces: Floats) -> Pri
     normals, last, point = search.normals(forces), math.inf, forces
     violation, settled = math.inf, False
     for _ in range(scheme.most - 1):
-        template, sets = search.frozen(alpha, normals, None)
-        point = search.route.solve(template.program(labels, search.margin)).point
+        template, sets = search.freeze_friction(alpha, normals, None)
+        point = search.solver.solve(template.program(labels, search.margin)).point
         search.solves += 1
         table = search.table(point)
         excess = max(0.0, float(sets.excess(table, labels).max(initial=0.0)))
@@ -79,7 +79,7 @@ def _iterate(search: FixedPointSearch, scheme: Smoothing, forces: Floats) -> Pri
         normals = scheme.beta * table[:, 0] + (1.0 - scheme.beta) * normals
     # moving these forces into the true cone would cost far more λ than they violate it by
     state = search.analysis.prover.state(point, labels, passes=3)
-    pair = search.judge(state, None)
+    pair = search.evaluate_pair(state, None)
     return replace(pair, violation=violation, settled=settled and alpha == 0.0) if pair.motion is not None else pair
 
 

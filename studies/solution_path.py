@@ -37,9 +37,11 @@ def path_of_solutions(analysis: LimitAnalysis, labels: Bits, seed: int = 0) -> S
     """
     side = MultiStartSearch(analysis, labels, ProximalOptions(), analysis.prove(labels))
     lowest = side.search().lowest
-    if lowest is None or side.pivots is None:
+    if lowest is None or side.alternation is None:
         return None
-    points = side.pivots.climb(np.append(lowest.state.forces.ravel(), lowest.state.load), seed, _LEGS, _IDLE)
+    points = side.alternation.ascending_path(
+        np.append(lowest.state.forces.ravel(), lowest.state.load), seed, _LEGS, _IDLE
+    )
     scaling = analysis.template.scaling
     forces = np.array([point[:-1].reshape(scaling.face.shape) * scaling.face for point in points])
     steps = abs(np.diff(forces[:, :, 0], axis=0)).sum(axis=1)

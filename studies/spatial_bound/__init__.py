@@ -17,8 +17,8 @@ from jld_core.models.zero_dilation.found import MultiStartSearch
 from jld_core.models.zero_dilation.lower_bound_problem import LowerBound, LowerBoundProblem
 from jld_core.models.zero_dilation.range import load_range
 from jld_core.models.zero_dilation.search import ProximalOptions
-from jld_core.models.zero_dilation.starts import certified
-from studies.spatial_bound.lower_bound import SpaceFloorSearch
+from jld_core.models.zero_dilation.starts import repair_and_evaluate
+from studies.spatial_bound.lower_bound import SpaceLowerBoundSearch
 from studies.spatial_bound.modes import space_modes_of
 
 _TRIED: Final = 3
@@ -37,12 +37,12 @@ def bound_in_space(analysis: LimitAnalysis, labels: Bits, side: MultiStartSearch
     def offer(states: Floats) -> float:
         """Certify states of a relaxation and search from the first; return the lowest λ."""
         for state in states[:_TRIED]:
-            found.offer(certified(side.pairs, state))
+            found.offer(repair_and_evaluate(side.fixed_point, state))
         for state in states[:1]:
             side.search_from(state[:-1], thorough=False)
-        return found.low
+        return found.lowest_load
 
-    return SpaceFloorSearch(analysis, labels, modes, LowerBoundProblem(found.low, seconds, offer)).search()
+    return SpaceLowerBoundSearch(analysis, labels, modes, LowerBoundProblem(found.lowest_load, seconds, offer)).search()
 
 
 def range_in_space(assembly: Assembly, seconds: float = 60.0, **options: Any) -> dict[str, Any]:

@@ -92,13 +92,13 @@ def drawn(family: str, rng: np.random.Generator) -> Scene:
 
 def others(side: MultiStartSearch, rng: np.random.Generator) -> list[float]:
     """λ ≥ 0, scaled, of certified solutions that other seeds and random forces lead to."""
-    most = min(side.found.low, side.associative.bracket[1])
+    most = min(side.found.lowest_load, side.associative.bracket[1])
     size = float(abs(side.found.lowest.state.forces).max()) if side.found.lowest is not None else 1.0
     for _ in range(_SEEDS):
-        pair = low_compression_states(side.pairs, float(rng.random()) * most, rng)
+        pair = low_compression_states(side.fixed_point, float(rng.random()) * most, rng)
         if pair is not None:
             side.found.offer(pair)
-        side.search_from(size * rng.normal(size=side.pairs.count), thorough=False)
+        side.search_from(size * rng.normal(size=side.fixed_point.count), thorough=False)
     return [load for load in side.found.loads if load >= 0.0]
 
 

@@ -21,13 +21,13 @@ import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.limit import LimitAnalysis
-from jld_core.models.zero_dilation.frozen import frozen_friction
+from jld_core.models.zero_dilation.frozen import frozen_friction_bound
 from jld_core.models.zero_dilation.lower_bound_problem import LowerBound, LowerBoundProblem
 from jld_core.models.zero_dilation.rlt_relaxation import Region
 from studies.spatial_bound.certificate import SpaceCertifier
 from studies.spatial_bound.modes import SpaceModes, Way, space_modes_of, with_direction
-from studies.spatial_bound.rlt_relaxation import SpaceRelaxed, relax_space
-from studies.spatial_bound.statics import SpaceStatics, space_reach
+from studies.spatial_bound.rlt_relaxation import SpaceRltSolution, solve_space_rlt
+from studies.spatial_bound.statics import SpaceStatics, bound_space_velocities
 
 SPACE_FACES: Final = 24
 """Number of faces up to which products are formed; larger scenes have only the cheap bound, unless given more time."""
@@ -97,27 +97,27 @@ class _Part:
         return replace(self, proven=low, believed=max(self.believed, believed, low))
 
 
-class SpaceFloorSearch:
+class SpaceLowerBoundSearch:
     """Lower-bound search of one spatial labelling."""
 
-    def __init__(self, analysis: LimitAnalysis, labels: Bits, modes: SpaceModes, ceiling: LowerBoundProblem) -> None:
-        self.analysis, self.labels, self.modes, self.ceiling = analysis, labels, modes, ceiling
+    def __init__(self, analysis: LimitAnalysis, labels: Bits, modes: SpaceModes, problem: LowerBoundProblem) -> None:
+        self.analysis, self.labels, self.modes, self.problem = analysis, labels, modes, problem
         self._directions, self._slides = list(modes.directions), list(modes.directions)
-        everywhere = SpaceStatics(modes, 0.0, ceiling.above(0.0), np.zeros(len(modes.rows), dtype=bool))
-        self._size, self._reach = everywhere.size, space_reach(everywhere)
-        first = modes.near if modes.faces > _AT_ONCE else np.ones_like(modes.near)
+        everywhere = SpaceStatics(modes, 0.0, problem.interval_end(0.0), np.zeros(len(modes.rows), dtype=bool))
+        self._force_bounds, self._velocity_bounds = everywhere.force_bounds, bound_space_velocities(everywhere)
+        first = modes.adjacent if modes.faces > _AT_ONCE else np.ones_like(modes.adjacent)
         self._pairs = {(int(f), int(g)) for f, g in zip(*np.nonzero(first), strict=True)}
 
     def search(self) -> LowerBound:
         """Compute the lower bound."""
-        modes, ceiling, none = self.modes, self.ceiling, np.zeros(self.modes.bending, dtype=bool)
-        if self._reach is None:
-            ceiling.note("no certificate: velocities are not bounded")
-        low = frozen_friction(self.analysis, self.labels, modes, modes.columns[:, 0], self._size, ceiling)
+        modes, problem, none = self.modes, self.problem, np.zeros(self.modes.bending, dtype=bool)
+        if self._velocity_bounds is None:
+            problem.record("no certificate: velocities are not bounded")
+        low = frozen_friction_bound(self.analysis, self.labels, modes, modes.columns[:, 0], self._force_bounds, problem)
         parts = [_Part(none, none, (), low, low)]
-        if ceiling.allows(modes.faces, SPACE_FACES, self._size):
+        if problem.allows_products(modes.faces, SPACE_FACES, self._force_bounds):
             parts = self._parted(parts[0])
-        return ceiling.floor(min(part.proven for part in parts), min(part.believed for part in parts))
+        return problem.result(min(part.proven for part in parts), min(part.believed for part in parts))
 
     # --- pieces -------------------------------------------------------------------------------------------
 
@@ -127,11 +127,11 @@ class SpaceFloorSearch:
         Return all parts, each with its bounds.
         """
         first, relaxed = self._swept(whole, "products")
-        parts: list[tuple[_Part, SpaceRelaxed | None]] = [(first, relaxed)]
-        while self.ceiling.left > 0.0:
+        parts: list[tuple[_Part, SpaceRltSolution | None]] = [(first, relaxed)]
+        while self.problem.seconds_left > 0.0:
             lowest = min(range(len(parts)), key=lambda k: (parts[k][0].proven, parts[k][0].believed))
             part, relaxed = parts[lowest]
-            if self.ceiling.met(part.proven) or relaxed is None or part.done:
+            if self.problem.closes_gap(part.proven) or relaxed is None or part.done:
                 break
             halves = self._halves(part, relaxed)
             if halves is None and not self._sharpened(*self._region(part, part.proven), relaxed):
@@ -139,44 +139,48 @@ class SpaceFloorSearch:
             parts[lowest : lowest + 1] = [self._swept(half, "part") for half in halves or (part,)]
         return [part for part, _ in parts]
 
-    def _swept(self, part: _Part, name: str) -> tuple[_Part, SpaceRelaxed | None]:
+    def _swept(self, part: _Part, name: str) -> tuple[_Part, SpaceRltSolution | None]:
         """Raise the bound of a part until steps gain little; return it and the last relaxation."""
-        step, finest, stalls, ceiling = 1, 0, 0, self.ceiling
-        certifies = self._reach is not None
-        relaxed: SpaceRelaxed | None = None
-        while not ceiling.met(part.proven) and ceiling.left > 0.0:
+        step, finest, stalls, problem = 1, 0, 0, self.problem
+        certifies = self._velocity_bounds is not None
+        relaxed: SpaceRltSolution | None = None
+        while not problem.closes_gap(part.proven) and problem.seconds_left > 0.0:
             low = part.proven if certifies else part.believed
             modes, region = self._region(part, low)
-            slack = ceiling.earns(_SLACKS[step]) if certifies else 0.0
-            relaxed = relax_space(modes, region, self._size, self._asked(modes, region), slack, max(ceiling.left, 1.0))
-            ceiling.note(name if relaxed is not None else f"{name}: no answer", 1)
+            slack = problem.scaled_slack(_SLACKS[step]) if certifies else 0.0
+            relaxed = solve_space_rlt(
+                modes, region, self._force_bounds, self._asked(modes, region), slack, max(problem.seconds_left, 1.0)
+            )
+            problem.record(name if relaxed is not None else f"{name}: no answer", 1)
             if relaxed is None:
                 return replace(part, done=True), None
-            wins = not certifies or ceiling.won(low, relaxed.multipliers.bound, _LITTLE)
-            near = relaxed.multipliers.bound >= ceiling.below(_FAR)
-            enough = ceiling.below(_ENOUGH) if near else -math.inf
-            found = self._proven(modes, region, slack, relaxed, enough) if wins else low
+            wins = not certifies or problem.gains_enough(low, relaxed.multipliers.bound, _LITTLE)
+            near = relaxed.multipliers.bound >= problem.load_below(_FAR)
+            sufficient_bound = problem.load_below(_ENOUGH) if near else -math.inf
+            found = self._proven(modes, region, slack, relaxed, sufficient_bound) if wins else low
             if certifies and found == -math.inf and step < len(_SLACKS) - 1:
                 finest = step = step + 1
-                ceiling.note("more slack")
+                problem.record("more slack")
                 continue
             if wins:
-                part = part.above(found, ceiling.trusted(relaxed.multipliers.bound) if relaxed.sure else -math.inf)
-            ceiling.take(self._whole(modes, relaxed.states))
+                part = part.above(
+                    found, problem.less_solver_tolerance(relaxed.multipliers.bound) if relaxed.accurate else -math.inf
+                )
+            problem.offer_states(self._whole(modes, relaxed.states))
             reached = part.proven if certifies else part.believed
-            near = max(part.proven, relaxed.multipliers.bound) >= ceiling.below(_FAR)
-            if ceiling.won(low, reached, _MUCH) and not near:
+            near = max(part.proven, relaxed.multipliers.bound) >= problem.load_below(_FAR)
+            if problem.gains_enough(low, reached, _MUCH) and not near:
                 continue
             if near and step > finest:
                 step = finest
                 continue
-            if ceiling.met(part.proven):
+            if problem.closes_gap(part.proven):
                 break
             more = self._more_rows(modes, region, relaxed)
-            stalls = 0 if ceiling.won(low, reached, _SOME) else stalls + 1
+            stalls = 0 if problem.gains_enough(low, reached, _SOME) else stalls + 1
             # A relaxation that was stopped early does not show where circles are violated.
-            sharper = (wins or relaxed.sure) and self._sharpened(modes, region, relaxed)
-            if not (more or sharper or ceiling.won(low, reached)) or (stalls >= _PATIENCE and not more):
+            sharper = (wins or relaxed.accurate) and self._sharpened(modes, region, relaxed)
+            if not (more or sharper or problem.gains_enough(low, reached)) or (stalls >= _PATIENCE and not more):
                 break
         return part, relaxed
 
@@ -185,8 +189,8 @@ class SpaceFloorSearch:
         modes = self._modes(part)
         held, still = np.zeros(len(modes.rows), dtype=bool), np.zeros(len(modes.rates), dtype=bool)
         held[: modes.bending], still[: modes.bending] = part.held, part.still
-        high = self.ceiling.above(low)
-        closed = SpaceStatics(modes, low, high, held, self._size).closed()
+        high = self.problem.interval_end(low)
+        closed = SpaceStatics(modes, low, high, held, self._force_bounds).closed_modes()
         return modes, Region(low, high, closed | still, held)
 
     def _modes(self, part: _Part) -> SpaceModes:
@@ -213,12 +217,14 @@ class SpaceFloorSearch:
         moving[modes.mode_face[~region.closed]] = True
         return (modes.tension > 0.0) & ~moving
 
-    def _proven(self, modes: SpaceModes, region: Region, slack: float, relaxed: SpaceRelaxed, enough: float) -> float:
+    def _proven(
+        self, modes: SpaceModes, region: Region, slack: float, relaxed: SpaceRltSolution, sufficient_bound: float
+    ) -> float:
         """Return the bound proven by the multipliers of a relaxation, −inf if none."""
-        if self._reach is None:
+        if self._velocity_bounds is None:
             return -math.inf
-        check = SpaceCertifier(modes, region, slack, self._size, self._reach)
-        return check.bound(relaxed.multipliers, enough)
+        check = SpaceCertifier(modes, region, slack, self._force_bounds, self._velocity_bounds)
+        return check.bound(relaxed.multipliers, sufficient_bound)
 
     def _whole(self, modes: SpaceModes, states: Floats) -> Floats:
         """Return all six resultants per face, (k, 6m + 1) with λ, from those not identically zero."""
@@ -228,7 +234,7 @@ class SpaceFloorSearch:
         full[:, -1] = states[:, -1]
         return full
 
-    def _sharpened(self, modes: SpaceModes, region: Region, relaxed: SpaceRelaxed) -> bool:
+    def _sharpened(self, modes: SpaceModes, region: Region, relaxed: SpaceRltSolution) -> bool:
         """Add directions where forces or slips violate their circles; return True if any."""
         sharper = False
         spared = self._spared(modes, region)
@@ -240,10 +246,10 @@ class SpaceFloorSearch:
                 if len(known[face]) < len(more) <= _DIRECTIONS:
                     known[face], sharper = more, True
         if sharper:
-            self.ceiling.note("circles")
+            self.problem.record("circles")
         return sharper
 
-    def _more_rows(self, modes: SpaceModes, region: Region, relaxed: SpaceRelaxed) -> bool:
+    def _more_rows(self, modes: SpaceModes, region: Region, relaxed: SpaceRltSolution) -> bool:
         """Add the pairs of faces whose rows y_k z_l are violated most; return True if any is new."""
         worst = np.zeros((modes.faces, modes.faces))
         np.maximum.at(worst, (modes.face[:, None], modes.mode_face[None, :]), relaxed.violation)
@@ -252,10 +258,10 @@ class SpaceFloorSearch:
         fresh = {(int(f), int(g)) for f, g in chosen} - self._pairs
         self._pairs |= fresh
         if fresh:
-            self.ceiling.note("rows added")
+            self.problem.record("rows added")
         return bool(fresh)
 
-    def _halves(self, part: _Part, relaxed: SpaceRelaxed) -> tuple[_Part, _Part] | None:
+    def _halves(self, part: _Part, relaxed: SpaceRltSolution) -> tuple[_Part, _Part] | None:
         """Split a part at the edge or slip that most violates its complementarity, or return None."""
         edges = np.where(part.still | part.held, 0.0, relaxed.disagreeing)
         ways = relaxed.torn.copy()

@@ -32,7 +32,7 @@ import scipy.sparse as sp
 
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.mechanics.yield_spatial import SpatialYield
-from jld_core.models.zero_dilation.modes import LinearModes, near_faces
+from jld_core.models.zero_dilation.modes import LinearModes, adjacent_faces
 from jld_core.program import Template
 
 AXES: Final = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
@@ -225,7 +225,7 @@ class _Sheet:
             share=self.share,
             slip=self.slip,
             directions=self.directions,
-            near=near_faces(template.assembly),
+            adjacent=adjacent_faces(template.assembly),
         )
 
     def _bending(self, corner: Floats, tension: Floats) -> tuple[Floats, Floats, Floats]:

@@ -18,13 +18,13 @@ from jld_core.arrays import Bools, Floats
 from jld_core.models.zero_dilation.rlt_relaxation import (
     Multipliers,
     Region,
-    extended,
-    mixed,
-    products,
-    scaled,
+    combined_states,
+    null_space,
+    product_rows,
+    region_forms,
+    scaled_forms,
+    scaling_matrix,
     solve_products,
-    units_of,
-    without,
 )
 from studies.spatial_bound.modes import SpaceModes
 
@@ -39,14 +39,14 @@ _NOTHING: Final = 1e-11
 
 
 @dataclass(frozen=True)
-class SpaceRelaxed:
+class SpaceRltSolution:
     """Solution of the spatial relaxation, as `RltSolution`.
 
     multipliers: those of the coupling forms follow those of (y, λ − L, U − λ) in `live`. states: (·, q + 1) forces and
     λ. violation: (k, l) how far omitted products are below zero. beyond: (2, m) largest relative violation of the
     circles by V and s, over all forms of the other factor. toward: (2, m, 2) the direction of this violation.
     disagreeing: (b,) of bending modes: min(z, 1) times y on the mean. torn: (m, 3) of s1, s2 and ω: dissipation in
-    excess of that of the means. Both are powers. sure: True if the solver reports an optimum.
+    excess of that of the means. Both are powers. accurate: True if the solver reports an optimum.
     """
 
     multipliers: Multipliers
@@ -56,7 +56,7 @@ class SpaceRelaxed:
     toward: Floats
     disagreeing: Floats
     torn: Floats
-    sure: bool
+    accurate: bool
 
 
 def equal_of(modes: SpaceModes, region: Region) -> Bools:
@@ -77,22 +77,22 @@ def still(modes: SpaceModes, region: Region) -> Floats:
     return np.vstack([modes.ties, modes.rates[region.closed]]) @ modes.motions
 
 
-def relax_space(
-    modes: SpaceModes, region: Region, size: Floats, pairs: Bools, slack: float, seconds: float = np.inf
-) -> SpaceRelaxed | None:
+def solve_space_rlt(
+    modes: SpaceModes, region: Region, force_bounds: Floats, pairs: Bools, slack: float, seconds: float = np.inf
+) -> SpaceRltSolution | None:
     """Solve the spatial relaxation with given rows y_k z_l; None if the solver fails.
 
-    pairs: (k, l) mask of rows. size, slack, seconds and the scaling: as for `relax`.
+    pairs: (k, l) mask of rows. force_bounds, slack, seconds and the scaling: as for `solve_rlt`.
     """
     count, columns = len(modes.rows), modes.matrix.shape[1] + 2
-    basis = without(still(modes, region))
+    basis = null_space(still(modes, region))
     motions = modes.motions @ basis
     motions[abs(motions) < _NOTHING] = 0.0
     rates = modes.rates @ motions
     rates[abs(rates) < _NOTHING] = 0.0
     live, width = modes.live_rate @ basis, basis.shape[1]
-    unit, wide = units_of(region, size), region.high - region.low
-    facts, largest, statics = scaled(modes, region, unit)
+    unit, wide = scaling_matrix(region, force_bounds), region.high - region.low
+    facts, largest, statics = scaled_forms(modes, region, unit)
     equal = equal_of(modes, region)
     asked = pairs & ~region.closed[None, :] & ~equal[:count] & ~region.held[:, None]
     moving = np.flatnonzero(~region.closed)
@@ -102,13 +102,13 @@ def relax_space(
     forms, sizes_of_forms = _coupled(modes, unit, motions)
     equilibrium = np.repeat(np.arange(len(statics)), width), np.tile(np.arange(width), len(statics))
     blocks = [
-        products(statics, np.eye(width), *equilibrium),
-        products(facts, rates, *zero),
+        product_rows(statics, np.eye(width), *equilibrium),
+        product_rows(facts, rates, *zero),
         forms,
-        products(facts, rates, *asking),
-        products(facts, rates, *every),
-        products(facts, live[None], bounds, np.zeros_like(bounds)),
-        products(facts, live[None], np.array([len(facts) - 1]), np.array([0])),
+        product_rows(facts, rates, *asking),
+        product_rows(facts, rates, *every),
+        product_rows(facts, live[None], bounds, np.zeros_like(bounds)),
+        product_rows(facts, live[None], np.array([len(facts) - 1]), np.array([0])),
     ]
     sizes = np.array([block.shape[0] for block in blocks])
     sign_free = np.append(region.held, [False, False])
@@ -143,9 +143,9 @@ def _coupled(modes: SpaceModes, unit: Floats, motions: Floats) -> tuple[Any, Flo
     rows, sizes = [], []
     for form in range(modes.coupled.count):
         table = sp.csr_array(sp.csr_array(unit.T) @ modes.coupled.table(form, shape) @ sp.csr_array(motions))
-        size = float(abs(table.data).max(initial=0.0)) or 1.0
-        rows.append(sp.csr_array(table.reshape((1, shape[0] * motions.shape[1])) / size))
-        sizes.append(size)
+        largest_entry = float(abs(table.data).max(initial=0.0)) or 1.0
+        rows.append(sp.csr_array(table.reshape((1, shape[0] * motions.shape[1])) / largest_entry))
+        sizes.append(largest_entry)
     stacked = sp.vstack(rows, format="csr") if rows else sp.csr_array((0, shape[0] * motions.shape[1]))
     return stacked, np.array(sizes)
 
@@ -158,8 +158,8 @@ def _read(
     live: Floats,
     asked: Bools,
     multipliers: Multipliers,
-    sure: bool,
-) -> SpaceRelaxed:
+    accurate: bool,
+) -> SpaceRltSolution:
     """Compute states, violations and measures for splitting from X."""
     rates = modes.rates @ motions
     mean, seen, z = x @ live, x @ rates.T, x[-1] @ rates.T
@@ -170,15 +170,15 @@ def _read(
             if column >= 0:
                 torn[face, component] = -(x[column] @ motions[column]) - abs(mean[column] * jumps[column])
     beyond, toward = _circles(modes, region, x, motions, np.column_stack([live, rates.T]))
-    return SpaceRelaxed(
+    return SpaceRltSolution(
         multipliers=multipliers,
-        states=mixed(x, live, rates),
+        states=combined_states(x, live, rates),
         violation=np.where(left_out, np.maximum(-(modes.slacks @ seen), 0.0), 0.0),
         beyond=beyond,
         toward=toward,
         disagreeing=np.minimum(z[:bends], 1.0) * (modes.slacks @ mean)[:bends],
         torn=np.maximum(torn, 0.0),
-        sure=sure,
+        accurate=accurate,
     )
 
 
@@ -188,7 +188,7 @@ def _circles(modes: SpaceModes, region: Region, x: Floats, motions: Floats, weig
     Forces are multiplied by non-negative forms of motions, slips by non-negative forms of forces.
     """
     beyond, toward = np.zeros((2, modes.faces)), np.zeros((2, modes.faces, 2))
-    forces, slips = x @ weights, extended(modes, region) @ x @ motions.T
+    forces, slips = x @ weights, region_forms(modes, region) @ x @ motions.T
     for face in np.flatnonzero(modes.slip >= 0).tolist():
         pair, share = modes.columns[face, [1, 2]], modes.share[face]
         holds = modes.capacities[face] @ forces - (forces[share] if share >= 0 else 0.0)

@@ -137,11 +137,11 @@ def rows_of_labellings(count: int, seconds: float) -> Iterator[str]:
     for family, analysis, labels, proof in labelled(count):
         side = MultiStartSearch(analysis, labels, ProximalOptions(), proof)
         start = time.process_time()
-        for forces in starts(side.pairs, proof):
+        for forces in starts(side.fixed_point, proof):
             side.search_from(forces)
-        started, low = time.process_time() - start, side.found.low
-        side.press_little()
-        more, lower = time.process_time() - start - started, side.found.low
+        started, low = time.process_time() - start, side.found.lowest_load
+        side.search_low_compression()
+        more, lower = time.process_time() - start - started, side.found.lowest_load
         extra = (
             load_range(analysis, labels, ProximalOptions(), proof, seconds, bound=bound_in_space).extra
             if family != "shelf"

@@ -30,18 +30,20 @@ class SpaceStatics(Statics):
     The polygons contain the true friction circles, so the bounds hold for the true forces.
     """
 
-    def __init__(self, modes: SpaceModes, low: float, high: float, held: Bools, size: Floats | None = None) -> None:
-        super().__init__(modes, low, high, held, size)
+    def __init__(
+        self, modes: SpaceModes, low: float, high: float, held: Bools, force_bounds: Floats | None = None
+    ) -> None:
+        super().__init__(modes, low, high, held, force_bounds)
         self.space = modes
 
     @cached_property
-    def size(self) -> Floats:
+    def force_bounds(self) -> Floats:
         """Return (q + 2,) upper bounds on |F|, |λ| and 1; inf where self-stress is unbounded.
 
         The sum S of all slacks bounds N + σtA, |m| / extent, |V1|, |V2| and |mT| of every face, and therefore itself.
         """
-        if self._size is not None:
-            return self._size
+        if self._force_bounds is not None:
+            return self._force_bounds
         modes = self.space
         grows, stands = np.zeros((2, modes.rows.shape[1]))
         for face, columns in enumerate(modes.columns):
@@ -54,13 +56,13 @@ class SpaceStatics(Statics):
         total = -np.append(modes.rows.sum(axis=0), [0.0, modes.constants.sum()])
         value, left = self._bound(total)
         missed = float(left @ grows)
-        size = np.full(len(total), np.inf)
-        size[-2:] = max(abs(self.low), abs(self.high)), 1.0
+        force_bounds = np.full(len(total), np.inf)
+        force_bounds[-2:] = max(abs(self.low), abs(self.high)), 1.0
         if not np.isfinite(value) or missed > 0.5:
-            return size
+            return force_bounds
         most = (float(left @ stands) - value) / (1.0 - missed)
-        size[:-2] = most * grows + stands
-        coarse = size.copy()
+        force_bounds[:-2] = most * grows + stands
+        coarse = force_bounds.copy()
         for face, columns in enumerate(modes.columns):
             n, one, two, *moments, twist = columns
             pressed = np.zeros(len(total))
@@ -74,10 +76,10 @@ class SpaceStatics(Statics):
             ends |= dict.fromkeys(moments, modes.extent[face] * (most + strong))
             for column, end in ends.items():
                 if column >= 0:
-                    size[column] = min(end, coarse[column])
-        return size
+                    force_bounds[column] = min(end, coarse[column])
+        return force_bounds
 
-    def closed(self) -> Bools:
+    def closed_modes(self) -> Bools:
         """Return a mask (l,) of modes that cannot move.
 
         A bending mode cannot move if y > 0 in every state, and a slide if no state reaches the friction circle.
@@ -87,7 +89,7 @@ class SpaceStatics(Statics):
         inside = [self._inside(face) for face in rubs.tolist()]
         forms = np.vstack([modes.slacks[: modes.bending], *inside])
         asked = np.concatenate([~self.held[: modes.bending], np.ones(len(forms) - modes.bending, dtype=bool)])
-        sure = self.positive(forms, asked)
+        sure = self.proven_positive(forms, asked)
         kept = np.split(sure[modes.bending :], np.cumsum([len(table) for table in inside])[:-1]) if inside else []
         stuck = np.zeros(modes.faces, dtype=bool)
         stuck[rubs] = [bool(own.all()) for own in kept]
@@ -114,7 +116,7 @@ class SpaceStatics(Statics):
         return np.array(table)
 
 
-def space_reach(statics: SpaceStatics) -> Floats | None:
+def bound_space_velocities(statics: SpaceStatics) -> Floats | None:
     """Return bounds (w,) on |u|, z and t per unit of the cost of a mechanism, or None.
 
     The cost is Σ z + Σ_f C |slip|. It bounds all z, and these bound openings and rotations. Motions that slide without
@@ -124,7 +126,7 @@ def space_reach(statics: SpaceStatics) -> Floats | None:
     """
     modes = statics.space
     width = len(modes.dead)
-    if not np.isfinite(statics.size).all():
+    if not np.isfinite(statics.force_bounds).all():
         return None
     jumps = modes.matrix.T
     opening, ends = [], []
@@ -135,7 +137,7 @@ def space_reach(statics: SpaceStatics) -> Floats | None:
                 own = modes.ties[_tie_of(modes, int(columns[resultant]))]
                 ends.append(float(abs(own[modes.rows.shape[1] :]).max()))
     known, limits = np.array(opening), np.array(ends)
-    capacity = abs(modes.capacities) @ statics.size
+    capacity = abs(modes.capacities) @ statics.force_bounds
     rubs = np.flatnonzero(modes.slip >= 0)
     drift = 0.0
     # Twists come first: once they are bounded, faces in one plane slide alike.
@@ -173,12 +175,12 @@ def space_reach(statics: SpaceStatics) -> Floats | None:
     if drift * float(velocity.max(initial=0.0)) > _DRIFT:
         return None
     slips = abs(modes.motions) @ np.concatenate([velocity, np.zeros(modes.motions.shape[1] - width)])
-    reach = np.concatenate([velocity, np.ones(modes.bending), np.zeros(len(rubs))])
+    velocity_bounds = np.concatenate([velocity, np.ones(modes.bending), np.zeros(len(rubs))])
     for place, face in enumerate(rubs.tolist()):
         one, two, twist = modes.columns[face, [1, 2, 5]]
         turn = float(slips[twist]) if twist >= 0 else 0.0
-        reach[width + modes.bending + place] = max(float(np.hypot(slips[one], slips[two])), turn)
-    return reach
+        velocity_bounds[width + modes.bending + place] = max(float(np.hypot(slips[one], slips[two])), turn)
+    return velocity_bounds
 
 
 def _tie_of(modes: SpaceModes, column: int) -> int:

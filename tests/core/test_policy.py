@@ -14,7 +14,7 @@ from jld_core.limit import result_of
 from jld_core.limit.fallbacks import FALLBACKS, Fallback
 from jld_core.limit.proof_attempt import ProofAttempt
 from jld_core.models import limit_analysis, solve_labelling
-from jld_core.models.solve import FALLBACKS_BY_FRICTION
+from jld_core.models.solve import FALLBACKS_BY_CONDENSE
 from jld_core.program import ConicProgram
 from jld_core.solvers import SOLVERS, HighsSolver, RawSolution, Solver, installed_solvers
 
@@ -108,8 +108,8 @@ def test_proofs_are_about_the_assembly_whatever_was_modelled(options: SolveOptio
 
 
 def test_every_ladder_ends_and_begins_with_what_is_solved() -> None:
-    assert FALLBACKS_BY_FRICTION["off"] == FALLBACKS
-    names = [rung.name for rung in FALLBACKS_BY_FRICTION["auto"]]
+    assert FALLBACKS_BY_CONDENSE["off"] == FALLBACKS
+    names = [rung.name for rung in FALLBACKS_BY_CONDENSE["auto"]]
     assert [name for name in names if "rigid" not in name] == [rung.name for rung in FALLBACKS]
     assert names[0].startswith("rigid")
     assert names[-1].startswith("rigid")

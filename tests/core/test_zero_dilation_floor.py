@@ -17,16 +17,16 @@ from studies.scenes import leonardo_flat_arch, stacked_cubes
 from cases import CASES, grid_assembly, grid_document
 from jld_core import Assembly, LimitAnalysis, Scene, build_assembly, parse_scene, solve
 from jld_core.arrays import Floats
-from jld_core.models.zero_dilation.blocks import BlockCertifier, relax_in_blocks
+from jld_core.models.zero_dilation.blocks import BlockCertifier, solve_rlt_by_matrix_blocks
 from jld_core.models.zero_dilation.certificate import Certifier
 from jld_core.models.zero_dilation.found import MultiStartSearch
-from jld_core.models.zero_dilation.loops import face_loops, opened
-from jld_core.models.zero_dilation.lower_bound import FloorSearch
+from jld_core.models.zero_dilation.loops import face_loops, has_opening
+from jld_core.models.zero_dilation.lower_bound import LowerBoundSearch
 from jld_core.models.zero_dilation.lower_bound_problem import LowerBound, LowerBoundProblem
 from jld_core.models.zero_dilation.modes import Modes, modes_of
-from jld_core.models.zero_dilation.rlt_relaxation import Region, relax
+from jld_core.models.zero_dilation.rlt_relaxation import Region, solve_rlt
 from jld_core.models.zero_dilation.search import ProximalOptions
-from jld_core.models.zero_dilation.statics import Statics, reach
+from jld_core.models.zero_dilation.statics import Statics, bound_velocities
 from jld_core.models.zero_dilation.sweep import BlockSweep
 from nondilatant import block
 
@@ -38,7 +38,7 @@ def below(assembly: Assembly, seconds: float = 60.0) -> tuple[float, LowerBound,
     found = side.search(thorough=False)
     assert found.lowest is not None
     assert side.modes is not None
-    search = FloorSearch(analysis, assembly.labels, side.modes, LowerBoundProblem(found.low, seconds))
+    search = LowerBoundSearch(analysis, assembly.labels, side.modes, LowerBoundProblem(found.lowest_load, seconds))
     return found.lowest.state.load, search.search(), analysis.template.scaling.load
 
 
@@ -105,7 +105,7 @@ def test_no_solution_of_any_start_lies_below(seed: int) -> None:
     assert floor.tolerance == 0.0
     analysis = LimitAnalysis(assembly)
     side = MultiStartSearch(analysis, assembly.labels, ProximalOptions(), analysis.prove(assembly.labels))
-    for forces in np.random.default_rng(seed).normal(size=(6, side.pairs.count)):
+    for forces in np.random.default_rng(seed).normal(size=(6, side.fixed_point.count)):
         side.search_from(0.1 * forces)
     assert min(side.found.loads) >= floor.proven * (1.0 - 1e-9)
     assert floor.proven >= lowest * (1.0 - 1e-6)
@@ -114,15 +114,15 @@ def test_no_solution_of_any_start_lies_below(seed: int) -> None:
 # --- the certificate ------------------------------------------------------------------------------------------------
 
 
-def certifier(assembly: Assembly, ceiling: float, slack: float = 1e-8) -> tuple[Modes, Region, Statics, Certifier]:
+def certifier(assembly: Assembly, high: float, slack: float = 1e-8) -> tuple[Modes, Region, Statics, Certifier]:
     modes = modes_of(LimitAnalysis(assembly).template, assembly.labels)
     assert modes is not None
     none = np.zeros(len(modes.rows), dtype=bool)
-    statics = Statics(modes, 0.0, ceiling, none)
-    velocities = reach(statics)
+    statics = Statics(modes, 0.0, high, none)
+    velocities = bound_velocities(statics)
     assert velocities is not None
-    region = Region(0.0, ceiling, statics.closed(), none)
-    return modes, region, statics, Certifier(modes, region, slack, statics.size, velocities)
+    region = Region(0.0, high, statics.closed_modes(), none)
+    return modes, region, statics, Certifier(modes, region, slack, statics.force_bounds, velocities)
 
 
 def test_certificate_refuses_what_is_not_true() -> None:
@@ -130,17 +130,17 @@ def test_certificate_refuses_what_is_not_true() -> None:
     scale = LimitAnalysis(assembly).template.scaling.load
     modes, region, statics, check = certifier(assembly, 0.66 / scale)
     pairs = np.ones((len(modes.rows), len(modes.forms)), dtype=bool)
-    relaxed = relax(modes, region, statics.size, pairs, 1e-8)
+    relaxed = solve_rlt(modes, region, statics.force_bounds, pairs, 1e-8)
     assert relaxed is not None
     true = check.bound(relaxed.multipliers)
     assert true * scale == pytest.approx(0.65, rel=1e-6)
     # a bound that is raised is lowered again or refused, never believed
     raised = check.bound(replace(relaxed.multipliers, bound=relaxed.multipliers.bound + 1e-3))
     assert raised <= 0.65 / scale
-    emptied = replace(relaxed.multipliers, over=np.zeros_like(relaxed.multipliers.over))
+    emptied = replace(relaxed.multipliers, products=np.zeros_like(relaxed.multipliers.products))
     assert check.bound(emptied) <= 0.65 / scale
-    noise = np.random.default_rng(0).uniform(0.0, 1e-3, relaxed.multipliers.over.shape)
-    assert check.bound(replace(relaxed.multipliers, over=relaxed.multipliers.over + noise)) <= 0.65 / scale
+    noise = np.random.default_rng(0).uniform(0.0, 1e-3, relaxed.multipliers.products.shape)
+    assert check.bound(replace(relaxed.multipliers, products=relaxed.multipliers.products + noise)) <= 0.65 / scale
 
 
 def test_blocks_agree_with_the_library() -> None:
@@ -150,13 +150,13 @@ def test_blocks_agree_with_the_library() -> None:
     scale = LimitAnalysis(assembly).template.scaling.load
     modes, region, statics, check = certifier(assembly, 0.41 / scale, 1e-6)
     everything = np.ones((len(modes.rows), len(modes.forms)), dtype=bool)
-    other = relax(modes, region, statics.size, everything, 1e-6)
+    other = solve_rlt(modes, region, statics.force_bounds, everything, 1e-6)
     assert other is not None
     bounds = []
     for distance in (None, 9, 1):
-        own = relax_in_blocks(modes, region, statics.size, everything, 1e-6, 60.0, distance)
+        own = solve_rlt_by_matrix_blocks(modes, region, statics.force_bounds, everything, 1e-6, 60.0, distance)
         assert own is not None
-        blocks = BlockCertifier(modes, region, 1e-6, statics.size, check.reach, distance)
+        blocks = BlockCertifier(modes, region, 1e-6, statics.force_bounds, check.velocity_bounds, distance)
         bounds.append(own.multipliers.bound)
         assert -np.inf < blocks.bound(own.multipliers) <= 0.4 / scale
     assert bounds[0] == pytest.approx(other.multipliers.bound, rel=1e-5)
@@ -172,9 +172,9 @@ def test_the_first_step_of_large_scenes_excludes_a_part_of_the_way(times: float)
     assembly = build_assembly(halved_bond(2, 2, friction=friction))
     scale = LimitAnalysis(assembly).template.scaling.load
     modes, _, statics, check = certifier(assembly, 1.1 * times * friction / scale)
-    ceiling = LowerBoundProblem(times * friction / scale, 60.0)
-    proven = BlockSweep(modes, statics.size, check.reach, ceiling).first(0.0) * scale
-    assert ceiling.route == ["part of the way"]
+    problem = LowerBoundProblem(times * friction / scale, 60.0)
+    proven = BlockSweep(modes, statics.force_bounds, check.velocity_bounds, problem).partial_bound(0.0) * scale
+    assert problem.route == ["part of the way"]
     least = 0.98 * min(0.75 * times, 1.0) * friction
     assert least <= proven <= min(0.75 * times, 1.0) * friction
 
@@ -239,7 +239,7 @@ def test_what_loops_say_of_slides_holds_in_solutions(assembly: Assembly) -> None
 )
 def test_openings_are_loops_that_short_ones_do_not_fill(scene: Scene, is_opened: bool) -> None:
     assembly = build_assembly(scene)
-    assert opened(assembly) == is_opened
+    assert has_opening(assembly) == is_opened
     lengths = {len(loop) for loop in face_loops(assembly)}
     assert lengths <= {2, 3, 4}
 
@@ -259,16 +259,16 @@ def test_a_loop_that_is_not_one_proves_nothing() -> None:
     assembly = build_assembly(halved_bond(2, 2))
     scale = LimitAnalysis(assembly).template.scaling.load
     modes, region, statics, check = certifier(assembly, 0.66 / scale)
-    assert check.misses.max() < 1e-10
+    assert check.loop_errors.max() < 1e-10
     pairs = np.ones((len(modes.rows), len(modes.forms)), dtype=bool)
-    relaxed = relax(modes, region, statics.size, pairs, 1e-8)
+    relaxed = solve_rlt(modes, region, statics.force_bounds, pairs, 1e-8)
     assert relaxed is not None
     assert check.bound(relaxed.multipliers) * scale == pytest.approx(0.65, rel=1e-6)
     wrong = replace(modes)
     vars(wrong)["loops"] = np.where(modes.loops > 0.0, 0.99 * modes.loops, modes.loops)
-    false = Certifier(wrong, region, 1e-8, statics.size, check.reach)
-    assert false.misses.max() > 1e-3
-    used = relaxed.multipliers.over[:, len(modes.rows) :].max() > 1e-6
+    false = Certifier(wrong, region, 1e-8, statics.force_bounds, check.velocity_bounds)
+    assert false.loop_errors.max() > 1e-3
+    used = relaxed.multipliers.products[:, len(modes.rows) :].max() > 1e-6
     assert not used or false.bound(relaxed.multipliers) <= 0.65 / scale
 
 
@@ -281,7 +281,7 @@ def test_velocities_stay_within_their_reach() -> None:
     assert side.modes is not None
     most = 1.01 * found.highest.state.load if found.highest is not None else 0.0
     statics = Statics(side.modes, 0.0, most, np.zeros(len(side.modes.rows), dtype=bool))
-    limit = reach(statics)
+    limit = bound_velocities(statics)
     assert limit is not None
     for pair in (found.lowest, found.highest):
         assert pair is not None
@@ -294,7 +294,7 @@ def test_velocities_stay_within_their_reach() -> None:
         cost = z[side.modes.hinges].sum() + (side.modes.capacities @ phi) @ abs(slips)
         assert np.all(abs(pair.motion.velocity) <= limit[:width] * cost)
         assert np.all(abs(slips) <= limit[width:] * cost)
-        assert np.all(abs(phi) <= statics.size * (1.0 + 1e-9))
+        assert np.all(abs(phi) <= statics.force_bounds * (1.0 + 1e-9))
 
 
 def test_bounds_of_statics_hold_for_random_states() -> None:
@@ -307,7 +307,7 @@ def test_bounds_of_statics_hold_for_random_states() -> None:
         way = np.append(rng.normal(size=modes.matrix.shape[1] + 1), 0.0)
         low, high = statics.least(way), -statics.least(-way)
         assert low <= high
-        assert high <= float(abs(way) @ statics.size) * (1.0 + 1e-9)
+        assert high <= float(abs(way) @ statics.force_bounds) * (1.0 + 1e-9)
 
 
 def test_a_face_that_nothing_can_press() -> None:

@@ -16,7 +16,7 @@ from scipy.optimize import nnls
 from studies.families import halved_bond
 from studies.spatial_bound import range_in_space
 from studies.spatial_bound.certificate import SpaceCertifier
-from studies.spatial_bound.lower_bound import SpaceFloorSearch
+from studies.spatial_bound.lower_bound import SpaceLowerBoundSearch
 from studies.spatial_bound.modes import (
     AXES,
     SpaceModes,
@@ -25,8 +25,8 @@ from studies.spatial_bound.modes import (
     widest,
     with_direction,
 )
-from studies.spatial_bound.rlt_relaxation import SpaceRelaxed, relax_space
-from studies.spatial_bound.statics import SpaceStatics, space_reach
+from studies.spatial_bound.rlt_relaxation import SpaceRltSolution, solve_space_rlt
+from studies.spatial_bound.statics import SpaceStatics, bound_space_velocities
 
 from cases_spatial import assembly as spatial
 from cases_spatial import box
@@ -68,7 +68,7 @@ def extruded(
 
 def program(
     assembly: Assembly, directions: Floats = AXES, slack: float = 1e-8
-) -> tuple[SpaceModes, Region, SpaceStatics, SpaceRelaxed, SpaceCertifier, float]:
+) -> tuple[SpaceModes, Region, SpaceStatics, SpaceRltSolution, SpaceCertifier, float]:
     """The root program of a labelling with all rows, its certifier, and the scale of λ."""
     analysis = LimitAnalysis(assembly)
     high = 1.02 * analysis.prove(assembly.labels).bracket[1]
@@ -76,13 +76,13 @@ def program(
     assert modes is not None
     none = np.zeros(len(modes.rows), dtype=bool)
     statics = SpaceStatics(modes, 0.0, high, none)
-    reach = space_reach(statics)
-    assert reach is not None
-    region = Region(0.0, high, statics.closed(), none)
+    velocity_bounds = bound_space_velocities(statics)
+    assert velocity_bounds is not None
+    region = Region(0.0, high, statics.closed_modes(), none)
     pairs = np.ones((len(modes.rows), len(modes.rates)), dtype=bool)
-    relaxed = relax_space(modes, region, statics.size, pairs, slack)
+    relaxed = solve_space_rlt(modes, region, statics.force_bounds, pairs, slack)
     assert relaxed is not None
-    check = SpaceCertifier(modes, region, slack, statics.size, reach)
+    check = SpaceCertifier(modes, region, slack, statics.force_bounds, velocity_bounds)
     return modes, region, statics, relaxed, check, analysis.template.scaling.load
 
 
@@ -213,7 +213,7 @@ def test_true_solutions_obey_every_row_and_reach_no_further(live: tuple[float, f
     side = MultiStartSearch(analysis, assembly.labels, ProximalOptions(), analysis.prove(assembly.labels))
     side.search()
     modes, region, statics, _, check, _ = program(assembly, with_direction(AXES, np.array([0.3, 1.0])))
-    size = statics.size
+    size = statics.force_bounds
     for phi, w in product_of(modes, side):
         jumps, y = modes.motions @ w, modes.slacks @ phi
         cost = float(phi @ modes.cost.table(0, (len(phi), len(jumps))) @ jumps)
@@ -227,7 +227,7 @@ def test_true_solutions_obey_every_row_and_reach_no_further(live: tuple[float, f
             table = modes.coupled.table(form, (len(phi), len(jumps)))
             assert abs(float(phi @ table @ jumps)) <= 1e-4 * cost
         assert np.all(abs(phi) <= size * (1.0 + 1e-9))
-        assert np.all(abs(w) <= check.reach * cost * (1.0 + 1e-9))
+        assert np.all(abs(w) <= check.velocity_bounds * cost * (1.0 + 1e-9))
 
 
 def test_certificate_refuses_what_is_not_true() -> None:
@@ -237,11 +237,12 @@ def test_certificate_refuses_what_is_not_true() -> None:
     multipliers = relaxed.multipliers
     for wrong in (
         replace(multipliers, bound=multipliers.bound + 1e-3),
-        replace(multipliers, over=np.zeros_like(multipliers.over)),
+        replace(multipliers, products=np.zeros_like(multipliers.products)),
         replace(
-            multipliers, over=multipliers.over + np.random.default_rng(0).uniform(0.0, 1e-3, multipliers.over.shape)
+            multipliers,
+            products=multipliers.products + np.random.default_rng(0).uniform(0.0, 1e-3, multipliers.products.shape),
         ),
-        replace(multipliers, live=np.zeros_like(multipliers.live)),
+        replace(multipliers, live_work=np.zeros_like(multipliers.live_work)),
     ):
         assert check.bound(wrong) * scale <= 0.65 * (1.0 + 1e-9)
 
@@ -262,6 +263,6 @@ def test_what_has_no_bound() -> None:
     analysis = LimitAnalysis(row)
     modes = space_modes_of(analysis.template, row.labels)
     assert modes is not None
-    ceiling = LowerBoundProblem(analysis.prove(row.labels).bracket[1], 1.0)
-    floor = SpaceFloorSearch(analysis, row.labels, modes, ceiling).search()
+    problem = LowerBoundProblem(analysis.prove(row.labels).bracket[1], 1.0)
+    floor = SpaceLowerBoundSearch(analysis, row.labels, modes, problem).search()
     assert floor.route[-1] == "no products: 27 faces"

@@ -35,7 +35,7 @@ from jld_core import (
 from jld_core.models.zero_dilation.binary_fractions import BinaryFractions
 from jld_core.models.zero_dilation.found import MultiStartSearch
 from jld_core.models.zero_dilation.search import ProximalOptions
-from jld_core.models.zero_dilation.starts import certified, first_forces
+from jld_core.models.zero_dilation.starts import initial_forces, repair_and_evaluate
 from jld_explore.explore import ExploreSettings, explore
 from nondilatant import block, certify
 from paths import SCENES
@@ -85,12 +85,12 @@ def test_forces_that_no_mechanism_completes_are_brought_to_a_solution() -> None:
         assembly = build_assembly(parse_scene(document))
         analysis = LimitAnalysis(assembly)
         side = MultiStartSearch(analysis, assembly.labels, ProximalOptions(), analysis.prove(assembly.labels))
-        gravity = first_forces(side.pairs, side.associative, "gravity")
-        assert side.pivots is not None
-        assert side.pivots.descend(np.append(gravity, 0.0), 0) is None
-        closed = side.pivots.close(np.append(gravity, 0.0), 0)
+        gravity = initial_forces(side.fixed_point, side.associative, "gravity")
+        assert side.alternation is not None
+        assert side.alternation.descend(np.append(gravity, 0.0), 0) is None
+        closed = side.alternation.close_gap(np.append(gravity, 0.0), 0)
         assert closed is not None
-        assert certified(side.pairs, closed).solves(analysis.gap)
+        assert repair_and_evaluate(side.fixed_point, closed).is_solution(analysis.gap)
         loads.append(closed[-1] * analysis.template.scaling.load)
     assert loads[1] == pytest.approx(loads[0], rel=1e-9)
 

@@ -169,7 +169,12 @@ def _require_solver(analysis: LimitAnalysis, options: SolveOptions) -> None:
 
 
 def solve_labelling(
-    analysis: LimitAnalysis, labels: Bits, options: SolveOptions, *, stands: bool = False, floor: float = -math.inf
+    analysis: LimitAnalysis,
+    labels: Bits,
+    options: SolveOptions,
+    *,
+    stands: bool = False,
+    pruning_threshold: float = -math.inf,
 ) -> Proof:
     """Prove the load factor of one labelling under the given options.
 
@@ -183,7 +188,7 @@ def solve_labelling(
         Modelling options.
     stands : bool, optional
         Also decide whether the structure stands at λ = 0.
-    floor : float, optional
+    pruning_threshold : float, optional
         λ in scene units at or below which the labelling is irrelevant. Only zero dilation uses this value, see
         `prove_zero_dilation`.
 
@@ -196,23 +201,27 @@ def solve_labelling(
     if options.contact == "concave" and analysis.assembly.dimension == 3:
         points, parent = point_contact_assembly(analysis.assembly, labels)
         other = limit_analysis(points, options, reference=points.labels)
-        proof = _proof(other, points.labels, options, stands, floor)
+        proof = _proof(other, points.labels, options, stands, pruning_threshold)
         return proof_of_faces(analysis, other, parent, proof)
-    return _proof(analysis, labels, options, stands, floor)
+    return _proof(analysis, labels, options, stands, pruning_threshold)
 
 
-def _proof(analysis: LimitAnalysis, labels: Bits, options: SolveOptions, stands: bool, floor: float) -> Proof:
+def _proof(
+    analysis: LimitAnalysis, labels: Bits, options: SolveOptions, stands: bool, pruning_threshold: float
+) -> Proof:
     """Prove λ of one labelling under the friction of the options, on the contacts as given.
 
-    stands, floor: as in `solve_labelling`.
+    stands, pruning_threshold: as in `solve_labelling`.
     """
     if options.friction == "zero-dilation":
-        scheme = ProximalOptions(effective_area=options.effective_area)
+        proximal = ProximalOptions(effective_area=options.effective_area)
         seconds = options.floor_seconds if options.range else None
-        return prove_zero_dilation(analysis, labels, scheme, stands=stands, floor=floor, range=seconds)
+        return prove_zero_dilation(
+            analysis, labels, proximal, stands=stands, pruning_threshold=pruning_threshold, range=seconds
+        )
     if options.effective_area:
         return prove_effective_area(analysis, labels, stands=stands)
-    return analysis.prove(labels, FALLBACKS_BY_FRICTION[options.condense], stands=stands)
+    return analysis.prove(labels, FALLBACKS_BY_CONDENSE[options.condense], stands=stands)
 
 
 # --- fallbacks with rigid blocks ----------------------------------------------------------------------------
@@ -241,9 +250,9 @@ def _left(climb: ProofAttempt) -> bool:
 
 
 _OFFER: Final = "both sides by blocks that are rigid until shown otherwise: no rounding is left in their cracks"
-"""Description of the rigid-block fallback, shared by all entries of `FALLBACKS_BY_FRICTION`."""
+"""Description of the rigid-block fallback, shared by all entries of `FALLBACKS_BY_CONDENSE`."""
 
-FALLBACKS_BY_FRICTION: Final[dict[str, tuple[Fallback, ...]]] = {
+FALLBACKS_BY_CONDENSE: Final[dict[str, tuple[Fallback, ...]]] = {
     "off": FALLBACKS,
     "on": (Fallback("rigid blocks", lambda climb: True, _rigid_blocks, _OFFER), *FALLBACKS),
     "auto": (

@@ -157,7 +157,7 @@ class Evaluator:
             Result of the limit analysis, in scene units.
         """
         start = time.perf_counter()
-        proof = solve_labelling(self._analysis, labels, self.settings.model, floor=floor)
+        proof = solve_labelling(self._analysis, labels, self.settings.model, pruning_threshold=floor)
         return self._evaluation(proof, start)
 
     def _evaluation(self, proof: Proof, start: float) -> Evaluation:

@@ -8,8 +8,7 @@ Modules in the order of data flow:
 - common to all lower bounds: `lower_bound_problem`, `frozen`, `rlt_relaxation`, `binary_fractions`
 - lower bound in the plane: `modes`, `loops`, `statics`, `certificate`, `lower_bound`
 - lower bound in the plane, large scenes: `product_space`, `normal`, `interior`, `blocks`, `sweep`
-- lower bound in space: `spatial_modes`, `spatial_statics`, `spatial_rlt_relaxation`, `spatial_certificate`,
-  `spatial_lower_bound`
+- lower bound in space: the study `studies/spatial_bound`
 
 Terms of the lower bounds, with formulas in docs/method.md (4.6) to (4.9):
 
@@ -19,6 +18,6 @@ Terms of the lower bounds, with formulas in docs/method.md (4.6) to (4.9):
 - The cost of a mechanism is Σ_hinges z + Σ_faces C |slip|, C the friction or shear capacity of the face.
 - The slack σ is the decrease of λ per unit of cost in a program. It gives the multipliers the margin that a proof
   in exact arithmetic needs, and lowers the bound.
-- `size` holds upper bounds on |Φ|, `reach` upper bounds on |w| per unit of cost.
+- `force_bounds` are upper bounds on |Φ|, `velocity_bounds` upper bounds on |w| per unit of cost.
 - m, n and q are the numbers of faces, free elements and resultants; 2e is the number of forms from loops.
 """

@@ -23,7 +23,7 @@ class BinaryFractions:
 
     @staticmethod
     def of(table: Floats) -> BinaryFractions:
-        """Convert doubles exactly."""
+        """Convert a matrix of doubles to fractions, exactly."""
         part, power = np.frexp(table)
         used = table != 0.0
         least = int(power[used].min(initial=0))
@@ -31,11 +31,11 @@ class BinaryFractions:
         return BinaryFractions(digits << np.where(used, power - least, 0).astype(object), 53 - least)
 
     def transposed(self) -> BinaryFractions:
-        """Return the transpose."""
+        """Return the transposed matrix."""
         return BinaryFractions(self.values.T, self.scale)
 
     def rows(self, chosen: Any) -> BinaryFractions:
-        """Return the chosen rows."""
+        """Return a matrix of the chosen rows."""
         return BinaryFractions(self.values[chosen], self.scale)
 
     def times(self, factor: float) -> BinaryFractions:
@@ -54,7 +54,7 @@ class BinaryFractions:
         return self + BinaryFractions(-other.values, other.scale)
 
     def __matmul__(self, other: BinaryFractions) -> BinaryFractions:
-        """Multiply two matrices exactly, entries that are not zero only."""
+        """Multiply two matrices exactly, skipping zero entries."""
         out = np.zeros((self.values.shape[0], other.values.shape[1]), dtype=object)
         columns = [np.flatnonzero(row) for row in other.values]
         held = [row[at] for row, at in zip(other.values, columns, strict=True)]
@@ -63,7 +63,7 @@ class BinaryFractions:
         return BinaryFractions(out, self.scale + other.scale)
 
     def floats(self) -> Floats:
-        """Return the nearest doubles, to about 15 digits."""
+        """Convert to doubles, correct to about 15 digits."""
         drop = max(self.scale - 300, 0)
         doubles = [
             math.ldexp(float(v >> drop if v >= 0 else -(-v >> drop)), drop - self.scale) for v in self.values.flat
@@ -72,6 +72,6 @@ class BinaryFractions:
         return np.array(doubles, dtype=float).reshape(self.values.shape)
 
 
-def cut(table: Floats, bits: int = BITS) -> Floats:
+def round_to_bits(table: Floats, bits: int = BITS) -> Floats:
     """Round numbers to multiples of 2^−bits."""
     return np.asarray(np.ldexp(np.rint(np.ldexp(table, bits)), -bits))

@@ -16,9 +16,9 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.limit import LimitAnalysis, Proof
 from jld_core.models.zero_dilation.modes import Modes, modes_of
-from jld_core.models.zero_dilation.pivots import Pivots
+from jld_core.models.zero_dilation.pivots import AlternatingPrograms
 from jld_core.models.zero_dilation.search import FixedPointSearch, PrimalDualPair, ProximalOptions
-from jld_core.models.zero_dilation.starts import certified, low_compression_states, starts
+from jld_core.models.zero_dilation.starts import low_compression_states, repair_and_evaluate, starts
 
 _DRAWS: Final = 8
 """Number of random mechanisms per round, planar scenes."""
@@ -56,7 +56,7 @@ class Found:
     ----------
     width : float
         Relative width of the bracket up to which a pair counts as a solution.
-    nothing : float
+    zero_load : float
         λ below which λ is rounding of zero.
     lowest : PrimalDualPair or None
         Solution of least λ ≥ 0, as the load grows from zero. A solution with λ < 0 only if there is no other.
@@ -69,22 +69,22 @@ class Found:
     """
 
     width: float
-    nothing: float
+    zero_load: float
     lowest: PrimalDualPair | None = None
     highest: PrimalDualPair | None = None
     best: PrimalDualPair | None = None
     loads: list[float] = field(default_factory=list)
 
     @property
-    def low(self) -> float:
+    def lowest_load(self) -> float:
         """Return λ of the lowest solution, +inf if there is none."""
         return math.inf if self.lowest is None else self.lowest.state.load
 
     def offer(self, pair: PrimalDualPair) -> bool:
-        """Store a pair if it is a solution, update `best`, and return whether it is one."""
+        """Store a pair if it is a new best, lowest or highest solution; return True if a solution."""
         if self.best is None or (pair.state.admissible, -pair.gap) > (self.best.state.admissible, -self.best.gap):
             self.best = pair
-        if not pair.solves(self.width):
+        if not pair.is_solution(self.width):
             return False
         load = pair.state.load
         self.loads.append(load)
@@ -96,61 +96,65 @@ class Found:
 
     def _order(self, load: float) -> tuple[bool, float]:
         """Return the sort key that puts λ ≥ 0 before λ < 0."""
-        return load < -self.nothing, load
+        return load < -self.zero_load, load
 
 
 class MultiStartSearch:
-    """Multi-start search of one labelling for low and high solutions.
+    """Multi-start search for the lowest and the highest solution of one labelling.
 
     Callers may add starts with `search_from` at any time. thorough, in several methods: use all starts and directions.
+    Points (q·m + 1,) are scaled forces and λ. Methods that use linear programs do nothing in space.
     """
 
-    def __init__(self, analysis: LimitAnalysis, labels: Bits, scheme: ProximalOptions, associative: Proof) -> None:
-        self.pairs = FixedPointSearch(analysis, labels, scheme)
+    def __init__(self, analysis: LimitAnalysis, labels: Bits, options: ProximalOptions, associative: Proof) -> None:
+        self.fixed_point = FixedPointSearch(analysis, labels, options)
         self.associative = associative
-        self.found = Found(analysis.gap, tolerances.GAP * self.pairs.floor)
-        self.modes: Modes | None = None if scheme.effective_area else modes_of(analysis.template, labels)
+        self.found = Found(analysis.gap, tolerances.GAP * self.fixed_point.load_scale)
+        self.modes: Modes | None = None if options.effective_area else modes_of(analysis.template, labels)
         load = associative.bracket[1]
         most = load if math.isfinite(load) else np.inf
-        self.pivots = None if self.modes is None else Pivots(self.modes, most * (1.0 + 1e-9))
+        self.alternation = None if self.modes is None else AlternatingPrograms(self.modes, most * (1.0 + 1e-9))
         self._seed = 0
         self._ends = list[float]()  # Scaled λ at the end of each descent.
 
-    def search(self, thorough: bool = True, enough: float = -math.inf) -> Found:
-        """Search from all starts; stop once a solution with scaled λ ≤ enough is certified."""
-        for forces in starts(self.pairs, self.associative, thorough):
+    def search(self, thorough: bool = True, sufficient_load: float = -math.inf) -> Found:
+        """Search from all starts and return the solutions found.
+
+        sufficient_load: scaled λ; the search stops once a solution at or below this value is certified.
+        """
+        for forces in starts(self.fixed_point, self.associative, thorough):
             self.search_from(forces)
-            if self.found.low <= enough:
+            if self.found.lowest_load <= sufficient_load:
                 return self.found
-        if thorough and self.pivots is not None:
-            self.seek()
-            self.draw()
-            self.mix(enough)
-        elif thorough and not self.pairs.scheme.effective_area:
-            self.press_little(enough)
+        if thorough and self.alternation is not None:
+            self.search_first_solution()
+            self.search_random_mechanisms()
+            self.search_mixtures(sufficient_load)
+        elif thorough and not self.fixed_point.options.effective_area:
+            self.search_low_compression(sufficient_load)
         return self.found
 
-    def seek(self) -> None:
+    def search_first_solution(self) -> None:
         """Search from states of low compression until the first solution is found."""
-        rng, nothing = np.random.default_rng(0), np.zeros(self.pairs.count + 1)
-        for _ in range(_LITTLE if self.pivots is not None else 0):
+        rng, nothing = np.random.default_rng(0), np.zeros(self.fixed_point.count + 1)
+        for _ in range(_LITTLE if self.alternation is not None else 0):
             if self.found.lowest is not None:
                 break
-            closed = self.close(self._mixed(nothing, 1.0, rng))
+            closed = self.close_gap(self._mixed(nothing, 1.0, rng))
             if closed is not None:
                 self.improve(closed)
 
-    def draw(self) -> None:
-        """Search from solutions of random mechanisms, planar scenes only.
+    def search_random_mechanisms(self) -> None:
+        """Search for solutions whose mechanism is random, planar scenes only.
 
         Proximal steps miss solutions whose compressed faces differ from those of every start.
         """
-        pivots, found = self.pivots, self.found
-        for turn in range(_TURNS if pivots is not None else 0):
-            assert pivots is not None
-            points = sorted(pivots.drawn(turn, _DRAWS), key=lambda point: float(point[-1]))
-            before = found.low, -_low(found.highest)
-            self.check(points)
+        alternation, found = self.alternation, self.found
+        for turn in range(_TURNS if alternation is not None else 0):
+            assert alternation is not None
+            points = sorted(alternation.random_solutions(turn, _DRAWS), key=lambda point: float(point[-1]))
+            before = found.lowest_load, -_load_of(found.highest)
+            self.certify_extremes(points)
             for end, sign, known in zip(points[:1] + points[-1:], (1.0, -1.0), before, strict=False):
                 if not sign * float(end[-1]) >= known:
                     self.improve(end, 1)
@@ -158,41 +162,44 @@ class MultiStartSearch:
             if found.lowest is not None and (not points or turn >= _ENOUGH):
                 break
 
-    def mix(self, enough: float = -math.inf) -> None:
+    def search_mixtures(self, sufficient_load: float = -math.inf) -> None:
         """Descend from mixtures of the lowest solution with states of low compression.
 
         Only run if earlier descents ended at different λ, and stop after `_IDLE` mixtures without gain. If all descents
         end at the same λ, hundreds of mixtures found nothing lower on walls of 83 to 141 faces.
         """
         apart = max(self._ends, default=0.0) - min(self._ends, default=0.0)
-        if self.pivots is None or apart <= _LOWER * max(self._ends, default=0.0):
+        if self.alternation is None or apart <= _LOWER * max(self._ends, default=0.0):
             return
         rng, idle = np.random.default_rng(0), 0
-        while idle < _IDLE and self.found.lowest is not None and self.found.low > enough:
-            low, state = self.found.low, self.found.lowest.state
+        while idle < _IDLE and self.found.lowest is not None and self.found.lowest_load > sufficient_load:
+            low, state = self.found.lowest_load, self.found.lowest.state
             point = self._mixed(np.append(state.forces.ravel(), low), float(rng.choice(_SHARES)), rng)
-            closed = None if point is None else self.pivots.close(point, self._seed)
-            end = None if closed is None else self.pivots.descend(closed, self._seed, _TRIES)
+            closed = None if point is None else self.alternation.close_gap(point, self._seed)
+            end = None if closed is None else self.alternation.descend(closed, self._seed, _TRIES)
             if end is not None:
-                self.check([end])
+                self.certify_extremes([end])
             self._seed += 1
-            idle = 0 if self.found.low < low - _LOWER * abs(low) else idle + 1
+            idle = 0 if self.found.lowest_load < low - _LOWER * abs(low) else idle + 1
 
     def _mixed(self, point: Floats, share: float, rng: np.random.Generator) -> Floats | None:
-        """Return a point mixed with a state of low compression, None if there is none."""
-        return None if self.pivots is None else self.pivots.mixed(point, share, rng)
+        """Mix a point with a random state of low compression; None if no such state exists."""
+        return None if self.alternation is None else self.alternation.mix_with_low_compression(point, share, rng)
 
-    def close(self, point: Floats | None) -> Floats | None:
-        """Return the lowest solution found by closing the gap from a point (q·m + 1,)."""
-        if self.pivots is None or point is None:
+    def close_gap(self, point: Floats | None) -> Floats | None:
+        """Close the complementarity gap from a point, and return the lowest solution reached.
+
+        None if no solution is reached, for `point` None, and in space.
+        """
+        if self.alternation is None or point is None:
             return None
-        ends = [end for k in range(_CLOSES) if (end := self.pivots.close(point, self._seed + k)) is not None]
+        ends = [end for k in range(_CLOSES) if (end := self.alternation.close_gap(point, self._seed + k)) is not None]
         self._seed += _CLOSES
-        self.check(ends)
+        self.certify_extremes(ends)
         return min(ends, key=lambda end: float(end[-1]), default=None)
 
-    def press_little(self, enough: float = -math.inf) -> None:
-        """Search from states of low compression on random faces, while lower solutions appear.
+    def search_low_compression(self, sufficient_load: float = -math.inf) -> None:
+        """Search from states of low compression on random faces, while λ decreases.
 
         The states have a λ below the lowest solution. In the plane, the descent by linear programs finds the same
         solutions. In space, torsion reduces the friction of a joint, and the lowest solutions often have low
@@ -200,13 +207,13 @@ class MultiStartSearch:
         """
         rng, idle = np.random.default_rng(0), 0
         for _ in range(_LITTLE):
-            low = self.found.low
+            low = self.found.lowest_load
             most = min(low, self.associative.bracket[1])
-            pair = low_compression_states(self.pairs, rng.random() * most if 0.0 < most < math.inf else 0.0, rng)
+            pair = low_compression_states(self.fixed_point, rng.random() * most if 0.0 < most < math.inf else 0.0, rng)
             if pair is not None:
                 self.found.offer(pair)
-            idle = idle + 1 if math.isclose(self.found.low, low, rel_tol=_LOWER) else 0
-            if idle == _IDLE or self.found.low <= enough:
+            idle = idle + 1 if math.isclose(self.found.lowest_load, low, rel_tol=_LOWER) else 0
+            if idle == _IDLE or self.found.lowest_load <= sufficient_load:
                 break
 
     def search_from(self, forces: Floats, thorough: bool = True) -> None:
@@ -214,38 +221,41 @@ class MultiStartSearch:
 
         thorough: also search upwards, and use two seeds instead of one.
         """
-        for pair in self.pairs.attempts(forces):
+        for pair in self.fixed_point.attempts(forces):
             point = np.append(pair.state.forces.ravel(), pair.state.load)
             if self.found.offer(pair) or pair.locked:
                 continue
-            closed = self.close(point)
+            closed = self.close_gap(point)
             if closed is not None:
                 point = closed
                 break
         self.improve(point, 2 if thorough else 1, thorough)
 
-    def improve(self, point: Floats, seeds: int = 2, up: bool = True) -> None:
-        """Descend, and if up also ascend, from a solution (q·m + 1,), planar scenes only."""
-        if self.pivots is None:
+    def improve(self, point: Floats, seeds: int = 2, ascend: bool = True) -> None:
+        """Search for lower and higher solutions by linear programs from one solution.
+
+        seeds: number of random seeds. ascend: also search for higher solutions.
+        """
+        if self.alternation is None:
             return
-        for sign in (1.0, -1.0) if up else (1.0,):
-            ends = [self.pivots.descend(point, self._seed + k, sign=sign) for k in range(seeds)]
-            self.check(end for end in ends if end is not None)
+        for sign in (1.0, -1.0) if ascend else (1.0,):
+            ends = [self.alternation.descend(point, self._seed + k, sign=sign) for k in range(seeds)]
+            self.certify_extremes(end for end in ends if end is not None)
             self._ends += [float(end[-1]) for end in ends if end is not None and sign > 0.0]
         self._seed += seeds
 
-    def check(self, points: Iterable[Floats]) -> None:
-        """Certify the lowest and the highest of the points (q·m + 1,) if they extend the range."""
+    def certify_extremes(self, points: Iterable[Floats]) -> None:
+        """Certify the lowest and the highest of the given points if they extend the range."""
         lowest, highest = self.found.lowest, self.found.highest
         ends = sorted(points, key=lambda point: float(point[-1]))
         for point in ends[:1] + ends[1:][-1:]:
-            load, least = float(point[-1]), 1e-9 * max(abs(float(point[-1])), self.pairs.floor)
+            load, least = float(point[-1]), 1e-9 * max(abs(float(point[-1])), self.fixed_point.load_scale)
             known = lowest is not None and highest is not None
-            if known and _low(lowest) - least <= load <= _low(highest) + least:
+            if known and _load_of(lowest) - least <= load <= _load_of(highest) + least:
                 continue
-            self.found.offer(certified(self.pairs, point))
+            self.found.offer(repair_and_evaluate(self.fixed_point, point))
 
 
-def _low(pair: PrimalDualPair | None) -> float:
-    """Return λ of a pair, NaN if there is none."""
+def _load_of(pair: PrimalDualPair | None) -> float:
+    """Return the scaled λ of a pair, NaN without a pair."""
     return math.nan if pair is None else pair.state.load

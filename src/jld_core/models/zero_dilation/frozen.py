@@ -17,26 +17,33 @@ _ROUNDS: Final = 8
 """Maximum number of iterations."""
 
 
-def frozen_friction(
-    analysis: LimitAnalysis, labels: Bits, modes: LinearModes, normals: Ints, size: Floats, ceiling: LowerBoundProblem
+def frozen_friction_bound(
+    analysis: LimitAnalysis,
+    labels: Bits,
+    modes: LinearModes,
+    normals: Ints,
+    force_bounds: Floats,
+    problem: LowerBoundProblem,
 ) -> float:
-    """Return a proven lower bound, scaled, 0 if none is found.
+    """Prove a lower bound on λ by freezing friction at the least normal force of each face.
 
-    normals: (m,) columns of N. size: see `Statics.size`. Every solution has the λ of its own frozen friction, which
-    grows with N. Each iteration freezes friction at the least N of states with λ above the last bound. Its bound is
-    the proven lower end of a bracket.
+    Every solution has the λ of its own frozen friction, which grows with N. Each iteration freezes friction at the
+    least N of states with λ above the last bound. Its bound is the proven lower end of a bracket.
+
+    normals: (m,) columns of N in F. force_bounds: see `Statics.force_bounds`. problem: incumbent, time budget and log.
+    The result is scaled, and 0 if no bound is proven.
     """
     base, bound, none = analysis.template.yield_set.associative, 0.0, np.zeros(len(modes.rows), dtype=bool)
     for turn in range(1, _ROUNDS + 1):
-        statics = Statics(modes, bound, ceiling.above(bound), none, size)
-        least = np.array([statics.least(row) for row in np.eye(len(size))[normals]])
+        statics = Statics(modes, bound, problem.interval_end(bound), none, force_bounds)
+        least = np.array([statics.least(row) for row in np.eye(len(force_bounds))[normals]])
         template = analysis.template.renumbered(PrescribedFriction(base, 0.0, least))
         proof = LimitAnalysis(analysis.assembly, template=template, gap=analysis.gap, reference=labels).prove(labels)
-        ceiling.programs += len(normals) + proof.solves
-        if not ceiling.won(bound, proof.low):
+        problem.programs += len(normals) + proof.solves
+        if not problem.gains_enough(bound, proof.low):
             break
         bound = proof.low
-        ceiling.note(f"frozen friction {turn}")
-        if ceiling.met(bound):
+        problem.record(f"frozen friction {turn}")
+        if problem.closes_gap(bound):
             break
     return bound

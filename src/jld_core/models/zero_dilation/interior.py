@@ -80,10 +80,10 @@ _GAINS: Final = 0.9
 
 @dataclass(frozen=True)
 class ProductProgram:
-    """Program over products: min cost·(Z, T) + (1 − b_λ·u)⁺.
+    """Program over products (Z, T): min cost·(Z, T) + (1 − b_λ·u)⁺ with signs of products.
 
-    equal, positive: (r, modes) masks of forms that are zero, and that are not negative. groups: (w,) velocities of one
-    element.
+    equal, positive: (r, modes) masks of products y_k z_l that are zero, and that are not negative. groups: (w,) number
+    of the element of each velocity.
     """
 
     space: ProductSpace
@@ -94,39 +94,41 @@ class ProductProgram:
 
 
 @dataclass(frozen=True)
-class ProductAnswer:
-    """Answer of the interior-point method.
+class ProductSolution:
+    """Result of the interior-point method for one program over products.
 
-    point: (Z, T). multipliers: (r, modes) of the forms, ≥ 0 for positive ones. bound: multiplier of b_λ·u = 1, at most
-    1. left: the largest of residuals and complementarity, all of order one. steps: number taken. sure: True if `left`
-    is near the tolerance.
+    point: (Z, T). multipliers: (r, modes) of the products, ≥ 0 for positive ones. bound: multiplier of b_λ·u = 1, at
+    most 1. error: the largest of residuals and complementarity, all of order one. steps: number taken. accurate: True
+    if `error` is near the tolerance.
     """
 
     point: Point
     multipliers: Floats
     bound: float
-    left: float
+    error: float
     steps: int
-    sure: bool
+    accurate: bool
 
 
-def minimise(program: ProductProgram, seconds: float = np.inf, exact: float | None = None) -> ProductAnswer | None:
-    """Minimise a program over products; return None where the arithmetic fails.
+def minimise_product_program(
+    program: ProductProgram, seconds: float = np.inf, tolerance: float | None = None
+) -> ProductSolution | None:
+    """Minimise a program over products; None if a factorisation fails.
 
-    seconds: of processor time, after which the best answer so far is returned. exact: tolerance of residuals and
+    seconds: of processor time, after which the best iterate so far is returned. tolerance: of residuals and
     complementarity; None: the default `_DONE`.
     """
     try:
-        return _Path(program, _DONE if exact is None else exact).follow(seconds)
+        return _InteriorPointMethod(program, _DONE if tolerance is None else tolerance).run(seconds)
     except np.linalg.LinAlgError:
         return None
 
 
-class _Path:
+class _InteriorPointMethod:
     """State of the interior-point method for one program."""
 
-    def __init__(self, program: ProductProgram, exact: float) -> None:
-        self.exact = exact
+    def __init__(self, program: ProductProgram, tolerance: float) -> None:
+        self.tolerance = tolerance
         self.space = space = program.space
         self.shape = program.equal.shape
         self.k, self.l = np.nonzero(program.positive)
@@ -140,52 +142,62 @@ class _Path:
         self.q = np.zeros(len(self.ke))
 
     def rows(self, x: Point) -> tuple[Floats, Floats]:
-        """Return the positive forms and the zero forms at x, without the constant of the last one."""
+        """Return the values of the positive products and of the zero products at a point.
+
+        The last positive row is −b_λ·u, without its constant 1.
+        """
         table = self.space.values(x)
         last = -float((self.space.unit * x[0]).sum())
         return np.append(table[self.k, self.l], last), table[self.ke, self.le]
 
-    def back(self, v: Floats, q: Floats) -> Point:
-        """Apply the transpose of `rows`."""
+    def apply_transpose(self, v: Floats, q: Floats) -> Point:
+        """Return a weighted sum of the rows as a form of (Z, T), the transpose of `rows`.
+
+        v, q: weights of positive and of zero products.
+        """
         table = np.zeros(self.shape)
         table[self.k, self.l] = v[:-1]
         table[self.ke, self.le] = q
         z, t = self.space.adjoint(table)
         return z - v[-1] * self.space.unit, t
 
-    def follow(self, seconds: float) -> ProductAnswer:
+    def run(self, seconds: float) -> ProductSolution:
         """Take steps until the tolerance is met or progress ends; return the best iterate."""
         end, best, idle = time.process_time() + seconds, None, 0
         for step in range(_STEPS):
             g, e = self.rows(self.x)
             g[-1] += 1.0
             rp, re = self.s - g, -e
-            pulled = self.back(self.v, self.q)
+            pulled = self.apply_transpose(self.v, self.q)
             rd = (self.cost[0] - pulled[0], self.cost[1] - pulled[1])
             work = float(self.s @ self.v)
-            stated = (_STATED if self.exact >= _LITTLE else 1.0) * _largest(rd)
-            open_ = (_OPEN if self.exact >= _ROUGH else 1.0) * work
-            left = max(open_, float(abs(rp).max()), float(abs(re).max(initial=0.0)), stated)
-            if best is None or left < _GAINS * best.left:
-                best, idle = self._answer(left, step), 0
+            stated = (_STATED if self.tolerance >= _LITTLE else 1.0) * _largest(rd)
+            open_ = (_OPEN if self.tolerance >= _ROUGH else 1.0) * work
+            error = max(open_, float(abs(rp).max()), float(abs(re).max(initial=0.0)), stated)
+            if best is None or error < _GAINS * best.error:
+                best, idle = self._answer(error, step), 0
             else:
                 idle += 1
-            patience = 1 if best.left <= _NEAR else 10 if self.exact < _ROUGH else _HASTY
-            if left < self.exact or idle >= patience * _IDLE or time.process_time() > end:
+            patience = 1 if best.error <= _NEAR else 10 if self.tolerance < _ROUGH else _HASTY
+            if error < self.tolerance or idle >= patience * _IDLE or time.process_time() > end:
                 break
-            self._step(rp, re, rd, work / len(self.s), _EXACT[left < _NEAR])
+            self._step(rp, re, rd, work / len(self.s), _EXACT[error < _NEAR])
         assert best is not None
         return best
 
-    def _answer(self, left: float, step: int) -> ProductAnswer:
-        """Return the current iterate as an answer."""
+    def _answer(self, error: float, step: int) -> ProductSolution:
+        """Return the current iterate as a solution with a given error and number of steps."""
         table = np.zeros(self.shape)
         table[self.k, self.l] = self.v[:-1]
         table[self.ke, self.le] = self.q
-        return ProductAnswer(self.x, table, 1.0 - float(self.v[-1]), left, step, left <= _SURE * self.exact)
+        return ProductSolution(self.x, table, 1.0 - float(self.v[-1]), error, step, error <= _SURE * self.tolerance)
 
-    def _step(self, rp: Floats, re: Floats, rd: Point, mu: float, exact: float) -> None:
-        """Take one predictor-corrector step from the residuals of primal, equations and dual."""
+    def _step(self, rp: Floats, re: Floats, rd: Point, mu: float, tolerance: float) -> None:
+        """Take one predictor-corrector step.
+
+        rp, re, rd: residuals of positive rows, of zero rows, and of stationarity. mu: mean complementarity. tolerance:
+        relative residual of the linear equations.
+        """
         d = 1.0 / (self.s / self.v + _POSITIVE)
         weights = np.zeros(self.shape)
         weights[self.k, self.l] = d[:-1]
@@ -194,20 +206,20 @@ class _Path:
 
         def direction(rc: Floats, times: int = _REFINED) -> tuple[Point, Floats, Floats, Floats]:
             """Return the changes of x, s, v and q for complementarity residuals rc."""
-            z, t = self.back(d * (rp + rc / self.v), re / _EQUAL)
-            dx = solve((z - rd[0], t - rd[1]), exact, times)
+            z, t = self.apply_transpose(d * (rp + rc / self.v), re / _EQUAL)
+            dx = solve((z - rd[0], t - rd[1]), tolerance, times)
             g, e = self.rows(dx)
             dv = d * (rp + rc / self.v - g)
             return dx, (rc - self.s * dv) / self.v, dv, (re - e) / _EQUAL
 
         rc = -self.s * self.v
         _, ds, dv, _ = direction(rc, 0)
-        a, b = _way(self.s, ds), _way(self.v, dv)
+        a, b = _step_length(self.s, ds), _step_length(self.v, dv)
         after = float((self.s + a * ds) @ (self.v + b * dv)) / len(self.s)
-        centre = max(min((after / mu) ** 3, 1.0) * mu, _CENTRE * self.exact / len(self.s))
+        centre = max(min((after / mu) ** 3, 1.0) * mu, _CENTRE * self.tolerance / len(self.s))
         rc = centre - self.s * self.v - ds * dv
         dx, ds, dv, dq = direction(rc)
-        a, b = _way(self.s, ds), _way(self.v, dv)
+        a, b = _step_length(self.s, ds), _step_length(self.v, dv)
         for _ in range(_CORRECTORS):
             if min(a, b) > 0.9:
                 break
@@ -215,7 +227,7 @@ class _Path:
             product = (self.s + to_a * ds) * (self.v + to_b * dv)
             rc2 = rc + np.maximum(np.clip(product, 0.1 * centre, 10.0 * centre) - product, -10.0 * centre)
             dx2, ds2, dv2, dq2 = direction(rc2)
-            a2, b2 = _way(self.s, ds2), _way(self.v, dv2)
+            a2, b2 = _step_length(self.s, ds2), _step_length(self.v, dv2)
             if a2 + b2 < a + b + 0.02:
                 break
             rc, dx, ds, dv, dq, a, b = rc2, dx2, ds2, dv2, dq2, a2, b2
@@ -224,7 +236,7 @@ class _Path:
         self.s, self.v, self.q = self.s + a * ds, self.v + b * dv, self.q + b * dq
 
 
-def _way(at: Floats, step: Floats) -> float:
+def _step_length(at: Floats, step: Floats) -> float:
     """Return the fraction of a step that keeps all entries positive, at most 1 / _BACK."""
     falls = step < 0.0
     return min(1.0 / _BACK, float((-at[falls] / step[falls]).min(initial=np.inf)))

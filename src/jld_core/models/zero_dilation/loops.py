@@ -33,7 +33,7 @@ Loop = tuple[int, ...]
 
 
 def loops_of(assembly: Assembly, rates: Floats) -> Floats:
-    """Return coefficients (2e, 4m) of forms of z from loops, in pairs.
+    """Return coefficients (2e, 4m) of sums of z around loops that are ≥ 0, two per face and loop.
 
     The forms are ≥ 0 if one slide of each face is zero. rates: (4m, w) of modes. A pair consists of the forms for s⁺
     and s⁻ of one face in one loop. Its difference is the identity of the loop, which is zero up to rounding.
@@ -60,8 +60,8 @@ def loops_of(assembly: Assembly, rates: Floats) -> Floats:
     return np.vstack([np.zeros((0, len(rates))), *rows])
 
 
-def opened(assembly: Assembly) -> bool:
-    """Return True if there is an opening: a loop of blocks that short loops do not span.
+def has_opening(assembly: Assembly) -> bool:
+    """Return True if the assembly has an opening: a loop of blocks that short loops do not span.
 
     The test counts the faces of loops modulo 2.
     """
@@ -71,7 +71,7 @@ def opened(assembly: Assembly) -> bool:
 
 
 def _rank(rows: Iterable[int]) -> int:
-    """Return the rank modulo 2 of rows given as bits of integers."""
+    """Return the rank modulo 2 of binary rows, each given as the bits of one integer."""
     kept: dict[int, int] = {}
     for row in rows:
         while row and row.bit_length() in kept:
@@ -89,7 +89,7 @@ def _between(assembly: Assembly) -> list[tuple[int, int]]:
 
 
 def face_loops(assembly: Assembly) -> Iterator[Loop]:
-    """Yield each loop of faces around blocks in contact, without shortcuts, once."""
+    """Yield every loop of two to four faces around blocks in contact, without shortcuts."""
     between: dict[tuple[int, int], list[int]] = {}
     near: dict[int, set[int]] = {}
     for face, (a, b) in enumerate(_between(assembly)):
@@ -115,6 +115,6 @@ def _rings(near: dict[int, set[int]]) -> Iterator[tuple[int, ...]]:
 
 
 def _jumps(rates: Floats) -> Floats:
-    """Return (m, 3, w): both hinge modes of each face, and its slide s."""
+    """Return both hinge rates and the slip s of each face as forms (m, 3, w) of velocities."""
     of_face = rates.reshape(len(rates) // 4, 4, -1)
     return np.stack([of_face[:, 0], of_face[:, 1], of_face[:, 3] - of_face[:, 2]], axis=1)

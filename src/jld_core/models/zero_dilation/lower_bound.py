@@ -18,12 +18,12 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Bools
 from jld_core.limit import LimitAnalysis
 from jld_core.models.zero_dilation.certificate import Certifier
-from jld_core.models.zero_dilation.frozen import frozen_friction
-from jld_core.models.zero_dilation.loops import opened
+from jld_core.models.zero_dilation.frozen import frozen_friction_bound
+from jld_core.models.zero_dilation.loops import has_opening
 from jld_core.models.zero_dilation.lower_bound_problem import LowerBound, LowerBoundProblem
 from jld_core.models.zero_dilation.modes import Modes
-from jld_core.models.zero_dilation.rlt_relaxation import Region, RltSolution, relax
-from jld_core.models.zero_dilation.statics import Statics, reach
+from jld_core.models.zero_dilation.rlt_relaxation import Region, RltSolution, solve_rlt
+from jld_core.models.zero_dilation.statics import Statics, bound_velocities
 from jld_core.models.zero_dilation.sweep import BlockSweep
 
 FACES: Final = 60
@@ -56,91 +56,100 @@ _DEPTH: Final = 6
 
 @dataclass(frozen=True)
 class _Bounds:
-    """Lower bounds of one region: with certificates (proven), and from the solver (believed)."""
+    """Lower bounds on λ of one region: `proven` by certificates, `believed` from the solver."""
 
     proven: float
     believed: float
 
     def with_(self, proven: float, believed: float) -> _Bounds:
-        """Return the bounds raised to given values where these are higher."""
+        """Return a copy with each bound raised to the given value if that is higher."""
         return _Bounds(max(self.proven, proven), max(self.believed, believed, proven))
 
     def least(self, other: _Bounds) -> _Bounds:
-        """Return the lower of both bounds with another region."""
+        """Return the lower bounds that hold for the union of this region and another."""
         return _Bounds(min(self.proven, other.proven), min(self.believed, other.believed))
 
 
-class FloorSearch:
-    """Search for a lower bound on λ without dilation, for one labelling of a planar assembly."""
+class LowerBoundSearch:
+    """Search for a lower bound on λ over all non-dilatant solutions of one planar labelling.
 
-    def __init__(self, analysis: LimitAnalysis, labels: Bits, modes: Modes, ceiling: LowerBoundProblem) -> None:
-        self.analysis, self.labels, self.modes, self.ceiling = analysis, labels, modes, ceiling
+    labels: (m,) True = dry. modes: complementarity problem of these labels. problem: incumbent, time budget and log.
+    """
+
+    def __init__(self, analysis: LimitAnalysis, labels: Bits, modes: Modes, problem: LowerBoundProblem) -> None:
+        self.analysis, self.labels, self.modes, self.problem = analysis, labels, modes, problem
         none = np.zeros(len(modes.rows), dtype=bool)
-        everywhere = Statics(modes, 0.0, ceiling.above(0.0), none)
-        self._size, self._reach = everywhere.size, reach(everywhere)
+        everywhere = Statics(modes, 0.0, problem.interval_end(0.0), none)
+        self._force_bounds, self._velocity_bounds = everywhere.force_bounds, bound_velocities(everywhere)
 
     def search(self) -> LowerBound:
-        """Compute the lower bound."""
-        modes, ceiling, none = self.modes, self.ceiling, np.zeros(len(self.modes.rows), dtype=bool)
-        if self._reach is None:
-            ceiling.note("no certificate: velocities are not bounded")
+        """Compute the lower bound: frozen friction, then RLT relaxations, then branches."""
+        modes, problem, none = self.modes, self.problem, np.zeros(len(self.modes.rows), dtype=bool)
+        if self._velocity_bounds is None:
+            problem.record("no certificate: velocities are not bounded")
         normals = np.arange(0, modes.matrix.shape[1], 3)
-        low = frozen_friction(self.analysis, self.labels, modes, normals, self._size, ceiling)
+        low = frozen_friction_bound(self.analysis, self.labels, modes, normals, self._force_bounds, problem)
         bounds = _Bounds(low, low)
-        if ceiling.allows(modes.faces, FACES, self._size):
-            if self._reach is not None and modes.faces >= _BLOCKS and not ceiling.met(low):
+        if problem.allows_products(modes.faces, FACES, self._force_bounds):
+            if self._velocity_bounds is not None and modes.faces >= _BLOCKS and not problem.closes_gap(low):
                 # Programs by matrix blocks count only if proven; walls usually end here.
-                steps = BlockSweep(modes, self._size, self._reach, ceiling)
+                steps = BlockSweep(modes, self._force_bounds, self._velocity_bounds, problem)
                 # Around openings, products with hinges alone prove nothing.
-                stage = len(steps.stages) - 1 if opened(modes.assembly) else 0
+                stage = len(steps.stages) - 1 if has_opening(modes.assembly) else 0
                 if modes.faces <= _AT_ONCE and stage == 0:
-                    low = max(low, steps.at_once(low))
+                    low = max(low, steps.near_hinge_bound(low))
                 if modes.faces > FACES:
-                    low = steps.first(low, stage)
+                    low = steps.partial_bound(low, stage)
                 low = steps.sweep(low, none, none, stage)
-            bounds = self._sweep(_Bounds(low, low), none, none, modes.close, 0)
-        return ceiling.floor(bounds.proven, bounds.believed)
+            bounds = self._sweep(_Bounds(low, low), none, none, modes.near_pairs, 0)
+        return problem.result(bounds.proven, bounds.believed)
 
     # --- pieces -------------------------------------------------------------------------------------------
 
     def _sweep(self, bounds: _Bounds, closed: Bools, held: Bools, pairs: Bools, depth: int) -> _Bounds:
-        """Solve relaxations of one region, each from the last bound; branch where they stall."""
-        name, slack, ceiling = "products" if depth == 0 else f"branch {depth}", _SLACK, self.ceiling
-        while not ceiling.met(bounds.believed) and ceiling.left > 0.0:
+        """Solve relaxations of one region, each from the last bound; branch where they stall.
+
+        closed, held: (4m,) modes with z = 0, and with y = 0. pairs: mask of product rows. depth: of branching, 0 at the
+        root.
+        """
+        name, slack, problem = "products" if depth == 0 else f"branch {depth}", _SLACK, self.problem
+        while not problem.closes_gap(bounds.believed) and problem.seconds_left > 0.0:
             low = bounds.believed
-            statics = Statics(self.modes, low, ceiling.above(low), held, self._size)
-            region = Region(low, ceiling.above(low), closed | statics.closed(), held)
-            earned = ceiling.earns(slack) if self._reach is not None else 0.0
-            relaxed = relax(self.modes, region, self._size, pairs, earned, max(ceiling.left, 1.0))
-            ceiling.note(name if relaxed is not None else f"{name}: no answer", 1)
+            statics = Statics(self.modes, low, problem.interval_end(low), held, self._force_bounds)
+            region = Region(low, problem.interval_end(low), closed | statics.closed_modes(), held)
+            earned = problem.scaled_slack(slack) if self._velocity_bounds is not None else 0.0
+            relaxed = solve_rlt(self.modes, region, self._force_bounds, pairs, earned, max(problem.seconds_left, 1.0))
+            problem.record(name if relaxed is not None else f"{name}: no answer", 1)
             if relaxed is None:
                 return bounds
-            certifies = self._reach is not None and bounds.proven >= low * (1.0 - tolerances.GAP)
-            if certifies and slack < _MORE and relaxed.multipliers.bound < ceiling.below(_FAR):
+            certifies = self._velocity_bounds is not None and bounds.proven >= low * (1.0 - tolerances.GAP)
+            if certifies and slack < _MORE and relaxed.multipliers.bound < problem.load_below(_FAR):
                 # Another step follows in any case, so its certificate may use more slack.
                 slack = _MORE
-                ceiling.note("more slack")
+                problem.record("more slack")
                 continue
             found = self._proven(region, relaxed, slack) if certifies else -math.inf
             if certifies and found == -math.inf and slack < _MORE:
                 slack = min(slack / _FINER, _MORE)
-                ceiling.note("more slack")
+                problem.record("more slack")
                 continue
-            bounds = bounds.with_(found, ceiling.trusted(relaxed.multipliers.bound) if relaxed.sure else -math.inf)
+            bounds = bounds.with_(
+                found, problem.less_solver_tolerance(relaxed.multipliers.bound) if relaxed.accurate else -math.inf
+            )
             if depth == 0:
-                ceiling.take(relaxed.states)
-            if ceiling.won(low, bounds.believed) or ceiling.met(bounds.believed):
+                problem.offer_states(relaxed.states)
+            if problem.gains_enough(low, bounds.believed) or problem.closes_gap(bounds.believed):
                 continue
-            if slack > _SLACK and bounds.believed >= ceiling.below(_FAR):
+            if slack > _SLACK and bounds.believed >= problem.load_below(_FAR):
                 slack = max(slack * _FINER, _SLACK)
-                ceiling.note("less slack")
+                problem.record("less slack")
                 continue
             fresh = relaxed.violated & ~pairs
             if fresh.any():
                 pairs = pairs | fresh
-                ceiling.note("rows added")
+                problem.record("rows added")
                 continue
-            halves = region.halves(relaxed.rates, relaxed.slacks) if depth < _DEPTH else None
+            halves = region.split(relaxed.rates, relaxed.slacks) if depth < _DEPTH else None
             if halves is None:
                 break
             first, second = (self._sweep(bounds, half.closed, half.held, pairs, depth + 1) for half in halves)
@@ -148,9 +157,11 @@ class FloorSearch:
         return bounds
 
     def _proven(self, region: Region, relaxed: RltSolution, slack: float) -> float:
-        """Return the bound proven by the multipliers of a relaxation, −inf if none."""
-        assert self._reach is not None
-        # With more than the least slack another step follows, so the first valid certificate is enough.
-        enough = self.ceiling.below(_ENOUGH) if slack == _SLACK else -math.inf
-        check = Certifier(self.modes, region, self.ceiling.earns(slack), self._size, self._reach)
-        return check.bound(relaxed.multipliers, enough)
+        """Return the lower bound that a certificate proves for one relaxation, −inf if none."""
+        assert self._velocity_bounds is not None
+        # With more than the least slack another step follows, so the first valid certificate is sufficient.
+        sufficient_bound = self.problem.load_below(_ENOUGH) if slack == _SLACK else -math.inf
+        check = Certifier(
+            self.modes, region, self.problem.scaled_slack(slack), self._force_bounds, self._velocity_bounds
+        )
+        return check.bound(relaxed.multipliers, sufficient_bound)

@@ -34,7 +34,7 @@ _TRUSTED: Final = 1e-7
 
 @dataclass(frozen=True)
 class LowerBound:
-    """Lower bounds on λ ≥ 0 of every solution, scaled.
+    """Lower bounds on λ of all non-dilatant solutions with λ ≥ 0, scaled.
 
     proven: bound by certificates only. bound: the highest bound, valid within the relative `tolerance`, which is 0 if
     `bound` equals `proven`, and otherwise covers the solver. closed: True if `bound` meets the lowest solution found.
@@ -51,7 +51,7 @@ class LowerBound:
 
 
 class LowerBoundProblem:
-    """Shared state of a lower-bound search over all non-dilatant solutions.
+    """Shared state of a lower-bound search: lowest solution found, time budget, log.
 
     load: scaled λ of the lowest solution found. seconds: of processor time from now, after which no further program
     begins. offer: function that receives forces and λ (k, q + 1), which may lead to a lower solution, and returns λ of
@@ -63,82 +63,82 @@ class LowerBoundProblem:
         self.programs, self.route = 0, list[str]()
         self._start, self._seconds, self._offer = time.process_time(), seconds, offer
 
-    def note(self, step: str, programs: int = 0) -> None:
-        """Record a step and the number of programs it solved."""
+    def record(self, step: str, programs: int = 0) -> None:
+        """Append a step to the log and add its number of programs."""
         self.route.append(step)
         self.programs += programs
 
     @property
-    def spent(self) -> float:
+    def seconds_used(self) -> float:
         """Return the processor time used so far, in seconds."""
         return time.process_time() - self._start
 
     @property
-    def left(self) -> float:
+    def seconds_left(self) -> float:
         """Return the remaining processor time in seconds, limited by the deadline of the command."""
-        return min(self._seconds - self.spent, time_left())
+        return min(self._seconds - self.seconds_used, time_left())
 
     @property
-    def unit(self) -> float:
+    def load_unit(self) -> float:
         """Return the load to which relative distances of λ refer."""
         return max(abs(self.load), _LEAST)
 
-    def earns(self, slack: float) -> float:
-        """Return σ, the decrease of λ per unit of cost, from a share of λ or of 1."""
+    def scaled_slack(self, slack: float) -> float:
+        """Return the slack σ in λ per unit of cost, from a slack relative to max(|λ|, 1)."""
         return slack * max(abs(self.load), 1.0)
 
-    def above(self, low: float) -> float:
-        """Return the upper end of the interval of λ to search, if no solution lies below `low`."""
-        return self.load + _ROOM * (self.load - low) + _LEAST_ROOM * self.unit
+    def interval_end(self, low: float) -> float:
+        """Return the upper end of the next interval of λ to exclude, which begins at `low`."""
+        return self.load + _ROOM * (self.load - low) + _LEAST_ROOM * self.load_unit
 
-    def below(self, share: float) -> float:
+    def load_below(self, share: float) -> float:
         """Return λ of the lowest solution found, reduced by a relative share."""
-        return self.load - share * self.unit
+        return self.load - share * self.load_unit
 
-    def met(self, bound: float) -> bool:
-        """Return True if a bound meets the lowest solution found."""
-        return bound >= self.below(tolerances.GAP)
+    def closes_gap(self, bound: float) -> bool:
+        """Return True if a bound meets the lowest solution found within the gap tolerance."""
+        return bound >= self.load_below(tolerances.GAP)
 
-    def won(self, low: float, bound: float, share: float = _STALL) -> bool:
-        """Return True if a step from `low` to a bound gains enough.
+    def gains_enough(self, low: float, bound: float, share: float = _STALL) -> bool:
+        """Return True if a step that raises the bound from `low` to `bound` gains enough.
 
         share: fraction of the distance from `low` to the lowest solution found that the step must exceed.
         """
         return bound - low > share * (self.load - low)
 
-    def trusted(self, bound: float) -> float:
-        """Return an unproven bound reduced by the tolerance of the solver."""
-        return min(bound, self.load) - _TRUSTED * self.unit
+    def less_solver_tolerance(self, bound: float) -> float:
+        """Return an unproven bound of the solver, reduced by the tolerance of the solver."""
+        return min(bound, self.load) - _TRUSTED * self.load_unit
 
-    def take(self, states: Floats) -> None:
-        """Offer states (k, q + 1) of a relaxation as starts, and update the lowest λ found."""
+    def offer_states(self, states: Floats) -> None:
+        """Search for solutions from states (k, q + 1), and update the lowest λ found."""
         if self._offer is not None:
             self.load = min(self.load, self._offer(states))
 
-    def allows(self, faces: int, most: int, size: Floats) -> bool:
-        """Return True if products may be formed; otherwise record the reason.
+    def allows_products(self, faces: int, most: int, force_bounds: Floats) -> bool:
+        """Return True if the RLT relaxation may be formed; otherwise log the reason.
 
-        faces: number of faces. most: limit of this number, unless `seconds` reaches `PATIENT`. size: bounds on forces,
-        which must be finite.
+        faces: number of faces. most: limit of this number, unless the time budget reaches `PATIENT`. force_bounds:
+        bounds on forces, which must be finite.
         """
         if faces > most and self._seconds < PATIENT:
-            self.note(f"no products: {faces} faces")
-        elif not np.isfinite(size).all():
-            self.note("no products: self-stress is not bounded")
+            self.record(f"no products: {faces} faces")
+        elif not np.isfinite(force_bounds).all():
+            self.record("no products: self-stress is not bounded")
         else:
             return True
         return False
 
-    def floor(self, proven: float, believed: float) -> LowerBound:
-        """Return the result of the search from the proven bound and the solver's bound."""
-        sure = proven >= believed - tolerances.GAP * self.unit
+    def result(self, proven: float, believed: float) -> LowerBound:
+        """Build the result of the search from the proven bound and the bound of the solver."""
+        sure = proven >= believed - tolerances.GAP * self.load_unit
         bound = proven if sure else believed
         return LowerBound(
             proven=proven,
             bound=bound,
             tolerance=0.0 if sure else _TRUSTED,
-            closed=self.met(bound),
+            closed=self.closes_gap(bound),
             programs=self.programs,
-            seconds=self.spent,
+            seconds=self.seconds_used,
             route=tuple(self.route),
         )

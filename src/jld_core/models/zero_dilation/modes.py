@@ -24,12 +24,12 @@ from jld_core.program import Template
 
 @dataclass(frozen=True)
 class LinearModes:
-    """Forces and modes of one labelling under linear rows, in the plane or in space.
+    """Complementarity problem of one labelling with linear yield rows, in the plane or in space.
 
-    Nothing is crushed. matrix: A (·, q) of q resultants. dead: b. live_rate: (w,) b_λ·u of (u, further velocities).
+    Crushing is excluded. matrix: A (·, q) of q resultants. dead: b. live_rate: (w,) b_λ·u of (u, further velocities).
     rows, constants: C (k, q), d (k,), with y = C F + d. rates: of modes, one per row. capacities: (m, q + 2) friction
-    capacity μN or shear capacity τA as forms of (F, λ, 1). near: (m, m) True for faces that meet at an element, and on
-    the diagonal.
+    capacity μN or shear capacity τA as forms of (F, λ, 1). adjacent: (m, m) True for faces that meet at an element, and
+    on the diagonal.
     """
 
     matrix: Floats
@@ -39,12 +39,12 @@ class LinearModes:
     constants: Floats
     rates: Floats
     capacities: Floats
-    near: Bools
+    adjacent: Bools
 
     @property
     def faces(self) -> int:
         """Return the number of faces m."""
-        return len(self.near)
+        return len(self.adjacent)
 
     @property
     def live(self) -> Floats:
@@ -53,12 +53,12 @@ class LinearModes:
 
     @property
     def statics(self) -> Floats:
-        """Return K (·, q + 2), where K (F, λ, 1) = 0 is equilibrium."""
+        """Return the matrix K (·, q + 2) of equilibrium, K (F, λ, 1) = 0."""
         return np.column_stack([self.matrix, self.live, self.dead])
 
     @property
     def slacks(self) -> Floats:
-        """Return the forms (k, q + 2) that map (F, λ, 1) to y."""
+        """Return the matrix (k, q + 2) that maps (F, λ, 1) to the slacks y of the yield rows."""
         return np.column_stack([self.rows, np.zeros(len(self.rows)), self.constants])
 
 
@@ -73,12 +73,12 @@ class Modes(LinearModes):
 
     @cached_property
     def loops(self) -> Floats:
-        """Return coefficients (2e, 4m) of z whose sums are ≥ 0 in every solution; see `loops_of`."""
+        """Return coefficients (2e, 4m) of sums of z that are ≥ 0 in every solution; see `loops_of`."""
         return loops_of(self.assembly, self.rates)
 
     @cached_property
     def forms(self) -> Floats:
-        """Return the forms (4m + 2e, 3n + m) of w that are ≥ 0 in every solution: z, then loops."""
+        """Return the forms (4m + 2e, 3n + m) of w that are ≥ 0 in every solution: z, then loop sums."""
         return np.vstack([self.rates, self.loops @ self.rates])
 
     @property
@@ -87,22 +87,22 @@ class Modes(LinearModes):
         return np.arange(len(self.rows)) % 4 < 2
 
     @property
-    def close(self) -> Bools:
-        """Return a mask (4m, 4m + 2e) of rows and forms whose faces are close.
+    def near_pairs(self) -> Bools:
+        """Return a mask (4m, 4m + 2e) of pairs of slacks and forms of w whose faces are near.
 
-        Two faces are close if they meet at an element, or if some face meets both of them.
+        Two faces are near if they meet at an element, or if some face meets both of them.
         """
-        near = self.near.astype(int)
+        near = self.adjacent.astype(int)
         used = np.vstack([np.eye(len(self.rows)), self.loops]).reshape(-1, self.faces, 4).any(axis=2)
         return np.repeat((near @ near @ used.T) > 0, 4, axis=0)
 
-    def of(self, forces: Floats) -> Floats:
-        """Return y (4m,) of scaled forces (3m,)."""
+    def slacks_of(self, forces: Floats) -> Floats:
+        """Return the slacks y (4m,) of the yield rows under scaled forces (3m,)."""
         return np.asarray(self.rows @ forces + self.constants)
 
 
 def modes_of(template: Template, labels: Bits) -> Modes | None:
-    """Build the complementarity problem of a labelling; None for spatial scenes and crushing."""
+    """Build the complementarity problem of a planar labelling; None if spatial or with crushing."""
     facets = template.yield_set.associative.facets(labels)
     if facets is None:
         return None
@@ -130,12 +130,12 @@ def modes_of(template: Template, labels: Bits) -> Modes | None:
         constants=constants.ravel(),
         rates=rates,
         capacities=0.5 * (slides[:, 0] + slides[:, 1]),
-        near=near_faces(template.assembly),
+        adjacent=adjacent_faces(template.assembly),
         assembly=template.assembly,
     )
 
 
-def near_faces(assembly: Assembly) -> Bools:
+def adjacent_faces(assembly: Assembly) -> Bools:
     """Return a mask (m, m) of faces that meet at an element; each face meets itself."""
     faces, near = assembly.interfaces, np.eye(len(assembly.interfaces), dtype=bool)
     for element in range(len(assembly.elements)):

@@ -35,13 +35,16 @@ _AWAY: Final = 1e3
 
 
 class NormalEquations:
-    """Matrix Σ d_kl (y_k z_l)(y_k z_l)ᵀ + d (b_λ·u)(b_λ·u)ᵀ + shift, factored repeatedly."""
+    """Normal equations of an interior-point step over products, factored repeatedly.
+
+    The matrix is Σ d_kl (y_k z_l)(y_k z_l)ᵀ + d (b_λ·u)(b_λ·u)ᵀ + shift.
+    """
 
     def __init__(self, space: ProductSpace, used: Bools, groups: Ints) -> None:
         """Prepare the elimination order and the tables for one space.
 
-        groups: (w,) velocities that are eliminated together. used: (r, modes) mask of weights that may be positive; for
-        slides of lone faces, on their own slacks and 1 only.
+        used: (r, modes) mask of weights that may be positive; for slides of lone faces, on their own slacks and 1 only.
+        groups: (w,) number of the group in which each velocity is eliminated.
         """
         self.space = space
         slides = np.concatenate([4 * space.lone + 2, 4 * space.lone + 3])
@@ -49,28 +52,32 @@ class NormalEquations:
         self._modes = modes[~np.isin(modes, slides)]
         self._of = [np.flatnonzero(used[:, mode]) for mode in self._modes]
         # The two slides of a lone face act as one, along s.
-        ways = np.vstack([space.rates[self._modes], space.rates[4 * space.lone + 3]])
-        self._tree = _Tree(ways, groups, space.of, np.array([basis.shape[1] for basis in space.bases]))
+        forms = np.vstack([space.rates[self._modes], space.rates[4 * space.lone + 3]])
+        self._tree = _EliminationTree(forms, groups, space.of, np.array([basis.shape[1] for basis in space.bases]))
         self._facts = [space.facts @ basis for basis in space.bases]
         self._shift = 0.0
 
     def factor(self, weights: Floats, live: float, shift: float, plain: bool = False) -> Solve:
-        """Factor the matrix and return its solver; weights: (r, modes) ≥ 0, live: d.
+        """Factor the matrix for given weights and return its solver.
 
-        Refinement compensates for the shift and for rounding. By default it uses conjugate gradients with the factor as
-        preconditioner. plain: use simple corrections, which leave directions of tiny curvature unchanged.
+        weights: (r, modes) d_kl ≥ 0. live: d. shift: added to the diagonal. Refinement compensates for the shift and
+        for rounding. By default it uses conjugate gradients with the factor as preconditioner. plain: use simple
+        corrections, which leave directions of tiny curvature unchanged.
         """
         once = self._once(weights, live, shift)
         space = self.space
 
         def applied(x: Point) -> Point:
-            """Apply the matrix without shift."""
+            """Multiply the matrix, without shift, by a point (Z, T)."""
             z, t = space.adjoint(weights * space.values(x))
             return z + live * float((space.unit * x[0]).sum()) * space.unit, t
 
         def solve(rhs: Point, exact: float, most: int) -> Point:
-            """Solve with refinement, and return the solution of least residual."""
-            x = way = old = (np.zeros_like(rhs[0]), np.zeros_like(rhs[1]))
+            """Solve for one right-hand side with refinement; return the point of least residual.
+
+            exact: relative residual at which refinement ends. most: maximum number of corrections.
+            """
+            x = direction = old = (np.zeros_like(rhs[0]), np.zeros_like(rhs[1]))
             rest, goal = rhs, exact * length(rhs)
             product = 1.0
             best, least = x, length(rhs)
@@ -78,13 +85,13 @@ class NormalEquations:
                 near = once(rest)
                 after = _dot(near, rest)
                 share = (after - _dot(near, old)) / product if turn and not plain else 0.0
-                way = (near[0] + share * way[0], near[1] + share * way[1])
-                pushed = applied(way)
-                bent = _dot(way, pushed)
-                if not plain and not (after > 0.0 and bent > _FLAT * _dot(way, way)):
+                direction = (near[0] + share * direction[0], near[1] + share * direction[1])
+                pushed = applied(direction)
+                bent = _dot(direction, pushed)
+                if not plain and not (after > 0.0 and bent > _FLAT * _dot(direction, direction)):
                     break  # The residual is rounding.
-                step = 1.0 if plain else _dot(way, rest) / bent
-                x = (x[0] + step * way[0], x[1] + step * way[1])
+                step = 1.0 if plain else _dot(direction, rest) / bent
+                x = (x[0] + step * direction[0], x[1] + step * direction[1])
                 old, product = rest, after
                 rest = (rest[0] - step * pushed[0], rest[1] - step * pushed[1])
                 left = length(rest)
@@ -115,7 +122,7 @@ class NormalEquations:
         else:
             raise np.linalg.LinAlgError("normal equations of products are not positive definite")
         solved = held
-        ways = space.rates[4 * space.lone + 3]
+        forms = space.rates[4 * space.lone + 3]
         unit = space.unit
         along = solved(unit)
         price = live / (1.0 + live * float((unit * along).sum()))
@@ -124,28 +131,31 @@ class NormalEquations:
             """Solve the shifted equations once."""
             t = np.einsum("fab,fb->fa", back, rhs[1])
             pulled = np.zeros((space.facts.shape[1], len(space.of)))
-            for places, part, way in zip(space.at, np.einsum("fab,fb->fa", slips, t), ways, strict=True):
-                pulled[places] += np.outer(part, way)
+            for places, part, form in zip(space.at, np.einsum("fab,fb->fa", slips, t), forms, strict=True):
+                pulled[places] += np.outer(part, form)
             z = solved(rhs[0] - space.gather(pulled))
             z = z - price * float((unit * z).sum()) * along
-            own = np.einsum("fpw,fw->fp", space.spread(z)[space.at], ways)
+            own = np.einsum("fpw,fw->fp", space.expand(z)[space.at], forms)
             return z, t - np.einsum("fab,fb->fa", back, np.einsum("fab,fb->fa", slips, own))
 
         return solve
 
     def _tables(self, weights: Floats, lone: Floats) -> dict[tuple[int, int], Floats]:
-        """Compute Cᵀ diag(d_l) C of each way, for every two bases that meet: (ways, k, k′)."""
+        """Compute the matrix blocks Cᵀ diag(d_l) C of each form, for every two coupled bases.
+
+        The result maps two basis numbers to a table (forms, k, k′). lone: (f, 4, 4) matrix block of each lone face.
+        """
         space, out = self.space, {}
-        for (one, other), ways in self._tree.meetings.items():
-            table = np.empty((len(ways), space.bases[one].shape[1], space.bases[other].shape[1]))
-            for n, way in enumerate(ways):
-                if way < len(self._modes):
-                    rows = self._of[way]
-                    by = weights[rows, self._modes[way]][:, None]
+        for (one, other), forms in self._tree.couplings.items():
+            table = np.empty((len(forms), space.bases[one].shape[1], space.bases[other].shape[1]))
+            for n, form in enumerate(forms):
+                if form < len(self._modes):
+                    rows = self._of[form]
+                    by = weights[rows, self._modes[form]][:, None]
                     table[n] = self._facts[one][rows].T @ (by * self._facts[other][rows])
                 else:
-                    places = space.at[way - len(self._modes)]
-                    table[n] = space.bases[one][places].T @ lone[way - len(self._modes)] @ space.bases[other][places]
+                    places = space.at[form - len(self._modes)]
+                    table[n] = space.bases[one][places].T @ lone[form - len(self._modes)] @ space.bases[other][places]
             out[one, other] = table
         return out
 
@@ -160,22 +170,22 @@ def _dot(one: Point, other: Point) -> float:
     return float((one[0] * other[0]).sum() + (one[1] * other[1]).sum())
 
 
-class _Tree:
-    """Elimination tree of matrix blocks along the graph of velocities.
+class _EliminationTree:
+    """Elimination tree of the matrix blocks, for a multifrontal Cholesky factor.
 
-    Two columns are connected if some way (mode, row of `ways`) contains both. meetings: the ways in which the columns
-    of each pair of bases are connected.
+    Two columns are coupled if some form (mode, row of `forms`) contains both. couplings: for each pair of bases, the
+    forms in which their columns are coupled.
     """
 
-    def __init__(self, ways: Floats, groups: Ints, of: Ints, sizes: Ints) -> None:
+    def __init__(self, forms: Floats, groups: Ints, of: Ints, sizes: Ints) -> None:
         """Compute the elimination order and the fronts.
 
-        ways: (modes, w). groups: (w,) number of the group in which a column is eliminated, from 0. of: (w,) basis of
+        forms: (modes, w). groups: (w,) number of the group in which a column is eliminated, from 0. of: (w,) basis of
         each column. sizes: number of states of each basis.
         """
-        touches = np.zeros((len(ways), int(groups.max(initial=-1)) + 1))
-        np.maximum.at(touches.T, groups, (ways != 0.0).T.astype(float))
-        order, later = _least_fill((touches.T @ touches) > 0.0)
+        touches = np.zeros((len(forms), int(groups.max(initial=-1)) + 1))
+        np.maximum.at(touches.T, groups, (forms != 0.0).T.astype(float))
+        order, later = _minimum_degree_order((touches.T @ touches) > 0.0)
         place = np.empty(len(order), dtype=np.int64)
         place[order] = np.arange(len(order))
         # Groups and their later neighbours, by place in the order. Chains without additional fill are merged.
@@ -197,11 +207,14 @@ class _Tree:
         self._nodes = [tuple([k for j in part for k in range(ends[j], ends[j + 1])] for part in node) for node in nodes]
         self._of, self._sizes = of[order], sizes[of[order]]
         self._starts = np.concatenate([[0], np.cumsum(self._sizes)]).astype(np.int64)
-        self._ends = [_Ends(columns, rest, self._sizes, self._starts) for columns, rest in self._nodes]
-        self.meetings, self._parts = self._meetings(ways[:, order])
+        self._ends = [_FrontPositions(columns, rest, self._sizes, self._starts) for columns, rest in self._nodes]
+        self.couplings, self._parts = self._couplings(forms[:, order])
 
-    def _meetings(self, ways: Floats) -> tuple[dict[tuple[int, int], list[int]], list[list[_Part]]]:
-        """Return the tables per pair of bases, and each front's matrix blocks as sums of them."""
+    def _couplings(self, forms: Floats) -> tuple[dict[tuple[int, int], list[int]], list[list[_Part]]]:
+        """Return the coupling forms per pair of bases, and the matrix blocks of each front.
+
+        Each matrix block is a weighted sum of tables of those forms.
+        """
         found: list[dict[tuple[int, int], dict[tuple[int, int], dict[int, float]]]] = []
         wanted: dict[tuple[int, int], dict[int, int]] = {}
         for columns, rest in self._nodes:
@@ -209,12 +222,13 @@ class _Tree:
             here: dict[tuple[int, int], dict[tuple[int, int], dict[int, float]]] = {}
             for a, j in enumerate(columns):
                 for b in range(a, len(rows)):
-                    both = np.flatnonzero((ways[:, j] != 0.0) & (ways[:, rows[b]] != 0.0))
+                    both = np.flatnonzero((forms[:, j] != 0.0) & (forms[:, rows[b]] != 0.0))
                     if len(both):
                         key = int(self._of[rows[b]]), int(self._of[j])
                         number = wanted.setdefault(key, {})
                         shares = {
-                            number.setdefault(int(way), len(number)): ways[way, j] * ways[way, rows[b]] for way in both
+                            number.setdefault(int(form), len(number)): forms[form, j] * forms[form, rows[b]]
+                            for form in both
                         }
                         here.setdefault(key, {})[b, a] = shares
             found.append(here)
@@ -223,18 +237,18 @@ class _Tree:
             part: list[_Part] = []
             for key, blocks in here.items():
                 row = [n for n, shares in enumerate(blocks.values()) for _ in shares]
-                way = [k for shares in blocks.values() for k in shares]
+                form = [k for shares in blocks.values() for k in shares]
                 share = [value for shares in blocks.values() for value in shares.values()]
                 part.append(
-                    (key, list(blocks), sp.csr_array((share, (row, way)), shape=(len(blocks), len(wanted[key]))))
+                    (key, list(blocks), sp.csr_array((share, (row, form)), shape=(len(blocks), len(wanted[key]))))
                 )
             parts.append(part)
         return {key: list(number) for key, number in wanted.items()}, parts
 
     def factor(self, tables: dict[tuple[int, int], Floats], shift: float) -> Callable[[Floats], Floats] | None:
-        """Factor the matrix with given tables (ways, k, k′); return its solver, or None.
+        """Factor the matrix and return its solver; None if it is not positive definite.
 
-        The solver maps a right-hand side (k, w) to the solution. None means that the matrix is not positive definite.
+        tables: (forms, k, k′) for each pair of bases. The solver maps a right-hand side (k, w) to the solution.
         """
         flat = {key: table.reshape(len(table), -1) for key, table in tables.items()}
         updates: list[list[tuple[list[int], Floats, Ints]]] = [[] for _ in self._nodes]
@@ -249,7 +263,7 @@ class _Tree:
             front[np.arange(first), np.arange(first)] += shift
             places = {row: n for n, row in enumerate(columns + rest)}
             for where, update, its in updates[node]:
-                _add(front, update, [places[row] for row in where], at, its)
+                _extend_add(front, update, [places[row] for row in where], at, its)
             updates[node] = []
             lower, failed = lapack.dpotrf(front[:first, :first], lower=1)
             if failed:
@@ -263,7 +277,7 @@ class _Tree:
         return lambda rhs: self._solve(out, rhs)
 
     def _solve(self, held: list[tuple[Floats, Floats]], rhs: Floats) -> Floats:
-        """Solve by forward and backward substitution along the tree."""
+        """Solve for a right-hand side (k, w) by forward and backward substitution."""
         rows = np.arange(len(rhs))
         used = rows[None, :] < self._sizes[:, None]
         x = rhs.T[self._order][used]
@@ -284,14 +298,14 @@ class _Tree:
 
 
 _Part = tuple[tuple[int, int], list[tuple[int, int]], Any]
-"""Pair of bases, (row, column) of the matrix blocks of a front, and the tables each is the sum of, (blocks, ways)."""
+"""Pair of bases, (row, column) of the matrix blocks of a front, and the tables each is the sum of, (blocks, forms)."""
 
 
-class _Ends:
-    """Positions of the columns of one front.
+class _FrontPositions:
+    """Positions of the unknowns of one front in the front and in the whole vector.
 
-    at: their positions in the front. own, rest: positions of eliminated and of later columns in the whole vector.
-    first: number of eliminated unknowns.
+    at: first unknown of each column in the front. own, rest: positions of eliminated and of later columns in the whole
+    vector. first: number of eliminated unknowns.
     """
 
     def __init__(self, columns: list[int], rest: list[int], sizes: Ints, starts: Ints) -> None:
@@ -301,11 +315,11 @@ class _Ends:
         self.rest = np.concatenate([np.zeros(0, dtype=np.int64), *(np.arange(starts[j], starts[j + 1]) for j in rest)])
 
 
-def _add(front: Floats, update: Floats, places: list[int], at: Ints, its: Ints) -> None:
-    """Add the lower half of an update to a front, in runs of rows contiguous in both.
+def _extend_add(front: Floats, update: Floats, places: list[int], at: Ints, its: Ints) -> None:
+    """Add the lower half of an update matrix to a front (extend-add).
 
-    places: the position of each column of the update in the front. at, its: the first unknown of each column in the
-    front and in the update.
+    Runs of rows that are contiguous in both are added at once. places: the position of each column of the update in the
+    front. at, its: the first unknown of each column in the front and in the update.
     """
     runs: list[tuple[int, int, int]] = []
     for n, place in enumerate(places):
@@ -320,8 +334,11 @@ def _add(front: Floats, update: Floats, places: list[int], at: Ints, its: Ints) 
             ]
 
 
-def _least_fill(meets: Bools) -> tuple[Ints, list[list[int]]]:
-    """Return an elimination order of low fill (minimum degree) and the later neighbours."""
+def _minimum_degree_order(meets: Bools) -> tuple[Ints, list[list[int]]]:
+    """Return a minimum-degree elimination order of a graph, and the later neighbours.
+
+    meets: (w, w) mask of connected columns. The second result lists, for each column, the neighbours eliminated later.
+    """
     width = len(meets)
     left = [set(np.flatnonzero(meets[j]).tolist()) - {j} for j in range(width)]
     remaining = list(range(width))

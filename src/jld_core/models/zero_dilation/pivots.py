@@ -45,10 +45,11 @@ _CLOSING: Final = 0.9
 """Factor by which Σ yz must decrease in each round."""
 
 
-class Pivots:
+class AlternatingPrograms:
     """The two linear programs of one labelling: mechanisms for forces, forces for mechanisms.
 
-    modes: the complementarity problem, planar. most: scaled λ above which solutions are ignored.
+    modes: the complementarity problem, planar. most: scaled λ above which solutions are ignored. Points (3m + 1,) are
+    scaled forces and λ.
     """
 
     def __init__(self, modes: Modes, most: float) -> None:
@@ -68,7 +69,7 @@ class Pivots:
         self._motions = LinearRows(unit, np.append(np.zeros(count), 1.0), ends, -free, free)
 
     def mechanism(self, closed: Bools, weights: Floats) -> Floats | None:
-        """Return z (4m,) ≥ 0 of least weighted sum with b_λ·u = 1; None if there is none.
+        """Return the mechanism z (4m,) ≥ 0 of least weighted sum with b_λ·u = 1; None if none exists.
 
         closed: (4m,) modes whose slack is zero; only these may move. weights: (4m,).
         """
@@ -77,17 +78,17 @@ class Pivots:
         return self.modes.rates @ answer.point if answer.found else None
 
     def forces(self, moving: Bools, objective: Floats) -> Floats | None:
-        """Return (F, λ) that minimises an objective with y = 0 on moving modes, or None.
+        """Return the state (F, λ) that minimises an objective for one mechanism; None if none exists.
 
-        moving: (4m,) bool. objective: (3m + 1,) of (F, λ).
+        moving: (4m,) modes that move, whose slack y is zero. objective: (3m + 1,) of (F, λ).
         """
         d = self.modes.constants
         self._statics.bound(slice(self._first, self._first + len(d)), -d, np.where(moving, -d, np.inf))
         answer = self._statics.minimise(objective)
         return answer.point if answer.found else None
 
-    def close(self, point: Floats, seed: int) -> Floats | None:
-        """Return a solution (F, λ) reached by reducing Σ yz from a point, or None.
+    def close_gap(self, point: Floats, seed: int) -> Floats | None:
+        """Reduce the gap Σ yz from a point to zero; return the solution (F, λ), None on failure.
 
         Mechanism and forces are updated in turn. point: (3m + 1,) scaled forces and λ, of any kind. seed: of the random
         weights.
@@ -96,7 +97,7 @@ class Pivots:
         every, none = np.ones(count, dtype=bool), np.zeros(count, dtype=bool)
         for _ in range(_ROUNDS):
             checkpoint()
-            slack = np.maximum(self.modes.of(point[:-1]), 0.0)
+            slack = np.maximum(self.modes.slacks_of(point[:-1]), 0.0)
             weights = slack * (1.0 + _UNEVEN[0] * rng.random(count)) + _UNEVEN[1] * rng.random(count)
             z = self.mechanism(every, weights)
             if z is None:
@@ -113,18 +114,21 @@ class Pivots:
             point, last = nearest, gap
         return None
 
-    def mixed(self, point: Floats, share: float, rng: np.random.Generator) -> Floats | None:
-        """Return a point (3m + 1,) mixed with a state of low compression on random faces, or None."""
+    def mix_with_low_compression(self, point: Floats, share: float, rng: np.random.Generator) -> Floats | None:
+        """Mix a point with a state of low compression on random faces; None without a state.
+
+        share: weight of that state, from 0 to 1.
+        """
         objective = np.zeros(len(point))
         objective[:-1:3] = rng.exponential(size=self.modes.faces)
         state = self.forces(np.zeros(len(self.modes.constants), dtype=bool), objective)
         return None if state is None else (1.0 - share) * point + share * state
 
     def descend(self, point: Floats, seed: int, tries: int = 24, sign: float = 1.0) -> Floats | None:
-        """Return a solution with λ not above (sign 1) or not below (sign −1) that of a point.
+        """Search for a solution with lower λ (sign 1) or higher λ (sign −1) from a solution.
 
         point: (3m + 1,) scaled forces and λ. seed: of random mechanisms and vertices. tries: consecutive tries without
-        gain. The solution is (F, λ), or None if no mechanism completes the point.
+        gain. The result is the best (F, λ), or None if no mechanism completes the point.
         """
         rng = np.random.default_rng(seed)
         count = len(self.modes.constants)
@@ -149,10 +153,10 @@ class Pivots:
                     other = self.forces(z > _MOVING, sway)
                     if other is not None and sign * (other[-1] - best[-1]) <= _BETTER * abs(best[-1]):
                         point = other
-            closed = self.modes.of(point[:-1]) < _CLOSED[1]
+            closed = self.modes.slacks_of(point[:-1]) < _CLOSED[1]
         return best
 
-    def drawn(self, seed: int, draws: int) -> list[Floats]:
+    def random_solutions(self, seed: int, draws: int) -> list[Floats]:
         """Return solutions (F, λ) of random mechanisms: the lowest and the highest of each.
 
         draws: number of mechanisms. Even-numbered ones have random weights only. For odd-numbered ones the weights are
@@ -168,7 +172,7 @@ class Pivots:
                 # A random objective yields high compression on some faces and low compression on others.
                 state = self.forces(none, np.append(rng.standard_normal(columns), rng.standard_normal()))
                 if state is not None:
-                    weights *= np.maximum(self.modes.of(state[:-1]), 0.0) + _IDLES
+                    weights *= np.maximum(self.modes.slacks_of(state[:-1]), 0.0) + _IDLES
             z = self.mechanism(~none, weights)
             if z is None:
                 continue
@@ -178,22 +182,22 @@ class Pivots:
                     found.append(point)
         return found
 
-    def climb(self, point: Floats, seed: int, legs: int, idle: int) -> list[Floats]:
+    def ascending_path(self, point: Floats, seed: int, steps: int, idle: int) -> list[Floats]:
         """Return the vertices (F, λ) of a path of increasing λ, one mechanism per step.
 
-        Each step maximises λ for one mechanism. point: (3m + 1,) of a solution. legs: maximum number of mechanisms.
+        Each step maximises λ for one mechanism. point: (3m + 1,) of a solution. steps: maximum number of mechanisms.
         idle: maximum number of failures in a row.
         """
         rng = np.random.default_rng(seed)
         goal = np.append(np.zeros(len(point) - 1), -1.0)
         closed, path, missed = self._start(point, rng), [point], 0
-        for _ in range(legs):
+        for _ in range(steps):
             checkpoint()
             z = None if closed is None else self.mechanism(closed, rng.exponential(size=len(self.modes.constants)))
             found = None if z is None else self.forces(z > _MOVING, goal)
             if found is not None and found[-1] > path[-1][-1] + 1e-6 * abs(path[-1][-1]):
                 path.append(found)
-                closed, missed = self.modes.of(found[:-1]) < _CLOSED[1], 0
+                closed, missed = self.modes.slacks_of(found[:-1]) < _CLOSED[1], 0
             else:
                 missed += 1
             if missed > idle:
@@ -201,8 +205,11 @@ class Pivots:
         return path
 
     def _start(self, point: Floats, rng: np.random.Generator) -> Bools | None:
-        """Return the modes that may move at a point, with the least tolerance necessary."""
-        slack = self.modes.of(point[:-1])
+        """Return the modes (4m,) that may move at a point, with the least tolerance on y = 0.
+
+        None if no mechanism exists for any tolerance.
+        """
+        slack = self.modes.slacks_of(point[:-1])
         for allowance in _CLOSED:
             if self.mechanism(slack < allowance, rng.exponential(size=len(slack))) is not None:
                 return np.asarray(slack < allowance)

@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components
 
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.models.zero_dilation.modes import Modes
-from jld_core.models.zero_dilation.rlt_relaxation import row_sizes, without
+from jld_core.models.zero_dilation.rlt_relaxation import null_space, row_maxima
 
 _NOTHING: Final = 1e-11
 """Size of coefficients that are rounding errors of an elimination."""
@@ -28,13 +28,13 @@ Point = tuple[Floats, Floats]
 
 @dataclass(frozen=True)
 class ProductSpace:
-    """Forms y_k z_l over the unknowns (Z, T).
+    """Linear map from unknowns (Z, T) to the products y_k z_l of slacks and mode rates.
 
     facts: (r, p) slacks and other forms of Φ, the last of them 1. rates: (forms, w) of z and of loops over free
     velocities. bases: (p, k) bases of the states that velocities multiply; `of` (w,) is the basis of each velocity, and
     Z has as many rows as the widest basis. lone: (f,) faces whose two slides, modes 4f + 2 and 4f + 3, are t and t + s
-    with a t that occurs nowhere else. T holds the products of t with the forces of the face and 1. `at` (f, 4) are
-    the places of these in Φ, and `own` (f, 5, 4) maps them to the slacks of the face and 1. live: (w,) b_λ·u.
+    with a t that occurs nowhere else. T holds the products of t with the forces of the face and 1. `at` (f, 4) are the
+    places of these in Φ, and `own` (f, 5, 4) maps them to the slacks of the face and 1. live: (w,) b_λ·u.
     """
 
     facts: Floats
@@ -46,70 +46,70 @@ class ProductSpace:
     at: Ints
     live: Floats
 
-    def spread(self, z: Floats) -> Floats:
-        """Return the products (p, w) of given coefficients."""
+    def expand(self, z: Floats) -> Floats:
+        """Return the products X (p, w) of basis coefficients Z (k, w)."""
         x = np.zeros((self.facts.shape[1], len(self.of)))
         for basis, columns in zip(self.bases, self._columns, strict=True):
             x[:, columns] = basis @ z[: basis.shape[1], columns]
         return x
 
     def gather(self, form: Floats) -> Floats:
-        """Return a form (p, w) of products as a form of coefficients."""
+        """Return a linear form (p, w) of X as a form (k, w) of the basis coefficients Z."""
         out = np.zeros((max(basis.shape[1] for basis in self.bases), len(self.of)))
         for basis, columns in zip(self.bases, self._columns, strict=True):
             out[: basis.shape[1], columns] = basis.T @ form[:, columns]
         return out
 
     def values(self, point: Point) -> Floats:
-        """Return the values (r, forms) of y_k z_l.
+        """Return the values (r, forms) of the products y_k z_l at a point (Z, T).
 
         For slides of lone faces, only the products with their own slacks and 1 are valid.
         """
         z, t = point
-        out = np.asarray(self.facts @ self.spread(z) @ self.rates.T)
+        out = np.asarray(self.facts @ self.expand(z) @ self.rates.T)
         more = np.einsum("frc,fc->rf", self.own, t)
         for slide in (2, 3):
             out[self.rows, self.ones * (4 * self.lone + slide)] += more
         return out
 
     def adjoint(self, table: Floats) -> Point:
-        """Return a weighted sum of values (r, forms) as a form over (Z, T)."""
+        """Return the weighted sum of all y_k z_l, with weights (r, forms), as a form of (Z, T)."""
         slides = self.ones * (4 * self.lone)
         both = table[self.rows, slides + 2] + table[self.rows, slides + 3]
         return self.gather(self.facts.T @ (table @ self.rates)), np.einsum("frc,rf->fc", self.own, both)
 
     @cached_property
     def unit(self) -> Floats:
-        """Return b_λ·u as a form (k, w) over Z."""
+        """Return the work rate b_λ·u of the live load as a form (k, w) of Z."""
         return self.gather(np.outer(self.facts[-1], self.live))
 
     @cached_property
     def rows(self) -> Ints:
-        """Return the rows (5, f) of the own slacks of lone faces and of 1."""
+        """Return indices (5, f) in `facts`: four slacks of each lone face, and the constant 1."""
         return np.vstack([4 * self.lone + k for k in range(4)] + [np.full(len(self.lone), len(self.facts) - 1)])
 
     @property
     def ones(self) -> Ints:
-        """Return ones (5, 1), which repeat columns for `rows`."""
+        """Return a column (5, 1) of ones, which repeats mode numbers for each row of `rows`."""
         return np.ones((5, 1), dtype=np.int64)
 
     @cached_property
     def _columns(self) -> list[Ints]:
-        """Return the velocities of each basis."""
+        """Return, for each basis, the numbers of the velocities that use it."""
         return [np.flatnonzero(self.of == basis) for basis in range(len(self.bases))]
 
 
 class LocalProductSpace:
-    """Elements and faces whose forces multiply each velocity of a region.
+    """Elements and faces whose forces are multiplied with each velocity of a region.
 
-    distance: in faces, None: all elements. Velocities tied by closed modes share the same set. basis: (3n + m, w) of
-    the velocities that closed modes leave free. forms: (4m + 2e, w) over these, of which rates are the first. groups:
-    (w,) number of the element of each velocity.
+    distance: number of faces up to which forces are included, None for all elements. Velocities tied by closed modes
+    share the same set of elements. basis: (3n + m, w) of the velocities that closed modes leave free. forms: (4m + 2e,
+    w) over these, of which rates are the first. groups: (w,) number of the element of each velocity.
     """
 
     def __init__(self, modes: Modes, closed: Bools, distance: int | None) -> None:
         self.modes, self.closed = modes, closed
-        self.basis = without(modes.rates[closed])
+        self.basis = null_space(modes.rates[closed])
         self.forms = modes.forms @ self.basis
         self.forms[abs(self.forms) < _NOTHING] = 0.0
         self.rates = self.forms[: len(modes.rows)]
@@ -121,7 +121,7 @@ class LocalProductSpace:
         self.of = self._of[first]
 
     def _sets(self, distance: int | None) -> tuple[list[Bools], Ints]:
-        """Return the distinct sets (n,) of elements, and the set of each velocity (3n + m,)."""
+        """Return the distinct sets (n,) of elements, and the set number (3n + m,) of each velocity."""
         count, faces = self.touches.shape
         if distance is None:
             return [np.ones(count, dtype=bool)], np.zeros(3 * count + faces, dtype=np.int64)
@@ -146,8 +146,8 @@ class LocalProductSpace:
         return elements, at[node]
 
     @cached_property
-    def products(self) -> Bools:
-        """Return a mask (4m + 3, 4m + 2e) of products that may be formed.
+    def allowed_products(self) -> Bools:
+        """Return a mask (4m + 3, 4m + 2e) of the products that the local spaces can represent.
 
         A row needs all forces that the velocities of its form multiply; rows of λ and 1 are always available.
         """
@@ -158,13 +158,16 @@ class LocalProductSpace:
         return np.vstack([np.repeat(known, 4, axis=0), np.ones((3, len(self.forms)), dtype=bool)])
 
     def forces(self, number: int) -> tuple[Ints, Ints]:
-        """Return the equations of one set of elements, and the places of its forces, λ and 1 in Φ."""
+        """Return the equilibrium equations of one set of elements, and the entries of Φ they use.
+
+        number: of the set. Both results are index arrays; the entries are forces of its faces, λ and 1.
+        """
         inside = self.elements[number]
         own = np.append(np.repeat(self.touches[inside].any(axis=0), 3), [True, True])
         return np.flatnonzero(np.repeat(inside, 3)), np.flatnonzero(own)
 
     def bases(self, statics: Floats) -> tuple[Floats, ...]:
-        """Return bases (3m + 2, k) of the states of each set in equilibrium.
+        """Return, for each set of elements, a basis (3m + 2, k) of the states in equilibrium.
 
         statics: (3n, 3m + 2) equations of equilibrium.
         """
@@ -172,14 +175,17 @@ class LocalProductSpace:
         for number in range(len(self.elements)):
             rows, places = self.forces(number)
             part = statics[np.ix_(rows, places)]
-            free = without(part / row_sizes(part)[:, None])
+            free = null_space(part / row_maxima(part)[:, None])
             basis = np.zeros((statics.shape[1], free.shape[1]))
             basis[places] = free
             out.append(basis)
         return tuple(out)
 
     def equilibrium(self, statics: Floats, rest: Floats) -> Floats:
-        """Return multipliers (3n, 3n + m) of equilibrium that reduce a residual most."""
+        """Return multipliers (3n, 3n + m) of equilibrium that minimise a residual in least squares.
+
+        statics: (3n, 3m + 2) equations of equilibrium. rest: (3m + 2, 3n + m) residual.
+        """
         out = np.zeros((len(statics), rest.shape[1]))
         for number in range(len(self.elements)):
             rows, places = self.forces(number)
@@ -188,7 +194,7 @@ class LocalProductSpace:
         return out
 
     def _inverse(self, number: int, statics: Floats) -> Floats:
-        """Return the pseudo-inverse of the transposed equilibrium of one set, computed once."""
+        """Return the pseudo-inverse of the transposed equilibrium of one set, from the cache."""
         if number not in self._inverses:
             rows, places = self.forces(number)
             self._inverses[number] = np.asarray(np.linalg.pinv(statics[np.ix_(rows, places)].T, rcond=1e-12))
@@ -196,13 +202,13 @@ class LocalProductSpace:
 
     @cached_property
     def _inverses(self) -> dict[int, Floats]:
-        """Return the cache of pseudo-inverses, by number of the set."""
+        """Return the cache of pseudo-inverses, keyed by the number of the set."""
         return {}
 
 
 @dataclass(frozen=True)
 class Velocities:
-    """Free velocities of a region, and the split of X by them.
+    """Free velocities of a region, split into columns of X and slides of lone faces.
 
     The bounds on the slides of a lone face require its own forces only. Its t therefore has four products, in column
     `at` (f,), and no equilibrium. All other velocities, `whole` (w,), have columns. On walls this removes a third of X,
@@ -216,23 +222,24 @@ class Velocities:
     groups: Ints
 
     def split(self, form: Floats) -> Point:
-        """Return a form (3m + 2, w) as a form over (Z, T)."""
+        """Convert a form (3m + 2, w) of X into a form of (Z, T)."""
         return self.space.gather(form[:, self.whole]), form[self.space.at, self.at[:, None]]
 
-    def joined(self, point: Point) -> Floats:
-        """Return the products (3m + 2, w) of a point (Z, T)."""
+    def assemble(self, point: Point) -> Floats:
+        """Return the products X (3m + 2, w) of a point (Z, T)."""
         x = np.zeros((self.space.facts.shape[1], self.basis.shape[1]))
-        x[:, self.whole] = self.space.spread(point[0])
+        x[:, self.whole] = self.space.expand(point[0])
         x[self.space.at, self.at[:, None]] = point[1]
         return x
 
 
-def velocities_of(around: LocalProductSpace, facts: Floats, statics: Floats, lone: Bools) -> Velocities:
+def velocities_of(local_space: LocalProductSpace, facts: Floats, statics: Floats, lone: Bools) -> Velocities:
     """Build the free velocities and the product space of a region.
 
-    facts: (4m + 3, 3m + 2) as from `extended`. statics: (3n, 3m + 2). Both are forms of scaled Φ. lone: (m,) mask.
+    local_space: elements and forces for each velocity. facts: (4m + 3, 3m + 2) from `region_forms`. statics: (3n, 3m +
+    2) equilibrium. Both act on scaled Φ. lone: (m,) mask of faces from `lone_faces`.
     """
-    modes, basis = around.modes, around.basis
+    modes, basis = local_space.modes, local_space.basis
     faces, count, width = np.flatnonzero(lone), len(modes.rows), len(modes.dead)
     at = np.array([np.flatnonzero(basis[width + face])[0] for face in faces], dtype=np.int64)
     whole = ~np.isin(np.arange(basis.shape[1]), at)
@@ -240,22 +247,22 @@ def velocities_of(around: LocalProductSpace, facts: Floats, statics: Floats, lon
     rows = np.column_stack([*(4 * faces + k for k in range(4)), np.full(len(faces), count + 2)])
     space = ProductSpace(
         facts=facts,
-        rates=around.forms[:, whole],
-        bases=around.bases(statics),
-        of=around.of[whole],
+        rates=local_space.forms[:, whole],
+        bases=local_space.bases(statics),
+        of=local_space.of[whole],
         lone=faces,
         own=facts[rows[:, :, None], own[:, None, :]],
         at=own,
         live=(modes.live_rate @ basis)[whole],
     )
-    return Velocities(space, basis, whole, at, np.unique(around.groups[whole], return_inverse=True)[1])
+    return Velocities(space, basis, whole, at, np.unique(local_space.groups[whole], return_inverse=True)[1])
 
 
 def lone_faces(used: Bools, closed: Bools, loops: Floats) -> Bools:
-    """Return a mask (m,) of faces whose slides multiply their own slacks and 1 only.
+    """Return a mask (m,) of faces whose slides are multiplied with their own slacks and 1 only.
 
-    Both slides may move. used: (4m + 3, 4m + 2e) mask of rows in the program: y, λ − L, U − λ, 1 times z and forms of
-    loops. loops: (2e, 4m).
+    Both slides must be free to move. used: (4m + 3, 4m + 2e) mask of rows in the program: y, λ − L, U − λ, 1 times z
+    and forms of loops. closed: (4m,) modes with z = 0. loops: (2e, 4m).
     """
     faces = len(closed) // 4
     around = loops[used[:, 4 * faces :].any(axis=0)].reshape(-1, faces, 4)[:, :, 2:].any(axis=(0, 2))

@@ -6,8 +6,11 @@ from jld_core.limit import LimitAnalysis, Proof, Status, number, relative_width
 from jld_core.models.zero_dilation.search import PrimalDualPair
 
 
-def proof_of(associative: Proof, analysis: LimitAnalysis, pair: PrimalDualPair | None, solves: int) -> Proof:
-    """Convert a primal-dual pair into a proof; without a pair keep the associative status."""
+def pair_proof(associative: Proof, analysis: LimitAnalysis, pair: PrimalDualPair | None, solves: int) -> Proof:
+    """Convert a pair of forces and velocities into a proof of its load factor.
+
+    Without a pair, the proof keeps the status of the associative analysis. solves: number of programs of the search.
+    """
     converged = pair is not None and bool(pair.converged)
     proof = Proof(
         status=associative.status,

@@ -15,9 +15,9 @@ from jld_core.arrays import Bits, Floats
 from jld_core.deadline import DeadlinePassed
 from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Proof, Status, number, result_of
 from jld_core.models.zero_dilation.found import MultiStartSearch
-from jld_core.models.zero_dilation.lower_bound import FloorSearch
+from jld_core.models.zero_dilation.lower_bound import LowerBoundSearch
 from jld_core.models.zero_dilation.lower_bound_problem import LowerBound, LowerBoundProblem
-from jld_core.models.zero_dilation.proof import proof_of
+from jld_core.models.zero_dilation.proof import pair_proof
 from jld_core.models.zero_dilation.search import ProximalOptions
 
 _TRIED: Final = 3
@@ -30,10 +30,10 @@ BoundSearch = Callable[[LimitAnalysis, Bits, MultiStartSearch, float], LowerBoun
 def load_range(
     analysis: LimitAnalysis,
     labels: Bits,
-    scheme: ProximalOptions,
+    options: ProximalOptions,
     associative: Proof,
     seconds: float,
-    enough: float = -math.inf,
+    sufficient_load: float = -math.inf,
     bound: BoundSearch | None = None,
 ) -> Proof:
     """Find the lowest and the highest certified solution, and a lower bound on all solutions.
@@ -46,13 +46,13 @@ def load_range(
         As for `prove_zero_dilation`.
     labels : (m,) bool array
         Labels, True = dry.
-    scheme : ProximalOptions
+    options : ProximalOptions
         Parameters of the fixed-point search.
     associative : Proof
         Associative proof for these labels.
     seconds : float
         Processor time in seconds after which no further step of the bound begins; 0 omits the bound.
-    enough : float, optional
+    sufficient_load : float, optional
         λ in scene units. The search ends once a solution at or below this value is found.
     bound : callable, optional
         Search for the lower bound. Default: that of planar scenes; spatial ones have none.
@@ -77,88 +77,98 @@ def load_range(
     faces.
     """
     if associative.status is Status.UNSTABLE:
-        return _without_range(proof_of(associative, analysis, None, 0))
+        return _proof_without_solution(pair_proof(associative, analysis, None, 0))
     if associative.status is Status.LOCKED:
-        scheme = replace(scheme, alpha=0.0)
-    side = MultiStartSearch(analysis, labels, scheme, associative)
+        options = replace(options, alpha=0.0)
+    search = MultiStartSearch(analysis, labels, options, associative)
     unit = analysis.template.scaling.load
-    found, floor = side.found, None
+    found, lower_bound = search.found, None
     with suppress(DeadlinePassed):  # Keep the solutions found before the deadline.
-        side.search(enough=enough / unit)
-        floor = _floor(analysis, labels, side, seconds if found.low > enough / unit else 0.0, bound or _planar_bound)
+        search.search(sufficient_load=sufficient_load / unit)
+        lower_bound = _lower_bound(
+            analysis,
+            labels,
+            search,
+            seconds if found.lowest_load > sufficient_load / unit else 0.0,
+            bound or _planar_bound,
+        )
     lowest, highest = found.lowest, found.highest
     if lowest is None or highest is None:
-        none = _without_range(proof_of(associative, analysis, found.best, side.pairs.solves))
+        none = _proof_without_solution(pair_proof(associative, analysis, found.best, search.fixed_point.solves))
         # If time was up before any pair was tried, the associative status does not apply.
         return none if found.best is not None else replace(none, status=Status.UNCERTIFIED)
-    proof = proof_of(associative, analysis, lowest, side.pairs.solves)
-    above = proof_of(associative, analysis, highest, side.pairs.solves)
-    options = replace(analysis.options, friction="zero-dilation", effective_area=scheme.effective_area)
+    proof = pair_proof(associative, analysis, lowest, search.fixed_point.solves)
+    above = pair_proof(associative, analysis, highest, search.fixed_point.solves)
+    solve_options = replace(analysis.options, friction="zero-dilation", effective_area=options.effective_area)
     ends = {
         "lowest_found": number(proof.load_factor * unit),
         "highest_found": number(above.load_factor * unit),
         "solutions_found": len(found.loads),
-        "highest": _evidence(result_of(analysis.template, labels, options, above, elapsed=0.0)),
-        **_of_floor(floor, unit),
+        "highest": _evidence(result_of(analysis.template, labels, solve_options, above, elapsed=0.0)),
+        **_bound_entries(lower_bound, unit),
     }
     return replace(proof, extra={**proof.extra, **ends})
 
 
-def _floor(
-    analysis: LimitAnalysis, labels: Bits, side: MultiStartSearch, seconds: float, bound: BoundSearch
+def _lower_bound(
+    analysis: LimitAnalysis, labels: Bits, search: MultiStartSearch, seconds: float, bound: BoundSearch
 ) -> LowerBound | None:
-    """Compute the lower bound if the scene has one and no solution at zero is known."""
-    found = side.found
-    if found.lowest is None or not seconds > 0.0 or side.pairs.scheme.effective_area:
+    """Compute a lower bound on λ of all solutions, by `bound`, as far as the scene allows one.
+
+    seconds: of processor time. The result is None without a solution, without time, with effective areas, and where dry
+    faces have cohesion or inner faces friction.
+    """
+    found = search.found
+    if found.lowest is None or not seconds > 0.0 or search.fixed_point.options.effective_area:
         return None
-    if side.pairs.base.rough or side.pairs.base.cohesive:
+    if search.fixed_point.base.rough or search.fixed_point.base.cohesive:
         return None  # The certificates require friction of dry faces only.
-    if found.low <= tolerances.GAP * side.pairs.floor:
+    if found.lowest_load <= tolerances.GAP * search.fixed_point.load_scale:
         return LowerBound(0.0, 0.0, 0.0, closed=True, programs=0, seconds=0.0, route=("a solution at zero",))
-    return bound(analysis, labels, side, seconds)
+    return bound(analysis, labels, search, seconds)
 
 
-def _planar_bound(analysis: LimitAnalysis, labels: Bits, side: MultiStartSearch, seconds: float) -> LowerBound | None:
-    """Compute the lower bound; offer states of its relaxations as starts for lower solutions."""
-    found, modes = side.found, side.modes
+def _planar_bound(analysis: LimitAnalysis, labels: Bits, search: MultiStartSearch, seconds: float) -> LowerBound | None:
+    """Compute the lower bound of a planar scene; None for spatial scenes and crushing."""
+    found, modes = search.found, search.modes
     if modes is None:
         return None
 
     def offer(states: Floats) -> float:
-        """Search from states of a relaxation; return λ of the lowest solution."""
+        """Search for solutions from states of a relaxation; return the lowest λ found."""
         for state in states[:_TRIED]:
-            side.search_from(state[:-1], thorough=False)
-        return found.low
+            search.search_from(state[:-1], thorough=False)
+        return found.lowest_load
 
-    return FloorSearch(analysis, labels, modes, LowerBoundProblem(found.low, seconds, offer)).search()
+    return LowerBoundSearch(analysis, labels, modes, LowerBoundProblem(found.lowest_load, seconds, offer)).search()
 
 
-def _of_floor(floor: LowerBound | None, load: float) -> dict[str, Any]:
-    """Return the entries of `extra` about the lower bound; load: scale of λ, scene units."""
-    if floor is None:
+def _bound_entries(lower_bound: LowerBound | None, load: float) -> dict[str, Any]:
+    """Return the entries of `extra` about the lower bound; load: scale of λ in scene units."""
+    if lower_bound is None:
         none: dict[str, Any] = dict.fromkeys(("lowest_proven", "lowest_bound", "bound_tolerance"))
         return {**none, "proven": False, "closed": False, "floor_route": [], "floor_programs": 0, "floor_seconds": 0.0}
     down = load * (1.0 - 4.0 * np.finfo(float).eps)  # Scene units, rounded down.
     return {
-        "lowest_proven": float(floor.proven * down) if floor.proven > 0.0 else None,
-        "lowest_bound": float(floor.bound * down),
-        "bound_tolerance": floor.tolerance,
-        "proven": floor.proven > 0.0 and floor.tolerance == 0.0,
-        "closed": floor.closed,
-        "floor_route": list(floor.route),
-        "floor_programs": floor.programs,
-        "floor_seconds": floor.seconds,
+        "lowest_proven": float(lower_bound.proven * down) if lower_bound.proven > 0.0 else None,
+        "lowest_bound": float(lower_bound.bound * down),
+        "bound_tolerance": lower_bound.tolerance,
+        "proven": lower_bound.proven > 0.0 and lower_bound.tolerance == 0.0,
+        "closed": lower_bound.closed,
+        "floor_route": list(lower_bound.route),
+        "floor_programs": lower_bound.programs,
+        "floor_seconds": lower_bound.seconds,
     }
 
 
-def _without_range(proof: Proof) -> Proof:
-    """Return a proof whose `extra` states that no solution and no bound were found."""
+def _proof_without_solution(proof: Proof) -> Proof:
+    """Return a copy of a proof whose `extra` says that no solution and no bound were found."""
     none = {"lowest_found": None, "highest_found": None, "solutions_found": 0, "highest": None}
-    return replace(proof, extra={**proof.extra, **none, **_of_floor(None, 1.0)})
+    return replace(proof, extra={**proof.extra, **none, **_bound_entries(None, 1.0)})
 
 
 def _evidence(result: LimitAnalysisResult) -> dict[str, Any]:
-    """Return the entries of a result in JSON form that document a solution."""
+    """Return the entries of a result, in JSON form, that document one solution."""
     printed = result.to_json()
     keys = (
         "load_factor",

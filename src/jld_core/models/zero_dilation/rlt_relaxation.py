@@ -35,24 +35,23 @@ _VIOLATED: Final = 1e-7
 
 @dataclass(frozen=True)
 class Multipliers:
-    """Multipliers of the rows of the program, which prove its bound.
+    """Multipliers of the rows of the RLT program; a certificate turns them into a proven bound.
 
-    over: (4m + 3, 4m + 2e) of (y, λ − L, U − λ, 1) times forms of w; ≥ 0 except for y_l z_l and held rows.
-    live: (4m + 2,) of (y, λ − L, U − λ) times b_λ·u; ≥ 0 except for held rows.
-    bound: scaled λ.
+    products: (4m + 3, 4m + 2e) of (y, λ − L, U − λ, 1) times forms of w; ≥ 0 except for y_l z_l and held rows.
+    live_work: (4m + 2,) of (y, λ − L, U − λ) times b_λ·u; ≥ 0 except for held rows. bound: scaled λ.
     """
 
-    over: Floats
-    live: Floats
+    products: Floats
+    live_work: Floats
     bound: float
 
 
 @dataclass(frozen=True)
 class RltSolution:
-    """Solution of the relaxation: multipliers, and states and means computed from X.
+    """Solution of the RLT relaxation: multipliers, and states and mean values computed from X.
 
     states: (k, 3m + 1) forces and λ that X combines. rates, slacks: (4m,) mean z and mean y. violated: (4m, 4m + 2e)
-    mask of omitted rows that X violates. sure: True if the solver reports an optimum; otherwise the multipliers may
+    mask of omitted rows that X violates. accurate: True if the solver reports an optimum; otherwise the multipliers may
     still prove a bound.
     """
 
@@ -61,14 +60,14 @@ class RltSolution:
     rates: Floats
     slacks: Floats
     violated: Bools
-    sure: bool
+    accurate: bool
 
 
 @dataclass(frozen=True)
 class Region:
-    """Part of the solutions: an interval of λ, closed modes, and held modes.
+    """Part of the solutions on which a bound is proven: an interval of λ, closed and held modes.
 
-    low ≤ λ ≤ high; closed modes (4m,) have z = 0, held ones y = 0.
+    low ≤ λ ≤ high. closed: (4m,) modes with z = 0. held: (4m,) modes with y = 0.
     """
 
     low: float
@@ -76,12 +75,11 @@ class Region:
     closed: Bools
     held: Bools
 
-    def halves(self, rates: Floats, slacks: Floats) -> tuple[Region, Region] | None:
-        """Split the region at the mode that most violates z y = 0 on the mean, or return None.
+    def split(self, rates: Floats, slacks: Floats) -> tuple[Region, Region] | None:
+        """Split the region at the mode that most violates y z = 0; None if no mode violates it.
 
-        The measure is min(z, 1) y. In one part, the mode does not move. In the other part, its slack is zero; if the
-        mode is a slide, the other slide of the face is then zero. None if the measure is zero for all modes. rates,
-        slacks: (4m,) mean z and mean y.
+        The measure of a mode is min(z, 1) y. In one part, the mode does not move. In the other part, its slack is zero;
+        if the mode is a slide, the other slide of the face is then zero. rates, slacks: (4m,) mean z and mean y.
         """
         apart = np.where(self.closed | self.held, 0.0, np.minimum(rates, 1.0) * slacks)
         if not apart.max() > 0.0:
@@ -93,18 +91,18 @@ class Region:
         return replace(self, closed=self.closed | one), replace(self, closed=self.closed | other, held=self.held | one)
 
 
-def without(rows: Floats) -> Floats:
-    """Return a basis (n, k) of the null space of rows (r, n), by sparse elimination.
+def null_space(rows: Floats) -> Floats:
+    """Return a sparse basis (n, k) of the null space of a matrix (r, n).
 
-    Pivots in columns with few entries are preferred.
+    Gaussian elimination prefers pivots in columns with few entries.
     """
     table, n = rows.copy(), rows.shape[1]
     used, pivots = np.zeros(n, dtype=bool), []
     for i in range(len(table)):
-        size = np.where(used, 0.0, abs(table[i]))
-        if size.max(initial=0.0) < 1e-9:
+        pivot_sizes = np.where(used, 0.0, abs(table[i]))
+        if pivot_sizes.max(initial=0.0) < 1e-9:
             continue
-        fit = np.flatnonzero(size > 0.3 * size.max())
+        fit = np.flatnonzero(pivot_sizes > 0.3 * pivot_sizes.max())
         j = int(fit[np.argmin((abs(table[:, fit]) > 1e-9).sum(axis=0))])
         table[i] /= table[i, j]
         column = table[:, j].copy()
@@ -122,10 +120,10 @@ def without(rows: Floats) -> Floats:
     return basis
 
 
-def products(first: Any, second: Any, i: Ints, j: Ints) -> Any:
-    """Return the rows first_i ⊗ second_j of two sparse matrices for given i and j.
+def product_rows(first: Any, second: Any, i: Ints, j: Ints) -> Any:
+    """Return the Kronecker products first_i ⊗ second_j of matrix rows, for given index pairs.
 
-    The shape is (len(i), columns of first × columns of second).
+    i, j: (k,) rows of `first` and of `second`. The shape of the result is (k, columns of first × columns of second).
     """
     one, two = sp.csr_array(first)[i], sp.csr_array(second)[j]
     a, b = np.diff(one.indptr), np.diff(two.indptr)
@@ -138,35 +136,41 @@ def products(first: Any, second: Any, i: Ints, j: Ints) -> Any:
     return sp.csr_array((one.data[at] * two.data[to], (row, columns)), shape=shape)
 
 
-def cost_of(modes: Modes) -> Floats:
-    """Return the cost Σ_hinges z + Σ_faces capacity (z₊ + z₋) as a form (3m + 2, 3n + m)."""
+def cost_form(modes: Modes) -> Floats:
+    """Return the cost of a mechanism as a bilinear form (3m + 2, 3n + m) of Φ and w.
+
+    The cost is Σ_hinges z + Σ_faces capacity (z₊ + z₋).
+    """
     one = np.zeros(modes.matrix.shape[1] + 2)
     one[-1] = 1.0
     hinged = np.outer(one, modes.rates[modes.hinges].sum(axis=0))
     return np.asarray(hinged + modes.capacities.T @ (modes.rates[2::4] + modes.rates[3::4]))
 
 
-def extended(modes: LinearModes, region: Region) -> Floats:
-    """Return the forms (k + 3, q + 2) y, λ − L, U − λ and 1 of (F, λ, 1)."""
+def region_forms(modes: LinearModes, region: Region) -> Floats:
+    """Return the forms of Φ that are ≥ 0 in a region: slacks y, λ − low, high − λ and 1.
+
+    The shape is (k + 3, q + 2), with Φ = (F, λ, 1).
+    """
     last = np.zeros((3, modes.matrix.shape[1] + 2))
     last[0, -2:], last[1, -2:], last[2, -1] = (1.0, -region.low), (-1.0, region.high), 1.0
     return np.vstack([modes.slacks, last])
 
 
-def relax(
-    modes: Modes, region: Region, size: Floats, pairs: Bools, slack: float, seconds: float = np.inf
+def solve_rlt(
+    modes: Modes, region: Region, force_bounds: Floats, pairs: Bools, slack: float, seconds: float = np.inf
 ) -> RltSolution | None:
-    """Solve the relaxation of a region with given rows y_k z_l; None if the solver fails.
+    """Solve the RLT relaxation of one region; None if the solver fails.
 
-    size: (3m + 2,) bounds on Φ, see `Statics.size`. The program scales forces by these, and λ by the width of the
-    region. Every row and the objective (λ − low) b_λ·u are of order one, so that narrow regions keep their accuracy.
-    pairs: (4m, 4m + 2e) mask of slacks times forms of w.
+    force_bounds: (3m + 2,) bounds on Φ, see `Statics.force_bounds`. The program scales forces by these, and λ by the
+    width of the region. Every row and the objective (λ − low) b_λ·u are of order one, so that narrow regions keep their
+    accuracy. pairs: (4m, 4m + 2e) mask of the rows y_k h_l ≥ 0 to include, slacks times forms of w.
 
-    slack: decrease of the objective per unit of `cost_of`, which gives the multipliers the margin that the proof needs.
-    seconds: time limit. The bound never exceeds region.high, since the equation b_λ·u = 1 is elastic.
+    slack: decrease of the objective per unit of `cost_form`, which gives the multipliers the margin that the proof
+    needs. seconds: time limit. The bound never exceeds region.high, since the equation b_λ·u = 1 is elastic.
     """
     count, columns = len(modes.rows), modes.matrix.shape[1] + 2
-    basis = without(modes.rates[region.closed])
+    basis = null_space(modes.rates[region.closed])
     forms = modes.forms @ basis
     forms[abs(forms) < _NOTHING] = 0.0
     rates = forms[:count]
@@ -174,30 +178,30 @@ def relax(
     moving = np.flatnonzero(~region.closed)
     used = moving_forms(forms, region)
     alive = np.flatnonzero(used)
-    unit, wide = units_of(region, size), region.high - region.low
-    facts, largest, statics = scaled(modes, region, unit)
+    unit, wide = scaling_matrix(region, force_bounds), region.high - region.low
+    facts, largest, statics = scaled_forms(modes, region, unit)
     held = np.flatnonzero(region.held)
     asked = pairs & used
     asked[np.arange(count), np.arange(count)] = False
     asked[held] = False
     row, form = np.nonzero(asked)
-    zero_k, zero_l = equal_pairs(held, moving)
+    zero_k, zero_l = zero_product_pairs(held, moving)
     by_live = live[None]
     none = np.zeros(len(facts) - 1, dtype=np.int64)
     blocks = [
-        products(statics, np.eye(width), *_all(len(statics), width)),
-        products(facts, rates, zero_k, zero_l),
-        products(facts, forms, row, form),
-        products(facts, forms, *_all(3, len(alive), count, alive)),
-        products(facts, by_live, np.arange(len(facts) - 1), none),
-        products(facts, by_live, np.array([len(facts) - 1]), np.array([0])),
+        product_rows(statics, np.eye(width), *_all(len(statics), width)),
+        product_rows(facts, rates, zero_k, zero_l),
+        product_rows(facts, forms, row, form),
+        product_rows(facts, forms, *_all(3, len(alive), count, alive)),
+        product_rows(facts, by_live, np.arange(len(facts) - 1), none),
+        product_rows(facts, by_live, np.array([len(facts) - 1]), np.array([0])),
     ]
     sizes = [block.shape[0] for block in blocks]
     high = np.concatenate([np.zeros(sizes[0] + sizes[1]), np.full(sum(sizes[2:4]), np.inf), np.zeros(sizes[4]), [1.0]])
     high[-1 - sizes[4] : -1] = np.where(np.append(region.held, [False, False]), 0.0, np.inf)
     above = np.zeros(columns)
     above[-2:] = 1.0, -region.low
-    objective = unit.T @ (np.outer(above, live) - slack * (cost_of(modes) @ basis)) / wide
+    objective = unit.T @ (np.outer(above, live) - slack * (cost_form(modes) @ basis)) / wide
     answer = solve_products(objective, sp.vstack(blocks, format="csr"), high, seconds)
     if answer is None:
         return None
@@ -220,7 +224,8 @@ def solve_products(
     """Minimise objective·X subject to 0 ≤ rows ≤ high, and b_λ·u = 1 as the last row.
 
     The last equation is elastic: an additional unknown ≥ 0, the last one, may replace b_λ·u at a cost of 1. Its sign is
-    the last row of the program. presolve: see `interior_point`. Return None if there are no usable multipliers.
+    the last row of the program. seconds: time limit. presolve: see `interior_point`. The result is None if the solver
+    returns no finite, nonzero multipliers.
     """
     elastic = np.zeros((matrix.shape[0], 1))
     elastic[-1] = 1.0
@@ -234,18 +239,18 @@ def solve_products(
     return answer if usable and answer.dual.any() else None
 
 
-def scaled(modes: LinearModes, region: Region, unit: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return scaled `extended` forms, their divisors, and scaled equilibrium.
+def scaled_forms(modes: LinearModes, region: Region, unit: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return the scaled `region_forms`, the divisors of their rows, and scaled equilibrium.
 
-    unit: maps scaled Φ to Φ. Each row is divided by its largest entry.
+    unit: matrix that maps scaled Φ to Φ. Each row is divided by its largest entry.
     """
-    facts, statics = extended(modes, region) @ unit, modes.statics @ unit
-    largest = row_sizes(facts)
-    return facts / largest[:, None], largest, statics / row_sizes(statics)[:, None]
+    facts, statics = region_forms(modes, region) @ unit, modes.statics @ unit
+    largest = row_maxima(facts)
+    return facts / largest[:, None], largest, statics / row_maxima(statics)[:, None]
 
 
-def row_sizes(rows: Floats) -> Floats:
-    """Return the largest absolute entry (k,) of each row, 1 for rows of zeros.
+def row_maxima(rows: Floats) -> Floats:
+    """Return the largest absolute entry (k,) of each row, and 1 for rows of zeros.
 
     A crack without strength has rows of zeros.
     """
@@ -253,12 +258,12 @@ def row_sizes(rows: Floats) -> Floats:
     return np.where(sizes > 0.0, sizes, 1.0)
 
 
-def units_of(region: Region, size: Floats) -> Floats:
+def scaling_matrix(region: Region, force_bounds: Floats) -> Floats:
     """Return the matrix (3m + 2, 3m + 2) that maps scaled Φ to Φ.
 
     Forces are scaled by their bounds, λ by the width of the region from its lower end.
     """
-    unit = np.diag(size)
+    unit = np.diag(force_bounds)
     unit[-2, -2:] = region.high - region.low, region.low
     return unit
 
@@ -270,26 +275,30 @@ def _read(
     seen, count = x @ forms.T, len(modes.rows)
     violated = (modes.slacks @ seen < -_VIOLATED) & ~asked & moving_forms(forms, region) & ~region.held[:, None]
     violated[np.arange(count), np.arange(count)] = False
-    return mixed(x, live, forms[:count]), seen[-1, :count], modes.slacks @ x @ live, violated
+    return combined_states(x, live, forms[:count]), seen[-1, :count], modes.slacks @ x @ live, violated
 
 
 def moving_forms(forms: Floats, region: Region) -> Bools:
-    """Return a mask (4m + 2e,) of forms over free velocities that are not identically zero."""
+    """Return a mask (4m + 2e,) of the forms of w that are not identically zero in a region."""
     moving = (forms != 0.0).any(axis=1)
     moving[: len(region.closed)] = ~region.closed
     return np.asarray(moving)
 
 
-def mixed(x: Floats, live: Floats, rates: Floats) -> Floats:
-    """Return forces and λ (k, q + 1) that X combines: the mean, and per largest mode."""
+def combined_states(x: Floats, live: Floats, rates: Floats) -> Floats:
+    """Return states of forces and λ (k, q + 1) that X combines.
+
+    The first is the mean state, the others belong to the modes of largest rate. x: products X. live: form b_λ·u over
+    the columns of X. rates: (4m, columns of X).
+    """
     mean, z = x @ live, x[-1] @ rates.T
     states = [mean / mean[-1]] if mean[-1] > _SEEN else []
     states += [x @ rates[mode] / z[mode] for mode in np.argsort(-z, kind="stable")[:_MIXED] if z[mode] > _SEEN]
     return np.array(states).reshape(len(states), len(x))[:, :-1]
 
 
-def equal_pairs(held: Ints, moving: Ints) -> tuple[Ints, Ints]:
-    """Return the pairs with y_k z_l = 0: k = l, and every held k with every moving l."""
+def zero_product_pairs(held: Ints, moving: Ints) -> tuple[Ints, Ints]:
+    """Return index pairs (k, l) with y_k z_l = 0: k = l, and every held k with every moving l."""
     both = np.isin(moving, held)
     k = np.concatenate([moving[~both], np.repeat(held, len(moving))])
     return k, np.concatenate([moving[~both], np.tile(moving, len(held))])

@@ -109,8 +109,8 @@ class PrimalDualPair:
     motion: mechanism of the problem frozen at N of the state, None if none has finite dissipation.
     locked: True if the frozen problem has no finite λ.
     violation: excess of friction (|V| − μN)⁺ over the largest N. dilation: of pressed faces over the largest slip.
-    gap: Γ. dissipation: Σ D_N(J). moved: change of effective areas that the forces require.
-    floor: scaled λ below which λ counts as zero.
+    gap: complementarity gap Γ, see `solve`. dissipation: Σ D_N(J). area_change: change of effective areas that the
+    forces require. load_scale: scaled λ below which λ counts as zero.
     settled: True if λ of the last two programs agree: minimisation of Γ, and problem frozen at its N.
     """
 
@@ -121,32 +121,32 @@ class PrimalDualPair:
     dilation: float
     gap: float
     dissipation: float
-    moved: float
-    floor: float
+    area_change: float
+    load_scale: float
     settled: bool
 
     @property
     def relative_gap(self) -> float:
-        """Return Γ over the dissipation, or over the work of the loads if nothing dissipates.
+        """Return the complementarity gap relative to the dissipation; inf without a mechanism.
 
-        Nothing dissipates in pure rocking.
+        Where nothing dissipates, as in pure rocking, the gap is relative to the work of the loads.
         """
         if self.motion is None:
             return math.inf
-        work = max(abs(self.state.load), abs(self.motion.bound), self.floor)
+        work = max(abs(self.state.load), abs(self.motion.bound), self.load_scale)
         size = self.dissipation if self.dissipation > 1e-6 * work else work
         return abs(self.gap) / size if size > 0.0 else math.inf
 
-    def closes(self, width: float) -> bool:
-        """Return True if λ of the forces and the bound of the velocities agree within a width."""
+    def bracket_within(self, width: float) -> bool:
+        """Return True if λ of the forces and of the velocities agree within a relative width."""
         if self.motion is None:
             return False
-        size = max(abs(self.state.load), abs(self.motion.bound), self.floor)
+        size = max(abs(self.state.load), abs(self.motion.bound), self.load_scale)
         return abs(self.motion.bound - self.state.load) <= width * size
 
-    def solves(self, width: float) -> bool:
+    def is_solution(self, width: float) -> bool:
         """Return True if the pair is an admissible, converged solution within a relative width."""
-        return not self.locked and self.state.admissible and self.converged and self.closes(width)
+        return not self.locked and self.state.admissible and self.converged and self.bracket_within(width)
 
     @property
     def converged(self) -> bool:
@@ -158,100 +158,113 @@ class PrimalDualPair:
             and self.dilation <= tolerances.DILATION
             and self.relative_gap <= tolerances.COMPLEMENTARITY
             and self.settled
-            and self.moved <= tolerances.FIXED_POINT
+            and self.area_change <= tolerances.FIXED_POINT
         )
 
 
 class FixedPointSearch:
-    """Fixed-point search of one labelling; programs share solvers, `solves` counts them."""
+    """Fixed-point search for a solution of one labelling from given forces.
 
-    def __init__(self, analysis: LimitAnalysis, labels: Bits, scheme: ProximalOptions) -> None:
-        self.analysis, self.labels, self.scheme = analysis, labels, scheme
+    labels: (m,) True = dry. options: parameters of the search. All programs share solvers, and `solves` counts the
+    programs.
+    """
+
+    def __init__(self, analysis: LimitAnalysis, labels: Bits, options: ProximalOptions) -> None:
+        self.analysis, self.labels, self.options = analysis, labels, options
         template = analysis.template
         self.count = template.matrix.shape[1]
         self.margin = analysis.margin
         self.base = template.yield_set.associative
         residual = template.precision.residual
         # Quadratic programs converge less tightly than linear ones; only the last of them must be exact.
-        self.stepping = ClarabelSolver(max(_STEP, residual), proximal=(self.count, scheme.damping))
-        self.matching = ClarabelSolver(max(_GAP, residual), proximal=(self.count, scheme.anchor))
-        self.holding = ClarabelSolver(max(_GAP, residual), proximal=(self.count, HOLD))
-        self.route = ClarabelSolver(residual)
+        self.step_solver = ClarabelSolver(max(_STEP, residual), proximal=(self.count, options.damping))
+        self.gap_solver = ClarabelSolver(max(_GAP, residual), proximal=(self.count, options.anchor))
+        self.holding_solver = ClarabelSolver(max(_GAP, residual), proximal=(self.count, HOLD))
+        self.solver = ClarabelSolver(residual)
         self.shared: Template = template
-        self.floor = load_scale(template.assembly) / template.scaling.load
-        self.reached = np.zeros(self.count)
-        self.solves = self.end = 0
+        self.load_scale = load_scale(template.assembly) / template.scaling.load
+        self.last_feasible = np.zeros(self.count)
+        self.solves = self.program_limit = 0
 
     # --- frozen problems ----------------------------------------------------------------------------------
 
     def areas(self, forces: Floats) -> EffectiveAreas | None:
-        """Return the effective areas under scaled forces, None if the options do not use them."""
-        if not self.scheme.effective_area:
+        """Return the effective areas of the faces under scaled forces; None if not used."""
+        if not self.options.effective_area:
             return None
         return areas_under(self.analysis.assembly, self.table(forces), self.labels)
 
     def prover(self, template: Template) -> Prover:
-        """Return the prover of the analysis for another template."""
+        """Return the prover of the analysis, applied to another template."""
         return self.analysis.prover.under(template)
 
-    def frozen(
+    def freeze_friction(
         self, alpha: float, previous: Floats, areas: EffectiveAreas | None
     ) -> tuple[Template, PrescribedFriction]:
-        """Build the template with friction μ(αN + (1 − α)N_prev); previous: (m,) N_prev."""
+        """Build the template and yield sets with friction μ(αN + (1 − α)N_prev).
+
+        alpha: share of the present N in friction. previous: (m,) N_prev, scaled.
+        """
         sets = PrescribedFriction(self.base, alpha, previous, areas)
         self.shared = self.shared.renumbered(sets)
         return self.shared, sets
 
     def table(self, forces: Floats) -> Floats:
-        """Return scaled forces as a table (m, q), without λ."""
+        """Return scaled forces (q·m,) as a table (m, q); a trailing λ is dropped."""
         return forces[: self.count].reshape(len(self.labels), -1)
 
     def normals(self, forces: Floats) -> Floats:
-        """Return the scaled normal forces (m,)."""
+        """Return the normal forces (m,) of scaled forces (q·m,)."""
         return self.table(forces)[:, 0]
 
     # --- the two steps ------------------------------------------------------------------------------------
 
     def step_from(self, forces: Floats, alpha: float) -> RawSolution:
-        """Solve one proximal step on the problem frozen at N of the given forces."""
+        """Solve one proximal step: the problem frozen at N of given forces (q·m,)."""
         centre = forces[: self.count]
         for _ in range(_BACK):
-            template, _ = self.frozen(alpha, self.normals(centre), self.areas(centre))
-            raw = self.stepping.solve(template.program(self.labels, self.margin), centre)
+            template, _ = self.freeze_friction(alpha, self.normals(centre), self.areas(centre))
+            raw = self.step_solver.solve(template.program(self.labels, self.margin), centre)
             self.solves += 1
             if raw.status in (RawStatus.OPTIMAL, RawStatus.ALMOST):
-                self.reached = centre
+                self.last_feasible = centre
                 break
             # A frozen N that is too small can leave no equilibrium at all: move the centre back half way.
-            centre = 0.5 * (centre + self.reached)
+            centre = 0.5 * (centre + self.last_feasible)
         return raw
 
-    def least_gap(self, forces: Floats, dual: Floats, areas: EffectiveAreas | None, held: float | None = None) -> State:
-        """Minimise Γ for given velocities over states of true friction near given forces.
+    def minimise_gap(
+        self, forces: Floats, dual: Floats, areas: EffectiveAreas | None, held: float | None = None
+    ) -> State:
+        """Minimise the complementarity gap Γ over forces, for given velocities.
 
-        dual: multipliers whose first entries are the velocities. held: if given, hold the forces with the larger weight
-        `HOLD`, and require this slack.
+        The result is the state of true friction nearest to `forces`. dual: multipliers whose first entries are the
+        velocities. held: if given, hold the forces with the larger weight `HOLD`, and require this slack.
         """
-        template, program = self._priced(forces, dual, areas, self.margin if held is None else held)
-        route = self.matching if held is None else self.holding
-        point = route.solve(program, forces[: self.count]).point
-        return self.admissible(point, template, areas)
+        template, program = self._gap_program(forces, dual, areas, self.margin if held is None else held)
+        solver = self.gap_solver if held is None else self.holding_solver
+        point = solver.solve(program, forces[: self.count]).point
+        return self.repaired_state(point, template, areas)
 
-    def lowest(self, forces: Floats, dual: Floats) -> State:
-        """Find the state of least λ among those of least Γ, near `forces` or not; see `least_gap`."""
-        template, program = self._priced(forces, dual, self.areas(forces), self.margin)
+    def lowest_state(self, forces: Floats, dual: Floats) -> State:
+        """Find the state of least λ among those of least gap Γ for given velocities.
+
+        Unlike `minimise_gap`, the state need not be near the forces. dual: multipliers whose first entries are the
+        velocities.
+        """
+        template, program = self._gap_program(forces, dual, self.areas(forces), self.margin)
         # Γ contains −λ. A slightly smaller weight of λ prefers the lowest λ among states of equal Γ.
         program.objective[-1] *= 1.0 - _DOWN
-        return self.admissible(self.route.solve(program).point, template, self.areas(forces))
+        return self.repaired_state(self.solver.solve(program).point, template, self.areas(forces))
 
-    def _priced(
+    def _gap_program(
         self, forces: Floats, dual: Floats, areas: EffectiveAreas | None, margin: float
     ) -> tuple[Template, ConicProgram]:
-        """Build the program of true friction whose objective is Γ for given velocities.
+        """Build the program that minimises the gap Γ over forces, for given velocities.
 
-        Terms that are constant for given velocities are omitted.
+        Friction is that of the true cone. Terms that are constant for given velocities are omitted.
         """
-        template, sets = self.frozen(1.0, self.normals(forces), areas)
+        template, sets = self.freeze_friction(1.0, self.normals(forces), areas)
         velocity = dual[: template.matrix.shape[0]]
         jumps = (template.matrix.T @ velocity).reshape(len(self.labels), -1)
         work = float(template.live @ velocity)
@@ -264,21 +277,21 @@ class FixedPointSearch:
         return template, ConicProgram(program.structure, program.data, program.rhs, objective)
 
     def mechanism(self, forces: Floats, raised: Floats | None = None) -> RawSolution:
-        """Solve the problem frozen at N of the forces; its multipliers are velocities.
+        """Solve the problem frozen at N of given forces; its multipliers are the velocities.
 
         The velocities do not dilate. raised: (linear rows,) increase of the resistances, which selects one of several
         optimal mechanisms.
         """
-        template, _ = self.frozen(0.0, self.normals(forces), self.areas(forces))
+        template, _ = self.freeze_friction(0.0, self.normals(forces), self.areas(forces))
         program = template.program(self.labels, self.margin)
         s, rhs = program.structure, program.rhs.copy()
         if raised is not None:
             rhs[s.equalities : s.equalities + s.linear] += raised
         self.solves += 1
-        return self.route.solve(ConicProgram(s, program.data, rhs, program.objective))
+        return self.solver.solve(ConicProgram(s, program.data, rhs, program.objective))
 
-    def admissible(self, point: Floats, template: Template, areas: EffectiveAreas | None) -> State:
-        """Repair a raw point: move it into equilibrium and into the true cone where possible."""
+    def repaired_state(self, point: Floats, template: Template, areas: EffectiveAreas | None) -> State:
+        """Move a raw point into equilibrium, and into the true friction cone where possible."""
         labels, prover = self.labels, self.prover(template)
         state = prover.state(point, labels, passes=3)
         if state.admissible:
@@ -293,12 +306,15 @@ class FixedPointSearch:
             state = analysis.repair.edge_state(point, labels) or state
         return state
 
-    def judge(self, state: State, areas: EffectiveAreas | None) -> PrimalDualPair:
-        """Compute non-dilatant velocities for N of a state, and evaluate Γ of the pair."""
+    def evaluate_pair(self, state: State, areas: EffectiveAreas | None) -> PrimalDualPair:
+        """Complete a state to a pair: compute non-dilatant velocities, and evaluate Γ.
+
+        areas: effective areas of the faces, None if not used.
+        """
         labels = self.labels
-        template, sets = self.frozen(0.0, state.forces[:, 0], areas)
+        template, sets = self.freeze_friction(0.0, state.forces[:, 0], areas)
         prover = self.prover(template)
-        raw = self.route.solve(template.program(labels, self.margin))
+        raw = self.solver.solve(template.program(labels, self.margin))
         self.solves += 1
         motion = prover.motion(raw.dual, labels)
         opening = None if motion.margin >= 0.0 else self.analysis.repair.opening()
@@ -306,7 +322,7 @@ class FixedPointSearch:
             motion = prover.open_up(motion, opening, labels)
         locked = False
         finite = motion.margin >= 0.0 and motion.work > 0.0
-        size = max(abs(motion.bound), abs(state.load), self.floor)
+        size = max(abs(motion.bound), abs(state.load), self.load_scale)
         if not finite or raw.status is RawStatus.UNBOUNDED or motion.bound - state.load > tolerances.GAP * size:
             proof = self.analysis.under(template, labels).prove(labels)
             self.solves += proof.solves
@@ -316,7 +332,7 @@ class FixedPointSearch:
         largest = float(np.abs(state.forces[:, 0]).max(initial=0.0)) or 1.0
         violation = float(max(0.0, sets.excess(state.forces, labels).max(initial=0.0))) / largest
         if locked or motion.margin < 0.0 or not motion.work > 0.0:
-            return PrimalDualPair(state, None, locked, violation, math.inf, math.inf, 0.0, 0.0, self.floor, False)
+            return PrimalDualPair(state, None, locked, violation, math.inf, math.inf, 0.0, 0.0, self.load_scale, False)
         jumps = motion.jumps
         slip = sets.slip(jumps, labels)[sets.slides(labels)].max(initial=0.0)
         widest = slip if slip > 1e-6 * np.abs(jumps).max() else np.abs(jumps).max()
@@ -325,17 +341,17 @@ class FixedPointSearch:
         dilation = float(sets.dilation(jumps, labels)[pressed].max(initial=0.0)) / float(widest or 1.0)
         dissipation = float(sets.dissipation(jumps, labels).sum())
         gap = motion.bound - state.load
-        moved = 0.0 if areas is None else change(areas, areas_under(self.analysis.assembly, state.forces, labels))
-        size = max(abs(motion.bound), abs(state.load), self.floor)
+        area_change = 0.0 if areas is None else change(areas, areas_under(self.analysis.assembly, state.forces, labels))
+        size = max(abs(motion.bound), abs(state.load), self.load_scale)
         settled = abs(gap) <= tolerances.SETTLED * size
         return PrimalDualPair(
-            state, motion, False, violation, max(dilation, 0.0), gap, dissipation, moved, self.floor, settled
+            state, motion, False, violation, max(dilation, 0.0), gap, dissipation, area_change, self.load_scale, settled
         )
 
     # --- the search ----------------------------------------------------------------------------------------
 
     def pair_from(self, forces: Floats) -> PrimalDualPair:
-        """Return the best pair of all attempts from scaled forces (q·m,)."""
+        """Search from scaled forces (q·m,) and return the best pair of all attempts."""
         best: PrimalDualPair | None = None
         for pair in self.attempts(forces):
             if best is None or pair.locked or _better(pair, best):
@@ -346,18 +362,18 @@ class FixedPointSearch:
     def attempts(self, forces: Floats) -> Iterator[PrimalDualPair]:
         """Alternate proximal steps with a minimisation of Γ, and yield a pair after each round.
 
-        The iteration ends with a locked pair, with a solution, or after `scheme.most` programs. With effective areas,
+        The iteration ends with a locked pair, with a solution, or after `options.most` programs. With effective areas,
         later rounds hold the forces and omit proximal steps: such steps move the forces along the many solutions,
         and the areas would follow.
         """
-        scheme, held = self.scheme, None
-        self.reached, self.end = forces[: self.count], self.solves + self.scheme.most
-        alpha, dual, share, last = scheme.alpha, np.zeros(0), 1.0, np.zeros(self.count)
+        options, held = self.options, None
+        self.last_feasible, self.program_limit = forces[: self.count], self.solves + self.options.most
+        alpha, dual, share, last = options.alpha, np.zeros(0), 1.0, np.zeros(self.count)
         while True:
             if held is None:
-                for step in range(scheme.block + 1):
+                for step in range(options.block + 1):
                     checkpoint()
-                    raw = self.step_from(forces, alpha if step < scheme.block else 0.0)
+                    raw = self.step_from(forces, alpha if step < options.block else 0.0)
                     if not abs(raw.point).max() < _LOST:
                         dual = dual if dual.size else np.zeros_like(raw.dual)
                         break
@@ -368,37 +384,41 @@ class FixedPointSearch:
                     forces, dual, last = forces[: self.count] + share * way, raw.dual, way
                     alpha = 0.1 * alpha if alpha > 1e-6 else 0.0
             areas = self.areas(forces)
-            state = self.least_gap(forces, dual, areas, held)
+            state = self.minimise_gap(forces, dual, areas, held)
             if areas is not None:
                 state, areas = self.settle_areas(state, dual, areas)
-            pair = self.judge(state, areas)
+            pair = self.evaluate_pair(state, areas)
             yield pair
             width = (0.1 if areas is None else 1.0) * tolerances.GAP
-            if pair.locked or (pair.converged and pair.closes(width)) or self.solves + scheme.block + 3 > self.end:
+            if (
+                pair.locked
+                or (pair.converged and pair.bracket_within(width))
+                or self.solves + options.block + 3 > self.program_limit
+            ):
                 return
-            forces = self.reached = state.forces.ravel()
+            forces = self.last_feasible = state.forces.ravel()
             if areas is not None and pair.motion is not None:
                 held, dual = self.margin, pair.motion.velocity
 
     def settle_areas(self, state: State, dual: Floats, areas: EffectiveAreas) -> tuple[State, EffectiveAreas]:
         """Minimise Γ for the same velocities until the state fits its own effective areas."""
         tries = 0
-        while self.solves < self.end - 2:
+        while self.solves < self.program_limit - 2:
             checkpoint()
             tries += 1
             own, areas, _ = under_own_areas(self.prover(self.shared), state, self.labels)
             if own.admissible:
                 return own, areas
             slack = slack_to_ask(own, self.margin, tries)
-            state = self.least_gap(state.forces.ravel(), dual, areas, slack)
+            state = self.minimise_gap(state.forces.ravel(), dual, areas, slack)
         return state, areas
 
 
 def _better(one: PrimalDualPair, other: PrimalDualPair) -> bool:
-    """Return True if the first pair ranks above the second."""
+    """Return True if the first pair ranks above the second, see `_rank`."""
     return _rank(one) > _rank(other)
 
 
 def _rank(pair: PrimalDualPair) -> tuple[bool, bool, float]:
-    """Return the rank of a pair: solution first, then admissible, then small Γ."""
-    return pair.solves(tolerances.GAP), pair.state.admissible, -pair.gap
+    """Return the sort key of a pair: solution first, then admissible, then small gap Γ."""
+    return pair.is_solution(tolerances.GAP), pair.state.admissible, -pair.gap

@@ -27,10 +27,10 @@ from jld_core.errors import ParameterError
 from jld_core.limit import LimitAnalysis, Proof, Status
 from jld_core.models.effective_area import require_rectangles
 from jld_core.models.zero_dilation.found import MultiStartSearch
-from jld_core.models.zero_dilation.proof import proof_of
+from jld_core.models.zero_dilation.proof import pair_proof
 from jld_core.models.zero_dilation.range import load_range
 from jld_core.models.zero_dilation.search import FixedPointSearch, ProximalOptions
-from jld_core.models.zero_dilation.starts import first_forces
+from jld_core.models.zero_dilation.starts import initial_forces
 
 _SEVERAL: Final = 1000
 """Largest number of faces for which linear programs in turn are tried after proximal steps did not converge."""
@@ -39,11 +39,11 @@ _SEVERAL: Final = 1000
 def prove_zero_dilation(
     analysis: LimitAnalysis,
     labels: Bits,
-    scheme: ProximalOptions | None = None,
+    options: ProximalOptions | None = None,
     *,
     associative: Proof | None = None,
     stands: bool = False,
-    floor: float = -math.inf,
+    pruning_threshold: float = -math.inf,
     range: float | None = None,
 ) -> Proof:
     """Prove the load factor of one labelling under friction without dilation.
@@ -54,13 +54,13 @@ def prove_zero_dilation(
         Analysis of associative friction, planar or spatial, of whole faces or of point contacts.
     labels : (m,) bool array
         Labels, True = dry.
-    scheme : ProximalOptions, optional
+    options : ProximalOptions, optional
         Parameters of the fixed-point search.
     associative : Proof, optional
         Associative proof for these labels; computed if not given.
     stands : bool, optional
         Also decide whether the structure stands at λ = 0.
-    floor : float, optional
+    pruning_threshold : float, optional
         λ in scene units at or below which the labelling is irrelevant. If the associative upper bound does not exceed
         this value, the result keeps the associative λ (`Proof.outbid`), which no λ without dilation exceeds.
     range : float, optional
@@ -90,33 +90,33 @@ def prove_zero_dilation(
     Source: Gilbert, Casapulla, Ahmed 2006; Iannuzzo et al. 2024, §2.4; docs/method.md (4.3).
     """
     start = time.perf_counter()
-    scheme = scheme or ProximalOptions()
-    if scheme.effective_area:
+    options = options or ProximalOptions()
+    if options.effective_area:
         require_rectangles(analysis.assembly, labels)
-    if scheme.start == "vertex" and analysis.template.structure.cones:
+    if options.start == "vertex" and analysis.template.structure.cones:
         raise ParameterError("start", "'vertex' on a program with cones", "'associative' or 'gravity'")
     associative = associative or analysis.prove(labels, stands=stands)
     collapses = associative.status is Status.COLLAPSE
-    if collapses and associative.bracket[1] * analysis.template.scaling.load <= floor:
+    if collapses and associative.bracket[1] * analysis.template.scaling.load <= pruning_threshold:
         known = associative.load_factor
         return replace(associative, status=Status.UNCERTIFIED, state=None, associative=known, outbid=True)
     if range is not None:
-        proof = load_range(analysis, labels, scheme, associative, range, floor)
+        proof = load_range(analysis, labels, options, associative, range, pruning_threshold)
     elif associative.status is Status.UNSTABLE or associative.state is None:
-        proof = proof_of(associative, analysis, None, 0)
+        proof = pair_proof(associative, analysis, None, 0)
     else:
         if associative.status is Status.LOCKED:
             # With alpha > 0, friction grows with the present N and self-stress grows without limit.
-            scheme = replace(scheme, alpha=0.0)
-        search = FixedPointSearch(analysis, labels, scheme)
-        pair = search.pair_from(first_forces(search, associative, scheme.start))
+            options = replace(options, alpha=0.0)
+        search = FixedPointSearch(analysis, labels, options)
+        pair = search.pair_from(initial_forces(search, associative, options.start))
         solves = search.solves
-        if not pair.solves(analysis.gap) and len(labels) <= _SEVERAL:
-            side = MultiStartSearch(analysis, labels, scheme, associative)
-            side.close(np.append(pair.state.forces.ravel(), pair.state.load))
-            if side.found.lowest is None:
-                side.draw()
-            pair, solves = side.found.lowest or pair, solves + side.pairs.solves
-        proof = proof_of(associative, analysis, pair, solves)
+        if not pair.is_solution(analysis.gap) and len(labels) <= _SEVERAL:
+            multi_start = MultiStartSearch(analysis, labels, options, associative)
+            multi_start.close_gap(np.append(pair.state.forces.ravel(), pair.state.load))
+            if multi_start.found.lowest is None:
+                multi_start.search_random_mechanisms()
+            pair, solves = multi_start.found.lowest or pair, solves + multi_start.fixed_point.solves
+        proof = pair_proof(associative, analysis, pair, solves)
     proof.seconds = time.perf_counter() - start
     return proof

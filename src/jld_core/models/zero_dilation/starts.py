@@ -39,21 +39,26 @@ _DRAWN: Final = 1e-3
 
 
 def starts(search: FixedPointSearch, associative: Proof, thorough: bool = True) -> Iterator[Floats]:
-    """Yield scaled forces (q·m,) to start from, in order of expected benefit.
+    """Yield the scaled forces (q·m,) from which searches start, the most useful first.
 
-    thorough: also yield starts that need more programs.
+    associative: associative proof of the labelling. thorough: also yield starts that need more programs.
     """
-    first = first_forces(search, associative, "associative")
+    first = initial_forces(search, associative, "associative")
     yield first
-    gravity = first_forces(search, associative, "gravity")
+    gravity = initial_forces(search, associative, "gravity")
     yield gravity
     if thorough:
-        yield along_the_load(search, gravity, associative.load_factor)
-        yield falling_friction(search, first)
+        yield forces_along_load_path(search, gravity, associative.load_factor)
+        yield forces_of_decreasing_friction(search, first)
 
 
-def first_forces(search: FixedPointSearch, associative: Proof, start: str) -> Floats:
-    """Return scaled forces (q·m,) to start from: "associative", "vertex" or "gravity"."""
+def initial_forces(search: FixedPointSearch, associative: Proof, start: str) -> Floats:
+    """Return the scaled forces (q·m,) of a named start: "associative", "vertex" or "gravity".
+
+    "associative": forces of the associative solution. "vertex": a vertex of the associative problem. "gravity": the
+    state of least forces at λ = 0. If the vertex program fails, or gravity has no state, the associative forces are
+    used.
+    """
     labels, template = search.labels, search.analysis.template
     if start == "vertex":
         search.solves += 1
@@ -68,11 +73,11 @@ def first_forces(search: FixedPointSearch, associative: Proof, start: str) -> Fl
     return np.zeros(search.count) if associative.state is None else associative.state.forces.ravel()
 
 
-def along_the_load(search: FixedPointSearch, gravity: Floats, most: float) -> Floats:
-    """Return the forces at the end of a load path from gravity, in steps of λ.
+def forces_along_load_path(search: FixedPointSearch, gravity: Floats, most: float) -> Floats:
+    """Follow a load path from gravity in steps of λ; return the forces (q·m,) at its end.
 
-    Each state is the nearest to the previous one, as in distinct element analysis, where the final state depends on
-    the load path. most: scaled λ above which no state exists, NaN if unknown.
+    Each state is the nearest to the previous one, as in distinct element analysis, where the final state depends on the
+    load path. most: scaled λ above which no state exists, NaN if unknown.
     """
     forces, load = gravity, 0.0
     step = (most if most > 0.0 else 1.0) / _STEPS
@@ -89,13 +94,13 @@ def along_the_load(search: FixedPointSearch, gravity: Floats, most: float) -> Fl
 
 
 def _nearest(search: FixedPointSearch, forces: Floats, load: float) -> RawSolution:
-    """Find the state at a given λ nearest to given forces."""
+    """Find the state at a given scaled λ that is nearest to given forces (q·m,)."""
     near = ClarabelSolver(search.analysis.template.precision.residual, proximal=(search.count, 1.0))
     return near.solve(_at_load(search, load), forces)
 
 
 def _at_load(search: FixedPointSearch, load: float) -> ConicProgram:
-    """Build the program of states at a given λ, without an objective in forces.
+    """Build the program of all states at a given scaled λ; its objective is λ alone.
 
     λ moves from the unknowns of equilibrium to its right-hand side.
     """
@@ -111,15 +116,15 @@ def _at_load(search: FixedPointSearch, load: float) -> ConicProgram:
     return ConicProgram(s, data, rhs, objective)
 
 
-def falling_friction(search: FixedPointSearch, forces: Floats) -> Floats:
-    """Iterate with friction that decreases as N grows, and return the final forces.
+def forces_of_decreasing_friction(search: FixedPointSearch, forces: Floats) -> Floats:
+    """Iterate with friction that decreases as N grows; return the final forces (q·m,).
 
     This removes thrust that the mechanism does not need.
     """
     previous = search.normals(forces)
     for _ in range(_FALLS):
-        template, _ = search.frozen(_SLOPE, previous, search.areas(forces))
-        raw = search.route.solve(template.program(search.labels, search.margin))
+        template, _ = search.freeze_friction(_SLOPE, previous, search.areas(forces))
+        raw = search.solver.solve(template.program(search.labels, search.margin))
         search.solves += 1
         if raw.status not in (RawStatus.OPTIMAL, RawStatus.ALMOST):
             break
@@ -129,16 +134,16 @@ def falling_friction(search: FixedPointSearch, forces: Floats) -> Floats:
 
 
 def low_compression_states(search: FixedPointSearch, load: float, rng: np.random.Generator) -> PrimalDualPair | None:
-    """Find a pair from a state at a given λ with low compression on random faces.
+    """Find a pair that starts from a state of low compression on random faces.
 
     Every solution has the λ of its own frozen friction, which grows with N: faces without compression do not resist.
-    From that state, a mechanism of the frozen friction and the lowest forces for it are computed in turn. Return
-    None where a program fails.
+    From a state at the scaled λ `load`, a mechanism of the frozen friction and the lowest forces for it are computed in
+    turn. The result is None where a program fails.
     """
     program = _at_load(search, load)
     freedoms = search.analysis.template.assembly.freedoms
     program.objective[: search.count : freedoms] = rng.exponential(size=len(search.labels))
-    raw = search.route.solve(program)
+    raw = search.solver.solve(program)
     if raw.status not in (RawStatus.OPTIMAL, RawStatus.ALMOST):
         return None
     forces = raw.point[: search.count]
@@ -148,18 +153,18 @@ def low_compression_states(search: FixedPointSearch, load: float, rng: np.random
         raw = search.mechanism(forces, drawn if turn + 1 < turns else None)
         if raw.status not in (RawStatus.OPTIMAL, RawStatus.ALMOST):
             return None
-        state = search.lowest(forces, raw.dual)
+        state = search.lowest_state(forces, raw.dual)
         forces = state.forces.ravel()
-    pair = search.judge(state, None)
+    pair = search.evaluate_pair(state, None)
     for _ in range(_MATCHES):
-        if pair.motion is None or pair.solves(search.analysis.gap):
+        if pair.motion is None or pair.is_solution(search.analysis.gap):
             break
-        pair = search.judge(search.least_gap(pair.state.forces.ravel(), pair.motion.velocity, None), None)
+        pair = search.evaluate_pair(search.minimise_gap(pair.state.forces.ravel(), pair.motion.velocity, None), None)
     return pair
 
 
-def certified(search: FixedPointSearch, point: Floats) -> PrimalDualPair:
-    """Move a point (q·m + 1,) into the true cone and evaluate it as a primal-dual pair."""
+def repair_and_evaluate(search: FixedPointSearch, point: Floats) -> PrimalDualPair:
+    """Move a point (q·m + 1,) into the true friction cone and evaluate it as a pair."""
     areas = search.areas(point)
-    state: State = search.admissible(point, search.analysis.template, areas)
-    return search.judge(state, areas)
+    state: State = search.repaired_state(point, search.analysis.template, areas)
+    return search.evaluate_pair(state, areas)

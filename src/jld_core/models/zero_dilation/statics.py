@@ -26,14 +26,17 @@ _SEEN: Final = 1e-8
 
 
 class Statics:
-    """Linear conditions on forces: A F + b + λ b_λ = 0, C F + d ≥ 0, low ≤ λ ≤ high.
+    """States of equilibrium within the yield conditions, with λ in an interval, and bounds on them.
 
-    held: (4m,) rows that are equations. size: as the property, if already known.
+    The conditions are A F + b + λ b_λ = 0, C F + d ≥ 0, low ≤ λ ≤ high. held: (4m,) yield rows that are equations.
+    force_bounds: the property of this name, if already known.
     """
 
-    def __init__(self, modes: LinearModes, low: float, high: float, held: Bools, size: Floats | None = None) -> None:
+    def __init__(
+        self, modes: LinearModes, low: float, high: float, held: Bools, force_bounds: Floats | None = None
+    ) -> None:
         self.modes, self.low, self.high, self.held = modes, low, high, held
-        self._size = size
+        self._force_bounds = force_bounds
         count, columns = modes.rows.shape
         rows = np.block([[modes.matrix, modes.live[:, None]], [modes.rows, np.zeros((count, 1))]])
         least, most = np.full(columns + 1, -np.inf), np.full(columns + 1, np.inf)
@@ -44,44 +47,47 @@ class Statics:
         self._equations = len(modes.dead)
 
     def least(self, objective: Floats) -> float:
-        """Return a proven lower bound on an objective (3m + 2,) of (F, λ, 1), else −inf."""
-        if not np.isfinite(self.size).all():
+        """Prove a lower bound on a linear objective over all states; −inf if none is proven.
+
+        objective: (3m + 2,) coefficients of (F, λ, 1).
+        """
+        if not np.isfinite(self.force_bounds).all():
             return -np.inf
         value, left = self._bound(objective)
-        return value - float(left @ self.size[:-2])
+        return value - float(left @ self.force_bounds[:-2])
 
     @cached_property
-    def size(self) -> Floats:
-        """Return (3m + 2,) upper bounds on |F|, |λ| and 1; inf where self-stress is unbounded."""
-        if self._size is not None:
-            return self._size
+    def force_bounds(self) -> Floats:
+        """Return upper bounds (3m + 2,) on |F|, |λ| and 1; inf where self-stress is unbounded."""
+        if self._force_bounds is not None:
+            return self._force_bounds
         modes = self.modes
         strong = float(modes.constants.max(initial=0.0))
         total = -np.append(modes.rows.sum(axis=0), [0.0, modes.constants.sum()])
         value, left = self._bound(total)
         missed = float(left.sum())
-        size = np.full(len(total), np.inf)
-        size[-2:] = max(abs(self.low), abs(self.high)), 1.0
+        force_bounds = np.full(len(total), np.inf)
+        force_bounds[-2:] = max(abs(self.low), abs(self.high)), 1.0
         if not np.isfinite(value) or missed > 0.5:
-            return size
+            return force_bounds
         # Every |F| is at most the sum of all slacks plus one strength, so this sum bounds itself.
-        size[:-2] = (strong - value + missed * strong) / (1.0 - missed) + strong
-        coarse = size.copy()
+        force_bounds[:-2] = (strong - value + missed * strong) / (1.0 - missed) + strong
+        coarse = force_bounds.copy()
         for face in range(modes.faces):
             pressed = np.zeros(len(total))
             pressed[3 * face] = -1.0
             value, left = self._bound(pressed)
             most = -(value - float(left @ coarse[:-2])) + strong
             slides = modes.rows[4 * face + 2, 3 * face] * most + modes.constants[4 * face + 2]
-            size[3 * face : 3 * face + 3] = np.minimum((most, slides, most), coarse[3 * face])
-        return size
+            force_bounds[3 * face : 3 * face + 3] = np.minimum((most, slides, most), coarse[3 * face])
+        return force_bounds
 
-    def closed(self) -> Bools:
-        """Return a mask (4m,) of modes that cannot move, since y > 0 in every state."""
-        return self.positive(self.modes.slacks, ~self.held)
+    def closed_modes(self) -> Bools:
+        """Return a mask (4m,) of modes that cannot move, since their slack y > 0 in every state."""
+        return self.proven_positive(self.modes.slacks, ~self.held)
 
-    def positive(self, forms: Floats, asked: Bools) -> Bools:
-        """Return a mask (k,) of forms proven positive in every state.
+    def proven_positive(self, forms: Floats, asked: Bools) -> Bools:
+        """Return a mask (k,) of linear forms that are proven positive in every state.
 
         forms: (k, 3m + 2) of (F, λ, 1). asked: (k,) forms to test; the others are False.
         """
@@ -94,7 +100,10 @@ class Statics:
         return found
 
     def _bound(self, objective: Floats) -> tuple[float, Floats]:
-        """Return a value and residuals (3m,) with objective ≥ value − residuals·|F|."""
+        """Minimise an objective; return a value and residuals r (3m,) that bound it from below.
+
+        Every state satisfies objective ≥ value − r·|F|. The value is −inf if the solver fails.
+        """
         modes = self.modes
         answer = self._rows.minimise(objective[:-1])
         if not answer.found:
@@ -106,17 +115,17 @@ class Statics:
         price = float(objective[-2] - modes.live @ q)
         blur = abs(objective[-2]) + float(abs(modes.live) @ abs(q))
         value = float(objective[-1] - modes.constants @ p - modes.dead @ q) + min(price * self.low, price * self.high)
-        size = abs(objective[-1]) + float(modes.constants @ abs(p) + abs(modes.dead) @ abs(q))
-        size += blur * max(abs(self.low), abs(self.high))
-        return value - _SUMS * size, abs(left) + _SUMS * noise
+        total = abs(objective[-1]) + float(modes.constants @ abs(p) + abs(modes.dead) @ abs(q))
+        total += blur * max(abs(self.low), abs(self.high))
+        return value - _SUMS * total, abs(left) + _SUMS * noise
 
 
-def reach(statics: Statics) -> Floats | None:
-    """Return bounds (3n + m,) on |u| and t per unit of the cost of a mechanism, or None.
+def bound_velocities(statics: Statics) -> Floats | None:
+    """Bound |u| and t (3n + m,) of any mechanism per unit of its cost; None if not proven.
 
     The cost is Σ_hinges z + Σ_faces capacity · |s|, docs/method.md (4.8). Hinges bound openings and rotations, and
     these bound velocities except for a few ways to slide without opening. Such a way is bounded if the faces that slide
-    together carry some friction in every state. Return None if the bounds are not proven.
+    together carry some friction in every state.
     """
     modes, m = statics.modes, statics.modes.faces
     width = len(modes.dead)
@@ -127,7 +136,7 @@ def reach(statics: Statics) -> Floats | None:
     loose = basis[rank:].T
     inverse = np.linalg.pinv(openings, rcond=1e-10)
     rows, shares = [openings], [np.full(2 * m, 1.0)]
-    sizes, drift = statics.size, 0.0
+    sizes, drift = statics.force_bounds, 0.0
     if not np.isfinite(sizes).all():
         return None
     capacity = abs(modes.capacities) @ sizes

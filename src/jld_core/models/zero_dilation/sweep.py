@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bools, Floats
-from jld_core.models.zero_dilation.blocks import BlockAnswer, BlockCertifier, relax_in_blocks
+from jld_core.models.zero_dilation.blocks import BlockCertifier, BlockRltSolution, solve_rlt_by_matrix_blocks
 from jld_core.models.zero_dilation.lower_bound_problem import LowerBoundProblem
 from jld_core.models.zero_dilation.modes import Modes
 from jld_core.models.zero_dilation.rlt_relaxation import Region
@@ -66,63 +66,73 @@ _DEPTH: Final = 12
 
 
 class BlockSweep:
-    """Sequence of certified programs by matrix blocks, for one planar labelling.
+    """Sequence of RLT programs for one planar labelling, each solved by matrix blocks and certified.
 
-    size, reach: see `Statics.size` and `statics.reach`.
+    force_bounds: see `Statics.force_bounds`. velocity_bounds: see `bound_velocities`. problem: incumbent, time budget
+    and log.
     """
 
-    def __init__(self, modes: Modes, size: Floats, reach: Floats, ceiling: LowerBoundProblem) -> None:
-        self.modes, self.size, self.reach, self.ceiling = modes, size, reach, ceiling
+    def __init__(self, modes: Modes, force_bounds: Floats, velocity_bounds: Floats, problem: LowerBoundProblem) -> None:
+        self.modes, self.force_bounds, self.velocity_bounds, self.problem = (
+            modes,
+            force_bounds,
+            velocity_bounds,
+            problem,
+        )
         own = np.kron(np.eye(modes.faces, dtype=bool), np.ones((4, 4), dtype=bool))
         few = np.hstack([modes.hinges | own, np.zeros((len(own), len(modes.loops)), dtype=bool)])
-        self.near = modes.close & few
+        self.near_pairs = modes.near_pairs & few
         self.stages = (("all hinges", few), ("all products", np.ones_like(few)))
 
-    def at_once(self, low: float) -> float:
-        """Return the bound of the smallest program that closes most walls, solved accurately."""
+    def near_hinge_bound(self, low: float) -> float:
+        """Prove a bound with products of near hinges only, solved to full accuracy."""
         none = np.zeros(len(self.modes.rows), dtype=bool)
-        return self._step("near hinges", self._region(low, none, none), self.near, _FINE, None)[1]
+        return self._step("near hinges", self._region(low, none, none), self.near_pairs, _FINE, None)[1]
 
-    def first(self, low: float, stage: int = 0) -> float:
-        """Return the bound of a program that excludes only the first part of the interval of λ.
+    def partial_bound(self, low: float, stage: int = 0) -> float:
+        """Prove a bound that excludes only the first part of the interval of λ from `low`.
 
         The program takes half the steps of one that reaches up to the lowest solution found. It has enough slack that
-        its multipliers prove the bound without correction. stage: index of the products to form.
+        its multipliers prove the bound without correction. stage: index of the products in `stages`.
         """
         none = np.zeros(len(self.modes.rows), dtype=bool)
-        region = self._region(low, none, none, low + _PART * (self.ceiling.load - low))
+        region = self._region(low, none, none, low + _PART * (self.problem.load - low))
         pairs = self.stages[stage][1]
         answer, found = self._step("part of the way", region, pairs, _FIRST, _ROUGHEST)
-        if answer is None and self.ceiling.left > 0.0:
+        if answer is None and self.problem.seconds_left > 0.0:
             # The slack exceeded what mechanisms can balance: try again with less.
             found = self._step("part of the way", region, pairs, _FIRST / _DEARER, _ROUGHEST)[1]
         return max(low, found)
 
     def sweep(self, low: float, closed: Bools, held: Bools, stage: int = 0, depth: int = 0) -> float:
-        """Return the bound reached by steps from `low`, with closed and held modes (4m,)."""
-        slack, ceiling, rough = 0.0, self.ceiling, False
-        while not ceiling.met(low) and ceiling.left > 0.0:
+        """Prove a bound by repeated steps from `low`, with branches where steps stall.
+
+        closed, held: (4m,) modes with z = 0, and with y = 0. stage: index of the products in `stages`. depth: of
+        branching.
+        """
+        slack, problem, rough = 0.0, self.problem, False
+        while not problem.closes_gap(low) and problem.seconds_left > 0.0:
             name, pairs = self.stages[stage]
             slack = max(slack, self._slack(low))
             region = self._region(low, closed, held)
-            exact = _ROUGHLY if low < ceiling.below(_FAR) else _LESS if rough else None
-            answer, found = self._step(f"branch {depth}" if depth else name, region, pairs, slack, exact)
+            tolerance = _ROUGHLY if low < problem.load_below(_FAR) else _LESS if rough else None
+            answer, found = self._step(f"branch {depth}" if depth else name, region, pairs, slack, tolerance)
             if answer is not None and depth == 0:
-                ceiling.take(answer.states)
+                problem.offer_states(answer.states)
             last = stage + 1 == len(self.stages)
-            won = ceiling.won(low, found, _GAINS)
+            won = problem.gains_enough(low, found, _GAINS)
             low = max(low, found)
-            if won or ceiling.met(low):
+            if won or problem.closes_gap(low):
                 slack, rough = 0.0, False
-            elif found == -math.inf and slack < _MOST and self._gains(region, answer):
+            elif found == -math.inf and slack < _MOST and self._worth_certifying(region, answer):
                 slack = min(_DEARER * slack, _MOST)
-                ceiling.note("more slack")
+                problem.record("more slack")
             elif not last:
                 stage, slack = stage + 1, 0.0
-            elif answer is None and exact is None:
+            elif answer is None and tolerance is None:
                 rough = True
-                ceiling.note("less exact")
-            elif depth < _DEPTH and answer is not None and low < ceiling.below(_CLOSE):
+                problem.record("less exact")
+            elif depth < _DEPTH and answer is not None and low < problem.load_below(_CLOSE):
                 return self._branch(low, region, answer, stage, depth)
             else:
                 break
@@ -131,37 +141,39 @@ class BlockSweep:
     # --- pieces -------------------------------------------------------------------------------------------
 
     def _slack(self, low: float) -> float:
-        """Return the initial slack for a bound `low`."""
-        return float(np.clip(_SHARE * (self.ceiling.load - low) / self.ceiling.unit, _FINE, _COARSE))
+        """Return the initial slack σ, relative, for a step from a bound `low`."""
+        return float(np.clip(_SHARE * (self.problem.load - low) / self.problem.load_unit, _FINE, _COARSE))
 
     def _region(self, low: float, closed: Bools, held: Bools, high: float | None = None) -> Region:
-        """Return the region from `low`, with the modes closed that are proven not to move."""
-        high = self.ceiling.above(low) if high is None else high
-        return Region(low, high, closed | Statics(self.modes, low, high, held, self.size).closed(), held)
+        """Return the region from `low` to `high`, with all modes closed that cannot move there."""
+        high = self.problem.interval_end(low) if high is None else high
+        return Region(low, high, closed | Statics(self.modes, low, high, held, self.force_bounds).closed_modes(), held)
 
     def _step(
-        self, name: str, region: Region, pairs: Bools, slack: float, exact: float | None
-    ) -> tuple[BlockAnswer | None, float]:
-        """Solve one program; return its answer and the bound proven by its multipliers."""
-        ceiling, earned = self.ceiling, self.ceiling.earns(slack)
-        ceiling.note(name, 1)
-        left = max(ceiling.left, 1.0)
-        answer = relax_in_blocks(self.modes, region, self.size, pairs, earned, left, exact=exact)
+        self, name: str, region: Region, pairs: Bools, slack: float, tolerance: float | None
+    ) -> tuple[BlockRltSolution | None, float]:
+        """Solve one program of a region; return its solution and the bound that is proven."""
+        problem, earned = self.problem, self.problem.scaled_slack(slack)
+        problem.record(name, 1)
+        left = max(problem.seconds_left, 1.0)
+        answer = solve_rlt_by_matrix_blocks(
+            self.modes, region, self.force_bounds, pairs, earned, left, tolerance=tolerance
+        )
         if answer is None:
             return None, -math.inf
-        if not self._gains(region, answer):
+        if not self._worth_certifying(region, answer):
             return answer, -math.inf
-        check = BlockCertifier(self.modes, region, earned, self.size, self.reach)
-        near = answer.multipliers.bound >= ceiling.below(_NEAR)
-        return answer, check.bound(answer.multipliers, ceiling.below(_ENOUGH) if near else -math.inf)
+        check = BlockCertifier(self.modes, region, earned, self.force_bounds, self.velocity_bounds)
+        near = answer.multipliers.bound >= problem.load_below(_NEAR)
+        return answer, check.bound(answer.multipliers, problem.load_below(_ENOUGH) if near else -math.inf)
 
-    def _gains(self, region: Region, answer: BlockAnswer | None) -> bool:
-        """Return True if the solver's own bound gains enough to be worth certifying."""
-        return answer is not None and self.ceiling.won(region.low, answer.multipliers.bound)
+    def _worth_certifying(self, region: Region, answer: BlockRltSolution | None) -> bool:
+        """Return True if the solver's bound gains enough to be worth a certificate."""
+        return answer is not None and self.problem.gains_enough(region.low, answer.multipliers.bound)
 
-    def _branch(self, low: float, region: Region, answer: BlockAnswer, stage: int, depth: int) -> float:
-        """Split the region at one mode and return the lower bound of both parts."""
-        halves = region.halves(answer.rates, answer.slacks)
+    def _branch(self, low: float, region: Region, answer: BlockRltSolution, stage: int, depth: int) -> float:
+        """Split the region at one mode and return the lower of the bounds of both parts."""
+        halves = region.split(answer.rates, answer.slacks)
         if halves is None:
             return low
         found = math.inf
