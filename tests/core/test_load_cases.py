@@ -151,5 +151,5 @@ def test_every_case_is_asked_whether_the_solver_takes_it(monkeypatch: pytest.Mon
             raise SolverError("the second case is too much")
 
     monkeypatch.setattr("jld_core.solvers.highs.HighsSolver.require", refuse_second)
-    with pytest.raises(InputError, match="--solver: the second case is too much"):
+    with pytest.raises(InputError, match="solver: the second case is too much"):
         require_model(assembly, SolveOptions(solver="highs"), assembly.labels)

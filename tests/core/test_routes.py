@@ -88,6 +88,6 @@ def test_updated_program_equals_rebuilt_one() -> None:
 def test_a_solver_that_does_not_take_the_scene_is_bad_input() -> None:
     """As `solve` promises: it was a SolverError."""
     name = next(name for name in CASES if name not in LINEAR)
-    with pytest.raises(InputError, match=r"--solver: highs takes linear programs only; .* expected a solver"):
+    with pytest.raises(InputError, match=r"solver: highs takes linear programs only; .* expected a solver"):
         solve(ASSEMBLIES[name], solver="highs")
     assert solve(ASSEMBLIES[LINEAR[0]], solver="highs").status is Status.COLLAPSE
