@@ -171,9 +171,13 @@ def test_an_interrupted_search_leaves_its_page_and_says_the_best(tmp_path: Path)
     assert (out / "report.html").exists()
 
 
-def test_a_small_share_of_the_claim_that_time_limits_are_kept() -> None:
-    """The claim itself is tested on 200 scenes by `python -m benchmarks.claims time_limits`."""
-    assert time_limits.run(16, 3, 60.0).disagreements == []
+@pytest.mark.parametrize("seed", [16, 19, 21])
+def test_a_small_share_of_the_claim_that_time_limits_are_kept(seed: int) -> None:
+    """The claim itself is tested on 200 scenes by `python -m benchmarks.claims time_limits`, on an idle machine.
+
+    Tests run beside one another, so these are searches with a second to spare on an idle machine.
+    """
+    assert time_limits.run(seed, 1, 60.0).disagreements == []
 
 
 def test_time_limits_count_from_the_start_of_the_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
