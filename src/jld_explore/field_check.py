@@ -30,7 +30,10 @@ from jld_explore.space import SearchSpace, from_string
 
 _PER_TRIANGLE: Final = 4e-4
 """Processor time of both bounds for each triangle of a mesh of `_TRIANGLES`, s."""
+
 _TRIANGLES: Final = 60
+"""Number of triangles of the mesh for which `_PER_TRIANGLE` was measured."""
+
 _GROWTH: Final = 1.3
 """Power of the number of triangles that the time grows with."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,9 +19,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from jld_core.arrays import Floats
-
-_ENUMERATING: Final = 0.3
-"""Share of the remaining time for the enumeration of layouts, before they race."""
 
 
 class FieldStudy(Study):
@@ -136,4 +133,5 @@ class FieldStudy(Study):
 
 
 def _finite(value: float) -> float | None:
+    """Return a number for JSON, None for one that is not finite."""
     return value if math.isfinite(value) else None

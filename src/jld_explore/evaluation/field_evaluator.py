@@ -86,8 +86,8 @@ class FieldEvaluator:
         ----------
         labellings : (k, m) bool array
             Labels, True = dry.
-        floors, waiting : optional
-            Ignored.
+        floors : (k,) float array, optional
+            Ignored: bounds by fields have no pruning threshold.
         deadline : Deadline, optional
             Time after which no further labelling is begun.
 
@@ -104,7 +104,7 @@ class FieldEvaluator:
         return found
 
     def evaluate(self, labels: Bits, floor: float = -math.inf) -> Evaluation:
-        """Evaluate one labelling (m,); `floor` and `waiting` are ignored."""
+        """Evaluate one labelling (m,); `floor` is ignored."""
         start = time.perf_counter()
         low = np.array([coarse.lower(labels)[0] for coarse in self._coarse])
         high = np.array([coarse.upper(labels)[0] for coarse in self._coarse])
