@@ -56,6 +56,10 @@ OVER: Final = (0.05, 0.5)
 A command may end 10 % of the limit plus 2 s after it; the remainder is for busy machines.
 """
 
+TABLES: Final = (0.02, 0.2)
+"""Latest time at which shapes of blocks are counted for the tables after a time limit, as `OVER`."""
+
+
 LAST: Final = (0.1, 1.0)
 """Latest time of pictures after a time limit, as `OVER`; later pictures are not drawn."""
 
@@ -251,7 +255,7 @@ def _search(
         for line in said:
             announce(line)
     write_text(folder / "scene.json", scene.model_dump_json(indent=1, exclude_defaults=True))
-    done = write_tables(study, _run(study, deadline))
+    done = write_tables(study, _run(study, deadline), _later(deadline, settings, TABLES))
     if settings.certificate is not None and isinstance(chosen, Exact):
         _certify(chosen, scene, settings.certificate, done)
     if checked is not None:
@@ -329,7 +333,7 @@ def _run(study: Study, deadline: Deadline) -> StopReason:
         # A signal may arrive between writing to disk and updating memory, so reopen the record on disk.
         study.records.close()
         _bound_all(study, sure=BOUNDING * cost_estimate(study.assembly).seconds < STOPPING)
-        done = write_tables(study, StopReason.INTERRUPTED)
+        done = write_tables(study, StopReason.INTERRUPTED, Deadline(STOPPING))
         if study.settings.pictures and len(done.results):
             write_report(done, patience=STOPPING)
         if isinstance(stop, Interrupted):

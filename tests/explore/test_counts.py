@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -15,17 +16,20 @@ from pydantic import Field
 
 from cases import grid_document
 from jld_core.build import build_assembly
+from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import InputError
+from jld_core.samples.vaults import vault
 from jld_core.scene import Scene, Search, parse_scene
 from jld_explore import ExploreSettings, explore
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.report.pictures_of_three import front_picture
 from jld_explore.space import Count, Layouts, SearchSpace, Terms, register, registered, search_space, unregister
-from jld_explore.space.counts import counts
+from jld_explore.space.counts import counts, values_until
 from jld_explore.space.limits import SHAPED
 from jld_explore.space.measures import MEASURES
 from jld_explore.space.search_space import feasible
+from jld_explore.space.shapes import BlockShapes
 
 SOURCES = Path(__file__).parents[2] / "src"
 ROWS = ["aaa", "aaa", "###"]
@@ -154,3 +158,23 @@ def test_nobody_else_names_a_count() -> None:
                 assert node.value not in names, f"{path}:{node.lineno}: {node.value!r} has its owner in space.counts"
             if isinstance(node, ast.Attribute):
                 assert node.attr not in names - {"blocks"}, f"{path}:{node.lineno}: {node.attr}"
+
+
+def test_shapes_are_counted_while_there_is_time() -> None:
+    """Values up to the deadline are those without one, the rest is missing, and the first layout always has its own."""
+    scene = vault(voussoirs=5, courses=3)
+    assembly = build_assembly(scene)
+    space = search_space(scene, assembly)
+    count = next(count for count in registered() if count.kinds)
+    rows = np.random.default_rng(3).random((200, len(assembly.interfaces))) < 0.5
+    whole = values_until(count, assembly, rows, space.graph, BlockShapes(assembly), Deadline())
+    assert whole.dtype.kind == "i"
+    late = values_until(count, assembly, rows, space.graph, BlockShapes(assembly), Deadline(0.0))
+    assert late[0] == whole[0]
+    assert np.isnan(late[1:]).all()
+    known = BlockShapes(assembly)
+    values_until(count, assembly, rows[:100], space.graph, known, Deadline())
+    known._of = Mock(side_effect=DeadlinePassed)  # type: ignore[method-assign]
+    part = values_until(count, assembly, rows, space.graph, known, Deadline(100.0))
+    assert np.array_equal(part[:65], whole[:65])
+    assert np.isnan(part[129:]).all()

@@ -39,6 +39,36 @@ _Edges = list[tuple[tuple[_Corner, _Corner], tuple[_Corner, _Corner], tuple[floa
 
 
 @dataclass(frozen=True)
+class _Facet:
+    """Face of a solid element, prepared for the union of elements.
+
+    Attributes
+    ----------
+    ring : (k, 3) array
+        Corners in order, scene units.
+    normal : (3,) array
+        Unit normal, outwards.
+    offset : float
+        Distance of the plane from the origin along the normal.
+    area : float
+        Area, scene units.
+    corners : frozenset of (int, int, int)
+        Corners in grid steps: equal for a face of a neighbour that covers this one exactly.
+    """
+
+    ring: Floats
+    normal: Floats
+    offset: float
+    area: float
+    corners: frozenset[tuple[int, ...]]
+
+    @property
+    def length(self) -> float:
+        """Return the length of the boundary, scene units."""
+        return float(np.linalg.norm(np.diff(self.ring, axis=0, append=self.ring[:1]), axis=1).sum())
+
+
+@dataclass(frozen=True)
 class Outline:
     """Boundary of one block, described by its corners and the middles of its edges or faces.
 
@@ -93,6 +123,7 @@ class Outlines:
     def __init__(self, assembly: Assembly) -> None:
         self._elements, self._planar, self._reach = assembly.elements, assembly.dimension == 2, reach_of(assembly)
         self._edges: dict[int, _Edges] = {}
+        self._facets: dict[int, list[_Facet]] = {}
 
     def of(self, members: Ints) -> Outline:
         """Return the outline of the union of some elements.
@@ -109,8 +140,13 @@ class Outlines:
         """
         elements, reach = self._elements, self._reach
         if not self._planar:
-            solids = [(elements.shape[e], elements.faces[e]) for e in members]
-            return solid_outline(solids, np.abs(elements.volume[members]), elements.centroid[members], reach)
+            for e in members.tolist():
+                if e not in self._facets:
+                    self._facets[e] = _facets(elements.shape[e], elements.faces[e], _SNAP * reach)
+            corners = np.concatenate([elements.shape[e] for e in members])
+            facets = [facet for e in members.tolist() for facet in self._facets[e]]
+            volumes = np.abs(elements.volume[members])
+            return _solid_outline(corners, facets, volumes, elements.centroid[members], reach)
         for e in members.tolist():
             if e not in self._edges:
                 self._edges[e] = _edges(elements.shape[e], _SNAP * reach)
@@ -189,26 +225,42 @@ def _whole(polygons: Sequence[_Edges]) -> shapely.Polygon | None:
     return found if found.is_valid else None  # some edges overlap only in part
 
 
-def solid_outline(
-    solids: Sequence[tuple[Floats, tuple[tuple[int, ...], ...]]], volumes: Floats, centroids: Floats, reach: float
+def _facets(corners: Floats, faces: tuple[tuple[int, ...], ...], step: float) -> list[_Facet]:
+    """Prepare the faces of a solid element.
+
+    corners: (k, 3). faces: corners of each face in order. step: grid width to which corners are rounded.
+    """
+    places = [tuple(place) for place in np.floor(corners / step + _PLACE).astype(np.int64).tolist()]
+    found = []
+    for loop in faces:
+        ring = corners[list(loop)]
+        vector = area_vector(ring)
+        area = float(np.linalg.norm(vector))
+        normal = vector / area
+        offset = float(ring.mean(axis=0) @ normal)
+        found.append(_Facet(ring, normal, offset, area, frozenset(places[k] for k in loop)))
+    return found
+
+
+def _solid_outline(
+    corners: Floats, facets: Sequence[_Facet], volumes: Floats, centroids: Floats, reach: float
 ) -> Outline:
     """Compute the outline of the union of solids.
 
-    solids: corners (k, 3) and faces of each; volumes: (n,); centroids: (n, 3); reach: distance within which corners
-    coincide.
+    corners: (k, 3) of all solids; facets: faces of all solids; volumes: (n,); centroids: (n, 3); reach: distance
+    within which corners coincide.
     """
-    corners = np.concatenate([points for points, _ in solids])
     volume = float(volumes.sum())
     from scipy.spatial import ConvexHull  # local imports here and below: slow to import and seldom needed
 
     hull = ConvexHull(corners)
     convex = hull.volume <= (1.0 + _FLAT) * volume
-    outline = _skin(solids, reach)
+    outline = _skin(facets, reach)
     unique = _merged(np.concatenate(outline), reach)
     middles = np.array([face.mean(axis=0) for face in outline])
     centre = np.average(centroids, axis=0, weights=volumes)
     points = np.concatenate([unique - centre, middles - centre])
-    return Outline(points, len(unique), volume, _box_aspect(corners, hull), int(not convex))
+    return Outline(points, len(unique), volume, _box_aspect(corners[hull.vertices], hull), int(not convex))
 
 
 def _beside(points: Floats) -> tuple[Floats, Floats]:
@@ -253,40 +305,64 @@ def _merged(points: Floats, reach: float) -> Floats:
     return points[kept]
 
 
-def _skin(solids: Sequence[tuple[Floats, tuple[tuple[int, ...], ...]]], reach: float) -> list[Floats]:
+def _skin(facets: Sequence[_Facet], reach: float) -> list[Floats]:
     """Compute the outlines of the outer faces of a union of solids.
 
     Corners in straight edges are left out, and so are the parts of faces that two solids share.
     """
-    planes: list[tuple[Floats, float, list[tuple[float, Floats]]]] = []
-    for corners, faces in solids:
-        for loop in faces:
-            ring = corners[list(loop)]
-            vector = area_vector(ring)
-            normal = vector / np.linalg.norm(vector)
-            for other, offset, members in planes:
-                sign = float(np.sign(normal @ other))
-                if abs(abs(normal @ other) - 1.0) < 1e-9 and abs(float(ring.mean(axis=0) @ other) - offset) < reach:
-                    members.append((sign, ring))
-                    break
-            else:
-                planes.append((normal, float(ring.mean(axis=0) @ normal), [(1.0, ring)]))
-    found, grid = [], _SNAP * reach
-    for normal, offset, members in planes:
-        plane = across(normal)
-        sides = [
-            shapely.union_all(
-                [shapely.Polygon(ring @ plane.T) for sign, ring in members if sign == side], grid_size=grid
-            )
-            for side in (1.0, -1.0)
-        ]
-        for here, there in (sides, sides[::-1]):
-            for part in shapely.get_parts(shapely.difference(here, there, grid_size=grid)):
-                if part.geom_type != "Polygon" or part.area <= reach * part.length:
-                    continue
-                for ring in [part.exterior, *part.interiors]:
-                    flat = _straightened(shapely.get_coordinates(ring)[:-1], reach)
-                    found.append(flat @ plane + offset * normal)
+    seen: dict[frozenset[tuple[int, ...]], _Facet] = {}
+    for facet in facets:
+        # two solids that share a whole face have it with opposite normals
+        other = seen.get(facet.corners)
+        if other is not None and other.normal @ facet.normal < 0.0:
+            del seen[facet.corners]
+        else:
+            seen[facet.corners] = facet
+    found: list[Floats] = []
+    for members in _planes(list(seen.values()), reach):
+        if len(members) > 1:
+            found += _united(members, reach)
+        elif members[0].area > reach * members[0].length:
+            plane = across(members[0].normal)
+            flat = _straightened(members[0].ring @ plane.T, reach)
+            found.append(flat @ plane + members[0].offset * members[0].normal)
+    return found
+
+
+def _planes(facets: Sequence[_Facet], reach: float) -> list[list[_Facet]]:
+    """Return the facets that lie in one plane together, for each plane."""
+    normals = np.array([facet.normal for facet in facets])
+    middles = np.array([facet.ring.mean(axis=0) for facet in facets])
+    found, left = [], np.ones(len(facets), dtype=bool)
+    for k, facet in enumerate(facets):
+        if not left[k]:
+            continue
+        parallel = abs(abs(normals @ facet.normal) - 1.0) < 1e-9
+        here = left & parallel & (abs(middles @ facet.normal - facet.offset) < reach)
+        here[k] = True
+        left &= ~here
+        found.append([facets[j] for j in np.flatnonzero(here).tolist()])
+    return found
+
+
+def _united(facets: Sequence[_Facet], reach: float) -> list[Floats]:
+    """Compute the outlines (k, 3) of facets of one plane, without the parts where two of opposite normals meet."""
+    normal, offset, grid = facets[0].normal, facets[0].offset, _SNAP * reach
+    plane = across(normal)
+    members: tuple[list[shapely.Polygon], list[shapely.Polygon]] = ([], [])
+    for facet in facets:
+        members[int(facet.normal @ normal < 0.0)].append(shapely.Polygon(facet.ring @ plane.T))
+    front, back = (shapely.union_all(side, grid_size=grid) for side in members)
+    outer = [front]
+    if members[1]:
+        outer = [shapely.difference(*pair, grid_size=grid) for pair in ((front, back), (back, front))]
+    found = []
+    for part in [part for region in outer for part in shapely.get_parts(region)]:
+        if part.geom_type != "Polygon" or part.area <= reach * part.length:
+            continue
+        for ring in [part.exterior, *part.interiors]:
+            flat = _straightened(shapely.get_coordinates(ring)[:-1], reach)
+            found.append(flat @ plane + offset * normal)
     return found
 
 

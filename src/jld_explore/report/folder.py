@@ -24,11 +24,13 @@ from jld_explore.report.evidence import front_rows, values_on, with_evidence
 from jld_explore.report.exploration import Exploration
 from jld_explore.report.reading import history_of
 from jld_explore.report.summary import Summary
+from jld_explore.space import registered
 from jld_explore.space.void import cut
 from jld_explore.study import Study, name_of
 from jld_explore.study_state import StopReason
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.figure import Figure
 
 
@@ -130,7 +132,7 @@ def check_certificate_file(path: Path, folder: Path) -> None:
         raise ParameterError(option, f"{path} cannot be written ({error.strerror})", expected) from None
 
 
-def write_tables(study: Study, reason: StopReason) -> Exploration:
+def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = None) -> Exploration:
     """Write all tables of a finished study.
 
     Parameters
@@ -139,6 +141,8 @@ def write_tables(study: Study, reason: StopReason) -> Exploration:
         Study that has ended.
     reason : StopReason
         Reason why it ended.
+    deadline : Deadline, optional
+        Time after which different shapes are not counted any more, so that the tables are there in time.
 
     Returns
     -------
@@ -148,7 +152,13 @@ def write_tables(study: Study, reason: StopReason) -> Exploration:
     own = study.settings.own_objective
     wide = isinstance(study.scene.cracks, FieldCracks)
     results = tables.results_table(
-        study.records, study.assembly, study.space, study.driver.name, own_objective=own is not None, wide=wide
+        study.records,
+        study.assembly,
+        study.space,
+        study.driver.name,
+        own_objective=own is not None,
+        wide=wide,
+        deadline=deadline,
     )
     real = study.assembly if study.space.void is None else study.space.void.real
     axes = study.scene.search.front.axes
@@ -158,7 +168,7 @@ def write_tables(study: Study, reason: StopReason) -> Exploration:
     found = tables.summary(results, study, reason, complete=complete)
     if study.assembly.nominal is not None:
         found |= {"robust": True, "best_nominal": tables.nominal_of_best(results)}
-    found["warnings"] = [*study.assembly.warnings, *study.complaints]
+    found["warnings"] = [*study.assembly.warnings, *study.complaints, *_uncounted(results)]
     model = study.settings.model
     found["model"] = model.facts()
     if model.effective_area:
@@ -199,6 +209,15 @@ def write_tables(study: Study, reason: StopReason) -> Exploration:
     if found["best_labelling"] is not None:
         write_text(study.folder / "blocks.csv", blocks_csv(done.layout()))
     return done
+
+
+def _uncounted(results: pd.DataFrame) -> list[str]:
+    """Return a warning for each count that some rows lack for want of time."""
+    missing = {count.name: int(results[count.name].isna().sum()) for count in registered()}
+    told = "the time limit ended the counting; --resume with more time goes on with it"
+    return [
+        f"{name}: blank in {number} of {len(results)} layouts; {told}" for name, number in missing.items() if number
+    ]
 
 
 def write_pictures(

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Assembly
+from jld_core.deadline import Deadline
 from jld_core.limit import Status, load_scale, relative_width
 from jld_core.tolerances import GAP
 from jld_explore.evaluation import Records
@@ -21,7 +22,7 @@ from jld_explore.evaluation.rows import load_factors, settled, statuses
 from jld_explore.report import required
 from jld_explore.report.front import on_front
 from jld_explore.space import SearchSpace, registered, unpack
-from jld_explore.space.counts import counts
+from jld_explore.space.counts import counts, values_until
 from jld_explore.space.labelling import to_strings
 from jld_explore.study import Study, versions
 from jld_explore.study_state import StopReason
@@ -68,6 +69,7 @@ def results_table(
     *,
     own_objective: bool = False,
     wide: bool = False,
+    deadline: Deadline | None = None,
 ) -> pd.DataFrame:
     """Make the table of results: one row per class, collapse by λ, then the other statuses.
 
@@ -87,11 +89,14 @@ def results_table(
         True if `load_factor` is the value of a function of the user; λ is then the last entry of `cases`.
     wide : bool
         Brackets are wide, as those by fields: rows are ordered by how many others are proven stronger.
+    deadline : Deadline, optional
+        Time after which no outline of a block is computed. Counts that need outlines are then missing in the last
+        rows, unless the front is one of such a count.
 
     Returns
     -------
     DataFrame
-        Table with the columns of results.csv, λ in scene units.
+        Table with the columns of results.csv, λ in scene units; a count that was not computed is NA.
     """
     import pandas as pd
 
@@ -100,6 +105,9 @@ def results_table(
     associative, zero = rows["cases"][:, -1] if own_objective else rows["associative"], rows["zero_dilation"]
     how = settled(rows)
     load_factor = load_factors(rows)
+    axes = {name for name, _ in space.search.front.axes}
+    late = [count for count in registered() if count.kinds and count.name not in axes]
+    deadline = deadline or Deadline()
     table = pd.DataFrame(
         {
             "labelling": to_strings(labellings) if space.void is None else space.void.texts(labellings),
@@ -108,7 +116,7 @@ def results_table(
             "bracket_lo": rows["low"],
             "bracket_hi": rows["high"],
             "status": statuses(rows),
-            **counts(assembly, labellings, space.graph, space.limits.block_shapes),
+            **counts(assembly, labellings, space.graph, space.limits.block_shapes, without=late),
             "load_factor_associative": associative,
             "load_factor_zero_dilation": zero,
             **({} if assembly.nominal is None else {"load_factor_nominal": rows["cases"][:, -1]}),
@@ -129,6 +137,13 @@ def results_table(
     stronger = [-np.nan_to_num(load_factor)] if wide else []
     order = np.lexsort((packed.view(f"S{packed.shape[1]}").ravel(), *simple, *stronger, ties, *wanted, place))
     table = table.iloc[order].reset_index(drop=True)
+    for count in late:
+        values = values_until(count, assembly, labellings[order], space.graph, space.limits.block_shapes, deadline)
+        known = pd.Series(values)
+        if known.isna().any():
+            known = known.astype("Int64" if count.integer else "Float64")
+        before = registered()[registered().index(count) - 1].name
+        table.insert(int(table.columns.to_list().index(before)) + 1, count.name, known)
     # Tied rows share the rank of the first of them.
     ranked = int(np.count_nonzero(place == 0))
     alike = np.array([key[order] for key in (ties, *wanted)])
