@@ -35,7 +35,7 @@ check: setup
 	$(BIN)/mypy
 
 test: check
-	$(BIN)/python -m pytest -n 2 --dist worksteal
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m 'not long'
 
 # the tests of pages use the system's Chromium, and skip where there is none
 browser:
@@ -51,7 +51,8 @@ types:
 bench: setup
 	-JLD_COMPILED_APART=1 $(BIN)/python -m pip install $(PIP) -e '.[dev,field]'
 	$(BIN)/python -m benchmarks
-	JLD_KILLS=20 JLD_MUTATIONS=3000 $(BIN)/python -m pytest -n 0 tests/conformance -k 'random_kills or mutated_scenes'
+	JLD_KILLS=20 JLD_MUTATIONS=3000 $(BIN)/python -m pytest -n 0 -k 'random_kills or mutated_scenes' tests/conformance
+	$(BIN)/python -m pytest -n 0 -m long --deselect tests/conformance/test_interruption.py::test_random_kills
 
 # the batch solver under the sanitizers of the compiler: addresses and undefined behaviour, then data races of threads;
 # libstdc++ is loaded with the first one, since Python itself throws no C++ exceptions

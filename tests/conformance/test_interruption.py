@@ -144,7 +144,7 @@ def resumed(jld: Command, scene: Path, folder: Path, jobs: int, deferred_signals
 
 
 @pytest.mark.usefixtures("without_pictures")
-@pytest.mark.parametrize(("jobs", "moments"), [(1, (1, 250)), (2, (150,))])
+@pytest.mark.parametrize(("jobs", "moments"), [(1, (1, 250)), pytest.param(2, (150,), marks=pytest.mark.long)])
 def test_parent_killed(
     jobs: int, moments: tuple[int, ...], scene: Path, deferred_signals: Path, tmp_path: Path, jld: Command
 ) -> None:
@@ -193,6 +193,7 @@ def test_workers_killed(scene: Path, deferred_signals: Path, tmp_path: Path) -> 
 
 
 @pytest.mark.usefixtures("without_pictures")
+@pytest.mark.long
 def test_worker_and_parent_killed(scene: Path, deferred_signals: Path, tmp_path: Path, jld: Command) -> None:
     folder = tmp_path / "out"
     with started("explore", scene, "--out", folder, "--jobs", "2") as run:
@@ -206,6 +207,7 @@ def test_worker_and_parent_killed(scene: Path, deferred_signals: Path, tmp_path:
 
 
 @pytest.mark.usefixtures("without_pictures")
+@pytest.mark.long
 def test_random_kills(scene: Path, tmp_path: Path, jld: Command) -> None:
     """kill -9 of the parent or of a worker at random moments of a search that learns: nothing finished is lost, and
     the table is that of a run that nothing disturbs."""
@@ -246,7 +248,7 @@ def test_random_kills(scene: Path, tmp_path: Path, jld: Command) -> None:
 @pytest.mark.usefixtures("without_pictures")
 @pytest.mark.parametrize(
     ("number", "jobs"),
-    [(signal.SIGTERM, 1), (signal.SIGHUP, 1), (signal.SIGINT, 2)],
+    [(signal.SIGTERM, 1), pytest.param(signal.SIGHUP, 1, marks=pytest.mark.long), (signal.SIGINT, 2)],
     ids=["SIGTERM-1", "SIGHUP-1", "SIGINT-2"],
 )
 def test_signals(

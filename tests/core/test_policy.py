@@ -82,7 +82,7 @@ def test_a_solver_that_is_not_installed_is_refused_and_not_advised(monkeypatch: 
     [
         SolveOptions(),
         SolveOptions(contact="concave"),
-        SolveOptions(effective_area=True),
+        pytest.param(SolveOptions(effective_area=True), marks=pytest.mark.long),
         SolveOptions(friction="zero-dilation"),
         SolveOptions(friction="zero-dilation", contact="concave"),
         SolveOptions(condense="on"),

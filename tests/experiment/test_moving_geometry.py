@@ -13,6 +13,7 @@ from jld_experiment import Joints, Push, Settings, push, run_experiment, specime
 from jld_experiment.solids import angle_seen, triangles_of
 
 
+@pytest.mark.long
 def test_stiff_joints_move_as_at_rest() -> None:
     assembly = build_assembly(leonardo_flat_arch())
     rest = run_experiment(assembly)
@@ -63,7 +64,9 @@ def solid(document: dict[str, Any], turn: float = 0.0) -> dict[str, Any]:
     return {**document, "elements": elements, "loads": {"live": [{"body": [c, s, 0.0]}]}}
 
 
-SPACES = pytest.mark.parametrize("turn", [None, 0.0, 0.4], ids=["plane", "space", "space, turned"])
+SPACES = pytest.mark.parametrize(
+    "turn", [None, pytest.param(0.0, marks=pytest.mark.long), 0.4], ids=["plane", "space", "space, turned"]
+)
 
 
 def in_space(document: dict[str, Any], turn: float | None) -> dict[str, Any]:

@@ -97,7 +97,7 @@ def test_reach_of_a_block_on_springs() -> None:
     [
         (1, 0.6428590033, 3e-4, 30.0, 1500.0),
         (2, 0.5799986113, 3e-4, 75.0, 1500.0),
-        (4, 0.3319483952, 5e-4, 24.0, 5000.0),
+        pytest.param(4, 0.3319483952, 5e-4, 24.0, 5000.0, marks=pytest.mark.long),
     ],
 )
 def test_walls_with_dilation(number: int, expected: float, tolerance: float, length: float, periods: float) -> None:

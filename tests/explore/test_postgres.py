@@ -81,6 +81,7 @@ def _wait(port: int) -> None:
 
 
 @pytest.mark.filterwarnings("ignore")
+@pytest.mark.long
 def test_two_processes_share_a_server(server: str, tmp_path: Path) -> None:
     """Two searches at once, each its own study there; what both found is read by whoever asks the server."""
     import optuna

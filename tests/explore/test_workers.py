@@ -112,7 +112,7 @@ def test_a_worker_killed_once_costs_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.filterwarnings(CANCELLED)
-@pytest.mark.parametrize("way", ["dies", "hangs"])
+@pytest.mark.parametrize("way", ["dies", pytest.param("hangs", marks=pytest.mark.long)])
 def test_a_labelling_that_takes_its_worker_along_is_recorded_as_failed(
     way: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -155,6 +155,6 @@ def test_both_programs_by_a_modelling_language(seed: int) -> None:
 
 def test_a_share_of_the_claims() -> None:
     """A share of `python -m benchmarks.claims fields`: some seconds of it."""
-    found = fields.run(0, 8, 12.0)
-    assert found.cases >= 2
+    found = fields.run(0, 8, 5.0)
+    assert found.cases >= 1
     assert not found.disagreements

@@ -38,6 +38,7 @@ def written(out: Path, name: str, *endings: str) -> None:
     assert "What does not" in (out / f"{name}.md").read_text("utf-8")
 
 
+@pytest.mark.long
 def test_walls_of_section_3_1(tmp_path: Path) -> None:
     table = walls_of_section_3_1.run(tmp_path, quick=True)
     written(tmp_path, walls_of_section_3_1.NAME)
@@ -53,6 +54,7 @@ def test_walls_of_section_3_1(tmp_path: Path) -> None:
         assert zero["load_factor"].min() < associative * (1.0 - 1e-3)
 
 
+@pytest.mark.long
 def test_one_block_two_cubes(tmp_path: Path) -> None:
     """Paper 3.2: every λ in closed form to 1e-8, every mechanism the governing one."""
     table = one_block_two_cubes.run(tmp_path, quick=True)
@@ -65,6 +67,7 @@ def test_one_block_two_cubes(tmp_path: Path) -> None:
     assert mapped[mapped["tension"] == 0.0]["load_factor"].max() == pytest.approx(1.0 / 3.0, rel=1e-8)
 
 
+@pytest.mark.long
 def test_semicircular_arch(tmp_path: Path) -> None:
     """Cocchetti & Rizzi 2020, Table 3, to the error of the joints' angles; freed joints beat radial ones."""
     table = semicircular_arch.run(tmp_path, quick=True)
@@ -126,6 +129,7 @@ def test_t_block(tmp_path: Path) -> None:
     assert standing[standing["load"] == "arm"]["load_factor_N"].max() == pytest.approx(2.5 * t_block.CELL, rel=1e-8)
 
 
+@pytest.mark.long
 def test_leonardo_flat_arch(tmp_path: Path) -> None:
     """Our own layout: value of this project's solver, the shear limit below it, and a segmentation that beats it."""
     table = leonardo_flat_arch.run(tmp_path, quick=True).set_index("part")
@@ -150,6 +154,7 @@ def test_wall_with_opening(tmp_path: Path) -> None:
     assert bond["load_factor"].item() == pytest.approx(0.685828, rel=1e-5)
 
 
+@pytest.mark.long
 def test_corner(tmp_path: Path) -> None:
     """Interlocking beats a straight joint in every direction; nothing beats sliding, and no bond the regular one."""
     table = corner.run(tmp_path, quick=True)
@@ -161,6 +166,7 @@ def test_corner(tmp_path: Path) -> None:
     assert table[table["part"] == "all bonds"]["load_factor"].item() == pytest.approx(regular, rel=1e-4)
 
 
+@pytest.mark.long
 def test_drivers(tmp_path: Path) -> None:
     """The exact driver proves the optimum, which a check by enumeration confirms; no driver comes above it."""
     table = drivers.run(tmp_path, quick=True)
@@ -176,6 +182,7 @@ def test_drivers(tmp_path: Path) -> None:
     assert set(table["driver"]) == {*drivers.BUDGETS, "exact"}
 
 
+@pytest.mark.long
 def test_two_loads(tmp_path: Path) -> None:
     """Best under one load and under both, each proven: 103.2 beside the 57.6 that one of those that tie carries."""
     table = two_loads.run(tmp_path, quick=True)
@@ -210,6 +217,7 @@ def test_gallery_page_is_that_of_the_results() -> None:
         assert (RESULTS / f"{name}.png").stat().st_size < 300_000
 
 
+@pytest.mark.long
 def test_how_low_can_it_go(tmp_path: Path) -> None:
     """The flat arch: proven, below the 1312 N of section 3.3 by the layout; a wall of three courses has one value."""
     table = how_low_can_it_go.run(tmp_path, quick=True).set_index("scene")
