@@ -42,6 +42,12 @@ MOST_CLASSES: Final = 1000
 SECONDS: Final = 1.5
 """Time for one proof, s; a proof that takes longer claims nothing."""
 
+TOGETHER: Final = 64
+"""Layouts evaluated together: between two such portions the time is looked at."""
+
+LATE: Final = 4.0
+"""Multiple of its time after which a search that lists all layouts is given up; it then claims nothing."""
+
 EVERY: Final = 10
 """One scene in this number is proven by real processes as well."""
 
@@ -227,7 +233,11 @@ def _enumerate(space: SearchSpace, evaluator: Any, aim: str) -> Proof | None:
         if count > MOST_CLASSES or time.perf_counter() > end:
             return None
     labellings = np.concatenate(rows) if rows else np.empty((0, len(space.fixed)), dtype=bool)
-    found = evaluator.evaluate_all(labellings) if len(labellings) else []
+    found = []
+    for low in range(0, len(labellings), TOGETHER):
+        found += evaluator.evaluate_all(labellings[low : low + TOGETHER])
+        if time.perf_counter() > end + LATE * SECONDS:
+            return None
     if any(one.status in (Status.UNCERTIFIED, Status.FAILED) for one in found):
         return None
     return _best_of(space, labellings, found, aim)
@@ -272,13 +282,20 @@ def _prove(
         driver = Exact(space, 0, **options)
     rows: list[Any] = []
     evaluations: list[Evaluation] = []
-    start = time.perf_counter()
+    start, whole = time.perf_counter(), True
     with workers or _threads_for_processes():
         driver.set_workers(jobs)
         driver.start(_deadline(seconds), lambda: disturb(driver))
         try:
             while len(asked := driver.ask(None)):
-                told = evaluator.evaluate_all(asked)
+                told = []
+                for low in range(0, len(asked), TOGETHER):
+                    told += evaluator.evaluate_all(asked[low : low + TOGETHER])
+                    whole &= time.perf_counter() - start < LATE * seconds
+                    if not whole:
+                        break
+                if not whole:
+                    break
                 driver.tell(asked, told)
                 rows.append(asked)
                 evaluations += told
@@ -291,7 +308,7 @@ def _prove(
     check = getattr(driver, "proof_check", None)
     found.check_seconds = 0.0 if check is None else check.seconds
     found.tasks = tasks
-    found.proven = bool(driver.finished or driver.exhaustive)
+    found.proven = whole and bool(driver.finished or driver.exhaustive)
     found.bound = None if driver.exhaustive or aim == "require" else driver.bound
     if aim == "front" and not driver.exhaustive:
         found.front = {one.count: one.load_factor for one in driver.found.values() if one.count is not None}
