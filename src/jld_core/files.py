@@ -11,6 +11,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
+from jld_core.errors import InputError
+
 _UNPRINTABLE: Final = re.compile("[\x00-\x09\x0b-\x1f\x7f-\x9f\ufffe\uffff]")
 """Control characters and non-characters, except line feed: no font shows them and XML rejects them."""
 
@@ -59,6 +61,30 @@ def require_writable(path: Path) -> None:
                 parent.rmdir()
 
 
+def require_folder(folder: Path) -> None:
+    """Raise InputError unless a folder exists or can be made, and is writable.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder; its parents need not exist.
+
+    Raises
+    ------
+    InputError
+        If the path is a file or a broken link, or the folder is not writable.
+    """
+    missing = itertools.takewhile(lambda place: not place.exists(), (folder, *folder.absolute().parents))
+    for place in missing:
+        if place.is_symlink():
+            raise InputError(str(place), f"it is a link to {os.readlink(place)}, which is not there", "a folder")
+    there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
+    if not there.is_dir():
+        raise InputError(str(there), "it is a file", "a folder for the results")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise InputError(str(there), "it is not writable", "a folder that results may be written into")
+
+
 def _fresh(path: Path) -> Path:
     """Return the temporary name of a file to write; raise OSError if the path is no file."""
     if path.exists() and not path.is_file():
@@ -97,3 +123,17 @@ def whole_file(path: Path) -> Iterator[Path]:
         raise OSError(error.errno, error.strerror or str(error), str(path)) from None
     finally:
         fresh.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file atomically.
+
+    Parameters
+    ----------
+    path : Path
+        File to write.
+    text : str
+        Content, encoded as UTF-8.
+    """
+    with whole_file(path) as fresh:
+        fresh.write_text(text, encoding="utf-8")

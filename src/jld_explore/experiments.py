@@ -19,12 +19,12 @@ import numpy as np
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError
-from jld_core.files import whole_file
+from jld_core.files import whole_file, write_text
 from jld_core.limit import SolveOptions, Status
 from jld_explore.drivers import make_driver
 from jld_explore.evaluation import Evaluation, EvaluatorSettings
 from jld_explore.evaluation.evaluator import Evaluator
-from jld_explore.report import Exploration, Summary, csv_of, write_text
+from jld_explore.report import Exploration, Summary, csv_of
 from jld_explore.space import SearchSpace, from_string, to_string
 
 if TYPE_CHECKING:

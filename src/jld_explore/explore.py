@@ -15,6 +15,7 @@ from jld_core.assembly import Assembly
 from jld_core.build import build_assembly, build_robust
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError, error_context
+from jld_core.files import write_text
 from jld_core.limit import SolveOptions
 from jld_core.memory import memory_limit
 from jld_core.models import cost_estimate, require_memory
@@ -37,7 +38,7 @@ from jld_explore.experiments import DEFAULT, Experiments, add_experiments
 from jld_explore.field_check import add_check, plan_check, time_for
 from jld_explore.field_study import FieldStudy
 from jld_explore.refusals import refuse_beside_void, refuse_together, refuse_unfit
-from jld_explore.report import Exploration, check_folder, write_pictures, write_report, write_text
+from jld_explore.report import Exploration, check_folder, write_pictures, write_report
 from jld_explore.report.folder import check_certificate_file, write_tables
 from jld_explore.settings import ExploreSettings, Objective
 from jld_explore.space import SearchSpace, from_string, search_space

@@ -20,11 +20,11 @@ from jld_core.deadline import Deadline
 from jld_core.errors import InputError
 from jld_core.fields.adaptive import CoarseBounds, FieldSetting
 from jld_core.fields.requirements import require_fields
-from jld_core.files import whole_file
+from jld_core.files import whole_file, write_text
 from jld_core.limit import Status
 from jld_core.scene import Scene
 from jld_core.threads import one_thread
-from jld_explore.report import Exploration, Summary, csv_of, write_text
+from jld_explore.report import Exploration, Summary, csv_of
 from jld_explore.settings import ExploreSettings
 from jld_explore.space import SearchSpace, from_string
 

@@ -73,7 +73,7 @@ def test_memory_that_runs_out_is_one_line(
     def fail(*_: object) -> None:
         raise MemoryError("Unable to allocate 61.0 GiB for an array")
 
-    monkeypatch.setattr("jld_explore.cli.command.load_scene", fail)
+    monkeypatch.setattr("jld_explore.cli.check.load_scene", fail)
     outcome = call(monkeypatch, capsys, "check", tmp_path / "scene.json")
     assert (outcome.code, outcome.out, outcome.err.count("\n")) == (2, "", 1)
     assert outcome.err.startswith(

@@ -236,3 +236,20 @@ def page(title: str, facts: Mapping[str, str], drawing: str | None, *tables: str
 def _shown(value: float | None) -> str:
     """Format a number, or "none"."""
     return "none" if value is None else f"{value:.6g}"
+
+
+def aligned(facts: Mapping[str, str]) -> str:
+    """Return facts as lines of text, the values one below another.
+
+    Parameters
+    ----------
+    facts : mapping of str to str
+        Values by their names.
+
+    Returns
+    -------
+    str
+        One line for each fact.
+    """
+    width = max(12, *(len(name) for name in facts))
+    return "\n".join(f"{name:<{width}} {value}" for name, value in facts.items())

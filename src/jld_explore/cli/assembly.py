@@ -9,11 +9,11 @@ import numpy as np
 import typer
 
 from jld_core.assembly_sequence import Laying, assembly_order
+from jld_core.files import require_folder, write_text
 from jld_explore.cli.layout import layout_of
 from jld_explore.cli.options import Rank, Source
 from jld_explore.cli.streams import say
-from jld_explore.report import csv_of, write_text
-from jld_explore.report.folder import check_writable
+from jld_explore.report import csv_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,7 +31,7 @@ def assembly(
 ) -> None:
     """Order in which the blocks are laid, the way each comes, and the props that stages need."""
     if out is not None:
-        check_writable(out)
+        require_folder(out)
     scene, found, labels = layout_of(source, rank)
     sideways = scene.search.assemble_out_of_plane
     laying = assembly_order(found, labels, wish=wish, sideways=sideways, group=group)

@@ -12,16 +12,16 @@ import typer
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError, ParameterError
+from jld_core.files import require_folder, write_text
 from jld_core.limit import LimitAnalysisResult, SolveOptions, Status
 from jld_core.models import solve_by_fields
 from jld_core.models.by_fields import require_cracks
 from jld_core.refinement.cells import crack_cells
 from jld_core.scene import Scene, parse_cracks
 from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_in_words, cracks_to_json
+from jld_core.views.notebook import aligned, facts_of_result
 from jld_explore.cli.ending import UNCERTIFIED
 from jld_explore.cli.streams import say
-from jld_explore.report import words, write_text
-from jld_explore.report.folder import check_writable
 
 Cracks = Annotated[
     str | None,
@@ -56,10 +56,10 @@ def say_by_fields(
     found = solve_by_fields(assembly, labels, gap=scene.cracks.gap, seconds=seconds)
     content = json.dumps(found.to_json(), indent=1)
     if out is not None:
-        check_writable(out)
+        require_folder(out)
         out.mkdir(parents=True, exist_ok=True)
         write_text(out / "result.json", content)
-    say(content if as_json else words.lines(found.facts()))
+    say(content if as_json else aligned(found.facts()))
     if found.status is Status.UNCERTIFIED:
         raise typer.Exit(UNCERTIFIED)
 
@@ -87,4 +87,4 @@ def named(scene: Scene, result: LimitAnalysisResult) -> LimitAnalysisResult:
 
 def result_in_words(scene: Scene, result: LimitAnalysisResult) -> str:
     """Describe a limit analysis for the terminal, with its crack model."""
-    return words.result(result, {"cracks": cracks_in_words(scene.cracks)})
+    return aligned({**facts_of_result(result), "cracks": cracks_in_words(scene.cracks)})

@@ -13,7 +13,6 @@ import typer
 from jld_core.errors import InputError, SolverError
 from jld_core.memory import memory_limit
 from jld_explore.cli.streams import STOPPED, warn
-from jld_explore.evaluation import raise_deferred
 from jld_explore.study_state import Interrupted
 
 INPUT, UNCERTIFIED = 2, 4
@@ -31,6 +30,7 @@ _PARAMETER: Final = re.compile(r"`(?P<name>[a-z_]+)(?:=(?P<value>[^`]*))?`")
 
 def raise_on_signals() -> None:
     """Let signals end a search with finished results on disk; ignored signals stay ignored."""
+    from jld_explore.evaluation import raise_deferred  # only searches need it, and it takes long to import
 
     def stop(number: int, frame: object) -> None:
         raise_deferred(Interrupted())

@@ -10,6 +10,7 @@ import typer
 from jld_core.build import build_assembly
 from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.exchange import FORMATS, ImportOptions, Layout, blocks_csv, export, import_file
+from jld_core.files import write_text
 from jld_core.models import solve
 from jld_core.refinement import refine
 from jld_core.refinement.refine import KINDS
@@ -18,14 +19,6 @@ from jld_explore.cli.layout import layout_of
 from jld_explore.cli.options import Rank, SceneFile, Source, refuse_itself
 from jld_explore.cli.samples import Out, write_scene
 from jld_explore.cli.streams import say
-from jld_explore.report import write_text
-
-
-def add_to(app: typer.Typer) -> None:
-    """Add the commands of this module to the command line."""
-    app.command(name="import")(import_command)
-    app.command(name="export")(export_command)
-    app.command(name="refine")(refine_command)
 
 
 def import_command(

@@ -14,6 +14,7 @@ import typer
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.errors import ParameterError, error_context
+from jld_core.files import require_folder, write_text
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.models import solve
 from jld_explore.cli.cracks import rigid_cells
@@ -21,8 +22,7 @@ from jld_explore.cli.ending import UNCERTIFIED
 from jld_explore.cli.layout import layout_of
 from jld_explore.cli.options import AsJson, Rank, Source
 from jld_explore.cli.streams import say
-from jld_explore.report import csv_of, write_text
-from jld_explore.report.folder import check_writable
+from jld_explore.report import csv_of
 
 if TYPE_CHECKING:
     from jld_experiment import Curve
@@ -62,7 +62,7 @@ def experiment(
     from jld_experiment.report import status_of, summary
 
     if out is not None:
-        check_writable(out)
+        require_folder(out)
     joints = Joints(
         normal_stiffness=normal_stiffness,
         shear_stiffness=shear_stiffness,

@@ -9,18 +9,14 @@ import typer
 
 from jld_core.build import build_assembly
 from jld_core.errors import ParameterError, error_context
+from jld_core.files import write_text
 from jld_core.models import solve
 from jld_core.scene import load_scene
 from jld_explore.cli.layout import layout_of, plot_ranks
 from jld_explore.cli.options import Source, refuse_itself
 from jld_explore.cli.streams import say
-from jld_explore.report import read_folder, write_pictures, write_report, write_text
+from jld_explore.report import read_folder, write_pictures, write_report
 from jld_explore.report.page_of_study import scene_page
-
-
-def add_to(app: typer.Typer) -> None:
-    """Add the command to the command line."""
-    app.command(name="plot")(plot_command)
 
 
 def plot_command(

@@ -11,10 +11,10 @@ from typing import Annotated, Any, get_type_hints
 import typer
 
 from jld_core.errors import InputError
+from jld_core.files import write_text
 from jld_core.samples import KINDS, Stone
 from jld_core.scene import Scene, Search
 from jld_explore.cli.streams import say
-from jld_explore.report import write_text
 
 Out = Annotated[Path, typer.Option("-o", "--out", help="Scene file to write.", show_default=False)]
 
@@ -44,7 +44,12 @@ def write_scene(scene: Scene, out: Path) -> None:
 
 def commands() -> typer.Typer:
     """Return the commands of `jld new`, one per sample."""
-    group = typer.Typer(help="Write a scene by name: a grid of candidate cells with supports, stone and a load.")
+    group = typer.Typer(
+        help="Write a scene by name: a grid of candidate cells with supports, stone and a load.",
+        add_completion=False,
+        rich_markup_mode=None,
+        pretty_exceptions_enable=False,
+    )
     for kind, make in KINDS.items():
         group.command(name=kind, help=(inspect.getdoc(make) or "").split("\n\n")[0])(_command(kind, make))
     return group

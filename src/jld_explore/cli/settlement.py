@@ -11,6 +11,7 @@ import typer
 
 from jld_core.build.settlements import settlements_of
 from jld_core.errors import InputError, error_context
+from jld_core.files import require_folder, write_text
 from jld_core.limit import Settled
 from jld_core.limit.settlement import settle
 from jld_explore.cli.cracks import rigid_cells
@@ -18,8 +19,6 @@ from jld_explore.cli.ending import UNCERTIFIED
 from jld_explore.cli.layout import layout_of
 from jld_explore.cli.options import AsJson, Rank
 from jld_explore.cli.streams import say
-from jld_explore.report import write_text
-from jld_explore.report.folder import check_writable
 
 
 def settlement(
@@ -33,7 +32,7 @@ def settlement(
 ) -> None:
     """Range of thrust along each movement of supports that the scene names, and the mechanisms at its ends."""
     if out is not None:
-        check_writable(out)
+        require_folder(out)
     scene, assembly, labels = layout_of(source, rank)
     if not scene.settlements:
         raise InputError(f"{source}: settlements", "the scene has none", "a list of movements of supports")

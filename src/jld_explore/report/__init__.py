@@ -8,14 +8,13 @@
 - `show_page`: make the page of a finished search for a notebook
 - `write_pictures`: draw all pictures of a search
 - `write_report`: write the page of a search
-- `write_text`: write a text file atomically
 """
 
 from __future__ import annotations
 
 from jld_explore.report.columns import csv_of
 from jld_explore.report.exploration import Exploration
-from jld_explore.report.folder import check_folder, write_pictures, write_text
+from jld_explore.report.folder import check_folder, write_pictures
 from jld_explore.report.notebook import show_page
 from jld_explore.report.page_of_study import write_report
 from jld_explore.report.reading import read_folder
@@ -30,5 +29,4 @@ __all__ = [
     "show_page",
     "write_pictures",
     "write_report",
-    "write_text",
 ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import os
 from collections.abc import Callable
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError
 from jld_core.exchange import blocks_csv
-from jld_core.files import require_writable, whole_file
+from jld_core.files import require_folder, require_writable, whole_file, write_text
 from jld_core.limit import LimitAnalysisResult
 from jld_core.scene.cracks import FieldCracks, cracks_to_json
 from jld_explore.drivers.choice import what_would_prove
@@ -68,7 +67,7 @@ def check_folder(folder: Path, resume: bool) -> None:
     InputError
         If the folder is not writable, is not empty, or has no study to resume.
     """
-    check_writable(folder)
+    require_folder(folder)
     if not folder.exists() or not any(folder.iterdir()):
         return
     if not resume:
@@ -79,30 +78,6 @@ def check_folder(folder: Path, resume: bool) -> None:
         raise InputError(
             str(folder), f"nothing to go on with: no {RECORDS_FILE} in it", "a folder written by jld explore"
         )
-
-
-def check_writable(folder: Path) -> None:
-    """Check that a folder exists or can be made, and is writable.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder; its parents need not exist.
-
-    Raises
-    ------
-    InputError
-        If the path is a file or a broken link, or the folder is not writable.
-    """
-    missing = itertools.takewhile(lambda place: not place.exists(), (folder, *folder.absolute().parents))
-    for place in missing:
-        if place.is_symlink():
-            raise InputError(str(place), f"it is a link to {os.readlink(place)}, which is not there", "a folder")
-    there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
-    if not there.is_dir():
-        raise InputError(str(there), "it is a file", "a folder for the results")
-    if not os.access(there, os.W_OK | os.X_OK):
-        raise InputError(str(there), "it is not writable", "a folder that results may be written into")
 
 
 def check_certificate_file(path: Path, folder: Path) -> None:
@@ -321,17 +296,3 @@ def _drawn(name: str, done: Exploration) -> Figure:
     if history is None:
         raise ValueError(f"{done.folder} has no history, so its convergence cannot be drawn")
     return drawings.plot_convergence({str(done.summary.driver): history})
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a text file atomically.
-
-    Parameters
-    ----------
-    path : Path
-        File to write.
-    text : str
-        Content, encoded as UTF-8.
-    """
-    with whole_file(path) as fresh:
-        fresh.write_text(text, encoding="utf-8")

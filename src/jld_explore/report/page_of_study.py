@@ -14,6 +14,7 @@ import numpy as np
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline, DeadlinePassed
+from jld_core.files import write_text
 from jld_core.limit import LimitAnalysisResult, governing_result, result_of
 from jld_core.mechanics import require_materials
 from jld_core.models import SolveOptions, limit_analysis, solve_labelling
@@ -251,8 +252,6 @@ def write_report(
     dear = math.inf
     if deadline is not None and deadline.limited:
         patience, dear = min(patience, deadline.remaining()), deadline.remaining() + DEAR
-    from jld_explore.report.folder import write_text
-
     target = (out or done.folder) / NAME
     write_text(target, study_page(done, patience, dear))
     return target

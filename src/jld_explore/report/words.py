@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from jld_core.assembly import Assembly
-from jld_core.limit import LimitAnalysisResult, Status
+from jld_core.limit import Status
 from jld_core.scene import Scene
 from jld_core.scene.cracks import cracks_in_words
-from jld_core.views import facts_of_assembly, facts_of_result
+from jld_core.views import facts_of_assembly
+from jld_core.views.notebook import aligned
 from jld_explore.evaluation.evaluation import BOUND
 from jld_explore.report import required
 from jld_explore.report.columns import ranked_by
@@ -54,7 +55,7 @@ def assembly(scene: Scene, found: Assembly, space: SearchSpace) -> str:
         Lines with dimension, counts, loads, program size, candidates and symmetries.
     """
     spots = int(np.count_nonzero(space.candidates))
-    return lines(
+    return aligned(
         {
             "scene": scene.name,
             **facts_of_assembly(found),
@@ -62,17 +63,6 @@ def assembly(scene: Scene, found: Assembly, space: SearchSpace) -> str:
             "symmetries": f"{len(space.group)} (with the identity); labellings alike by symmetry are one class",
         }
     )
-
-
-def result(found: LimitAnalysisResult, more: dict[str, str] | None = None) -> str:
-    """Describe a limit analysis result for `jld solve`, with further facts at its end."""
-    return lines({**facts_of_result(found), **(more or {})})
-
-
-def lines(facts: dict[str, str]) -> str:
-    """Return facts as lines with aligned names."""
-    width = max(12, *(len(name) for name in facts))
-    return "\n".join(f"{name:<{width}} {value}" for name, value in facts.items())
 
 
 def columns(done: Exploration) -> list[str]:
@@ -167,8 +157,8 @@ def exploration(done: Exploration, top: int = 10) -> str:
     """Describe a finished search for `jld explore`: best rows, front and proof."""
     return "\n".join(
         [
-            lines(facts_of_exploration(done)),
-            *([lines(others)] if (others := apart(done)) else []),
+            aligned(facts_of_exploration(done)),
+            *([aligned(others)] if (others := apart(done)) else []),
             "",
             _table(best_rows(done, top)),
             "",

@@ -20,7 +20,8 @@ from starlette.routing import Route
 
 from jld_core.errors import InputError, SolverError
 from jld_core.exchange import FORMATS, Layout, export
-from jld_explore.report import read_folder, write_text
+from jld_core.files import write_text
+from jld_explore.report import read_folder
 from jld_explore.report.page import asset, asset_names
 from jld_explore.report.page_contract import PageData
 from jld_explore.report.page_of_study import study_data, study_page

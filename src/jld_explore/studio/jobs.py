@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import IO, Any, Final, Literal, get_args
 
 from jld_core.errors import InputError
-from jld_explore.report import write_text
+from jld_core.files import write_text
 
 Kind = Literal["improve", "prove", "explore", "study"]
 """Purpose of a search; "study" is a study begun outside the studio."""

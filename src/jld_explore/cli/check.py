@@ -1,0 +1,64 @@
+"""Define `jld check`, and the checks of a scene that other commands share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from jld_core.assembly import Assembly
+from jld_core.build import build_assembly
+from jld_core.build.settlements import settlements_of
+from jld_core.errors import InputError, error_context
+from jld_core.mechanics import require_materials
+from jld_core.models import require_memory
+from jld_core.models.by_fields import require_cracks
+from jld_core.scene import Scene, load_scene
+from jld_explore.cli.cracks import of_cells
+from jld_explore.cli.model_options import Strict
+from jld_explore.cli.options import SceneFile
+from jld_explore.cli.streams import say, warn
+
+if TYPE_CHECKING:
+    from jld_explore.space import SearchSpace
+
+
+def load(path: Path, strict: bool = False) -> tuple[Scene, Assembly]:
+    """Return a scene and its assembly; raise InputError if it cannot be analysed."""
+    scene = load_scene(path)
+    with error_context(path):
+        assembly = build_assembly(scene)
+        require_memory(assembly)
+    if assembly.warnings and strict:
+        more = f" (and {len(assembly.warnings) - 1} more)" if len(assembly.warnings) > 1 else ""
+        raise InputError(str(path), assembly.warnings[0] + more, "a scene without warnings, or no --strict")
+    return scene, assembly
+
+
+def warn_of(path: Path, assembly: Assembly) -> None:
+    """Write warnings of an assembly to stderr, after all checks that may refuse it."""
+    for warning in assembly.warnings:
+        warn(f"jld: warning: {path}: {warning}")
+
+
+def check_search(path: Path, scene: Scene, assembly: Assembly) -> SearchSpace:
+    """Return the search space; if the scene asks for a search, check it as `jld explore` does."""
+    from jld_explore.space import search_space  # imported where a search is checked: it takes a tenth of a second
+
+    asked = "search" in scene.model_fields_set
+    with error_context(path):
+        return search_space(scene, assembly, allow_empty=not asked, need_materials=asked)
+
+
+def check(scene: SceneFile, strict: Strict = False) -> None:
+    """Parse a scene, find its interfaces, and print what will be modelled."""
+    from jld_explore.report import words
+
+    parsed, assembly = load(scene, strict)
+    space = check_search(scene, parsed, assembly)
+    with error_context(scene):
+        require_materials(assembly, assembly.labels, ~assembly.labels)
+        settlements_of(parsed, assembly)
+        require_cracks(parsed, assembly)
+        of_cells(parsed, assembly, assembly.labels)
+    warn_of(scene, assembly)
+    say(words.assembly(parsed, assembly, space))

@@ -1,0 +1,135 @@
+"""Define `jld explore`."""
+
+from __future__ import annotations
+
+import json
+import os
+from typing import Any
+
+import typer
+
+from jld_core.errors import ParameterError, error_context
+from jld_core.limit import SolveOptions
+from jld_core.scene import load_scene
+from jld_core.tolerances import GAP
+from jld_explore import Exploration, explore
+from jld_explore.cli.cracks import Cracks, with_cracks
+from jld_explore.cli.driver_options import with_driver_options
+from jld_explore.cli.ending import raise_on_signals
+from jld_explore.cli.model_options import (
+    Bending,
+    Blocks,
+    Contact,
+    EffectiveArea,
+    First,
+    Gap,
+    Robust,
+    Strict,
+    current_bending,
+)
+from jld_explore.cli.options import AsJson, SceneFile, refuse_itself
+from jld_explore.cli.progress import ProgressBar
+from jld_explore.cli.search_options import (
+    Budget,
+    CertificateFile,
+    Certificates,
+    CheckFields,
+    Cluster,
+    DriverName,
+    ExperimentOf,
+    Jobs,
+    Objective,
+    OutFolder,
+    Resume,
+    Seconds,
+    Seed,
+)
+from jld_explore.cli.streams import say, warn
+from jld_explore.report import check_folder, words
+from jld_explore.settings import (
+    BudgetSettings,
+    ExploreSettings,
+    ModelSettings,
+    OutputSettings,
+    ParallelSettings,
+    SearchMethod,
+)
+from jld_explore.study_state import Interrupted
+
+_JOBS = 16  # Largest number of worker processes per core.
+
+
+@with_driver_options
+def explore_command(
+    context: typer.Context,
+    scene: SceneFile,
+    out: OutFolder,
+    driver: DriverName = None,
+    objective: Objective = "associative",
+    experiment_of: ExperimentOf = None,
+    check_fields: CheckFields = 10,
+    budget: Budget = None,
+    seconds: Seconds = None,
+    jobs: Jobs = None,
+    seed: Seed = 0,
+    strict: Strict = False,
+    robust: Robust = False,
+    cracks: Cracks = None,
+    effective_area: EffectiveArea = False,
+    contact: Contact = "convex",
+    inner_bending: Bending = "uncoupled",
+    condense: Blocks = "auto",
+    solver: First = "auto",
+    gap: Gap = GAP,
+    resume: Resume = False,
+    certificates: Certificates = False,
+    cluster: Cluster = None,
+    certificate: CertificateFile = None,
+    as_json: AsJson = False,
+    **own: Any,
+) -> None:
+    """Search the labellings of a scene for the strongest: ranked table, front, pictures."""
+    parsed = with_cracks(load_scene(scene), cracks)
+    if certificates:
+        warn("jld: --certificates has no effect and will be refused in version 0.4; leave it out")
+    check_folder(out, resume)
+    if certificate is not None:
+        refuse_itself(scene, certificate)
+    _check_jobs(jobs)
+    raise_on_signals()
+    model = SolveOptions(
+        effective_area=effective_area,
+        contact=contact,
+        inner_bending=current_bending(inner_bending),
+        condense=condense,
+        solver=solver,
+        gap=gap,
+    )
+    settings = ExploreSettings.of(
+        ModelSettings(model, robust=robust, experiment=experiment_of, check_fields=check_fields).maximising(objective),
+        BudgetSettings(budget, seconds),
+        ParallelSettings(jobs or os.cpu_count() or 1, cluster),
+        SearchMethod(driver, own, seed),
+        OutputSettings(resume, certificate=certificate, strict=strict),
+    )
+    announce = None if as_json else say
+    try:
+        with ProgressBar(parsed.name) as bar, error_context(scene, str(out)):
+            done = explore(parsed, out, settings, bar, announce, started=context.obj)
+    except Interrupted as stop:
+        if stop.done is not None:
+            _say_found(stop.done, as_json)
+        raise
+    _say_found(done, as_json)
+
+
+def _check_jobs(jobs: int | None) -> None:
+    """Raise InputError for more worker processes than the machine can serve."""
+    most = _JOBS * (os.cpu_count() or 1)
+    if jobs is not None and jobs > most:
+        raise ParameterError("jobs", f"{jobs} processes would starve one another", f"at most {most} on this machine")
+
+
+def _say_found(done: Exploration, as_json: bool) -> None:
+    """Print the results of a search."""
+    say(json.dumps(done.summary.to_json(), indent=1) if as_json else words.exploration(done))

@@ -1,0 +1,24 @@
+"""Define `jld studio`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from jld_explore.cli.streams import say
+
+
+def studio(
+    source: Annotated[
+        Path | None,
+        typer.Argument(help="A scene file, or a folder written by jld explore; default: a wall to begin with."),
+    ] = None,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port on this machine; 0 takes a free one.")] = 0,
+    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")] = True,
+) -> None:
+    """Move joints by hand and see the proven collapse load follow: a page on this machine, for you alone."""
+    from jld_explore.studio import open_studio
+
+    open_studio(source, port, say, browser)
