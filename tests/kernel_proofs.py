@@ -18,7 +18,7 @@ def lanes_of(analysis: LimitAnalysis, variant: str | None = None, **keys: object
     """The batch solver for an analysis, as the analysis itself makes it; variant: see `BatchSolver`."""
     opening = analysis.repair.opening()
     velocity = None if opening is None else opening.velocity
-    return BatchSolver(analysis.template, velocity, zero=analysis.floor, variant=variant, **keys)  # type: ignore[arg-type]
+    return BatchSolver(analysis.template, velocity, load_scale=analysis.load_scale, variant=variant, **keys)  # type: ignore[arg-type]
 
 
 def assert_proven(

@@ -387,7 +387,7 @@ def test_what_crushes_is_bounded_by_rows_that_enclose_its_hull(kernel: str, monk
     everything = np.full(len(asked), 1e12)
     monkeypatch.setenv(library.SWITCH, kernel)
     batched = Relaxation(analysis)
-    assert batched.many
+    assert batched.batched
     together = batched.refute_all(asked, loose, everything)
     monkeypatch.setenv(library.SWITCH, "off")
     hull = Relaxation(analysis).refute_all(asked, loose, everything)

@@ -14,7 +14,7 @@ from cases import grid_document
 from command import call
 from jld_core import InputError, Status, build_assembly, parse_scene, solve
 from jld_core.errors import SolverError
-from jld_core.limit import Known, LimitAnalysis, SolveOptions, governing
+from jld_core.limit import CaseBounds, LimitAnalysis, SolveOptions, governing
 from jld_core.limit.case_relaxation import CaseRelaxation
 from jld_core.limit.relaxation import Relaxation
 from jld_core.models import require_model
@@ -53,8 +53,8 @@ def test_the_least_over_what_is_required_governs() -> None:
         Template(assembly)
 
 
-def known(status: Status, low: float = math.nan, high: float = math.nan) -> Known:
-    return Known(status, low, high, 0.5 * (low + high))
+def known(status: Status, low: float = math.nan, high: float = math.nan) -> CaseBounds:
+    return CaseBounds(status, low, high, 0.5 * (low + high))
 
 
 def test_what_governs() -> None:

@@ -17,15 +17,15 @@ from studies.scenes import leonardo_flat_arch, stacked_cubes
 from cases import CASES, grid_assembly, grid_document
 from jld_core import Assembly, LimitAnalysis, Scene, build_assembly, parse_scene, solve
 from jld_core.arrays import Floats
-from jld_core.models.zero_dilation.blocks import BlockCertifier, solve_rlt_by_matrix_blocks
 from jld_core.models.zero_dilation.certificate import Certifier
-from jld_core.models.zero_dilation.found import MultiStartSearch
+from jld_core.models.zero_dilation.fixed_point_search import ProximalOptions
 from jld_core.models.zero_dilation.loops import face_loops, has_opening
 from jld_core.models.zero_dilation.lower_bound import LowerBoundSearch
 from jld_core.models.zero_dilation.lower_bound_problem import LowerBound, LowerBoundProblem
+from jld_core.models.zero_dilation.matrix_blocks import BlockCertifier, solve_rlt_by_matrix_blocks
 from jld_core.models.zero_dilation.modes import Modes, modes_of
+from jld_core.models.zero_dilation.multi_start_search import MultiStartSearch
 from jld_core.models.zero_dilation.rlt_relaxation import Region, solve_rlt
-from jld_core.models.zero_dilation.search import ProximalOptions
 from jld_core.models.zero_dilation.statics import Statics, bound_velocities
 from jld_core.models.zero_dilation.sweep import BlockSweep
 from nondilatant import block
@@ -76,7 +76,7 @@ def test_unbounded_self_stress_has_the_cheap_bound_alone() -> None:
     """A wedged block: λ = W + μ(H + 2 N_left) with N_left ≥ 0, and N_right = H + N_left ≥ H is all that statics say."""
     assembly = block(0.3, [{"element": "block", "force": [0, 1]}], [{"element": "block", "force": [1.0, 0]}], 2)
     lowest, floor, scale = below(assembly)
-    assert "no products: self-stress is not bounded" in floor.route
+    assert "no products: self-stress is not bounded" in floor.solve_log
     assert floor.proven * scale <= lowest * scale * (1.0 + 1e-9)
 
 
@@ -174,7 +174,7 @@ def test_the_first_step_of_large_scenes_excludes_a_part_of_the_way(times: float)
     modes, _, statics, check = certifier(assembly, 1.1 * times * friction / scale)
     problem = LowerBoundProblem(times * friction / scale, 60.0)
     proven = BlockSweep(modes, statics.force_bounds, check.velocity_bounds, problem).partial_bound(0.0) * scale
-    assert problem.route == ["part of the way"]
+    assert problem.solve_log == ["part of the way"]
     least = 0.98 * min(0.75 * times, 1.0) * friction
     assert least <= proven <= min(0.75 * times, 1.0) * friction
 
@@ -189,7 +189,7 @@ def test_walls_with_openings_have_a_floor() -> None:
     assert lowest * scale == pytest.approx(0.5570290662, rel=1e-8)
     assert floor.closed
     assert floor.tolerance == 0.0
-    assert "branch 1" not in floor.route
+    assert "branch 1" not in floor.solve_log
 
 
 def solutions(assembly: Assembly) -> tuple[Modes, list[Floats]]:

@@ -104,7 +104,7 @@ class BatchSolver:
         cone per face.
     opening : (q·free,) array, optional
         Velocities that open every face under any labelling; None if there are none.
-    zero : float
+    load_scale : float
         Magnitude of scaled λ relative to which a bracket around zero counts as narrow.
     undecided : Rows, optional
         Rows of faces whose label is undecided; they replace the rows of dry faces.
@@ -112,7 +112,7 @@ class BatchSolver:
         Variant or path of the compiled library (see `library`); default: the variant in use.
     tries : sequence of Try
         Settings of the passes over the open labellings; default `TRIES` or `SPATIAL_TRIES`.
-    drawn : bool
+    sampled_start : bool
         True: start near the mean solution of a few random labellings. False: start from the least-norm forces in
         equilibrium, which is cheaper for a few labellings.
 
@@ -134,11 +134,11 @@ class BatchSolver:
         template: Template,
         opening: Floats | None = None,
         *,
-        zero: float = 0.0,
+        load_scale: float = 0.0,
         undecided: Rows | None = None,
         variant: str | None = None,
         tries: Sequence[library.Try] = (),
-        drawn: bool = True,
+        sampled_start: bool = True,
     ) -> None:
         name = variant or library.chosen()
         if name is None:
@@ -149,10 +149,10 @@ class BatchSolver:
         self.variant, self._library = name, library.library(name)
         self.faces, self.size = len(template.assembly.interfaces), template.structure.equalities
         self._q = q = template.assembly.freedoms
-        self._rows, self._pairs, self._keep, self._bows = rows.rows, rows.pairs, rows.keep, rows.bows
-        self._meets = rows.meets
+        self._rows, self._pairs, self._keep, self._bows = rows.rows, rows.pairs, rows.keep, rows.parabolas
+        self._interacts = rows.interacts
         usual = TRIES if template.assembly.dimension == 2 else SPATIAL_TRIES
-        if rows.bows is not None:
+        if rows.parabolas is not None:
             usual = tuple(one for one in usual if one.aim > 0.0)  # these passes do not support parabolas
         chosen_tries = tries or usual
         self._tries = tuple(chosen_tries)
@@ -163,8 +163,8 @@ class BatchSolver:
         self._dead, self._live = template.dead[ends].copy(), template.live[ends].copy()
         self._opening = None if opening is None else opening[ends].copy()
         self._floor = template.floor
-        self.settles, self._zero = 0.0, zero
-        self._start = self._starting(template, drawn)
+        self.settled_fraction, self._load_scale = 0.0, load_scale
+        self._start = self._starting(template, sampled_start)
 
     def _starting(self, template: Template, sampled: bool) -> _Start:
         """Compute the starting point from the least-norm equilibrium and a mean solution."""
@@ -178,10 +178,10 @@ class BatchSolver:
         if not sampled:
             return self._start
         dice = np.random.default_rng(0)
-        drawn = dice.random((_SAMPLES, self.faces)) < dice.random((_SAMPLES, 1))
-        found = self.solve(drawn, vectors=True)
+        sampled_start = dice.random((_SAMPLES, self.faces)) < dice.random((_SAMPLES, 1))
+        found = self.solve(sampled_start, vectors=True)
         good = found.verdict == PROVEN
-        self.settles = float((found.verdict != OPEN).mean())
+        self.settled_fraction = float((found.verdict != OPEN).mean())
         if not good.any() or found.forces is None or found.velocity is None:
             return self._start
         forces = (1.0 - _SHARE) * least + _SHARE * found.forces[good].mean(axis=0)
@@ -366,14 +366,14 @@ class BatchSolver:
             labels=len(self._rows),
             freedoms=self._q,
             drops_shear=int(not self._keep.all()),
-            pattern=self.pattern.handed_over(),
+            pattern=self.pattern.as_ctypes(),
             floor=self._floor,
             noise=tolerances.ROUNDING,
             load=start.load,
             least_slack=start.room,
             least_multiplier=_PUSH if self._q == 3 else _PUSH_SPATIAL,
-            zero=self._zero,
+            zero=self._load_scale,
             gap=tolerances.GAP,
-            coupled=int(self._meets),
+            coupled=int(self._interacts),
             **arrays,
         )

@@ -91,7 +91,7 @@ class BlockAnswers:
     state: NDArray[np.uint8]
 
 
-class BlockLanes:
+class BatchBlockSolver:
     """Batch solver that minimises −λ for many choices of allowed blocks.
 
     Parameters
@@ -150,7 +150,7 @@ class BlockLanes:
         self._own, self._shared = int(self._arrays["own_start"][-1]), _Q * nodes
 
     @staticmethod
-    def takes(blocks: Sequence[BlockColumns]) -> bool:
+    def supports(blocks: Sequence[BlockColumns]) -> bool:
         """Return True if no block has more rows than the compiled solver takes."""
         return max((one.own + len(one.shared) for one in blocks), default=0) <= interface.BLOCK_ROWS
 
@@ -190,7 +190,7 @@ class BlockLanes:
         MemoryError
             The compiled solver cannot allocate its workspace.
         ValueError
-            A block has too many rows (see `takes`).
+            A block has too many rows (see `supports`).
         """
         count = len(allowed)
         chosen = np.ascontiguousarray(allowed, dtype=np.uint8)
@@ -203,7 +203,7 @@ class BlockLanes:
         problem = library.Blocks(
             blocks=self._blocks,
             nodes=len(self.pattern.order),
-            pattern=self.pattern.handed_over(),
+            pattern=self.pattern.as_ctypes(),
             loads=len(self._load),
             **library.pointers(**self._arrays, rhs=self._rhs, load=self._load),
         )

@@ -48,7 +48,7 @@ class FactorPattern:
     left: Int32s
     left_column: Int32s
 
-    def handed_over(self) -> library.FactorPattern:
+    def as_ctypes(self) -> library.FactorPattern:
         """Return the pattern as a ctypes structure that points to these arrays."""
         names = ("column_start", "row", "pair_start", "pair", "left_start", "left", "left_column")
         arrays = {name: getattr(self, name) for name in names}

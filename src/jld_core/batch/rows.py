@@ -78,7 +78,7 @@ def pattern_of(assembly: Assembly) -> tuple[FactorPattern, Ints, Ints]:
 
 
 @dataclass(frozen=True)
-class Sheets:
+class BatchRows:
     """Coefficients of the yield rows under all labels: inner, dry, and maybe undecided.
 
     Attributes
@@ -91,21 +91,21 @@ class Sheets:
         Number of pairs; in space 2 (pairs in bending), or the number of edges that there is room for.
     keep : (labels, m) array
         1 where V takes part in equilibrium, else 0.
-    bows : (labels, m, 2 or 14) array or None
+    parabolas : (labels, m, 2 or 14) array or None
         c and n₀ of a first pair b |M| ≤ h + a N − c N² from N = n₀ on, and its tangent at n₀ below. None where no face
-        has one. With `meets`, the numbers of `ParabolicBending.meeting` follow n₀; they are 0 for decided labels.
-    meets : bool
+        has one. With `interacts`, the numbers of `ParabolicBending.interaction` follow n₀, 0 for decided labels.
+    interacts : bool
         True where undecided faces crush and their V and M interact.
     """
 
     rows: Floats
     pairs: int
     keep: Floats
-    bows: Floats | None = None
-    meets: bool = False
+    parabolas: Floats | None = None
+    interacts: bool = False
 
 
-def rows_of(template: Template, undecided: Rows | None = None) -> Sheets | None:
+def rows_of(template: Template, undecided: Rows | None = None) -> BatchRows | None:
     """Return a template's rows in the batch solver's layout, or None if unsupported.
 
     undecided: rows of a third label, which replace those of dry faces.
@@ -115,12 +115,12 @@ def rows_of(template: Template, undecided: Rows | None = None) -> Sheets | None:
 
 
 @lru_cache(maxsize=2)
-def _decided(template: Template) -> Sheets | None:
+def _decided(template: Template) -> BatchRows | None:
     """Return the cached rows of the labels dry and inner."""
     return _rows_of(template, None)
 
 
-def _rows_of(template: Template, undecided: Rows | None) -> Sheets | None:
+def _rows_of(template: Template, undecided: Rows | None) -> BatchRows | None:
     """Compute the rows of all labels, or None if any shape is unsupported."""
     own = template.yield_set
     every = np.ones(len(template.assembly.interfaces), dtype=bool)
@@ -140,25 +140,28 @@ def _rows_of(template: Template, undecided: Rows | None) -> Sheets | None:
     if not planar:
         paired = _in_pairs(rows)
         if paired is not None:
-            return Sheets(np.ascontiguousarray(paired), 2, keep)
+            return BatchRows(np.ascontiguousarray(paired), 2, keep)
         rows = _along_edges(rows)
-        return Sheets(np.ascontiguousarray(rows), (rows.shape[-1] - 3) // 6, keep)
-    bows, meets = None, False
+        return BatchRows(np.ascontiguousarray(rows), (rows.shape[-1] - 3) // 6, keep)
+    parabolas, interacts = None, False
     if own.pattern.cones:
-        asked = [own.bow(undecided=False), *([] if undecided is None else [own.bow(undecided=True)])]
+        asked = [
+            own.parabolic_bending(undecided=False),
+            *([] if undecided is None else [own.parabolic_bending(undecided=True)]),
+        ]
         bowed = [one for one in asked if one is not None]
         if len(bowed) < len(asked):
             return None
-        meets = rows.shape[2] == 3 and any(one.meeting is not None for one in bowed)
-        bows = np.zeros((len(rows), len(every), 14 if meets else 2))
+        interacts = rows.shape[2] == 3 and any(one.interaction is not None for one in bowed)
+        parabolas = np.zeros((len(rows), len(every), 14 if interacts else 2))
         for label, one in enumerate(bowed, start=1):
             crushed = one.crushed
-            bows[label, crushed, :2] = one.bow
+            parabolas[label, crushed, :2] = one.parabola
             rows[label, crushed] = one.rows[:, : rows.shape[2]]
-            if meets and one.meeting is not None:
-                bows[label, crushed, 2:] = one.meeting
+            if interacts and one.interaction is not None:
+                parabolas[label, crushed, 2:] = one.interaction
     flat = np.ascontiguousarray(rows.reshape(*rows.shape[:2], -1))
-    return Sheets(flat, rows.shape[2], keep, bows, meets)
+    return BatchRows(flat, rows.shape[2], keep, parabolas, interacts)
 
 
 def planar_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:

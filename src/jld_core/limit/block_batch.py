@@ -13,7 +13,7 @@ import numpy as np
 
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.batch import chosen
-from jld_core.batch.blocks import SOLVED, BlockAnswers, BlockColumns, BlockLanes
+from jld_core.batch.blocks import SOLVED, BatchBlockSolver, BlockAnswers, BlockColumns
 from jld_core.limit.block_columns import columns_of
 from jld_core.limit.block_parts import BlockParts, Q
 from jld_core.limit.block_program import LEAST
@@ -21,7 +21,7 @@ from jld_core.mechanics.yield_set import CoulombWedge
 
 
 @dataclass(frozen=True)
-class Multipliers:
+class BlockMultipliers:
     """Primal and dual values that a solver returned for one set of allowed blocks.
 
     Attributes
@@ -66,7 +66,7 @@ class BatchBlockProgram:
         rhs = np.zeros(Q * len(places))
         rhs[self._elements] = 1.0
         self._shared = parts.shared
-        self._batch = BlockLanes(blocks, places, rhs, self._elements + 1)
+        self._batch = BatchBlockSolver(blocks, places, rhs, self._elements + 1)
         self._balance = _balance(parts, blocks)
 
     @classmethod
@@ -81,7 +81,7 @@ class BatchBlockProgram:
         if chosen() is None:
             return None
         blocks = columns_of(parts, dry, inner)
-        if blocks is None or not BlockLanes.takes(blocks):
+        if blocks is None or not BatchBlockSolver.supports(blocks):
             return None
         known = parts.side_shared >= 0
         middle, sides = np.zeros((parts.shared, centroids.shape[1])), np.zeros(parts.shared)
@@ -91,7 +91,7 @@ class BatchBlockProgram:
 
     def solve(
         self, allowed: Bools, thresholds: Floats, most: Floats, pool: ThreadPoolExecutor | None = None
-    ) -> list[Multipliers]:
+    ) -> list[BlockMultipliers]:
         """Solve the programs of k sets of allowed blocks.
 
         Parameters
@@ -121,10 +121,10 @@ class BatchBlockProgram:
         found = [run(portions[0]), *(other.result() for other in others)]
         return [self._multipliers(answers, k) for answers in found for k in range(len(answers.state))]
 
-    def _multipliers(self, answers: BlockAnswers, k: int) -> Multipliers:
+    def _multipliers(self, answers: BlockAnswers, k: int) -> BlockMultipliers:
         """Return the values of the set with index k."""
         shared = answers.shared[k]
-        return Multipliers(
+        return BlockMultipliers(
             velocity=-answers.own[k][self._balance],
             wall=-shared[: Q * self._shared].reshape(-1, Q),
             price=-shared[self._elements],

@@ -30,7 +30,7 @@ class BlockFaces(Protocol):
 
 
 @dataclass(frozen=True)
-class FacesOfSets:
+class YieldSetFaces:
     """Faces of any yield set under one label.
 
     sets: yield sets of m faces. dry: True for the dry label. strengths: (m,) see `BlockFaces.strength`.
@@ -41,7 +41,7 @@ class FacesOfSets:
     strengths: Floats
 
     @classmethod
-    def of(cls, template: Template, *, dry: bool) -> FacesOfSets:
+    def of(cls, template: Template, *, dry: bool) -> YieldSetFaces:
         """Create the faces of a template under one label."""
         assembly, scaling = template.assembly, template.scaling
         known = assembly.strengths

@@ -20,7 +20,7 @@ worse bound than a low λ.
 """
 
 
-class WholeProgram:
+class AllBlocksProgram:
     """Program of all possible blocks, from which `of` selects that of the allowed blocks.
 
     Rows are equations up to `_equalities`, linear inequalities up to `_linear`, then cones of `_cone` rows each.
@@ -79,7 +79,7 @@ class WholeProgram:
         return program, np.flatnonzero(rows), np.flatnonzero(columns)
 
 
-class BlockProgram(WholeProgram):
+class BlockProgram(AllBlocksProgram):
     """Program min −λ of the block relaxation for wedge-shaped sets.
 
     Its dual is docs/method.md (6.5), (6.6). Columns: x of each block; rays of the dry set of each side; (two rays, V)
@@ -110,19 +110,19 @@ class BlockProgram(WholeProgram):
     """
 
     def __init__(self, parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge) -> None:
-        self._parts, self._entries = parts, Entries()
+        self._parts, self._entries = parts, SparseEntries()
         self.stuck = np.flatnonzero(dry.cohesion[parts.side_face] > 0.0)
         p, n = np.arange(parts.blocks), parts.elements
         of_stuck, of_joint = parts.side_block[self.stuck], parts.joint_block
-        columns, rows = Places(), Places()
+        columns, rows = OwnedIndices(), OwnedIndices()
         self.x = columns.of(p)
         rays = columns.of(np.repeat(parts.side_block, 4)).reshape(-1, 4)
         bends = columns.of(np.repeat(of_joint, 3)).reshape(-1, 3)
         sticks = columns.of(of_stuck)
         own = columns.of(p)
-        load = columns.of_none(1)
-        self.cover, self.share = rows.of_none(n), rows.of_none(n)
-        self.agree = rows.of_none(Q * parts.shared).reshape(-1, Q)
+        load = columns.append_unowned(1)
+        self.cover, self.share = rows.append_unowned(n), rows.append_unowned(n)
+        self.equal_forces = rows.append_unowned(Q * parts.shared).reshape(-1, Q)
         self.balance = rows.of(np.repeat(parts.part_block, Q)).reshape(-1, Q)
         self._equalities = len(rows)
         shear = rows.of(np.repeat(of_joint, 2)).reshape(-1, 2)
@@ -152,7 +152,7 @@ class BlockProgram(WholeProgram):
         self._linear, self._cone = len(rows), 1
         self._rhs = np.zeros(len(rows))
         self._rhs[self.cover] = 1.0
-        self._table = self._entries.finished()
+        self._table = self._entries.arrays()
         self._row_block, self._column_block = rows.owner, columns.owner
 
     def _sides(self, dry: CoulombWedge, rays: Ints, sticks: Ints) -> None:
@@ -164,7 +164,7 @@ class BlockProgram(WholeProgram):
         mu = dry.friction[parts.side_face]
         size = np.maximum(1.0, mu)
         known = parts.side_shared >= 0
-        meets = self.agree[parts.side_shared[known]]
+        meets = self.equal_forces[parts.side_shared[known]]
         for turn, (slip, tip) in enumerate(((1, 1), (1, -1), (-1, 1), (-1, -1))):
             vector = np.column_stack([1.0 / size, slip * mu / size, tip / size])
             add(self.balance[parts.side_part], rays[:, turn], np.einsum("kij,kj->ki", parts.arm, vector))
@@ -172,7 +172,7 @@ class BlockProgram(WholeProgram):
         add(self.balance[parts.side_part[stuck]], sticks, parts.arm[stuck, :, 1])
         known = known[stuck]
         across = parts.sign[stuck, None] * np.eye(Q)[1]
-        add(self.agree[parts.side_shared[stuck][known]], sticks[known], across[known])
+        add(self.equal_forces[parts.side_shared[stuck][known]], sticks[known], across[known])
 
     def _joints(self, inner: CoulombWedge, bends: Ints) -> None:
         """Add forces at the joints: N = N' − σtA x with N' = r + r', m = (r − r') / bending."""
@@ -200,7 +200,7 @@ class BlockProgram(WholeProgram):
                 add(row[rubs], bends[rubs, bent], -(mu / scale)[rubs])
 
 
-class Places:
+class OwnedIndices:
     """Consecutive rows or columns of a table, each with the block it belongs to (−1: none)."""
 
     def __init__(self) -> None:
@@ -215,12 +215,12 @@ class Places:
         self.owner = np.concatenate([self.owner, blocks])
         return np.arange(first, len(self))
 
-    def of_none(self, count: int) -> Ints:
+    def append_unowned(self, count: int) -> Ints:
         """Append rows or columns that belong to no block and return their indices."""
         return self.of(np.full(count, -1))
 
 
-class Entries:
+class SparseEntries:
     """Rows, columns and values of a sparse matrix, collected in groups."""
 
     def __init__(self) -> None:
@@ -238,7 +238,7 @@ class Entries:
         """Append q values (k, q) in the rows (k, q) of each column (k,)."""
         self.add(rows.ravel(), np.repeat(column, rows.shape[1]), value.ravel())
 
-    def finished(self) -> tuple[Ints, Ints, Floats]:
+    def arrays(self) -> tuple[Ints, Ints, Floats]:
         """Return rows, columns and values of all entries."""
         rows, columns, values = zip(*self._parts, strict=True)
         return np.concatenate(rows), np.concatenate(columns), np.concatenate(values)

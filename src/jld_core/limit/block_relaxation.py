@@ -31,9 +31,9 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.limit.analysis import LimitAnalysis
-from jld_core.limit.block_batch import BatchBlockProgram, Multipliers
+from jld_core.limit.block_batch import BatchBlockProgram, BlockMultipliers
 from jld_core.limit.block_cones import ConeProgram
-from jld_core.limit.block_faces import BlockFaces, FacesOfSets
+from jld_core.limit.block_faces import BlockFaces, YieldSetFaces
 from jld_core.limit.block_parts import block_parts
 from jld_core.limit.block_program import BlockProgram
 from jld_core.limit.equilibrium import usable
@@ -138,9 +138,9 @@ class BlockRelaxation:
         self._dry: BlockFaces
         self._inner: BlockFaces
         self._states: BlockProgram | ConeProgram
-        dry, inner = (analysis.template.yield_set.wedge(label) for label in (True, False))
+        dry, inner = (analysis.template.yield_set.coulomb_wedge(label) for label in (True, False))
         if dry is None or inner is None:
-            self._dry, self._inner = (FacesOfSets.of(analysis.template, dry=label) for label in (True, False))
+            self._dry, self._inner = (YieldSetFaces.of(analysis.template, dry=label) for label in (True, False))
             self._states = ConeProgram(analysis.template, self._parts)
         else:
             self._dry, self._inner = dry, inner
@@ -185,7 +185,7 @@ class BlockRelaxation:
         return self._choose(allowed, threshold, found.bound, self._careful)
 
     @property
-    def many(self) -> bool:
+    def batched(self) -> bool:
         """Return True if the batch solver solves many programs at a time."""
         if not self._asked:
             self._asked = True
@@ -209,7 +209,7 @@ class BlockRelaxation:
         list of Choice
             One result for each set.
         """
-        if not self.many or self._many is None or not asked:
+        if not self.batched or self._many is None or not asked:
             return [self.choose(*one) for one in asked]
         allowed, threshold, most = (np.array(column) for column in zip(*asked, strict=True))
         answers = self._many.solve(allowed, threshold, most, pool)
@@ -235,11 +235,11 @@ class BlockRelaxation:
         dual, point = (np.zeros(size) for size in self._states.shape)
         dual[rows], point[columns] = raw.dual, raw.point
         states = self._states
-        velocity, wall = dual[states.balance], dual[states.agree]
-        answer = Multipliers(velocity, wall, dual[states.cover], -dual[states.share], point[states.x])
+        velocity, wall = dual[states.balance], dual[states.equal_forces]
+        answer = BlockMultipliers(velocity, wall, dual[states.cover], -dual[states.share], point[states.x])
         return self._judged(answer, allowed, threshold, most)
 
-    def _judged(self, answer: Multipliers, allowed: Bools, threshold: float, most: float) -> Choice:
+    def _judged(self, answer: BlockMultipliers, allowed: Bools, threshold: float, most: float) -> Choice:
         """Return the result that a solver's answer proves."""
         share = np.clip(np.nan_to_num(answer.share), 0.0, 1.0)
         mechanism = self._repair(answer, allowed, most)
@@ -274,7 +274,7 @@ class BlockRelaxation:
             margins = [margins[0][allowed[parts.side_block]], margins[1][allowed[parts.joint_block]]]
         return float(np.concatenate(margins).min(initial=np.inf))
 
-    def _repair(self, answer: Multipliers, allowed: Bools, most: float) -> _Mechanism | None:
+    def _repair(self, answer: BlockMultipliers, allowed: Bools, most: float) -> _Mechanism | None:
         """Open the velocities of an answer until every dissipation is finite.
 
         Returns the sums per block; None where opening fails.

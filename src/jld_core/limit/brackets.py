@@ -11,7 +11,7 @@ from jld_core.assembly import Assembly
 from jld_core.mechanics.scaling import reference_load
 
 
-def relative_width(low: float, high: float, floor: float) -> float:
+def relative_width(low: float, high: float, load_scale: float) -> float:
     """Compute the width of a bracket over max(|low|, |high|, floor) (docs/method.md (3.13)).
 
     Parameters
@@ -28,7 +28,7 @@ def relative_width(low: float, high: float, floor: float) -> float:
     """
     if not (np.isfinite(low) and np.isfinite(high)):
         return np.inf
-    size = max(abs(low), abs(high), floor)
+    size = max(abs(low), abs(high), load_scale)
     return (high - low) / size if size > 0.0 else float(high > low)
 
 

@@ -46,9 +46,9 @@ class _Cases(Generic[_Kind]):
         return sum(one.solves for one in self._cases)
 
     @property
-    def many(self) -> bool:
+    def batched(self) -> bool:
         """Return True if the batch solver solves the programs of every case many at a time."""
-        return all(one.many for one in self._cases)
+        return all(one.batched for one in self._cases)
 
     def _reorder(self, refuted: Sequence[int]) -> None:
         """Sort the cases by the number of refutations (c,), most first.
@@ -182,7 +182,7 @@ class CaseRelaxation(_Cases[Relaxation]):
         self._reorder(counts)
         return found + [MinimizedConflict(k, True, asked.free, None, bool(carried[k])) for k in left.tolist()]
 
-    def weigh(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
+    def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
         """Evaluate the work balance of known mechanisms of one load case.
 
         No program is solved.
@@ -201,7 +201,7 @@ class CaseRelaxation(_Cases[Relaxation]):
         Returns
         -------
         (k,) float array
-            Governing factors that no labelling exceeds that agrees where decided, see `Relaxation.weigh`.
+            Governing factors that no labelling exceeds that agrees where decided, see `Relaxation.evaluate_mechanisms`.
 
         Raises
         ------
@@ -210,7 +210,7 @@ class CaseRelaxation(_Cases[Relaxation]):
         """
         if not 0 <= case < len(self._cases):
             raise ValueError(f"case: there is no load case {case}; expected 0 to {len(self._cases) - 1}")
-        bounds = self._cases[case].weigh(0, velocities, labellings, undecided) * self._units[case]
+        bounds = self._cases[case].evaluate_mechanisms(0, velocities, labellings, undecided) * self._units[case]
         return np.array([_raised(bound) for bound in bounds.tolist()])
 
     def bound(self, labels: Bits, undecided: Bools) -> float:

@@ -66,7 +66,7 @@ class EquilibriumProjectors:
         self._known: dict[bytes, Projector] = {}
         self._everything = np.ones((len(template.assembly.interfaces), template.assembly.freedoms), dtype=bool)
 
-    def under(self, template: Template) -> EquilibriumProjectors:
+    def with_template(self, template: Template) -> EquilibriumProjectors:
         """Return these projectors for another template of the same matrix; both share what is computed."""
         other = copy.copy(self)
         other.template = template

@@ -23,10 +23,10 @@ from jld_core.limit.admissible import Motion, State
 from jld_core.limit.auxiliary_programs import (
     LARGEST,
     LargestSupport,
+    interior_motion,
     largest_support,
-    motion_inside,
-    on_faces,
     polygonal_support,
+    project_onto_faces,
 )
 from jld_core.limit.bounds import Prover
 from jld_core.limit.reduced_rows import Reduced, kept_rows, leaning_program, program_of_rows, reduced_by
@@ -99,7 +99,7 @@ class FacialReduction:
         columns = program.structure.shape[1] - (0 if loaded else 1)
         for search in SEARCHES if program.structure.cones else SEARCHES[-1:]:
             for reduced in _rounds(program, columns, search):
-                inside = motion_inside(program_of_rows(program, reduced), columns)
+                inside = interior_motion(program_of_rows(program, reduced), columns)
                 if inside is None:
                     continue
                 step = self.prover.motion(inside, labels, normalise=False)
@@ -158,7 +158,7 @@ class FacialReduction:
             reduced = support and reduced_by(support, program, whole)
             if support is None or not reduced or not reduced.rays:
                 continue
-            stress = on_faces(program, support, np.zeros(program.structure.equalities), 0.0)
+            stress = project_onto_faces(program, support, np.zeros(program.structure.equalities), 0.0)
             starts = program.structure.heads[list(reduced.rays)]
             if (program.matrix.tocsr()[starts][:, :columns] @ stress).max() >= 0.0:
                 continue  # After the projection the self-stress does not lie on these rays.
@@ -308,7 +308,7 @@ def _along_axes(program: ConicProgram, columns: int) -> LargestSupport | None:
     Its rays are snapped to the axes of faces where they are close to them.
     """
     found = largest_support(program, columns, largest=LARGEST)
-    point = on_faces(program, found, np.zeros(program.structure.equalities), _ALONG)
+    point = project_onto_faces(program, found, np.zeros(program.structure.equalities), _ALONG)
     return replace(found, point=point, values=-(program.matrix[:, :columns] @ point))
 
 

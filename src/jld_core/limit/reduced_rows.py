@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.limit.auxiliary_programs import (
     LargestSupport,
-    tips_of,
+    slack_rows,
 )
 from jld_core.program import ConicProgram, pack
 
@@ -32,7 +32,7 @@ class Reduced:
 def kept_rows(program: ConicProgram) -> Reduced:
     """Return all rows except that of λ, before any self-stress is found."""
     s = program.structure
-    return Reduced(tips_of(s)[: s.linear - 1], tuple(range(len(s.cones))))
+    return Reduced(slack_rows(s)[: s.linear - 1], tuple(range(len(s.cones))))
 
 
 def program_of_rows(program: ConicProgram, reduced: Reduced, right: bool = False) -> ConicProgram:

@@ -3,7 +3,7 @@
 The relaxation of an undecided face is the closed hull of its dry and its inner set, docs/method.md (6.3). The yield
 set supplies it (`YieldSet.hull`); without a hull there is no relaxation. Where planar joints may crush, the rows of
 the hull are too wide, and two copies of the face share its forces instead (`SharedHull`). There the batch solver uses
-rows of its own (`YieldSet.bow`), which in an arch deviate by some hundredths of a percent.
+rows of its own (`YieldSet.parabolic_bending`), which in an arch deviate by some hundredths of a percent.
 
 The bound of a mechanism is always measured with the support function of the hull, max(D_dry, D_inner). It therefore
 holds for every labelling that agrees, however loose the program that supplied the mechanism.
@@ -66,8 +66,8 @@ class Relaxation:
         if chosen() is not None and fits(self.template, hull):
             opening = analysis.repair.opening()
             velocity = None if opening is None else opening.velocity
-            self._batch = BatchSolver(self.template, velocity, zero=analysis.floor, undecided=hull)
-        self._route = make_solver("clarabel", tolerance=max(_RESIDUAL, self.template.precision.residual))
+            self._batch = BatchSolver(self.template, velocity, load_scale=analysis.load_scale, undecided=hull)
+        self._solver = make_solver("clarabel", tolerance=max(_RESIDUAL, self.template.precision.residual))
         self._margin = max(_RESIDUAL, self.template.precision.margin)
         self.solves = 0
         # Several threads may refute labellings at the same time. The batch solver needs no lock; `solves` does, and the
@@ -113,7 +113,7 @@ class Relaxation:
         return self.refute_all(labels[None], undecided[None], np.array([threshold]))[0]
 
     @property
-    def many(self) -> bool:
+    def batched(self) -> bool:
         """Return True if the batch solver solves many relaxations at a time."""
         return self._batch is not None
 
@@ -158,14 +158,14 @@ class Relaxation:
             # Skip labellings whose forces carry more than the threshold. Unchecked forces suffice: skipping proves
             # nothing false.
             told = np.flatnonzero(answers.verdict != CARRIES)
-            self._weigh_all(answers.velocities[told], told, labellings, undecided, thresholds, found)
+            self._add_refutations(answers.velocities[told], told, labellings, undecided, thresholds, found)
             # Between abutments the batch solver reports bounds that the exact work balance cannot confirm.
             low = (answers.verdict == OPEN) | (answers.verdict == FALLS) | (answers.high < thresholds)
             left = np.array([k for k in told.tolist() if found[k] is None and low[k]], dtype=int)
             if thorough is not None:
                 left = left[thorough[left]]
         if len(left):
-            others = self._by_route(labellings[left], undecided[left], thresholds[left])
+            others = self._refute_by_solver(labellings[left], undecided[left], thresholds[left])
             for k, one in zip(left.tolist(), others, strict=True):
                 found[k] = one
         return found
@@ -173,7 +173,7 @@ class Relaxation:
     def minimize_conflicts(self, asked: ConflictRequest) -> list[MinimizedConflict]:
         """Reduce the decided faces of labellings as far as λ stays below their thresholds.
 
-        Neighbours of the labellings are treated as well. Needs the batch solver (`many`). The work balance of every
+        Neighbours of the labellings are treated as well. Needs the batch solver (`batched`). The work balance of every
         refutation is evaluated again here.
 
         Parameters
@@ -187,7 +187,7 @@ class Relaxation:
             One entry for each labelling or neighbour that was begun.
         """
         if self._batch is None:
-            raise RuntimeError("conflicts are minimised by the batch solver alone; ask `many` first")
+            raise RuntimeError("conflicts are minimised by the batch solver alone; ask `batched` first")
         raw = self._batch.minimize_conflicts(asked)
         with self._counting:
             self.solves += int(raw.relaxations.sum())
@@ -196,7 +196,7 @@ class Relaxation:
         left = np.arange(len(begun))[raw.fate[begun] == REFUTED]
         open_ = asked.free & ~raw.decided[begun]
         found: list[DualBound | None] = [None] * len(begun)
-        self._weigh_all(raw.velocity[begun[left]], left, asked.labellings[of], open_, asked.thresholds[of], found)
+        self._add_refutations(raw.velocity[begun[left]], left, asked.labellings[of], open_, asked.thresholds[of], found)
         drawn = begun % (1 + asked.how.neighbours) == 0
         rows = zip(of.tolist(), drawn.tolist(), raw.decided[begun], found, raw.fate[begun].tolist(), strict=True)
         return [
@@ -206,7 +206,7 @@ class Relaxation:
             for k, own, faces, one, fate in rows
         ]
 
-    def weigh(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
+    def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
         """Evaluate the work balance of known mechanisms, without solving a program.
 
         Parameters
@@ -240,7 +240,7 @@ class Relaxation:
         bound[~balance.sound] = np.inf
         return bound
 
-    def _weigh_all(
+    def _add_refutations(
         self,
         velocities: Floats,
         which: Ints,
@@ -267,7 +267,7 @@ class Relaxation:
                 velocities = velocities + 1e-9 / float(abs(opening.velocity).max()) * opening.velocity
             if not len(which):
                 return
-            answers = self._weigh(velocities, labellings[which], undecided[which], thresholds[which])
+            answers = self._refutations(velocities, labellings[which], undecided[which], thresholds[which])
             for k, answer in zip(which.tolist(), answers, strict=True):
                 found[k] = answer
             lacking = np.array([answer is None for answer in answers])
@@ -310,21 +310,23 @@ class Relaxation:
         if self._shared is not None and self._batch is not None:
             # The rows of the batch solver enclose the hull of crushing joints; the exact hull gives a slightly lower
             # bound.
-            found += self._by_route(labels[None], undecided[None], np.array([_ANY]))
+            found += self._refute_by_solver(labels[None], undecided[None], np.array([_ANY]))
         return min((one for one in found if one is not None), key=lambda one: one.bound, default=None)
 
-    def _by_route(self, labellings: Bits, undecided: Bools, thresholds: Floats) -> list[DualBound | None]:
+    def _refute_by_solver(self, labellings: Bits, undecided: Bools, thresholds: Floats) -> list[DualBound | None]:
         """Refute λ for partial labellings one after the other, by the interior-point solver."""
         rows, found = self.template.matrix.shape[0], []
         for pair in zip(labellings, undecided, strict=True):
             checkpoint()
             with self._solving:
-                found.append(self._route.solve(self.program(*pair)).dual[:rows])
+                found.append(self._solver.solve(self.program(*pair)).dual[:rows])
         answers: list[DualBound | None] = [None] * len(labellings)
-        self._weigh_all(np.array(found), np.arange(len(labellings)), labellings, undecided, thresholds, answers)
+        self._add_refutations(np.array(found), np.arange(len(labellings)), labellings, undecided, thresholds, answers)
         return answers
 
-    def _weigh(self, velocities: Floats, labels: Bits, undecided: Bools, thresholds: Floats) -> list[DualBound | None]:
+    def _refutations(
+        self, velocities: Floats, labels: Bits, undecided: Bools, thresholds: Floats
+    ) -> list[DualBound | None]:
         """Return the refutations of labellings (k, m) by velocities (k, q·free) of order one."""
         balance = self._balances.balance(velocities, labels, undecided)
         work, total = balance.work, balance.total

@@ -21,7 +21,7 @@ import numpy as np
 
 from jld_core.arrays import Bits, Floats
 from jld_core.limit.admissible import State
-from jld_core.limit.auxiliary_programs import largest_support, on_faces, polygonal_support
+from jld_core.limit.auxiliary_programs import largest_support, polygonal_support, project_onto_faces
 from jld_core.limit.bounds import Prover
 from jld_core.limit.equilibrium import usable
 from jld_core.limit.facial_reduction import DENSE, SEARCHES
@@ -51,7 +51,7 @@ class _Stage:
 
 
 @dataclass(frozen=True)
-class _Room:
+class _RowPosition:
     """Position of a vector in rows: slack (k,) of linear ones, heads (c,) and tails (c, 2) of cones."""
 
     linear: Floats
@@ -108,10 +108,12 @@ class SelfStress:
                 )
                 if found is None:
                     continue
-                ray = _cleared(on_faces(left, found, target, _SNAP, least) if least else found.point)
+                ray = _without_last_digits(
+                    project_onto_faces(left, found, target, _SNAP, least) if least else found.point
+                )
                 size = min(1.0, float(abs(ray).max()) or 1.0)
                 forces = ray[: self.template.matrix.shape[1]]
-                slack = min(0.0, _room(left, ray).least) / size
+                slack = min(0.0, _row_position(left, ray).least) / size
                 state = State(self._table(forces), 1.0, slack, self.prover.imbalance(forces, self.template.live))
                 if self.prover.is_ray(state):
                     return state
@@ -162,7 +164,7 @@ class SelfStress:
             rows = program_of_rows(self.program, before, right=True)
             for times in _TIMES:
                 tried = point + times * np.append(stress, 0.0)
-                if _room(rows, tried).least >= -_LAST_DIGITS * float(abs(tried).max()):
+                if _row_position(rows, tried).least >= -_LAST_DIGITS * float(abs(tried).max()):
                     point = tried
                     break
             else:
@@ -178,8 +180,10 @@ class SelfStress:
                 support = search(left, self.columns)
                 if support is None:
                     continue
-                stress = _cleared(on_faces(left, support, np.zeros(left.structure.equalities), _SNAP))
-                after = self._left_by(stress, left, stage.left)
+                stress = _without_last_digits(
+                    project_onto_faces(left, support, np.zeros(left.structure.equalities), _SNAP)
+                )
+                after = self._remaining_rows(stress, left, stage.left)
                 if after is not None:
                     stage = _Stage((*stage.stresses, stress), (*stage.before, stage.left), after)
                     if after.rays:
@@ -188,9 +192,9 @@ class SelfStress:
             else:
                 return
 
-    def _left_by(self, stress: Floats, left: ConicProgram, reduced: Reduced) -> Reduced | None:
+    def _remaining_rows(self, stress: Floats, left: ConicProgram, reduced: Reduced) -> Reduced | None:
         """Return the rows that a self-stress leaves; None if it is none, or leaves all."""
-        room, size = _room(left, stress), float(abs(stress).max())
+        room, size = _row_position(left, stress), float(abs(stress).max())
         exact = self.prover.exact * max(1.0, size)
         balance = self.prover.imbalance(stress[: self.template.matrix.shape[1]], np.zeros_like(self.template.live))
         if balance > self.prover.exact * max(1.0, size) or room.least < -exact:
@@ -211,23 +215,23 @@ class SelfStress:
         return Reduced(kept, tuple(cones), rays)
 
 
-def _cleared(point: Floats) -> Floats:
+def _without_last_digits(point: Floats) -> Floats:
     """Set entries to zero that are last digits of the largest one, as in elements that bear nothing."""
     return np.where(abs(point) <= _LAST_DIGITS * abs(point).max(initial=0.0), 0.0, point)
 
 
 def _blended(rows: ConicProgram, outer: Floats, inner: Floats) -> Floats | None:
     """Move a point towards an inner one until all rows have the slack `_LEFT`; None if the inner one has less."""
-    out, within = _room(rows, outer).least, _room(rows, inner).least
+    out, within = _row_position(rows, outer).least, _row_position(rows, inner).least
     if within <= _LEFT:
         return None
     share = max(0.0, (_LEFT - out) / (within - out))
     return (1.0 - share) * outer + share * inner
 
 
-def _room(program: ConicProgram, point: Floats) -> _Room:
+def _row_position(program: ConicProgram, point: Floats) -> _RowPosition:
     """Return the position of a vector in all rows but that of λ; a shorter vector: without its last columns."""
     s = program.structure
     values = program.rhs - program.matrix.tocsr()[:, : len(point)] @ point
     tails = [values[s.heads + k] for k in (1, 2)] if s.cones else [np.zeros(0)] * 2
-    return _Room(values[s.equalities + 1 : s.equalities + s.linear], values[s.heads], np.column_stack(tails))
+    return _RowPosition(values[s.equalities + 1 : s.equalities + s.linear], values[s.heads], np.column_stack(tails))

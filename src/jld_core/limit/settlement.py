@@ -229,7 +229,7 @@ def _analysis(assembly: Assembly, velocity: Floats, gap: float, sign: float, ori
     beside = Beside(row=row, dead=-origin / scaling.force, live=-sign)
     template = Template(assembly, scaling, yield_set(assembly, scaling, "uncoupled"), beside)
     analysis = LimitAnalysis(assembly, template=template, gap=gap, solver="clarabel")
-    analysis.floor = tolerances.GAP_FLOOR * reference_load(assembly) / scaling.force
+    analysis.load_scale = tolerances.GAP_FLOOR * reference_load(assembly) / scaling.force
     return analysis
 
 
@@ -271,7 +271,7 @@ def _thrust(
         forces=state.forces * scaling.face,
         mechanism=mechanism,
         iterations=proof.solves,
-        solve_log=tuple(proof.route),
+        solve_log=tuple(proof.solve_log),
         seconds={"assemble": analysis.seconds, "solve": proof.seconds, "total": analysis.seconds + proof.seconds},
         model=SolveOptions(gap=gap),
     )

@@ -32,12 +32,12 @@ class Projector:
     matrix : sparse array
         Matrix A.
     rows : sparse or dense array
-        A in a form for fast products with vectors (see `quick`).
+        A in a form for fast products with vectors (see `dense_if_small`).
     """
 
     def __init__(self, matrix: sp.csc_array, places: Floats | None = None) -> None:
         self.matrix = matrix
-        self.rows = quick(sp.csr_array(matrix))
+        self.rows = dense_if_small(sp.csr_array(matrix))
         self._dense: Floats | None = None
         if matrix.shape[0] <= _DENSE:
             self._dense = _right_inverse(matrix.toarray())
@@ -100,7 +100,7 @@ def _right_inverse(matrix: Floats) -> Floats:
     return la.cho_solve((factor, True), matrix).T
 
 
-def quick(matrix: Any) -> Any:
+def dense_if_small(matrix: Any) -> Any:
     """Return a small sparse matrix as a dense one, for faster products with vectors.
 
     Parameters

@@ -40,12 +40,12 @@ class Frictional(Strengths):
     pattern: RowPattern
 
     @cached_property
-    def rough(self) -> bool:
+    def has_inner_friction(self) -> bool:
         """Whether any inner face has friction; without it those terms are skipped."""
         return bool((self.inner_friction > 0.0).any())
 
     @cached_property
-    def cohesive(self) -> bool:
+    def has_dry_cohesion(self) -> bool:
         """Whether any dry face has cohesion."""
         return bool((self.cohesion > 0.0).any())
 
@@ -69,19 +69,19 @@ class Frictional(Strengths):
     def _holds(self, labels: Bits) -> Bools:
         """Return True (m,) for faces that resist shear; V is dropped from the others."""
         dry, inner = self.friction, self.shear
-        if self.cohesive:
+        if self.has_dry_cohesion:
             dry = dry + self.cohesion
-        if self.rough:
+        if self.has_inner_friction:
             inner = inner + self.inner_friction
         return np.where(self.is_dry(labels), dry, inner) > 0.0
 
     def _capacity(self, normal: Floats) -> tuple[Floats, Floats]:
         """Return c + μN of all faces (m,) as dry and as inner, inf where V is dropped."""
-        if self.cohesive:
+        if self.has_dry_cohesion:
             dry = np.where(self.friction + self.cohesion > 0.0, self.cohesion + self.friction * normal, np.inf)
         else:
             dry = np.where(self.friction > 0.0, self.friction * normal, np.inf)
-        if self.rough:
+        if self.has_inner_friction:
             inner = np.where(self.shear + self.inner_friction > 0.0, self.shear + self.inner_friction * normal, np.inf)
         else:
             inner = np.where(self.shear > 0.0, self.shear, np.inf)
@@ -91,7 +91,7 @@ class Frictional(Strengths):
         """Return the set with a share of all friction; `pattern` stays the same."""
         return replace(self, friction=share * self.friction, inner_friction=share * self.inner_friction)
 
-    def bending_alone(self) -> Self:
+    def without_shear_limit(self) -> Self:
         """Return the set without any limit on shear; `pattern` stays the same."""
         none = np.zeros(len(self.friction))
         return replace(self, friction=none, inner_friction=none, cohesion=none, shear=none)

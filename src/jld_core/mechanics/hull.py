@@ -18,7 +18,7 @@ from jld_core.mechanics.frictional import Frictional
 from jld_core.mechanics.yield_set import ParabolicBending, RowPattern
 
 _STEPS: Final = 257
-"""Number of points on a parabola at which `_meeting` evaluates tangent planes."""
+"""Number of points on a parabola at which `_interaction_planes` evaluates tangent planes."""
 
 
 def hull_rows(sets: Frictional, *, freedoms: int, shear: int, parabolas: bool) -> RowPattern:
@@ -52,7 +52,7 @@ def hull_rows(sets: Frictional, *, freedoms: int, shear: int, parabolas: bool) -
     return replace(pattern, dry=data, h_dry=rhs)
 
 
-def bow_of_hull(sets: Frictional, crushed: Ints) -> ParabolicBending | None:
+def parabolic_hull(sets: Frictional, crushed: Ints) -> ParabolicBending | None:
     """Return sets that enclose either label of planar faces (k,) that crush.
 
     The result is None where an inner face carries more N than the dry one. Write T = σtA.
@@ -64,7 +64,7 @@ def bow_of_hull(sets: Frictional, crushed: Ints) -> ParabolicBending | None:
     at n₀ = x + √(x² − N_c (x − y)).
 
     In N and V the bound is the line through (−T, τA − μ_inner T) above all corners. For the interaction of V and M see
-    `_meeting`.
+    `_interaction_planes`.
     """
     tension, limit, inner_limit = sets.tension[crushed], sets.crush_dry[crushed], sets.crush_inner[crushed]
     if not np.all(inner_limit <= limit):
@@ -91,17 +91,19 @@ def bow_of_hull(sets: Frictional, crushed: Ints) -> ParabolicBending | None:
     holds = (sets.shear + sets.inner_friction + sets.friction + sets.cohesion)[crushed] > 0.0
     rows[~holds, 1] = (0.0, 1.0, 1.0)
     strengths = np.column_stack([limit, dry, sets.cohesion[crushed], tension, inner_limit, sets.shear[crushed], inner])
-    meeting = _meeting(strengths)
-    meeting[~holds] = 0.0
-    return ParabolicBending(crushed, np.column_stack([1.0 / limit, knee]), rows, np.column_stack([meeting, strengths]))
+    interaction = _interaction_planes(strengths)
+    interaction[~holds] = 0.0
+    return ParabolicBending(
+        crushed, np.column_stack([1.0 / limit, knee]), rows, np.column_stack([interaction, strengths])
+    )
 
 
-def _meeting(strengths: Floats) -> Floats:
+def _interaction_planes(strengths: Floats) -> Floats:
     """Return the planes (k, 5) that bound V and M together, for undecided faces that crush.
 
     Columns 0 and 1 are N and m of an inner corner; column 2 is how far its shear is above the dry line. Columns 3 and 4
     are the first and last N₁ of the parabola between which planes that touch corner and parabola enclose either label.
-    A row is zero where there are none. strengths: (k, 7), as `ParabolicBending.meeting` has them.
+    A row is zero where there are none. strengths: (k, 7), as `ParabolicBending.interaction` has them.
 
     Shear beyond c + μN requires a share w of inner corners, mostly of (−T, 0). The hull therefore bulges between a
     corner (n, m) and the parabola. Planes a N − b|V| − |m| + h ≥ 0 tangent to it at N₁ have a = 1 + μb − 2N₁/N_c. The

@@ -125,20 +125,20 @@ class PrescribedFriction:
     @cached_property
     def _smooth(self) -> FrictionSet:
         """Base with bending only, without any limit on shear."""
-        return self.base.bending_alone()
+        return self.base.without_shear_limit()
 
     @cached_property
     def _associated(self) -> FrictionSet:
         """Base yield set with friction αμ: the part of friction that depends on the present N, not on N_prev."""
         return self.base.with_friction(self.alpha)
 
-    def rubs(self, labels: Bits) -> Bools:
+    def has_friction(self, labels: Bits) -> Bools:
         """Return True (m,) for faces with friction."""
         return np.asarray(self.base.friction_of(labels) > 0.0)
 
     def slides(self, labels: Bits) -> Bools:
         """Return True (m,) for faces that may slide without opening: dry, or inner with friction."""
-        return np.asarray(self.base.is_dry(labels) | self.rubs(labels))
+        return np.asarray(self.base.is_dry(labels) | self.has_friction(labels))
 
     def shear(self, forces: Floats, labels: Bits) -> Floats:
         """Return the demand |V| + |e| (m,) to compare with the shear capacity.
@@ -164,7 +164,7 @@ class PrescribedFriction:
         Negative values mean that shear stays within its capacity; faces without friction have −inf.
         """
         capacity = self.base.cohesion_of(labels) + self.base.friction_of(labels) * forces[:, 0]
-        return np.where(self.rubs(labels), self.shear(forces, labels) - capacity, -np.inf)
+        return np.where(self.has_friction(labels), self.shear(forces, labels) - capacity, -np.inf)
 
     def dilation(self, jumps: Floats, labels: Bits) -> Floats:
         """Return the opening δ (m,) beyond that of bending, docs/method.md (4.5).
@@ -235,11 +235,11 @@ class PrescribedFriction:
         """Return None: rows of undecided faces are not available for prescribed friction."""
         return None
 
-    def bow(self, *, undecided: bool) -> ParabolicBending | None:
+    def parabolic_bending(self, *, undecided: bool) -> ParabolicBending | None:
         """Return None: parabolic sets are not available for prescribed friction."""
         return None
 
-    def wedge(self, dry: bool) -> CoulombWedge | None:
+    def coulomb_wedge(self, dry: bool) -> CoulombWedge | None:
         """Return None: wedges are not available for prescribed friction."""
         return None
 

@@ -15,7 +15,7 @@ import numpy as np
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly, Strengths
 from jld_core.mechanics.frictional import Frictional, scaled_strengths
-from jld_core.mechanics.hull import bow_of_hull, hull_rows
+from jld_core.mechanics.hull import hull_rows, parabolic_hull
 from jld_core.mechanics.scaling import Scaling
 from jld_core.mechanics.yield_set import CoulombWedge, Hull, ParabolicBending, RowPattern, Rows, used
 
@@ -92,7 +92,7 @@ class PlanarYield(Frictional):
         slide = np.where(self.friction > 0.0, self.friction * n, np.inf)
         dry = np.where(np.isfinite(self.crush_dry), np.inf, np.minimum(n - m, slide - v))
         lean = n / 3.0 - m
-        if self.rough:
+        if self.has_inner_friction:
             lean = np.minimum(lean, np.where(self.inner_friction > 0.0, self.inner_friction * n, np.inf) - v)
         inner = np.where(np.isfinite(self.crush_inner), np.inf, lean)
         return np.where(labels, dry, inner)
@@ -107,8 +107,8 @@ class PlanarYield(Frictional):
     def dissipation(self, jumps: Floats, labels: Bits) -> Floats:
         """Return D(J) = sup −F·J (m,) of scaled jumps with `margin` ≥ 0."""
         opening, slip, turn = jumps[..., 0], abs(jumps[..., 1]), abs(jumps[..., 2])
-        cracked = opening - self.inner_friction * slip if self.rough else opening
-        stuck: Floats | float = self.cohesion * slip if self.cohesive else 0.0
+        cracked = opening - self.inner_friction * slip if self.has_inner_friction else opening
+        stuck: Floats | float = self.cohesion * slip if self.has_dry_cohesion else 0.0
         if self._endless:
             return np.where(labels, stuck, self.tension * cracked + self.shear * slip)
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
@@ -128,7 +128,7 @@ class PlanarYield(Frictional):
         """Return the least slack (m,) of the conditions for a finite D(J), +inf if none."""
         opening, slip, turn = jumps[..., 0], abs(jumps[..., 1]), abs(jumps[..., 2])
         dry = np.where(np.isinf(self.crush_dry), opening - turn - self.friction * slip, np.inf)
-        cracked = opening - self.inner_friction * slip if self.rough else opening
+        cracked = opening - self.inner_friction * slip if self.has_inner_friction else opening
         inner = np.where(np.isinf(self.crush_inner), cracked - turn / 3.0, np.inf)
         return np.where(labels, dry, inner)
 
@@ -158,7 +158,7 @@ class PlanarYield(Frictional):
         either = self.active(every) | self.active(~every)
         return Hull(hull_rows(self, freedoms=3, shear=1, parabolas=True), np.asarray(either))
 
-    def bow(self, *, undecided: bool) -> ParabolicBending | None:
+    def parabolic_bending(self, *, undecided: bool) -> ParabolicBending | None:
         """Return the yield sets of faces with finite crushing strength: |m| ≤ N − N²/N_c, |V| ≤ c + μN.
 
         With `undecided`, return sets that contain the yield sets of both labels, or None if no such set is known.
@@ -168,7 +168,7 @@ class PlanarYield(Frictional):
         limit = self.crush_dry[crushed]
         friction, cohesion = self.friction[crushed], self.cohesion[crushed]
         if undecided:
-            return bow_of_hull(self, crushed)
+            return parabolic_hull(self, crushed)
         none = 0.0 * one
         size = np.maximum(np.maximum(one, friction), cohesion)
         slide = [friction / size, one / size, cohesion / size]
@@ -177,7 +177,7 @@ class PlanarYield(Frictional):
         rows[friction + cohesion == 0.0, 1] = (0.0, 1.0, 1.0)
         return ParabolicBending(crushed, np.column_stack([1.0 / limit, none]), rows)
 
-    def wedge(self, dry: bool) -> CoulombWedge | None:
+    def coulomb_wedge(self, dry: bool) -> CoulombWedge | None:
         """Return the sets of one label, or None if any face has a compressive strength."""
         if not (np.isinf(self.crush_dry).all() and np.isinf(self.crush_inner).all()):
             return None

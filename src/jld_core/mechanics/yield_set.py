@@ -95,7 +95,7 @@ class ParabolicBending:
     ----------
     crushed : (k,) int array
         Faces.
-    bow : (k, 2) array
+    parabola : (k, 2) array
         c and n₀.
     rows : (k, 3, 3) array
         a, b, h of bending; of −a N ± b V ≤ h; and of a line −a N ± b M ≤ h that also bounds bending, with a = b = 0
@@ -107,9 +107,9 @@ class ParabolicBending:
     """
 
     crushed: Ints
-    bow: Floats
+    parabola: Floats
     rows: Floats
-    meeting: Floats | None = None
+    interaction: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -156,8 +156,8 @@ class YieldSet(Rows, Protocol):
     """Interface of a yield set, as proofs use it.
 
     Methods take forces (m, q), scaled resultants; jumps (m, q), scaled jumps; and labels (m,), True = dry.
-    `utilisation`, `hull`, `bow`, `wedge` and `facets` may return None: the set does not offer that result, and callers
-    must do without it.
+    `utilisation`, `hull`, `parabolic_bending`, `coulomb_wedge` and `facets` may return None. The set then has no such
+    result, and callers must do without it.
     """
 
     def slack(self, forces: Floats, labels: Bits) -> Floats:
@@ -197,13 +197,13 @@ class YieldSet(Rows, Protocol):
     def hull(self) -> Rows | None:
         """Return rows that enclose the sets of both labels, with the sparsity of `pattern`."""
 
-    def bow(self, *, undecided: bool) -> ParabolicBending | None:
+    def parabolic_bending(self, *, undecided: bool) -> ParabolicBending | None:
         """Return the sets of planar faces that crush when dry, or None where they are unknown.
 
         undecided: True for sets that enclose either label.
         """
 
-    def wedge(self, dry: bool) -> CoulombWedge | None:
+    def coulomb_wedge(self, dry: bool) -> CoulombWedge | None:
         """Return the sets of all faces under one label, for recession directions."""
 
     def facets(self, labels: Bits) -> tuple[Floats, Floats] | None:
@@ -228,11 +228,11 @@ class FrictionSet(YieldSet, Protocol):
         """σtA of inner faces (m,), scaled."""
 
     @property
-    def rough(self) -> bool:
+    def has_inner_friction(self) -> bool:
         """Whether any inner face has friction."""
 
     @property
-    def cohesive(self) -> bool:
+    def has_dry_cohesion(self) -> bool:
         """Whether any dry face has cohesion."""
 
     def is_dry(self, labels: Bits) -> Bools:
@@ -256,7 +256,7 @@ class FrictionSet(YieldSet, Protocol):
     def with_friction(self, share: float) -> FrictionSet:
         """Return the set with a share of all friction, for proofs: `pattern` stays the same."""
 
-    def bending_alone(self) -> FrictionSet:
+    def without_shear_limit(self) -> FrictionSet:
         """Return the set without any limit on shear, for proofs: `pattern` stays the same."""
 
 

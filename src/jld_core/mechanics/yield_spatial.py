@@ -81,7 +81,7 @@ class SpatialYield(Frictional):
         slide = np.where(self.friction > 0.0, self.friction * n, np.inf)
         dry = np.minimum(n - self.bending.most(self.bending.dry, forces[:, 3:5]), slide - shear)
         inner = (n - self.bending.most(self.bending.inner, forces[:, 3:5])) / 3.0
-        if self.rough:
+        if self.has_inner_friction:
             inner = np.minimum(inner, np.where(self.inner_friction > 0.0, self.inner_friction * n, np.inf) - shear)
         dry = np.where(np.isfinite(self.crush_dry), np.inf, dry)
         inner = np.where(np.isfinite(self.crush_inner), np.inf, inner)
@@ -98,7 +98,7 @@ class SpatialYield(Frictional):
     def dissipation(self, jumps: Floats, labels: Bits) -> Floats:
         """Return D(J) = sup −F·J (m,) of scaled jumps with `margin` ≥ 0."""
         opening, slip = jumps[:, 0], self.slip(jumps)
-        dry = self.cohesion * slip if self.cohesive else np.zeros(len(jumps))
+        dry = self.cohesion * slip if self.has_dry_cohesion else np.zeros(len(jumps))
         crushed = np.flatnonzero(np.isfinite(self.crush_dry))
         if crushed.size:
             dry[crushed] += _crush_dissipation(
@@ -106,7 +106,7 @@ class SpatialYield(Frictional):
                 jumps[crushed],
                 self.crush_dry[crushed],
             )
-        cracked = opening - self.inner_friction * slip if self.rough else opening
+        cracked = opening - self.inner_friction * slip if self.has_inner_friction else opening
         inner = self.tension * cracked + self.shear * slip
         crushed = self.bending.crushed
         if crushed.size:
@@ -122,7 +122,7 @@ class SpatialYield(Frictional):
         opening, turn, slip = jumps[:, 0], -jumps[:, 3:5], self.slip(jumps)
         dry = opening - self.bending.most(self.bending.dry_corners, turn) - self.friction * slip
         inner = opening - self.bending.most(self.bending.inner_corners, turn)
-        if self.rough:
+        if self.has_inner_friction:
             inner = inner - self.inner_friction * slip
         dry = np.where(np.isfinite(self.crush_dry), np.inf, dry)
         inner = np.where(np.isfinite(self.crush_inner), np.inf, inner)
@@ -171,11 +171,11 @@ class SpatialYield(Frictional):
             sets = replace(self, pattern=without_crushing(self.pattern, self, self.point, self.bending))
         return Hull(hull_rows(sets, freedoms=6, shear=5, parabolas=False), either)
 
-    def bow(self, *, undecided: bool) -> ParabolicBending | None:
+    def parabolic_bending(self, *, undecided: bool) -> ParabolicBending | None:
         """Return None: parabolic sets exist in the plane only."""
         return None
 
-    def wedge(self, dry: bool) -> CoulombWedge | None:
+    def coulomb_wedge(self, dry: bool) -> CoulombWedge | None:
         """Return None: wedges exist in the plane only."""
         return None
 

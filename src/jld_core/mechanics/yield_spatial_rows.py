@@ -20,7 +20,7 @@ Coefficient = tuple[Ints, Floats, Floats]
 
 
 @dataclass
-class _Sheet:
+class _RowCollector:
     """Collector of families of rows, each with one row per entry of an array of faces."""
 
     faces: int
@@ -35,7 +35,7 @@ class _Sheet:
         """Return the columns of one resultant of faces."""
         return 6 * face + resultant
 
-    def fresh(self, count: int) -> Ints:
+    def new_columns(self, count: int) -> Ints:
         """Return the columns of `count` new variables beyond the resultants."""
         columns = 6 * self.faces + self.extra + np.arange(count)
         self.extra += count
@@ -113,14 +113,14 @@ def spatial_rows(sets: Strengths, point: Bools, bending: Bending) -> RowPattern:
     Cones: |V| ≤ t (or μN at a point); a² ≤ pq, b² ≤ N, N² ≤ √N_c a b, which together mean N³ ≤ N_c p q. Source:
     docs/method.md (2.8), (2.12).
     """
-    sheet = _Sheet(len(sets.friction))
+    sheet = _RowCollector(len(sets.friction))
     crushed = np.flatnonzero(np.isfinite(sets.crush_dry))
     _bending_rows(sheet, sets.tension, sets.crush_dry, point, bending)
     plane, points = np.flatnonzero(~point), np.flatnonzero(point)
-    bound = sheet.fresh(len(plane))
+    bound = sheet.new_columns(len(plane))
     _torsion_rows(sheet, plane, bound, (sets.friction, sets.cohesion), (sets.inner_friction, sets.shear))
     _inner_crush_rows(sheet, sets.crush_inner, bending)
-    some = _Crush(crushed, *(sheet.fresh(crushed.size) for _ in range(4)))
+    some = _Crush(crushed, *(sheet.new_columns(crushed.size) for _ in range(4)))
     _effective_rows(sheet, some)
     linear = sheet.rows
     shearing = sets.shear + sets.inner_friction
@@ -172,7 +172,7 @@ class _Crush:
     b: Ints
 
 
-def _bending_rows(sheet: _Sheet, tension: Floats, crush_dry: Floats, point: Bools, bending: Bending) -> None:
+def _bending_rows(sheet: _RowCollector, tension: Floats, crush_dry: Floats, point: Bools, bending: Bending) -> None:
     """Add the bending rows c·m ≤ N and c·m ≤ N + σtA of all hull edges."""
     face = bending.face
     size = np.maximum(1.0, tension / 3.0)[face]
@@ -185,7 +185,7 @@ def _bending_rows(sheet: _Sheet, tension: Floats, crush_dry: Floats, point: Bool
 
 
 def _torsion_rows(
-    sheet: _Sheet, face: Ints, bound: Ints, of_dry: tuple[Floats, Floats], of_inner: tuple[Floats, Floats]
+    sheet: _RowCollector, face: Ints, bound: Ints, of_dry: tuple[Floats, Floats], of_inner: tuple[Floats, Floats]
 ) -> None:
     """Add t ± mT ≤ c + μN; of_dry, of_inner: friction and cohesion of either label."""
     (mu, stuck), (inner_mu, cap) = ((friction[face], cohesion[face]) for friction, cohesion in (of_dry, of_inner))
@@ -203,7 +203,7 @@ def _torsion_rows(
         sheet.add(face, coefficients, h_dry, h_inner, limits_shear=True)
 
 
-def _inner_crush_rows(sheet: _Sheet, crush: Floats, bending: Bending) -> None:
+def _inner_crush_rows(sheet: _RowCollector, crush: Floats, bending: Bending) -> None:
     """Add the bending rows of inner faces with a compressive strength, against σcA − N."""
     rows = np.flatnonzero(np.isin(bending.face, bending.crushed))
     face = bending.face[rows]
@@ -214,7 +214,7 @@ def _inner_crush_rows(sheet: _Sheet, crush: Floats, bending: Bending) -> None:
     sheet.add(face, coefficients, np.ones(len(rows)), crush[face] * third)
 
 
-def _effective_rows(sheet: _Sheet, crush: _Crush) -> None:
+def _effective_rows(sheet: _RowCollector, crush: _Crush) -> None:
     """Add p ≤ N ∓ m1 and q ≤ N ∓ m2 of dry faces that crush."""
     one, nothing = np.ones(len(crush.face)), np.zeros(len(crush.face))
     for variable, moment in ((crush.p, 3), (crush.q, 4)):
@@ -228,7 +228,7 @@ def _effective_rows(sheet: _Sheet, crush: _Crush) -> None:
 
 
 def _shear_cones(
-    sheet: _Sheet, plane: Ints, bound: Ints, points: Ints, friction: Floats, cohesion: Floats, inner: Floats
+    sheet: _RowCollector, plane: Ints, bound: Ints, points: Ints, friction: Floats, cohesion: Floats, inner: Floats
 ) -> int:
     """Add the shear cones |V| ≤ t, at points |V| ≤ μN, and return their number.
 
@@ -248,7 +248,7 @@ def _shear_cones(
     return count + sheet.cones(points, rows, limits_shear=True)
 
 
-def _crush_cones(sheet: _Sheet, crush: _Crush, crush_dry: Floats) -> int:
+def _crush_cones(sheet: _RowCollector, crush: _Crush, crush_dry: Floats) -> int:
     """Add the cones (2.12) of dry faces that crush, and return their number.
 
     x² ≤ y z is written as ‖(2x, y − z)‖ ≤ y + z. Under inner, N has no entries in them, and p, q, b are bounded by one.

@@ -15,7 +15,7 @@ from jld_core.errors import InputError, ParameterError
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import FieldBounds, FieldStatus
 from jld_core.fields.requirements import require_fields
-from jld_core.limit import Known, SolveOptions, Status, governing, number
+from jld_core.limit import CaseBounds, SolveOptions, Status, governing, number
 from jld_core.limit.governing import Governing
 from jld_core.scene import Scene
 from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_in_words, cracks_to_json
@@ -52,7 +52,7 @@ class FieldResult:
     @property
     def governing(self) -> Governing:
         """Governing factor, the least over cases of λ / required; its value is the lower bound."""
-        known = [known_of(bounds) for bounds in self.cases.values()]
+        known = [case_bounds_of(bounds) for bounds in self.cases.values()]
         found = governing(known, self.assembly.required.tolist())
         return Governing(found.status, found.low, found.high, found.low, found.case)
 
@@ -142,7 +142,7 @@ class FieldResult:
         return words.get(bounds.status, f"{limit}; a larger gap or more --seconds may settle it")
 
 
-def known_of(bounds: FieldBounds) -> Known:
+def case_bounds_of(bounds: FieldBounds) -> CaseBounds:
     """Return status and bounds of one load case.
 
     Parameters
@@ -156,11 +156,11 @@ def known_of(bounds: FieldBounds) -> Known:
         Its value is the lower bound; NaN where a bound is missing.
     """
     if bounds.upper < 0.0:
-        return Known(Status.UNSTABLE, math.nan, math.nan, math.nan)
+        return CaseBounds(Status.UNSTABLE, math.nan, math.nan, math.nan)
     low = bounds.lower if math.isfinite(bounds.lower) else math.nan
     high = bounds.upper if math.isfinite(bounds.upper) else math.nan
     status = Status.COLLAPSE if bounds.status is FieldStatus.CLOSED else Status.UNCERTIFIED
-    return Known(status, low, high, low)
+    return CaseBounds(status, low, high, low)
 
 
 @one_thread()
@@ -256,7 +256,7 @@ _DIVIDES: Final = 1e-9
 
 def _bounds_to_json(bounds: FieldBounds) -> dict[str, Any]:
     """Return the bounds of one load case as plain numbers."""
-    known = known_of(bounds)
+    known = case_bounds_of(bounds)
     return {
         "load_factor": number(known.low),
         "bracket": [number(known.low), number(known.high)],

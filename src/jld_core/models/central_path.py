@@ -145,7 +145,7 @@ class CentralPath:
             step = self._step(point, target, (dual, balance, primal), matrix, slopes)
             if step is None:
                 return
-            share = min(1.0, _BOUNDARY * min(self._room(point.s, step.s), self._room(point.z, step.z)))
+            share = min(1.0, _BOUNDARY * min(self._largest_step(point.s, step.s), self._largest_step(point.z, step.z)))
             if not off:
                 least, _, largest = _REDUCTIONS
                 reduction = max(least, 0.6 * reduction) if share > 0.7 else reduction
@@ -181,7 +181,7 @@ class CentralPath:
         tails = s[:, :1] * z[:, 1:] + z[:, :1] * s[:, 1:]
         return float(np.linalg.norm(np.concatenate([linear, heads, tails.ravel()]))) / parameter
 
-    def _room(self, start: Floats, way: Floats) -> float:
+    def _largest_step(self, start: Floats, way: Floats) -> float:
         """Return the largest share of a step, up to 3, after which a point is still in the cones."""
         first, share = self.rows.linear, 3.0
         down = way[:first] < 0.0

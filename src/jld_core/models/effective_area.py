@@ -26,7 +26,7 @@ from jld_core.models.moving_rows import areas_under, frozen_areas
 from jld_core.solvers import ClarabelSolver
 
 _STEPS = 5
-"""Number of steps towards larger λ before the forces are held by the proximal term `HOLD`."""
+"""Number of steps towards larger λ before the forces are held by the proximal term `HOLDING_WEIGHT`."""
 
 _SLACK = 1e-8
 """Limit of the scaled slack requested of the next state; the limit grows to five times this value."""
@@ -43,7 +43,7 @@ _OPENINGS = (1e-9, 1e-6, 1e-3)
 _SAME = 1e-12
 """Largest change of the effective areas that the last projection of a ray may cause, relative."""
 
-HOLD: Final = 30.0
+HOLDING_WEIGHT: Final = 30.0
 """Weight of the proximal term that holds the forces while effective areas converge."""
 
 
@@ -85,7 +85,7 @@ def _changes(old: EffectiveAreas, new: EffectiveAreas) -> Floats:
     return np.asarray(np.maximum(ratio, np.abs(old.arm - new.arm).max(axis=1)))
 
 
-def slack_to_ask(own: State, margin: float, tries: int) -> float:
+def slack_to_request(own: State, margin: float, tries: int) -> float:
     """Compute the slack to request of the next state, after a state of insufficient slack.
 
     own: the state under the effective areas of its own forces. margin: least slack. tries: number of states so far; the
@@ -142,7 +142,7 @@ def prove_effective_area(
         notes=[*proof.notes, *_notes(analysis, labels, plain, proof)],
         stands=plain.stands,
         solves=plain.solves + proof.solves,
-        route=[*plain.route, *route],
+        solve_log=[*plain.solve_log, *route],
         seconds=time.perf_counter() - start,
         extra={
             "effective_area": facts,
@@ -154,7 +154,7 @@ def prove_effective_area(
 def _proof_of(analysis: LimitAnalysis, labels: Bits, found: FixedPoint) -> Proof:
     """Return the bracket of forces within their own areas and of the mechanism of the frozen problem."""
     proof = Proof(state=found.state, motion=found.motion)
-    proof.status = analysis.under(found.prover.template, labels).judge(proof)
+    proof.status = analysis.with_template(found.prover.template, labels).status_of(proof)
     if proof.status is not Status.COLLAPSE:
         # other areas may hold what these do not: without forces above zero nothing is proven
         proof.status = Status.UNCERTIFIED
@@ -188,7 +188,7 @@ def _proof_of_iteration(
     facts: dict[str, Any] = {"fixed_point": moved}
     if settled:
         proof.state = state
-        width = relative_width(proof.low, proof.high, analysis.floor)
+        width = relative_width(proof.low, proof.high, analysis.load_scale)
         if proof.status is Status.COLLAPSE and width > analysis.gap:
             facts["above"] = width
     elif moved > tolerances.FIXED_POINT:
@@ -258,7 +258,7 @@ def ray_under_own_areas(analysis: LimitAnalysis, labels: Bits, ray: State | None
         if ray is None:
             return None
         areas = areas_under(analysis.assembly, ray.forces, labels)
-        frozen = analysis.under(frozen_areas(analysis.template, areas), labels)
+        frozen = analysis.with_template(frozen_areas(analysis.template, areas), labels)
         own = frozen.prover.ray(np.append(ray.forces.ravel(), 1.0), labels)
         if analysis.prover.is_ray(own) and change(areas, areas_under(analysis.assembly, own.forces, labels)) <= _SAME:
             return own
@@ -273,8 +273,12 @@ def _notes(analysis: LimitAnalysis, labels: Bits, plain: Proof, proof: Proof) ->
     if odd:
         found.append(f"{odd} of {int(labels.sum())} dry faces are no rectangles and keep their whole area in torsion")
     whole, own = plain.load_factor, proof.load_factor
-    if math.isfinite(whole) and math.isfinite(own) and own - whole > analysis.gap * max(abs(whole), analysis.floor):
-        more = (own - whole) / max(abs(whole), analysis.floor)
+    if (
+        math.isfinite(whole)
+        and math.isfinite(own)
+        and own - whole > analysis.gap * max(abs(whole), analysis.load_scale)
+    ):
+        more = (own - whole) / max(abs(whole), analysis.load_scale)
         found.append(
             f"λ with effective areas is {more:.1%} above that of whole faces: "
             "shear at the centre of pressure, not at the centroid, is what twists a face"
@@ -291,9 +295,9 @@ def _iterate(
     """
     template, count = analysis.template, analysis.template.matrix.shape[1]
     margin, residual = template.precision.margin, template.precision.residual
-    stepping, holding = (ClarabelSolver(residual, proximal=(count, w)) for w in (weight, HOLD))
+    stepping, holding = (ClarabelSolver(residual, proximal=(count, w)) for w in (weight, HOLDING_WEIGHT))
     areas = areas_under(analysis.assembly, forces.reshape(-1, 6), labels)
-    prover = analysis.prover.under(frozen_areas(template, areas))
+    prover = analysis.prover.with_template(frozen_areas(template, areas))
     solves, steps, slack = 0, 0, margin
     while True:
         route = stepping if steps < _STEPS else holding
@@ -303,10 +307,10 @@ def _iterate(
         own, asked, prover = under_own_areas(prover, state, labels)
         moves, areas = _changes(areas, asked), asked
         forces = state.forces.ravel()
-        slack = slack_to_ask(own, margin, steps)
+        slack = slack_to_request(own, margin, steps)
         settled = own.admissible and (moves.max(initial=0.0) <= tolerances.FIXED_POINT or steps > _STEPS)
         if settled or solves >= most:
-            proof = analysis.under(prover.template, labels).prove(labels)
+            proof = analysis.with_template(prover.template, labels).prove(labels)
             solves += proof.solves
             if not settled:
                 return own, proof, moves, solves

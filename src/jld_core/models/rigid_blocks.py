@@ -194,10 +194,10 @@ def prove_condensed(full: LimitAnalysis, labels: Bits) -> Proof | None:
         )
         proof, scaling = inner.prove(given), inner.template.scaling
         solves += proof.solves
-        route += [f"rigid: {step}" for step in proof.route]
+        route += [f"rigid: {step}" for step in proof.solve_log]
         if proof.status is Status.UNSTABLE:
             # If the assembly of rigid blocks is unstable, the full model is too: cracks only add mechanisms.
-            return Proof(status=Status.UNSTABLE, route=route, solves=solves)
+            return Proof(status=Status.UNSTABLE, solve_log=route, solves=solves)
         if proof.status is not Status.COLLAPSE or proof.state is None or proof.motion is None:
             return None
         boundary = proof.state.forces * scaling.face
@@ -211,10 +211,10 @@ def prove_condensed(full: LimitAnalysis, labels: Bits) -> Proof | None:
             checked = full.prover.state(np.append(state.ravel(), load / scale.load), labels)
             if not checked.admissible:
                 checked = full.unloaded(labels) or checked
-            lifted = Proof(route=route, solves=solves, extra={"rigid_blocks": len(rigid.assembly.elements.free)})
+            lifted = Proof(solve_log=route, solves=solves, extra={"rigid_blocks": len(rigid.assembly.elements.free)})
             lifted.offer_state(checked)
             lifted.offer_motion(_of_elements(full, rigid, inner, proof.motion))
-            lifted.status = full.judge(lifted)
+            lifted.status = full.status_of(lifted)
             return lifted if lifted.status is Status.COLLAPSE else None
         route.append(f"{failing.size} blocks taken apart")
         apart = np.union1d(apart, np.flatnonzero(np.isin(rigid.group, failing)))

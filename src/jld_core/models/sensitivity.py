@@ -128,7 +128,7 @@ def sensitivities(result: LimitAnalysisResult) -> dict[str, Sensitivity]:
             for name, s in one.items()
         }
     model = result.model
-    plain = model.modular and model.inner_bending == "uncoupled"
+    plain = model.supports_bounds_over_labellings and model.inner_bending == "uncoupled"
     if result.status is not Status.COLLAPSE or not plain:
         return {}
     analysis = LimitAnalysis(result.assembly)

@@ -26,14 +26,14 @@ from jld_core.limit import (
     governing_result,
     result_of,
 )
-from jld_core.limit.fallbacks import FALLBACKS, Fallback
+from jld_core.limit.fallbacks import FALLBACKS, Fallback, insert_before
 from jld_core.limit.proof_attempt import ProofAttempt
 from jld_core.mechanics import InnerBending, require_materials
 from jld_core.models.effective_area import prove_effective_area, require_rectangles
 from jld_core.models.inputs import Labels, Structure, assembly_of, labels_of
 from jld_core.models.point_contacts import point_contact_assembly, proof_of_faces
 from jld_core.models.rigid_blocks import prove_condensed, worth_condensing
-from jld_core.models.zero_dilation.search import ProximalOptions
+from jld_core.models.zero_dilation.fixed_point_search import ProximalOptions
 from jld_core.models.zero_dilation.solve import prove_zero_dilation
 from jld_core.solvers import Solver, is_large
 from jld_core.threads import one_thread
@@ -98,7 +98,7 @@ def _solve(assembly: Assembly, labels: Bits, model: SolveOptions) -> LimitAnalys
         cases = zip(assembly.cases, assembly.by_case, strict=True)
         return governing_result(assembly, {case.name: _solve(one, labels, model) for case, one in cases})
     require_materials(assembly, labels, ~labels)
-    analysis = limit_analysis(assembly, model, reference=labels, single=model.modular)
+    analysis = limit_analysis(assembly, model, reference=labels, single_labelling=model.supports_bounds_over_labellings)
     _require_solver(analysis, model)
     start = time.perf_counter()
     proof = solve_labelling(analysis, labels, model, stands=True)
@@ -107,7 +107,7 @@ def _solve(assembly: Assembly, labels: Bits, model: SolveOptions) -> LimitAnalys
 
 
 def limit_analysis(
-    assembly: Assembly, options: SolveOptions, reference: Bits | None = None, *, single: bool = False
+    assembly: Assembly, options: SolveOptions, reference: Bits | None = None, *, single_labelling: bool = False
 ) -> LimitAnalysis:
     """Build the limit analysis that `solve_labelling` needs for the given options.
 
@@ -129,7 +129,9 @@ def limit_analysis(
         Analysis of the assembly under associative friction.
     """
     solver, gap, bending = options.solver, options.gap, options.inner_bending
-    return LimitAnalysis(assembly, solver=solver, gap=gap, inner_bending=bending, reference=reference, single=single)
+    return LimitAnalysis(
+        assembly, solver=solver, gap=gap, inner_bending=bending, reference=reference, single_labelling=single_labelling
+    )
 
 
 def require_model(assembly: Assembly, options: SolveOptions, dry: Bits) -> None:
@@ -163,7 +165,7 @@ def _require_solver(analysis: LimitAnalysis, options: SolveOptions) -> None:
     if options.solver == "auto":
         return
     try:
-        analysis.route.require(analysis.template.structure)
+        analysis.first_solver.require(analysis.template.structure)
     except SolverError as error:
         raise ParameterError("solver", str(error), "a solver that takes this scene") from None
 
@@ -227,40 +229,41 @@ def _proof(
 # --- fallbacks with rigid blocks ----------------------------------------------------------------------------
 
 
-def _rigid_blocks(climb: ProofAttempt) -> None:
+def _rigid_blocks(attempt: ProofAttempt) -> None:
     """Try the proof with rigid blocks and record its result, if any, in the attempt."""
-    found = prove_condensed(cast(LimitAnalysis, climb.analysis), climb.labels)
+    found = prove_condensed(cast(LimitAnalysis, attempt.analysis), attempt.labels)
     if found is not None:
-        climb.take(found)
+        attempt.adopt(found)
 
 
-def _strong(climb: ProofAttempt) -> bool:
+def _strong(attempt: ProofAttempt) -> bool:
     """Return True if the inner faces are strong enough to start with rigid blocks."""
-    return worth_condensing(climb.template, climb.labels)
+    return worth_condensing(attempt.template, attempt.labels)
 
 
-def _large(climb: ProofAttempt) -> bool:
-    """Return True if an open attempt with inner faces is large for its solver."""
-    return climb.open and not climb.labels.all() and is_large(climb.template.structure)
+def _large(attempt: ProofAttempt) -> bool:
+    """Return True if the status is uncertified, and the program with its inner faces is large for its solver."""
+    return attempt.uncertified and not attempt.labels.all() and is_large(attempt.template.structure)
 
 
-def _left(climb: ProofAttempt) -> bool:
-    """Return True if an open attempt with inner faces is not large for its solver."""
-    return climb.open and not climb.labels.all() and not is_large(climb.template.structure)
+def _small(attempt: ProofAttempt) -> bool:
+    """Return True if the status is uncertified, and the program with its inner faces is not large for its solver."""
+    return attempt.uncertified and not attempt.labels.all() and not is_large(attempt.template.structure)
 
 
-_OFFER: Final = "both sides by blocks that are rigid until shown otherwise: no rounding is left in their cracks"
-"""Description of the rigid-block fallback, shared by all entries of `FALLBACKS_BY_CONDENSE`."""
+_SUPPLIES: Final = "both bounds, by blocks that are rigid until shown otherwise: no rounding is left in their cracks"
+"""Bounds that the fallback with rigid blocks may supply, shared by all entries of `FALLBACKS_BY_CONDENSE`."""
+
+_LARGE: Final = Fallback("rigid blocks: repairs would take longer", _large, _rigid_blocks, _SUPPLIES)
+"""Rigid blocks for large programs, tried before the first repair."""
 
 FALLBACKS_BY_CONDENSE: Final[dict[str, tuple[Fallback, ...]]] = {
     "off": FALLBACKS,
-    "on": (Fallback("rigid blocks", lambda climb: True, _rigid_blocks, _OFFER), *FALLBACKS),
+    "on": (Fallback("rigid blocks", lambda attempt: True, _rigid_blocks, _SUPPLIES), *FALLBACKS),
     "auto": (
-        Fallback("rigid blocks: strong inner faces", _strong, _rigid_blocks, _OFFER),
-        *FALLBACKS[:2],
-        Fallback("rigid blocks: repairs would take longer", _large, _rigid_blocks, _OFFER),
-        *FALLBACKS[2:],
-        Fallback("rigid blocks: strengths far above some loads", _left, _rigid_blocks, _OFFER),
+        Fallback("rigid blocks: strong inner faces", _strong, _rigid_blocks, _SUPPLIES),
+        *insert_before(FALLBACKS, "repair", _LARGE),
+        Fallback("rigid blocks: strengths far above some loads", _small, _rigid_blocks, _SUPPLIES),
     ),
 }
 """Fallbacks tried in order, by the value of `SolveOptions.condense` ("off", "on", "auto")."""

@@ -18,7 +18,7 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Bools
 from jld_core.limit import LimitAnalysis
 from jld_core.models.zero_dilation.certificate import Certifier
-from jld_core.models.zero_dilation.frozen import frozen_friction_bound
+from jld_core.models.zero_dilation.frozen_friction import frozen_friction_bound
 from jld_core.models.zero_dilation.loops import has_opening
 from jld_core.models.zero_dilation.lower_bound_problem import LowerBound, LowerBoundProblem
 from jld_core.models.zero_dilation.modes import Modes

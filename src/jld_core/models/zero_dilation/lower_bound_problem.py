@@ -38,7 +38,7 @@ class LowerBound:
 
     proven: bound by certificates only. bound: the highest bound, valid within the relative `tolerance`, which is 0 if
     `bound` equals `proven`, and otherwise covers the solver. closed: True if `bound` meets the lowest solution found.
-    programs: number solved. seconds: of processor time. route: steps in order.
+    programs: number solved. seconds: of processor time. solve_log: steps in order.
     """
 
     proven: float
@@ -47,7 +47,7 @@ class LowerBound:
     closed: bool
     programs: int
     seconds: float
-    route: tuple[str, ...]
+    solve_log: tuple[str, ...]
 
 
 class LowerBoundProblem:
@@ -60,12 +60,12 @@ class LowerBoundProblem:
 
     def __init__(self, load: float, seconds: float, offer: Callable[[Floats], float] | None = None) -> None:
         self.load = load
-        self.programs, self.route = 0, list[str]()
+        self.programs, self.solve_log = 0, list[str]()
         self._start, self._seconds, self._offer = time.process_time(), seconds, offer
 
     def record(self, step: str, programs: int = 0) -> None:
         """Append a step to the log and add its number of programs."""
-        self.route.append(step)
+        self.solve_log.append(step)
         self.programs += programs
 
     @property
@@ -140,5 +140,5 @@ class LowerBoundProblem:
             closed=self.closes_gap(bound),
             programs=self.programs,
             seconds=self.seconds_used,
-            route=tuple(self.route),
+            solve_log=tuple(self.solve_log),
         )

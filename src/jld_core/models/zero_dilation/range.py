@@ -14,11 +14,11 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.deadline import DeadlinePassed
 from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Proof, Status, number, result_of
-from jld_core.models.zero_dilation.found import MultiStartSearch
+from jld_core.models.zero_dilation.fixed_point_search import ProximalOptions
 from jld_core.models.zero_dilation.lower_bound import LowerBoundSearch
 from jld_core.models.zero_dilation.lower_bound_problem import LowerBound, LowerBoundProblem
+from jld_core.models.zero_dilation.multi_start_search import MultiStartSearch
 from jld_core.models.zero_dilation.proof import pair_proof
-from jld_core.models.zero_dilation.search import ProximalOptions
 
 _TRIED: Final = 3
 """Number of states of a relaxation from which the search for solutions continues."""
@@ -121,10 +121,10 @@ def _lower_bound(
     found = search.found
     if found.lowest is None or not seconds > 0.0 or search.fixed_point.options.effective_area:
         return None
-    if search.fixed_point.base.rough or search.fixed_point.base.cohesive:
+    if search.fixed_point.base.has_inner_friction or search.fixed_point.base.has_dry_cohesion:
         return None  # The certificates require friction of dry faces only.
     if found.lowest_load <= tolerances.GAP * search.fixed_point.load_scale:
-        return LowerBound(0.0, 0.0, 0.0, closed=True, programs=0, seconds=0.0, route=("a solution at zero",))
+        return LowerBound(0.0, 0.0, 0.0, closed=True, programs=0, seconds=0.0, solve_log=("a solution at zero",))
     return bound(analysis, labels, search, seconds)
 
 
@@ -155,7 +155,7 @@ def _bound_entries(lower_bound: LowerBound | None, load: float) -> dict[str, Any
         "bound_tolerance": lower_bound.tolerance,
         "proven": lower_bound.proven > 0.0 and lower_bound.tolerance == 0.0,
         "closed": lower_bound.closed,
-        "floor_route": list(lower_bound.route),
+        "floor_route": list(lower_bound.solve_log),
         "floor_programs": lower_bound.programs,
         "floor_seconds": lower_bound.seconds,
     }

@@ -12,7 +12,7 @@ import numpy as np
 
 from jld_core.arrays import Floats
 from jld_core.limit import Proof, State, Status
-from jld_core.models.zero_dilation.search import FixedPointSearch, PrimalDualPair
+from jld_core.models.zero_dilation.fixed_point_search import FixedPointSearch, PrimalDualPair
 from jld_core.program import ConicProgram
 from jld_core.solvers import ClarabelSolver, HighsSolver, RawSolution, RawStatus
 

@@ -13,8 +13,8 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bools, Floats
-from jld_core.models.zero_dilation.blocks import BlockCertifier, BlockRltSolution, solve_rlt_by_matrix_blocks
 from jld_core.models.zero_dilation.lower_bound_problem import LowerBoundProblem
+from jld_core.models.zero_dilation.matrix_blocks import BlockCertifier, BlockRltSolution, solve_rlt_by_matrix_blocks
 from jld_core.models.zero_dilation.modes import Modes
 from jld_core.models.zero_dilation.rlt_relaxation import Region
 from jld_core.models.zero_dilation.statics import Statics

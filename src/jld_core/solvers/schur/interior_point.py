@@ -100,7 +100,7 @@ class _Iteration:
             return RawStatus.FAILED, nothing, 0
         best, least, stalled = now, np.inf, 0
         for iteration in range(most):
-            status, merit = self._judge(now)
+            status, merit = self._status_of(now)
             if status is not None:
                 return status, now, iteration
             stalled = 0 if merit < 0.9 * least else stalled + 1
@@ -141,7 +141,7 @@ class _Iteration:
                 vector += (1.0 - slack) * self.unit
         return _Iterate(x, u, s, v)
 
-    def _judge(self, it: _Iterate) -> tuple[RawStatus | None, float]:
+    def _status_of(self, it: _Iterate) -> tuple[RawStatus | None, float]:
         """Return the final status, or None to continue, and the error relative to the tolerances."""
         system, q, r, h = self.system, self.q, self.r, self.h
         gradient = system.transposed(it.u, it.v)

@@ -15,9 +15,9 @@ import numpy as np
 from jld_core.arrays import Bools, Floats
 from jld_core.models.zero_dilation.binary_fractions import BITS, BinaryFractions, round_to_bits
 from jld_core.models.zero_dilation.certificate import Certifier, drop_rounding
-from jld_core.models.zero_dilation.interior import ProductProgram, minimise_product_program
+from jld_core.models.zero_dilation.interior_point import ProductProgram, minimise_product_program
 from jld_core.models.zero_dilation.modes import Modes
-from jld_core.models.zero_dilation.normal import NormalEquations
+from jld_core.models.zero_dilation.normal_equations import NormalEquations
 from jld_core.models.zero_dilation.product_space import LocalProductSpace, lone_faces, velocities_of
 from jld_core.models.zero_dilation.rlt_relaxation import (
     Multipliers,

@@ -15,9 +15,9 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.limit import LimitAnalysis, Proof
+from jld_core.models.zero_dilation.alternating_programs import AlternatingPrograms
+from jld_core.models.zero_dilation.fixed_point_search import FixedPointSearch, PrimalDualPair, ProximalOptions
 from jld_core.models.zero_dilation.modes import Modes, modes_of
-from jld_core.models.zero_dilation.pivots import AlternatingPrograms
-from jld_core.models.zero_dilation.search import FixedPointSearch, PrimalDualPair, ProximalOptions
 from jld_core.models.zero_dilation.starts import low_compression_states, repair_and_evaluate, starts
 
 _DRAWS: Final = 8

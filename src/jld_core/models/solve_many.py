@@ -14,11 +14,11 @@ from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.limit import (
     FLOOR_SECONDS,
-    Batch,
+    BatchAnalysis,
+    CaseBounds,
     Condense,
     Contacts,
     Friction,
-    Known,
     LimitAnalysisResult,
     SolveOptions,
     Status,
@@ -180,7 +180,7 @@ def _solve_many(assembly: Assembly, labels: Bits, model: SolveOptions) -> BatchR
     scale, count = analysis.template.scaling.load, len(labels)
     load_factor, low, high = (np.full(count, np.nan) for _ in "123")
     status: list[Status | None] = [None] * count
-    batch = Batch.of(analysis) if model.modular and count else None
+    batch = BatchAnalysis.of(analysis) if model.supports_bounds_over_labellings and count else None
     if batch is not None:
         found = batch.prove(labels)
         low, high = scale * found.low, scale * found.high
@@ -199,7 +199,7 @@ def _governing(assembly: Assembly, labels: Bits, model: SolveOptions, cases: dic
     required, names = assembly.required.tolist(), list(cases)
     decided = [
         governing(
-            [Known(one.status[k], one.low[k], one.high[k], one.load_factor[k]) for one in cases.values()], required
+            [CaseBounds(one.status[k], one.low[k], one.high[k], one.load_factor[k]) for one in cases.values()], required
         )
         for k in np.arange(len(labels)).tolist()
     ]

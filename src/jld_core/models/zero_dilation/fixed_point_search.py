@@ -15,7 +15,7 @@ from jld_core.deadline import checkpoint
 from jld_core.errors import InputError, ParameterError
 from jld_core.limit import LimitAnalysis, Motion, Prover, State, Status, load_scale
 from jld_core.mechanics.prescribed_friction import EffectiveAreas, PrescribedFriction
-from jld_core.models.effective_area import HOLD, change, slack_to_ask
+from jld_core.models.effective_area import HOLDING_WEIGHT, change, slack_to_request
 from jld_core.models.fixed_points import under_own_areas
 from jld_core.models.moving_rows import areas_under
 from jld_core.program import ConicProgram, Template
@@ -179,7 +179,7 @@ class FixedPointSearch:
         # Quadratic programs converge less tightly than linear ones; only the last of them must be exact.
         self.step_solver = ClarabelSolver(max(_STEP, residual), proximal=(self.count, options.damping))
         self.gap_solver = ClarabelSolver(max(_GAP, residual), proximal=(self.count, options.anchor))
-        self.holding_solver = ClarabelSolver(max(_GAP, residual), proximal=(self.count, HOLD))
+        self.holding_solver = ClarabelSolver(max(_GAP, residual), proximal=(self.count, HOLDING_WEIGHT))
         self.solver = ClarabelSolver(residual)
         self.shared: Template = template
         self.load_scale = load_scale(template.assembly) / template.scaling.load
@@ -196,7 +196,7 @@ class FixedPointSearch:
 
     def prover(self, template: Template) -> Prover:
         """Return the prover of the analysis, applied to another template."""
-        return self.analysis.prover.under(template)
+        return self.analysis.prover.with_template(template)
 
     def freeze_friction(
         self, alpha: float, previous: Floats, areas: EffectiveAreas | None
@@ -239,7 +239,7 @@ class FixedPointSearch:
         """Minimise the complementarity gap Γ over forces, for given velocities.
 
         The result is the state of true friction nearest to `forces`. dual: multipliers whose first entries are the
-        velocities. held: if given, hold the forces with the larger weight `HOLD`, and require this slack.
+        velocities. held: if given, hold the forces with the larger weight `HOLDING_WEIGHT`, and require this slack.
         """
         template, program = self._gap_program(forces, dual, areas, self.margin if held is None else held)
         solver = self.gap_solver if held is None else self.holding_solver
@@ -296,14 +296,14 @@ class FixedPointSearch:
         state = prover.state(point, labels, passes=3)
         if state.admissible:
             return state
-        analysis = self.analysis if areas is None else self.analysis.under(template, labels)
+        analysis = self.analysis if areas is None else self.analysis.with_template(template, labels)
         inside = analysis.repair.state(labels)
         self.solves += 1
         if inside is not None:
             state = prover.blend(state, inside, labels)
         if not state.admissible:
             self.solves += 1
-            state = analysis.repair.edge_state(point, labels) or state
+            state = analysis.repair.boundary_state(point, labels) or state
         return state
 
     def evaluate_pair(self, state: State, areas: EffectiveAreas | None) -> PrimalDualPair:
@@ -319,12 +319,12 @@ class FixedPointSearch:
         motion = prover.motion(raw.dual, labels)
         opening = None if motion.margin >= 0.0 else self.analysis.repair.opening()
         if opening is not None:
-            motion = prover.open_up(motion, opening, labels)
+            motion = prover.add_opening(motion, opening, labels)
         locked = False
         finite = motion.margin >= 0.0 and motion.work > 0.0
         size = max(abs(motion.bound), abs(state.load), self.load_scale)
         if not finite or raw.status is RawStatus.UNBOUNDED or motion.bound - state.load > tolerances.GAP * size:
-            proof = self.analysis.under(template, labels).prove(labels)
+            proof = self.analysis.with_template(template, labels).prove(labels)
             self.solves += proof.solves
             locked = proof.status is Status.LOCKED
             if proof.motion is not None and (motion.margin < 0.0 or proof.motion.bound < motion.bound):
@@ -409,7 +409,7 @@ class FixedPointSearch:
             own, areas, _ = under_own_areas(self.prover(self.shared), state, self.labels)
             if own.admissible:
                 return own, areas
-            slack = slack_to_ask(own, self.margin, tries)
+            slack = slack_to_request(own, self.margin, tries)
             state = self.minimise_gap(state.forces.ravel(), dual, areas, slack)
         return state, areas
 
