@@ -22,10 +22,10 @@ _STEPS: Final = 257
 
 
 def hull_rows(sets: Frictional, *, freedoms: int, shear: int, parabolas: bool) -> RowPattern:
-    """Return the pattern with the numbers of undecided faces in place of those of dry faces.
+    """Return a row pattern with the numbers of undecided faces in place of dry ones.
 
-    freedoms: resultants per face. shear: resultant in the linear rows that limit shear. parabolas: True if the cones
-    are those of crushing.
+    sets: yield sets of all faces. freedoms: number of resultants per face. shear: index of the resultant in the linear
+    rows that limit shear. parabolas: True if the cones of the pattern are those of crushing.
     """
     pattern = sets.pattern
     data, rhs = pattern.dry.copy(), pattern.h_dry.copy()
@@ -53,15 +53,15 @@ def hull_rows(sets: Frictional, *, freedoms: int, shear: int, parabolas: bool) -
 
 
 def parabolic_hull(sets: Frictional, crushed: Ints) -> ParabolicBending | None:
-    """Return sets that enclose either label of planar faces (k,) that crush.
+    """Return sets that enclose the yield sets of both labels, for planar faces that crush.
 
-    The result is None where an inner face carries more N than the dry one. Write T = σtA.
+    crushed: (k,) indices of these faces. The result is None where an inner face carries more N than the dry one.
 
-    In N and m the set is the hull of two sets. One is the parabola N − N²/N_c. The other is the triangle of the inner
-    set with its foot (−T, 0) and its top ((C − T)/2, (C + T)/6), where C is the σcA of the inner face. The boundary has
-    three pieces: the parabola from n₀ on, the tangent at n₀ through the top, and the line from the foot to the top. If
-    the tangent through the foot passes above the top, it replaces the last two. The tangent from a point (x, y) touches
-    at n₀ = x + √(x² − N_c (x − y)).
+    Write T = σtA. In N and m the set is the hull of two sets. One is the parabola N − N²/N_c. The other is the triangle
+    of the inner set with its foot (−T, 0) and its top ((C − T)/2, (C + T)/6), where C is the σcA of the inner face. The
+    boundary has three pieces: the parabola from n₀ on, the tangent at n₀ through the top, and the line from the foot to
+    the top. If the tangent through the foot passes above the top, it replaces the last two. The tangent from a point
+    (x, y) touches at n₀ = x + √(x² − N_c (x − y)).
 
     In N and V the bound is the line through (−T, τA − μ_inner T) above all corners. For the interaction of V and M see
     `_interaction_planes`.
@@ -99,11 +99,11 @@ def parabolic_hull(sets: Frictional, crushed: Ints) -> ParabolicBending | None:
 
 
 def _interaction_planes(strengths: Floats) -> Floats:
-    """Return the planes (k, 5) that bound V and M together, for undecided faces that crush.
+    """Return the planes (k, 5) that bound V and M together, for faces that crush.
 
     Columns 0 and 1 are N and m of an inner corner; column 2 is how far its shear is above the dry line. Columns 3 and 4
     are the first and last N₁ of the parabola between which planes that touch corner and parabola enclose either label.
-    A row is zero where there are none. strengths: (k, 7), as `ParabolicBending.interaction` has them.
+    A row is zero where there are none. strengths: (k, 7), as the last columns of `ParabolicBending.interaction`.
 
     Shear beyond c + μN requires a share w of inner corners, mostly of (−T, 0). The hull therefore bulges between a
     corner (n, m) and the parabola. Planes a N − b|V| − |m| + h ≥ 0 tangent to it at N₁ have a = 1 + μb − 2N₁/N_c. The
@@ -138,9 +138,10 @@ def _interaction_planes(strengths: Floats) -> Floats:
 
 
 def _widen_crushing(sets: Frictional, data: Floats, rhs: Floats) -> None:
-    """Widen the parabola |m| ≤ N (1 − N/C) about N = −σtA until it holds both sets.
+    """Widen the parabolas of crushing in a row pattern until they enclose both labels.
 
-    Without inner σc it is dropped.
+    The parabola |m| ≤ N (1 − N/C) stands about N = −σtA. Without a compressive strength of the inner face it is
+    dropped. data, rhs: numbers of the pattern, changed in place.
 
     With N' = N + σtA and C = max(N_c dry, N_c inner) + σtA: N'(1 − N'/C) − N (1 − N/N_c) ≥ σtA (1 − N/C')² ≥ 0, so the
     dry set is inside. N'(C − N')/C ≥ min(N', C − N')/2 is more than the third that an inner face may take.

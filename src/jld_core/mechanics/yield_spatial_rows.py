@@ -21,7 +21,12 @@ Coefficient = tuple[Ints, Floats, Floats]
 
 @dataclass
 class _RowCollector:
-    """Collector of families of rows, each with one row per entry of an array of faces."""
+    """Collector of families of yield rows, from which a `RowPattern` is built.
+
+    faces: number m of faces. rows, extra: numbers of rows and of columns beyond the resultants so far. entries: rows,
+    columns, faces and both coefficients of each family. sides: right-hand sides with their rows and faces. length:
+    number of entries so far. capacity: entries that hold −μ.
+    """
 
     faces: int
     rows: int = 0
@@ -32,7 +37,7 @@ class _RowCollector:
     capacity: list[Ints] = field(default_factory=list)
 
     def column(self, face: Ints, resultant: int) -> Ints:
-        """Return the columns of one resultant of faces."""
+        """Return the columns of one resultant of the faces (k,)."""
         return 6 * face + resultant
 
     def new_columns(self, count: int) -> Ints:
@@ -51,9 +56,11 @@ class _RowCollector:
         *,
         limits_shear: bool = False,
     ) -> None:
-        """Add the rows of one family at the positions `place`, by default at the end.
+        """Add one family of rows, one row per face.
 
-        limits_shear: the first of the coefficients is −μ.
+        face: (k,) faces. coefficients: columns with their dry and inner coefficients. h_dry, h_inner: (k,) right-hand
+        sides. place: (k,) positions of the rows, by default after the present ones. limits_shear: True if the first of
+        the coefficients is −μ.
         """
         if place is None:
             place = self.rows + np.arange(len(face))
@@ -69,9 +76,10 @@ class _RowCollector:
     def cones(
         self, face: Ints, rows: list[tuple[list[Coefficient], Floats, Floats]], *, limits_shear: bool = False
     ) -> int:
-        """Add one cone per face, with one row per entry of `rows`, and return the number of cones.
+        """Add one second-order cone per face, and return the number of cones.
 
-        limits_shear: the first row of the cone is μN.
+        face: (k,) faces. rows: coefficients and both right-hand sides of each row of a cone. limits_shear: True if the
+        first row of the cone is μN.
         """
         size = len(rows)
         for offset, (coefficients, h_dry, h_inner) in enumerate(rows):
@@ -81,7 +89,10 @@ class _RowCollector:
         return len(face)
 
     def pattern(self, linear: int, cones: tuple[int, ...]) -> RowPattern:
-        """Return the rows collected as a pattern."""
+        """Return the collected rows as a pattern.
+
+        linear: number of linear rows, which come first. cones: sizes of the cones after them.
+        """
         row, column, face, dry, inner = (np.concatenate(part) for part in zip(*self.entries, strict=True))
         sides = np.concatenate([side for side, _, _ in self.sides])
         order = np.argsort(np.concatenate([place for _, place, _ in self.sides]))
@@ -163,7 +174,7 @@ def without_crushing(pattern: RowPattern, sets: Strengths, point: Bools, bending
 
 @dataclass(frozen=True)
 class _Crush:
-    """Columns of the extra variables of faces with a dry compressive strength."""
+    """Columns of the variables p, q, a, b of faces (k,) that crush, see `spatial_rows`."""
 
     face: Ints
     p: Ints
@@ -187,7 +198,11 @@ def _bending_rows(sheet: _RowCollector, tension: Floats, crush_dry: Floats, poin
 def _torsion_rows(
     sheet: _RowCollector, face: Ints, bound: Ints, of_dry: tuple[Floats, Floats], of_inner: tuple[Floats, Floats]
 ) -> None:
-    """Add t ± mT ≤ c + μN; of_dry, of_inner: friction and cohesion of either label."""
+    """Add the rows t ± mT ≤ c + μN, which limit torsion, for faces (k,).
+
+    bound: (k,) columns of t, the bound on shear. of_dry, of_inner: friction and cohesion of all faces under either
+    label.
+    """
     (mu, stuck), (inner_mu, cap) = ((friction[face], cohesion[face]) for friction, cohesion in (of_dry, of_inner))
     size_v, size_s = np.maximum(np.maximum(1.0, mu), stuck), np.maximum(np.maximum(1.0, cap), inner_mu)
     # Where a label has no shear resistance V and MT are dropped from equilibrium; these rows then only bound
@@ -204,7 +219,7 @@ def _torsion_rows(
 
 
 def _inner_crush_rows(sheet: _RowCollector, crush: Floats, bending: Bending) -> None:
-    """Add the bending rows of inner faces with a compressive strength, against σcA − N."""
+    """Add the bending rows c·m ≤ σcA − N of inner faces with a compressive strength σc."""
     rows = np.flatnonzero(np.isin(bending.face, bending.crushed))
     face = bending.face[rows]
     nothing = np.zeros(len(rows))
@@ -215,7 +230,7 @@ def _inner_crush_rows(sheet: _RowCollector, crush: Floats, bending: Bending) -> 
 
 
 def _effective_rows(sheet: _RowCollector, crush: _Crush) -> None:
-    """Add p ≤ N ∓ m1 and q ≤ N ∓ m2 of dry faces that crush."""
+    """Add the rows p ≤ N ∓ m1 and q ≤ N ∓ m2 of dry faces that crush."""
     one, nothing = np.ones(len(crush.face)), np.zeros(len(crush.face))
     for variable, moment in ((crush.p, 3), (crush.q, 4)):
         for sign in (1.0, -1.0):
@@ -230,9 +245,10 @@ def _effective_rows(sheet: _RowCollector, crush: _Crush) -> None:
 def _shear_cones(
     sheet: _RowCollector, plane: Ints, bound: Ints, points: Ints, friction: Floats, cohesion: Floats, inner: Floats
 ) -> int:
-    """Add the shear cones |V| ≤ t, at points |V| ≤ μN, and return their number.
+    """Add the shear cones |V| ≤ t, at points |V| ≤ μN, and return the number of cones.
 
-    inner: (m,) positive where an inner face resists shear.
+    plane: faces with moments. bound: their columns of t. points: faces that are points. friction, cohesion: (m,) of dry
+    faces. inner: (m,) positive where an inner face resists shear.
     """
     one, nothing = np.ones(len(plane)), np.zeros(len(plane))
     held = friction[plane] + cohesion[plane]
@@ -249,7 +265,7 @@ def _shear_cones(
 
 
 def _crush_cones(sheet: _RowCollector, crush: _Crush, crush_dry: Floats) -> int:
-    """Add the cones (2.12) of dry faces that crush, and return their number.
+    """Add the cones (2.12) of docs/method.md for dry faces that crush; return their number.
 
     x² ≤ y z is written as ‖(2x, y − z)‖ ≤ y + z. Under inner, N has no entries in them, and p, q, b are bounded by one.
     """
