@@ -167,7 +167,11 @@ class BatchSolver:
         self._start = self._starting(template, sampled_start)
 
     def _starting(self, template: Template, sampled: bool) -> _Start:
-        """Compute the starting point from the least-norm equilibrium and a mean solution."""
+        """Return the starting point of the iterations.
+
+        It lies between the least-norm forces in equilibrium and, with `sampled`, the mean solution of a few random
+        labellings.
+        """
         matrix = template.matrix
         least = -(matrix.T @ spsolve(matrix @ matrix.T, template.dead)).reshape(self.faces, self._q)
         nothing = np.zeros(self.size)
@@ -190,7 +194,10 @@ class BatchSolver:
         return _Start(forces, jumps, speed[self._ends], _SHARE * float(found.low[good].mean()), _ROOM)
 
     def _lay_out(self, template: Template, a: Ints, b: Ints) -> None:
-        """Store ends, matrix blocks and equilibrium of all faces in order of elimination."""
+        """Store ends, matrix blocks and loads of all faces and elements in elimination order.
+
+        a, b: (m,) free elements of each face, −1 for a support.
+        """
         place = np.full(len(self.pattern.order) + 1, -1, dtype=np.int64)
         place[self.pattern.order] = np.arange(len(self.pattern.order))
         a, b = place[a], place[b]  # −1 stays −1
@@ -336,7 +343,7 @@ class BatchSolver:
         )
 
     def _as_elements(self, velocity: Floats) -> Floats:
-        """Reorder velocities (k, q·free) from the order of elimination to that of the elements."""
+        """Reorder velocities (k, q·free) from the elimination order to that of the elements."""
         back = np.empty_like(velocity)
         back[:, self._ends] = velocity
         return back

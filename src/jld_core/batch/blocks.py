@@ -155,7 +155,10 @@ class BatchBlockSolver:
         return max((one.own + len(one.shared) for one in blocks), default=0) <= interface.BLOCK_ROWS
 
     def _places(self, rows: Ints) -> Ints:
-        """Return the positions of all pairs of these rows in the matrix, lower triangle."""
+        """Return the positions of all pairs of these rows in the matrix, in its lower triangle.
+
+        rows: (r,) shared rows of one block.
+        """
         starts, below = self.pattern.column_start, self.pattern.row
         found = []
         for k, one in enumerate(rows.tolist()):

@@ -79,16 +79,17 @@ def pattern_of(assembly: Assembly) -> tuple[FactorPattern, Ints, Ints]:
 
 @dataclass(frozen=True)
 class BatchRows:
-    """Coefficients of the yield rows under all labels: inner, dry, and maybe undecided.
+    """Coefficients of the yield rows of all faces, under each label, for the batch solver.
 
     Attributes
     ----------
     rows : (labels, m, numbers) array
-        Planar: a, b, h of −a N ± b X ≤ h for each pair, where X is M, V, and M again where inner faces crush. In space
-        the same for M1, M2, and MT with t, the bound on shear. Where any hull has other edges: a, p, q, h of −a N + p
-        M1 + q M2 ≤ h for each edge, the corners between edges, and a, b, h of MT.
+        Labels are inner, dry, and maybe undecided. Planar: a, b, h of −a N ± b X ≤ h for each pair, where X is M, V,
+        and M again where inner faces crush. In space the same for M1, M2, and MT with t, the bound on shear. Where any
+        hull has other edges: a, p, q, h of −a N + p M1 + q M2 ≤ h for each edge, the corners between edges, and a, b, h
+        of MT.
     pairs : int
-        Number of pairs; in space 2 (pairs in bending), or the number of edges that there is room for.
+        Number of pairs of rows; in space 2 (pairs in bending), or the number of edges for which there is space.
     keep : (labels, m) array
         1 where V takes part in equilibrium, else 0.
     parabolas : (labels, m, 2 or 14) array or None
@@ -106,7 +107,7 @@ class BatchRows:
 
 
 def rows_of(template: Template, undecided: Rows | None = None) -> BatchRows | None:
-    """Return a template's rows in the batch solver's layout, or None if unsupported.
+    """Return a template's yield rows in the layout of the batch solver.
 
     undecided: rows of a third label, which replace those of dry faces.
     """
@@ -116,12 +117,15 @@ def rows_of(template: Template, undecided: Rows | None = None) -> BatchRows | No
 
 @lru_cache(maxsize=2)
 def _decided(template: Template) -> BatchRows | None:
-    """Return the cached rows of the labels dry and inner."""
+    """Return the rows of the labels dry and inner, from a cache; None if unsupported."""
     return _rows_of(template, None)
 
 
 def _rows_of(template: Template, undecided: Rows | None) -> BatchRows | None:
-    """Compute the rows of all labels, or None if any shape is unsupported."""
+    """Compute the rows of all labels; None if the batch solver does not support them.
+
+    undecided: rows of a third label, None without one.
+    """
     own = template.yield_set
     every = np.ones(len(template.assembly.interfaces), dtype=bool)
     labels = [(own.pattern, False), (own.pattern, True)] + ([] if undecided is None else [(undecided.pattern, True)])
@@ -175,7 +179,10 @@ def planar_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
 
 
 def _pairs(pattern: RowPattern, values: Floats, sides: Floats, faces: int) -> Floats | None:
-    """Return the rows (m, pairs, 3) of one label, with pairs in the order M, V, M, or None."""
+    """Return the rows (m, pairs, 3) of one label, in pairs for M, V, M; None if unsupported.
+
+    values, sides: coefficients and right-hand sides of the label in the pattern. faces: m.
+    """
     linear = pattern.row < pattern.linear
     row, resultant = pattern.row[linear], pattern.column[linear] % 3
     sides = sides[: pattern.linear]
@@ -227,10 +234,10 @@ def spatial_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
 
 
 def _spatial_table(table: Floats, pattern: RowPattern, faces: int) -> Floats | None:
-    """Return an array (m, EDGES + 1, 4) of spatial rows, or None if unsupported.
+    """Return an array (m, EDGES + 1, 4) of the rows of spatial faces; None if unsupported.
 
     Bending rows come first: a, p, q, h of −a N + p M1 + q M2 ≤ h, idle rows last. The last row holds a, b, h of
-    torsion.
+    torsion. table: dense rows of the program.
     """
     found = np.zeros((faces, EDGES + 1, 4))
     found[:, :, 3] = 1.0
@@ -260,9 +267,9 @@ def _spatial_table(table: Floats, pattern: RowPattern, faces: int) -> Floats | N
 
 
 def _in_pairs(found: Floats) -> Floats | None:
-    """Return (labels, m, 9) numbers if all bending rows form pairs, else None.
+    """Return numbers (labels, m, 9) if all bending rows form pairs ±M1 and ±M2, else None.
 
-    The numbers are a, b, h of M1, M2 and MT.
+    The numbers are a, b, h of M1, M2 and MT. found: (labels, m, EDGES + 1, 4) rows.
     """
     edges = found[:, :, :4]
     used = edges[..., 1:3].any(axis=-1)
@@ -277,9 +284,9 @@ def _in_pairs(found: Floats) -> Floats | None:
 
 
 def _along_edges(found: Floats) -> Floats:
-    """Return (labels, m, 6 R + 3) numbers: rows of R edges, their corners, and torsion.
+    """Return numbers (labels, m, 6 R + 3): rows of R edges, their corners, and torsion.
 
-    R is the smallest compiled number of edges that holds all hulls.
+    R is the smallest compiled number of edges that holds all hulls. found: (labels, m, EDGES + 1, 4) rows.
     """
     used = int(found[:, :, :EDGES, 1:3].any(axis=-1).sum(axis=-1).max())
     most = next(size for size in _SIZES if size >= used)

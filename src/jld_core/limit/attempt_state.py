@@ -22,7 +22,7 @@ _SIMPLEX: Final = 6000  # Number of columns up to which a dual simplex is tried.
 
 
 class Analysis(Protocol):
-    """Interface of `LimitAnalysis` that `ProofAttempt` needs."""
+    """Interface of `LimitAnalysis`, as far as `ProofAttempt` needs it."""
 
     assembly: Assembly
     template: Template
@@ -44,7 +44,7 @@ class Analysis(Protocol):
         """Return True if the batch solver is faster for one labelling than one solver call."""
 
     def unloaded(self, labels: Bits) -> State | None:
-        """Return the state without forces at λ = 0, where there is no dead load."""
+        """Return the state without forces at λ = 0, or None if there is dead load."""
 
     def status_of(self, proof: Proof) -> Status:
         """Return the status that a proof supports."""
@@ -108,14 +108,17 @@ class AttemptState:
 
     @property
     def uncertified_with_point(self) -> bool:
-        """Return True if the status is uncertified and the last raw answer is not infeasible."""
+        """Return True if the status is uncertified and the last solver answer has a point.
+
+        An answer has none if the solver reports that the program is infeasible.
+        """
         return self.uncertified and self.raw is not None and self.raw.status is not RawStatus.INFEASIBLE
 
     @property
     def open_after_reduction(self) -> bool:
-        """Return True if the bracket is open although facial reduction was tried.
+        """Return True if the status is uncertified although facial reduction was tried.
 
-        It applies only to programs with friction cones, which the reduction replaces by rays.
+        The result is False for programs without friction cones, which alone the reduction replaces by rays.
         """
         return self.uncertified and bool(self.template.structure.cones) and self.reduction_tried
 
@@ -127,7 +130,7 @@ class AttemptState:
 
     @property
     def reported_unbounded(self) -> bool:
-        """Return True if the last raw answer is unbounded and the batch solver has not been tried."""
+        """Return True if a solver reports unbounded λ and the batch solver was not tried."""
         unbounded = self.raw is not None and self.raw.status is RawStatus.UNBOUNDED
         return self.uncertified and not self.batch_tried and unbounded
 
@@ -174,9 +177,9 @@ class AttemptState:
 
     @property
     def wide_for_single_labelling(self) -> bool:
-        """Return True if the bracket of a labelling solved alone leaves digits of λ open.
+        """Return True if a single labelling has a bracket wider than `tolerances.DIGITS`.
 
-        Where λ is in a wide bracket depends on the order of the elements. Searches do not need these digits.
+        Where λ lies in a wide bracket depends on the order of the elements. Searches do not need these digits.
         """
         analysis = self.analysis
         if (

@@ -27,9 +27,9 @@ _SIMPLEX: Final = 6000
 
 
 def slack_rows(structure: Structure) -> Ints:
-    """Return the rows that have a slack: all linear yield rows, then the head of each cone.
+    """Return the indices of the rows in which slack is measured.
 
-    The first linear row, which bounds λ, has none.
+    They are all linear yield rows, then the first row of each cone. The row that bounds λ is left out.
     """
     linear = np.arange(structure.equalities + 1, structure.equalities + structure.linear)
     return np.concatenate([linear, structure.heads]).astype(np.int64)
@@ -38,7 +38,7 @@ def slack_rows(structure: Structure) -> Ints:
 def largest_slack_program(program: ConicProgram, load_fixed: bool = False) -> ConicProgram:
     """Return the program that maximises the least slack t ≤ 1 of all yield rows.
 
-    λ is a variable, unless `load_fixed` removes its column and so keeps λ = 0.
+    program: supplies the rows. load_fixed: True removes the column of λ, which keeps λ = 0; otherwise λ is a variable.
     """
     s = program.structure
     matrix = program.matrix.tocsr()
@@ -76,7 +76,7 @@ def restrict_columns(program: ConicProgram, kept: Bools) -> ConicProgram:
 
 
 def maximise_slacks(program: ConicProgram, rhs: Floats, columns: int, cap: float = 1.0) -> tuple[RawSolution, Floats]:
-    """Find a point with as many slack yield rows as possible.
+    """Find a point at which as many yield rows as possible have positive slack.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def maximise_slacks(program: ConicProgram, rhs: Floats, columns: int, cap: float
     rhs : (rows,) float array
         Right-hand side; zero below the equilibrium rows for recession cones.
     columns : int
-        Number of leading columns that count; all but the last excludes λ.
+        Number of leading columns that the point has. One less than all leaves out λ, the last column.
     cap : float
         Largest slack counted per row. In a cone any slack can be scaled up to 1. Otherwise it must be so small that
         rows do not compete for slack.
@@ -103,26 +103,28 @@ def maximise_slacks(program: ConicProgram, rhs: Floats, columns: int, cap: float
 
 @dataclass(frozen=True)
 class LargestSupport:
-    """Point of the recession cones of a program with as many slack rows as possible.
+    """Point of the recession cones at which as many rows as possible have positive slack.
 
     Attributes
     ----------
     point : (columns,) float array
         The point.
-    slack : (tips,) float array
-        Slack of each linear row and cone: 1 where slack is possible, else 0, up to the solver's residual.
+    slack : (linear rows + cones,) float array
+        Slack of each row of `slack_rows`: 1 where slack is possible, else 0, up to the solver's residual.
     values : (rows,) float array
-        Values −M y, which give the position of the point in each cone.
+        Values −M y of the program's matrix M at the point y, which give its position in each cone.
     """
 
     point: Floats
     slack: Floats
     values: Floats
 
-    def ray(self, start: int, size: int, least: float = 0.5) -> Floats | None:
-        """Return the tail direction (size − 1,) of the point in the cone with first row `start`.
+    def boundary_direction(self, start: int, size: int, least: float = 0.5) -> Floats | None:
+        """Return the direction of the point in one second-order cone, if it lies on the boundary.
 
-        None where the head of the cone is at most `least`, or where the tail is shorter than half of the head.
+        The direction is the unit vector (size − 1,) of the rows after the first. The result is None where the first row
+        is at most `least`, or where the other rows are shorter than half of it. start, size: first row and number of
+        rows of the cone.
         """
         vector = self.values[start : start + size]
         length = float(np.linalg.norm(vector[1:]))
@@ -132,7 +134,7 @@ class LargestSupport:
 def largest_support(
     program: ConicProgram, columns: int, target: Floats | None = None, largest: float = LARGEST
 ) -> LargestSupport:
-    """Find a point of the recession cones with as many slack rows as possible.
+    """Find a point of the recession cones at which most rows have positive slack.
 
     Second, the number of cones with a positive head is maximised.
 
@@ -169,7 +171,7 @@ def largest_support(
 
 
 def polygonal_support(program: ConicProgram, columns: int, target: Floats | None = None) -> LargestSupport | None:
-    """Find a point of largest support in polygons inscribed in the cones, by simplex.
+    """Find a point of largest support by simplex, with polygons in place of the cones.
 
     The point is exact to rounding. The corners of a polygon lie on its cone, among them those on the axes of the face's
     frame. A self-stress on the friction boundary along an axis is a vertex here, while an interior-point method finds
@@ -216,7 +218,7 @@ def polygonal_support(program: ConicProgram, columns: int, target: Floats | None
 def project_onto_faces(
     program: ConicProgram, found: LargestSupport, target: Floats, snap: float, least: float = 0.5
 ) -> Floats:
-    """Project a point of largest support onto the faces of the cones on which it lies.
+    """Project a point of largest support onto the faces of the convex cones it lies on.
 
     The projection removes the solver's residual. Rows without slack become equations, and so do all rows of a cone at
     whose tip the point lies. In a cone on whose boundary the point lies, its tail is restricted to its direction.
@@ -247,7 +249,7 @@ def project_onto_faces(
     for start, size, slack in zip(s.heads, s.cones, found.slack[linear:], strict=True):
         if slack > least:
             continue
-        own, way = matrix[start : start + size], found.ray(start, size, least)
+        own, way = matrix[start : start + size], found.boundary_direction(start, size, least)
         if way is None:
             rows.append(own)
         else:
@@ -261,7 +263,10 @@ def project_onto_faces(
 
 
 def without_small_components(way: Floats, snap: float) -> Floats:
-    """Set components of a unit vector below `snap` to zero and normalise it again."""
+    """Set components of a unit vector below `snap` to zero, and normalise it again.
+
+    way: (k,) unit vector.
+    """
     fine = np.where(abs(way) < snap, 0.0, way)
     return np.asarray(fine / np.linalg.norm(fine))
 
@@ -269,9 +274,10 @@ def without_small_components(way: Floats, snap: float) -> Floats:
 def _slack_sum_program(
     program: ConicProgram, rhs: Floats, columns: int, cap: float, largest: float = np.inf, *, heads: bool = False
 ) -> ConicProgram:
-    """Return the program that maximises the sum of slacks in [0, cap].
+    """Return the program that maximises the sum of the slacks of all rows.
 
-    With `heads`, heads of cones up to 1 count as well.
+    program, rhs, columns, cap: as in `maximise_slacks`. largest: bound on every column, infinite for none. heads: True
+    counts the first rows of cones as well, each up to 1.
     """
     s = program.structure
     matrix = program.matrix.tocsr()[:, :columns]
@@ -295,12 +301,14 @@ def _slack_sum_program(
 
 
 def interior_motion(program: ConicProgram, columns: int) -> Floats | None:
-    """Find velocities with jumps −Gᵀz, where z lies at least 1 inside the dual cones.
+    """Find velocities whose jumps lie strictly inside the jumps of finite dissipation.
+
+    The jumps are −Gᵀz, where G are the yield rows and z lies at least 1 inside their dual cones.
 
     Parameters
     ----------
     program : ConicProgram
-        Rows E, then the row of λ, which is omitted, then G.
+        Equations E, then the row of λ, which is omitted, then the yield rows G.
     columns : int
         Number of leading columns that are balanced.
 
@@ -335,16 +343,16 @@ def least_multipliers(
     cones: tuple[int, ...],
     structure: Structure,
 ) -> Floats:
-    """Compute velocities and multipliers (u, z) of least floor·z.
+    """Compute velocities u and multipliers z of yield rows with the least weighted sum.
 
-    They satisfy Eᵀu + Gᵀz = 0, with z − floor in the cones. Large programs are solved as their dual, min floor·G y, E y
-    = 0, G y + s = floor. It is a program in forces, whose columns separate by face.
+    They minimise least·z subject to Eᵀu + Gᵀz = 0, with z − least in the cones. Large programs are solved as their
+    dual, min least·G y, E y = 0, G y + s = least. It is a program in forces, whose columns separate by face.
 
     Parameters
     ----------
     equations, yields : sparse array
         Matrices E and G; the rows of G are linear, then those of the cones.
-    floor : (rows of G,) float array
+    least : (rows of G,) float array
         Lower bound of the multipliers in the sense of the cones.
     linear : int
         Number of linear rows of G.

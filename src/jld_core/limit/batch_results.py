@@ -1,4 +1,4 @@
-"""Checked use of the batch solver's answer for a single labelling."""
+"""Use the batch solver's answer for a single labelling, after the core has checked it."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ Its setup is included. Source: benchmarks/results/lanes_single.md.
 def offer_results(
     found: BatchResults, labels: Bits, proof: Proof, prover: Prover, opening: Callable[[], Motion | None]
 ) -> None:
-    """Offer a proof what the batch solver found for one labelling (m,).
+    """Check the bounds of the batch solver for one labelling, and add them to its proof.
 
-    The offer consists of the state, and of the motion or the ray.
-    opening: returns a motion that opens all faces; called only where a margin is negative.
+    found: results for this labelling alone. labels: (m,) True = dry. proof: receives the state, and the motion or the
+    ray. prover: checks them. opening: returns a motion that opens all faces; called only where a margin is negative.
     """
     if found.verdict[0] not in (PROVEN, LOCKED) or found.forces is None:
         return

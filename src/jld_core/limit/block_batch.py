@@ -1,6 +1,6 @@
-"""Block relaxation of planar wedges in the batch solver.
+"""Block relaxation of planar faces without crushing, solved by the batch solver.
 
-It solves the programs of many sets of allowed blocks at once.
+The programs of many sets of allowed blocks are solved at once.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from jld_core.mechanics.yield_set import CoulombWedge
 
 @dataclass(frozen=True)
 class BlockMultipliers:
-    """Primal and dual values that a solver returned for one set of allowed blocks.
+    """Velocities, multipliers and shares that a solver returned for one set of allowed blocks.
 
     Attributes
     ----------
@@ -31,9 +31,9 @@ class BlockMultipliers:
     wall : (f, q) float array
         Velocities of the shared faces.
     price, portion : (n,) float array
-        Dual numbers v and σ of the elements.
+        Multipliers of each element: v of its cover row, and σ of its row for the share of λ.
     share : (p,) float array
-        x of every block.
+        Share x of every block.
     solved : bool
         True if the values are final; if False, a further solve may give a better bound.
     """
@@ -47,7 +47,7 @@ class BlockMultipliers:
 
 
 class BatchBlockProgram:
-    """Program of all possible blocks in the batch solver.
+    """Program of the block relaxation, in the batch solver, for any set of allowed blocks.
 
     It is safe for concurrent use by several threads.
 
@@ -73,10 +73,10 @@ class BatchBlockProgram:
     def of(
         cls, parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge, centroids: Floats
     ) -> BatchBlockProgram | None:
-        """Create the program; None where the batch solver does not support it.
+        """Create the block program of an assembly; None if the batch solver does not fit.
 
-        Without the compiled library there is no batch solver.
-        centroids: (n, d) of the free elements.
+        Without the compiled library there is no batch solver. parts: parts, sides and joints of the possible blocks.
+        dry, inner: yield sets of all faces under either label. centroids: (n, d) of the free elements.
         """
         if chosen() is None:
             return None
@@ -122,7 +122,7 @@ class BatchBlockProgram:
         return [self._multipliers(answers, k) for answers in found for k in range(len(answers.state))]
 
     def _multipliers(self, answers: BlockAnswers, k: int) -> BlockMultipliers:
-        """Return the values of the set with index k."""
+        """Return velocities, multipliers and shares of the k-th set of allowed blocks."""
         shared = answers.shared[k]
         return BlockMultipliers(
             velocity=-answers.own[k][self._balance],
@@ -135,9 +135,9 @@ class BatchBlockProgram:
 
 
 def _balance(parts: BlockParts, blocks: Sequence[BlockColumns]) -> Ints:
-    """Return the equilibrium rows (k, q) of the parts among the own rows of all blocks.
+    """Return the indices (k, q) of the equilibrium rows of all parts.
 
-    They are the first rows of each block.
+    They count among the rows of all blocks, where they are the first rows of each block.
     """
     begin = np.concatenate([[0], np.cumsum([one.own for one in blocks])])
     first = np.searchsorted(parts.part_block, parts.part_block)

@@ -18,9 +18,9 @@ from jld_core.program import Template
 
 @dataclass(frozen=True)
 class _Copies:
-    """Copies of faces under one label for single blocks.
+    """Copies of faces under one label, each for one block that the face touches.
 
-    face, block: (k,) face and block of each copy. column: (k, q) columns of its resultants. active: (k, q) whether a
+    face, block: (k,) face and block of each copy. column: (k, q) columns of its resultants. active: (k, q) True if a
     resultant is used.
     """
 
@@ -123,7 +123,11 @@ class ConeProgram(AllBlocksProgram):
         return _Copies(face, block, begin[:, None] + np.arange(q), active[face])
 
     def _sets(self, rows: OwnedIndices, copies: _Copies, *, dry: bool, linear: bool) -> None:
-        """Add the rows x h − G F of copies: either the linear rows or the cones."""
+        """Add the rows x h − G F of copies of faces: either the linear rows or the cones.
+
+        rows: receives the new rows. copies: of faces under one label. dry: True for the dry label. linear: True for
+        linear rows.
+        """
         pattern = self._template.yield_set.pattern
         count = len(self._template.assembly.interfaces)
         values, rhs = (pattern.dry, pattern.h_dry) if dry else (pattern.inner, pattern.h_inner)
@@ -155,9 +159,10 @@ class ConeProgram(AllBlocksProgram):
 
 
 def _lists(face: Ints, value: Ints, count: int, freedoms: int = 0) -> list[Ints]:
-    """Return for each of `count` faces its distinct values (k,) in ascending order.
+    """Group values by face: return the distinct values (k,) of each face in ascending order.
 
-    With `freedoms` > 0 the indices of the face's resultants are included.
+    face, value: (k,) pairs. count: number of faces. freedoms: if above 0, the indices of this number of resultants of
+    each face are included.
     """
     face = np.concatenate([face, np.repeat(np.arange(count), freedoms)])
     value = np.concatenate([value, np.arange(count * freedoms)])

@@ -14,10 +14,10 @@ from jld_core.program import Template
 
 
 class BlockFaces(Protocol):
-    """Interface to the margins and dissipation of faces under one label, for scaled jumps."""
+    """Interface to the margins and dissipation of scaled jumps at faces under one label."""
 
     def margin(self, jumps: Floats, faces: Ints) -> Floats:
-        """Return the least slack (k,) of the conditions for finite dissipation.
+        """Return the least slack (k,) of the conditions for finite dissipation of jumps.
 
         jumps: (k, q). faces: (k,) index of the face of each jump.
         """
@@ -31,7 +31,7 @@ class BlockFaces(Protocol):
 
 @dataclass(frozen=True)
 class YieldSetFaces:
-    """Faces of any yield set under one label.
+    """Faces of any yield set under one label, as the block relaxation needs them.
 
     sets: yield sets of m faces. dry: True for the dry label. strengths: (m,) see `BlockFaces.strength`.
     """
@@ -62,9 +62,10 @@ class YieldSetFaces:
         return np.asarray(self.strengths[faces])
 
     def _each(self, measure: Callable[[Floats, Bits], Floats], jumps: Floats, faces: Ints) -> Floats:
-        """Evaluate a measure of jumps (k, q) at faces (k,).
+        """Evaluate a margin or dissipation of jumps (k, q) at faces (k,).
 
-        A yield set evaluates all faces at once, so every pass holds at most one jump per face.
+        measure: function of jumps (m, q) and labels (m,). It evaluates all faces at once, so every pass holds at most
+        one jump per face.
         """
         found = np.empty(len(faces))
         count = len(self.strengths)

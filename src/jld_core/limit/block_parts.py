@@ -97,7 +97,10 @@ class BlockParts:
         return velocity, wall
 
     def speed(self, velocity: Floats) -> Floats:
-        """Return the size (j,) of the terms of the jumps at the joints, before they cancel."""
+        """Return the sum of the absolute terms (j,) of the jump at each joint.
+
+        It bounds the rounding error of the jump. velocity: (k, q) of the parts.
+        """
         size = np.einsum("kij,ki->k", abs(self.arm_a), abs(velocity[self.joint_a]))
         return np.asarray(size + np.einsum("kij,ki->k", abs(self.arm_b), abs(velocity[self.joint_b])))
 

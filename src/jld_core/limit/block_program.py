@@ -21,7 +21,7 @@ worse bound than a low λ.
 
 
 class AllBlocksProgram:
-    """Program of all possible blocks, from which `of` selects that of the allowed blocks.
+    """Program of all possible blocks, from which `of` selects the rows and columns of some.
 
     Rows are equations up to `_equalities`, linear inequalities up to `_linear`, then cones of `_cone` rows each.
     `_most` and `_least` are the entries with the bounds on the λ of each block.
@@ -39,7 +39,7 @@ class AllBlocksProgram:
     _cone: int
 
     def of(self, allowed: Bools, threshold: float, most: float) -> tuple[ConicProgram, Ints, Ints]:
-        """Create the program of the allowed blocks.
+        """Create the program that has only the allowed blocks.
 
         Parameters
         ----------
@@ -156,9 +156,10 @@ class BlockProgram(AllBlocksProgram):
         self._row_block, self._column_block = rows.owner, columns.owner
 
     def _sides(self, dry: CoulombWedge, rays: Ints, sticks: Ints) -> None:
-        """Add the forces on the sides.
+        """Add the forces on the dry faces around the blocks.
 
-        They are normalised rays (1, ±μ, ±1) of dry faces, and shear by cohesion, |V₀| ≤ c x.
+        They are normalised rays (1, ±μ, ±1) of the dry set, and shear by cohesion, |V₀| ≤ c x. dry: yield sets. rays,
+        sticks: columns of the rays and of the shear by cohesion.
         """
         parts, stuck, add = self._parts, self.stuck, self._entries.add_vectors
         mu = dry.friction[parts.side_face]
@@ -175,7 +176,11 @@ class BlockProgram(AllBlocksProgram):
         add(self.equal_forces[parts.side_shared[stuck][known]], sticks[known], across[known])
 
     def _joints(self, inner: CoulombWedge, bends: Ints) -> None:
-        """Add forces at the joints: N = N' − σtA x with N' = r + r', m = (r − r') / bending."""
+        """Add the forces on the inner faces of the blocks.
+
+        They are N = N' − σtA x with N' = r + r', m = (r − r') / bending, and V. inner: yield sets. bends: (j, 3)
+        columns of r, r' and V.
+        """
         parts, add, lean = self._parts, self._entries.add_vectors, 1.0 / inner.bending
         for part, arm in ((parts.joint_a, parts.arm_a), (parts.joint_b, parts.arm_b)):
             for turn, vector in enumerate((np.array([1.0, 0.0, lean]), np.array([1.0, 0.0, -lean]), np.eye(Q)[1])):
@@ -183,9 +188,10 @@ class BlockProgram(AllBlocksProgram):
             add(self.balance[part], parts.joint_block, -inner.tension[parts.joint_face][:, None] * arm[:, :, 0])
 
     def _shear(self, inner: CoulombWedge, bends: Ints, shear: Ints) -> None:
-        """Add the rows |V| ≤ τA x + μN of the joints.
+        """Add the rows |V| ≤ τA x + μN of the inner faces of the blocks.
 
-        With N' − σtA x in the place of N, the constant is the strength τA − μ σtA.
+        With N' − σtA x in the place of N, the constant is the strength τA − μ σtA. bends: (j, 3) columns of r, r' and
+        V. shear: (j, 2) rows.
         """
         parts, add = self._parts, self._entries.add
         mu = inner.friction[parts.joint_face]
@@ -201,7 +207,7 @@ class BlockProgram(AllBlocksProgram):
 
 
 class OwnedIndices:
-    """Consecutive rows or columns of a table, each with the block it belongs to (−1: none)."""
+    """Consecutive row or column indices, each with the block it belongs to (−1: none)."""
 
     def __init__(self) -> None:
         self.owner: Ints = np.empty(0, dtype=np.int64)
@@ -221,7 +227,7 @@ class OwnedIndices:
 
 
 class SparseEntries:
-    """Rows, columns and values of a sparse matrix, collected in groups."""
+    """Entries of a sparse matrix, collected in groups of rows, columns and values."""
 
     def __init__(self) -> None:
         self._parts: list[tuple[Ints, Ints, Floats]] = []
@@ -235,10 +241,10 @@ class SparseEntries:
         return slice(begin, self._length)
 
     def add_vectors(self, rows: Ints, column: Ints, value: Floats) -> None:
-        """Append q values (k, q) in the rows (k, q) of each column (k,)."""
+        """Append q values in each of k columns: values (k, q), rows (k, q), columns (k,)."""
         self.add(rows.ravel(), np.repeat(column, rows.shape[1]), value.ravel())
 
     def arrays(self) -> tuple[Ints, Ints, Floats]:
-        """Return rows, columns and values of all entries."""
+        """Return row indices, column indices and values of all entries."""
         rows, columns, values = zip(*self._parts, strict=True)
         return np.concatenate(rows), np.concatenate(columns), np.concatenate(values)

@@ -85,10 +85,10 @@ class Choice:
 
 @dataclass(frozen=True)
 class _Mechanism:
-    """Sums of one mechanism per block, and its dual numbers per element.
+    """Work and dissipation of one mechanism, per block, and its multipliers per element.
 
     live, cost, inside, size: (p,) live work; dissipation minus dead work; dissipation inside; size of the summed terms.
-    price, portion: (n,) dual numbers v and σ of the elements.
+    price, portion: (n,) multipliers v and σ of the elements, see `BlockMultipliers`.
     """
 
     live: Floats
@@ -221,14 +221,17 @@ class BlockRelaxation:
         return found
 
     def _close(self, found: Choice, threshold: float) -> bool:
-        """Return True if a choice is unrefuted but close to the threshold.
+        """Return True if the threshold is not refuted, but the bound is close to it.
 
         A solve with a finer residual may then refute it.
         """
         return not found.refuted and found.bound <= threshold + _NEAR * max(1.0, abs(threshold))
 
     def _choose(self, allowed: Bools, threshold: float, most: float, route: Solver) -> Choice:
-        """Solve the program of the allowed blocks and return what the answer proves."""
+        """Solve the program of the allowed blocks by one solver, and return what it proves.
+
+        allowed, threshold, most: as in `choose`. route: the solver.
+        """
         program, rows, columns = self._states.of(allowed, threshold, most)
         raw = route.solve(program)
         self.solves += 1
@@ -240,7 +243,10 @@ class BlockRelaxation:
         return self._judged(answer, allowed, threshold, most)
 
     def _judged(self, answer: BlockMultipliers, allowed: Bools, threshold: float, most: float) -> Choice:
-        """Return the result that a solver's answer proves."""
+        """Return the bound that the velocities and multipliers of a solver prove.
+
+        answer: values of the solver, not trusted. allowed, threshold, most: as in `choose`.
+        """
         share = np.clip(np.nan_to_num(answer.share), 0.0, 1.0)
         mechanism = self._repair(answer, allowed, most)
         if mechanism is None:
@@ -263,9 +269,10 @@ class BlockRelaxation:
     # --- proof ------------------------------------------------------------------------------------------
 
     def _margin(self, velocity: Floats, wall: Floats, allowed: Bools | None = None) -> float:
-        """Return the least margin for finite dissipation over all jumps.
+        """Return the least margin for finite dissipation over the jumps of all blocks.
 
-        With `allowed` (p,), only jumps of allowed blocks count.
+        velocity: (k, q) of the parts. wall: (f, q) of the shared faces. allowed: (p,) blocks whose jumps count; None:
+        all.
         """
         parts = self._parts
         half, inner = parts.jumps(velocity, wall)
@@ -275,9 +282,9 @@ class BlockRelaxation:
         return float(np.concatenate(margins).min(initial=np.inf))
 
     def _repair(self, answer: BlockMultipliers, allowed: Bools, most: float) -> _Mechanism | None:
-        """Open the velocities of an answer until every dissipation is finite.
+        """Open the velocities of an answer until every dissipation is finite, and sum their work.
 
-        Returns the sums per block; None where opening fails.
+        The result is None where opening fails. allowed: (p,) blocks that may be chosen. most: scaled upper bound on λ.
         """
         if not all(map(usable, (answer.velocity, answer.wall, answer.price, answer.portion))):
             return None
@@ -316,9 +323,10 @@ class BlockRelaxation:
         return total
 
     def _excess(self, mechanism: _Mechanism, load: float, allowed: Bools) -> tuple[float, Floats]:
-        """Bound Σ e_p over all choices from below, rounding deducted.
+        """Return a lower bound on the total excess of any segmentation into allowed blocks.
 
-        Returns the bound, and (p,) its increase if block p is chosen.
+        The excess of a block, docs/method.md (6.6), is positive where its mechanism refutes the scaled λ `load`.
+        Rounding is deducted. The second result (p,) is how much the bound increases if a block is chosen.
         """
         value = load * mechanism.portion - mechanism.price
         held = self._sums(value[self._parts.part_element], self._parts.part_block)

@@ -153,7 +153,10 @@ class Prover:
         return found
 
     def _ray(self, forces: Floats, active: Bools, labels: Bits) -> State:
-        """Project forces (q·m,) that are zero but where `active` (m, q) on A R + b_λ = 0, and measure them."""
+        """Project forces onto A R + b_λ = 0, with some resultants fixed at zero, and measure them.
+
+        forces: (q·m,) scaled. active: (m, q) True for resultants that may differ from zero. labels: (m,) True = dry.
+        """
         mask, live = active.ravel().astype(float), self.template.live
         forces, left, error = projected_onto(self._projectors.of_forces(mask), forces * mask, -live, 3)
         table = forces.reshape(self._everything.shape)
@@ -190,11 +193,14 @@ class Prover:
         return float((gone / np.where(met > 0.0, met, 1.0)).max(initial=0.0))
 
     def _nothing(self) -> State:
-        """Return the state that proves no bound."""
+        """Return a state that proves no bound: slack −inf and error inf."""
         return State(np.zeros(self._everything.shape), 0.0, -np.inf, np.inf)
 
     def _state(self, forces: Floats, load: float, labels: Bits, passes: int, held: bool = False) -> State:
-        """Project forces (q·m,) at a given λ onto equilibrium and measure their slack."""
+        """Project forces (q·m,) at a given λ onto equilibrium, and measure their slack.
+
+        load: scaled λ. labels: (m,) True = dry. passes, held: as in `state`.
+        """
         template = self.template
         projector, mask = self._projectors.with_load(labels)
         if mask is None or held:

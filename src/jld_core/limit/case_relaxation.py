@@ -51,7 +51,7 @@ class _Cases(Generic[_Kind]):
         return all(one.batched for one in self._cases)
 
     def _reorder(self, refuted: Sequence[int]) -> None:
-        """Sort the cases by the number of refutations (c,), most first.
+        """Sort the load cases by their numbers of refutations (c,), most first.
 
         The order is a new list, as other threads may iterate over the old one.
         """
@@ -59,7 +59,7 @@ class _Cases(Generic[_Kind]):
 
 
 def _raised(bound: float) -> float:
-    """Raise a bound by the rounding of a change of units."""
+    """Raise a bound by the rounding error of a change of units."""
     return bound + abs(bound) * _ROUNDING if math.isfinite(bound) else bound
 
 

@@ -73,7 +73,7 @@ class OpeningMotions:
         return self._expansion
 
     def _expanding(self) -> Motion | None:
-        """Return the motion of `expansion`, which keeps it."""
+        """Compute the motion that `expansion` returns."""
         template = self.template
         elements, faces = template.assembly.elements, template.assembly.interfaces
         held = elements.support[faces.a] | elements.support[faces.b]
@@ -94,7 +94,7 @@ class OpeningMotions:
         return None
 
     def _steepest(self) -> Template:
-        """Return this template with the strictest conditions on jumps.
+        """Return a template whose conditions on jumps hold under either label.
 
         It has no crushing, and the larger friction of both labels. A crushing face has finite dissipation for every
         jump. A dry face must be at least as strict as an inner one.

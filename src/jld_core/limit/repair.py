@@ -98,7 +98,10 @@ class Repair:
         return found
 
     def _settled(self, raw: RawSolution, labels: Bits) -> bool | None:
-        """Return what a point of largest slack at λ = 0 and its multipliers prove."""
+        """Return whether λ = 0 is admissible, as far as one solver answer proves it.
+
+        raw: answer of the program of largest slack at λ = 0. labels: (m,) True = dry. The result is None if undecided.
+        """
         point = np.append(raw.point[: self.template.columns - 1], 0.0)
         if self.prover.state(point, labels, passes=3, held=True).admissible:
             return True
@@ -130,7 +133,10 @@ class Repair:
         return self._largest_slack_solution(labels).dual
 
     def _largest_slack_solution(self, labels: Bits) -> RawSolution:
-        """Return the solution of largest slack at any λ; the last one is cached."""
+        """Return the raw solution of largest slack at any λ; the last one is cached.
+
+        labels: (m,) True = dry.
+        """
         key = np.packbits(labels).tobytes()
         if self._largest_slack is None or key != self._largest_slack_key:
             self._largest_slack = solve_auxiliary(largest_slack_program(self.template.program(labels)), 1e-4)
@@ -189,11 +195,11 @@ class Repair:
         return None
 
     def _equations(self, s: Structure, tight: Bools, values: Floats) -> list[sp.csr_array]:
-        """Return combinations (k, rows) of rows that are zero where tips are tight.
+        """Return combinations (k, rows) of program rows that are zero where yield rows are tight.
 
-        On the boundary of a cone away from its tip, the tail is a fixed direction times the head. At the tip all rows
-        of the cone are zero. A crushing face without force lies on the boundary of its cones away from their tips.
-        values: (rows,) r − M y of a point there.
+        s: structure of the program. tight: True for tight rows of `slack_rows`. values: (rows,) slacks of a point. On
+        the boundary of a cone away from its tip, the tail is a fixed direction times the head. At the tip all rows of
+        the cone are zero. A crushing face without force lies on the boundary of its cones away from their tips.
         """
         tips, linear = slack_rows(s), s.linear - 1
         first = tips[:linear][tight[:linear]]
@@ -211,9 +217,10 @@ class Repair:
         return found
 
     def _state_on_boundary(self, y: Floats, labels: Bits, edge: Bools, load: float) -> State | None:
-        """Return the state of a projected point; None where it is not admissible.
+        """Return the state of a point on the boundary of yield sets; None if inadmissible.
 
-        Violations within rounding are accepted.
+        y: point, forces first. labels: (m,) True = dry. edge: (m,) faces with tight rows, where violations within
+        rounding are accepted. load: scaled λ.
         """
         template, sets = self.template, self.template.yield_set
         forces = y[: template.matrix.shape[1]].reshape(len(labels), -1)

@@ -43,7 +43,10 @@ _RAYS: Final = ((0.0, 1e-5), (0.0, 0.0), (1e3, 1e-5), (1e2, 1e-4))
 
 @dataclass(frozen=True)
 class _Stage:
-    """Self-stresses found so far, (columns,) each, the rows of each before it, and the rows that are left."""
+    """Self-stresses found so far, and the rows that they leave.
+
+    stresses: each (columns,). before: rows in which each was found. left: rows left by all of them.
+    """
 
     stresses: tuple[Floats, ...]
     before: tuple[Reduced, ...]
@@ -52,7 +55,10 @@ class _Stage:
 
 @dataclass(frozen=True)
 class _RowPosition:
-    """Position of a vector in rows: slack (k,) of linear ones, heads (c,) and tails (c, 2) of cones."""
+    """Values of a vector in a set of yield rows.
+
+    linear: (k,) slacks of linear rows. head: (c,) first row of each cone. tail: (c, 2) its other rows.
+    """
 
     linear: Floats
     head: Floats
@@ -60,12 +66,12 @@ class _RowPosition:
 
     @property
     def inside(self) -> Floats:
-        """Slack (c,) of each cone."""
+        """Return the slack (c,) of each cone: its first row minus the norm of the others."""
         return np.asarray(self.head - np.linalg.norm(self.tail, axis=1))
 
     @property
     def least(self) -> float:
-        """Least slack of all rows."""
+        """Return the least slack of all linear rows and cones."""
         return float(min(self.linear.min(initial=np.inf), self.inside.min(initial=np.inf)))
 
 
@@ -147,7 +153,11 @@ class SelfStress:
                 yield State(self._table(forces[:resultants]), float(point[-1]), 2.0 * error, error)
 
     def _balanced(self, point: Floats) -> tuple[Floats, float] | None:
-        """Project forces onto equilibrium, further variables left as they are; return them with the error left."""
+        """Project forces onto equilibrium, and return them with the error left.
+
+        point: (columns + 1,) forces, further variables, and λ. The further variables stay as they are. The result is
+        None if the point is unusable.
+        """
         if not usable(point):
             return None
         resultants = self.template.matrix.shape[1]
@@ -155,11 +165,15 @@ class SelfStress:
         return np.concatenate([state.forces.ravel(), point[resultants : self.columns], [state.load]]), state.error
 
     def _table(self, forces: Floats) -> Floats:
-        """Return resultants (m, q) from (q·m,)."""
+        """Return scaled resultants (q·m,) as a table (m, q)."""
         return forces.reshape(len(self.labels), -1)
 
     def _with_stresses(self, point: Floats, stage: _Stage) -> Floats | None:
-        """Add each self-stress, the last first, so large that the rows before it hold; None if none is large enough."""
+        """Add self-stresses to a point until it is admissible in all rows; None on failure.
+
+        Each self-stress of the stage is added so large, the last first, that the rows before it hold. point: (columns +
+        1,).
+        """
         for stress, before in zip(stage.stresses[::-1], stage.before[::-1], strict=True):
             rows = program_of_rows(self.program, before, right=True)
             for times in _TIMES:
@@ -172,7 +186,7 @@ class SelfStress:
         return point
 
     def _reduced(self) -> Iterator[_Stage]:
-        """Reduce the rows by one self-stress after the other; yield what is left each time."""
+        """Reduce the rows by one self-stress after the other; yield the stage reached each time."""
         stage = _Stage((), (), kept_rows(self.program))
         for _ in range(_ROUNDS):
             for search in SEARCHES[:2]:
@@ -193,7 +207,10 @@ class SelfStress:
                 return
 
     def _remaining_rows(self, stress: Floats, left: ConicProgram, reduced: Reduced) -> Reduced | None:
-        """Return the rows that a self-stress leaves; None if it is none, or leaves all."""
+        """Return the rows that a self-stress leaves; None if it is invalid or leaves all.
+
+        stress: (columns,) to be checked. left: program of the rows so far, which `reduced` lists.
+        """
         room, size = _row_position(left, stress), float(abs(stress).max())
         exact = self.prover.exact * max(1.0, size)
         balance = self.prover.imbalance(stress[: self.template.matrix.shape[1]], np.zeros_like(self.template.live))
@@ -216,12 +233,19 @@ class SelfStress:
 
 
 def _without_last_digits(point: Floats) -> Floats:
-    """Set entries to zero that are last digits of the largest one, as in elements that bear nothing."""
+    """Set entries of a vector to zero that are rounding errors of its largest entry.
+
+    Elements that carry nothing have such entries.
+    """
     return np.where(abs(point) <= _LAST_DIGITS * abs(point).max(initial=0.0), 0.0, point)
 
 
 def _blended(rows: ConicProgram, outer: Floats, inner: Floats) -> Floats | None:
-    """Move a point towards an inner one until all rows have the slack `_LEFT`; None if the inner one has less."""
+    """Move a point towards an inner one until all rows have the slack `_LEFT`.
+
+    The result is None if the inner point has less slack. rows: program of the rows. outer, inner: (columns + 1,)
+    points.
+    """
     out, within = _row_position(rows, outer).least, _row_position(rows, inner).least
     if within <= _LEFT:
         return None
@@ -230,7 +254,10 @@ def _blended(rows: ConicProgram, outer: Floats, inner: Floats) -> Floats | None:
 
 
 def _row_position(program: ConicProgram, point: Floats) -> _RowPosition:
-    """Return the position of a vector in all rows but that of λ; a shorter vector: without its last columns."""
+    """Return the slacks and cone values of a vector in all rows but that of λ.
+
+    point: (columns,); if it is shorter, its last columns are zero.
+    """
     s = program.structure
     values = program.rhs - program.matrix.tocsr()[:, : len(point)] @ point
     tails = [values[s.heads + k] for k in (1, 2)] if s.cones else [np.zeros(0)] * 2

@@ -64,9 +64,9 @@ class Projector:
 
 
 def _cholesky(normal: sp.csc_array, places: Floats | None) -> Callable[[Floats], Floats] | None:
-    """Return a solver by multifrontal Cholesky, or None if that is impossible.
+    """Return a solver of A Aᵀ x = r by multifrontal Cholesky, or None if impossible.
 
-    It needs known places and a positive definite matrix.
+    It needs known places and a positive definite matrix. normal: A Aᵀ. places: (rows, d) coordinates of the rows.
     """
     if places is None:
         return None
@@ -82,7 +82,7 @@ def _cholesky(normal: sp.csc_array, places: Floats | None) -> Callable[[Floats],
 
 
 def _lu(normal: sp.csc_array) -> Callable[[Floats], Floats]:
-    """Return a solver by sparse LU."""
+    """Return a solver of A Aᵀ x = r by sparse LU factors."""
     # Rows are of order one. A shift as small as rounding admits dependent rows (no friction anywhere).
     shifted = normal + 1e-15 * sp.eye_array(normal.shape[0], format="csc")
     return spla.splu(shifted, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve
@@ -101,7 +101,7 @@ def _right_inverse(matrix: Floats) -> Floats:
 
 
 def dense_if_small(matrix: Any) -> Any:
-    """Return a small sparse matrix as a dense one, for faster products with vectors.
+    """Return a small sparse matrix as a dense one, which multiplies vectors faster.
 
     Parameters
     ----------

@@ -51,14 +51,20 @@ class FieldResult:
 
     @property
     def governing(self) -> Governing:
-        """Governing factor, the least over cases of λ / required; its value is the lower bound."""
+        """Return the governing factor, the least over load cases of λ / required.
+
+        Its value is the lower bound.
+        """
         known = [case_bounds_of(bounds) for bounds in self.cases.values()]
         found = governing(known, self.assembly.required.tolist())
         return Governing(found.status, found.low, found.high, found.low, found.case)
 
     @property
     def status(self) -> Status:
-        """Collapse where the gap is reached, unstable where an upper bound is below 0, else uncertified."""
+        """Return the outcome of the bounds by fields.
+
+        It is collapse where the gap is reached, unstable where an upper bound is below 0, else uncertified.
+        """
         return self.governing.status
 
     def to_json(self) -> dict[str, Any]:
@@ -132,7 +138,7 @@ class FieldResult:
         return facts
 
     def _reason(self) -> str:
-        """Say why the gap was not reached, in one sentence."""
+        """Return one sentence on why the gap was not reached."""
         bounds = list(self.cases.values())[self.governing.case]
         words = {
             FieldStatus.NO_LOWER: "no stress field was found: the blocks may be too weak for their own weight",
@@ -237,7 +243,10 @@ def require_cracks(
 
 
 def _require_cells(scene: Scene, cell: float, where: str) -> None:
-    """Raise InputError unless cells of a size divide the grid; of general elements any size is accepted here."""
+    """Raise InputError unless cells of size `cell` divide the grid of a scene.
+
+    Of general elements any size is accepted here. where: key or option of the size, for the message.
+    """
     if scene.grid is None:
         return
     for name, length in zip(("width", "height"), scene.grid.cell, strict=True):
@@ -276,11 +285,12 @@ def _width(low: float, high: float) -> float:
 
 
 def _stands(found: Governing) -> bool | None:
-    """Return whether λ = 0 is admissible, None where undecided."""
+    """Return True if λ = 0 is admissible, False if not, None where undecided."""
     if found.status is Status.UNSTABLE:
         return False
     return True if found.low >= 0.0 else None
 
 
 def _shown(value: float) -> str:
+    """Return a number in at most nine digits, or "none" if it is not finite."""
     return f"{value:.9g}" if math.isfinite(value) else "none"

@@ -86,8 +86,8 @@ class FixedPoint:
 def under_own_areas(prover: Prover, state: State, labels: Bits) -> tuple[State, EffectiveAreas, Prover]:
     """Evaluate a state under the effective areas of its own forces.
 
-    prover: of any template of the assembly. Return the state, the effective areas, and a prover with these areas
-    frozen.
+    prover: of any template of the assembly. state: forces. labels: (m,) True = dry. The results are the state under
+    these areas, the areas, and a prover with the areas frozen.
     """
     areas = areas_under(prover.template.assembly, state.forces, labels)
     frozen = prover.with_template(frozen_areas(prover.template, areas))
@@ -149,7 +149,11 @@ def find_fixed_point(analysis: LimitAnalysis, labels: Bits, starts: int = STARTS
 
 
 def _checked(analysis: LimitAnalysis, labels: Bits, point: PathPoint, starts: int) -> FixedPoint:
-    """Compute the bracket of the problem frozen at the areas of an iterate."""
+    """Return the fixed point at an iterate of a central path, with its proven bracket.
+
+    The bracket is that of the problem frozen at the areas of the iterate. labels: (m,) True = dry. starts: number of
+    paths followed.
+    """
     state, areas, frozen = under_own_areas(analysis.prover, analysis.prover.state(point.y, labels), labels)
     if not state.admissible and state.slack > -_EDGE:
         # faces that bear nothing have no slack at all
@@ -166,7 +170,11 @@ def _checked(analysis: LimitAnalysis, labels: Bits, point: PathPoint, starts: in
 
 
 def _with_frozen_mechanism(analysis: LimitAnalysis, labels: Bits, found: FixedPoint) -> FixedPoint:
-    """Solve the problem frozen at the areas found: its mechanism is more exact than multipliers of an iterate."""
+    """Solve the problem frozen at the areas of a fixed point, for a better mechanism.
+
+    Its mechanism is more accurate than the multipliers of an iterate. The narrower bracket is kept. labels: (m,) True =
+    dry.
+    """
     proof = analysis.with_template(found.prover.template, labels).prove(labels)
     width = (
         np.inf if proof.motion is None else relative_width(found.state.load, proof.motion.bound, analysis.load_scale)

@@ -110,7 +110,11 @@ def rigid_blocks(assembly: Assembly, labels: Bits, apart: Ints) -> RigidBlocks:
 
 
 def _joined(assembly: Assembly, labels: Bits, group: Ints, support: Bits, kept: Ints) -> Assembly:
-    """Build the condensed assembly: sum loads and weights per block, keep given interfaces."""
+    """Build the condensed assembly: sum loads and weights per block, keep some interfaces.
+
+    labels: (m,) True = dry. group: (n,) block of each element. support: (blocks,) True for supports. kept: interfaces
+    that stay.
+    """
     elements, faces, s, d = assembly.elements, assembly.interfaces, assembly.strengths, assembly.dimension
     number = len(support)
     size = np.bincount(group, minlength=number)
@@ -226,9 +230,9 @@ def _inner_forces(
 ) -> tuple[Floats, Ints] | None:
     """Compute scaled forces on all faces, and the blocks without admissible inner forces.
 
-    boundary: (m', q) forces on the faces between blocks, scene units. load: λ, scene units. Blocks are independent
-    of each other once boundary forces and λ are given: each maximises its own least slack. Return None where the
-    solver returns no finite forces.
+    labels: (m,) True = dry. boundary: (m', q) forces on the faces between blocks, scene units. load: λ, scene units.
+    Blocks are independent of each other once boundary forces and λ are given: each maximises its own least slack. The
+    result is None where the solver returns no finite forces.
     """
     scale, q, sets = template.scaling, template.assembly.freedoms, template.yield_set
     count = len(labels)
@@ -281,7 +285,10 @@ def _inner_forces(
 
 
 def _cone_faces(row_face: Ints, linear: int, cones: tuple[int, ...]) -> Ints:
-    """Return the face of each second-order cone."""
+    """Return the face of each second-order cone of a row pattern.
+
+    row_face: (rows,) face of each row. linear: number of linear rows. cones: sizes of the cones.
+    """
     return np.asarray(row_face[linear + beginnings(cones)])
 
 

@@ -143,7 +143,7 @@ def sensitivities(result: LimitAnalysisResult) -> dict[str, Sensitivity]:
 
 @dataclass(frozen=True)
 class _Change:
-    """One parameter of an assembly.
+    """Change of one parameter of an assembly.
 
     size: scale of the parameter, to which steps are relative: the least strength, or 1 for weight. strength: name of
     the strength, empty for weight.
@@ -153,7 +153,7 @@ class _Change:
     strength: str = ""
 
     def of(self, assembly: Assembly, step: float) -> Assembly:
-        """Return the assembly with the parameter increased by a step."""
+        """Return an assembly with the parameter increased by a step."""
         if self.strength:
             values = getattr(assembly.strengths, self.strength) + step
             return replace(assembly, strengths=replace(assembly.strengths, **{self.strength: values}))
@@ -254,7 +254,10 @@ class _Base:
         return left + share * (left - far_left), right + share * (right - far_right), bent, min(noises)
 
     def _value(self, program: ConicProgram) -> tuple[float, float]:
-        """Solve a program; return its λ, and the difference of its primal and dual λ; NaN if it has none."""
+        """Return λ of a program and the difference of its primal and dual λ, scaled.
+
+        Both are NaN if the program has no solution.
+        """
         raw = self._solver.solve(program)
         if raw.status not in (RawStatus.OPTIMAL, RawStatus.ALMOST):
             return math.nan, math.nan
@@ -262,9 +265,9 @@ class _Base:
         return 0.5 * (primal + dual), abs(primal - dual)
 
     def _side(self, matrix: sp.csr_array, rhs: Floats) -> float:
-        """Compute the rate of −λ to one side, scaled; NaN where the linear program has no optimum.
+        """Compute the rate of −λ to one side of the parameter; NaN without an optimum.
 
-        matrix, rhs: rates of change of the program data.
+        matrix, rhs: rates of change of the program data, scaled.
         """
         equal = np.arange(self._first)
         held = np.flatnonzero(self._held)

@@ -237,7 +237,7 @@ def _rigid_blocks(attempt: ProofAttempt) -> None:
 
 
 def _strong(attempt: ProofAttempt) -> bool:
-    """Return True if the inner faces are strong enough to start with rigid blocks."""
+    """Return True if the inner faces are so strong that rigid blocks are tried first."""
     return worth_condensing(attempt.template, attempt.labels)
 
 

@@ -77,7 +77,7 @@ class BatchResult:
 
     @property
     def best(self) -> int | None:
-        """Return the number of the labelling with the largest λ, from 0; None if no labelling has a λ."""
+        """Return the index of the labelling with the largest λ; None if no labelling has a λ."""
         return None if np.isnan(self.load_factor).all() else int(np.nanargmax(self.load_factor))
 
     def result(self, number: int) -> LimitAnalysisResult:
@@ -195,7 +195,10 @@ def _solve_many(assembly: Assembly, labels: Bits, model: SolveOptions) -> BatchR
 
 
 def _governing(assembly: Assembly, labels: Bits, model: SolveOptions, cases: dict[str, BatchResult]) -> BatchResult:
-    """Combine the results of load cases: the least λ / required of each labelling."""
+    """Combine the results of load cases into the least λ / required of each labelling.
+
+    labels: (k, m) True = dry. cases: results by the names of the load cases.
+    """
     required, names = assembly.required.tolist(), list(cases)
     decided = [
         governing(

@@ -26,7 +26,10 @@ _SETTLED = 1e-3  # κ/τ below which the program counts as solvable and iteratio
 
 @dataclass
 class _Iterate:
-    """Iterate x, u, s, v of the embedding with its scalars τ and κ."""
+    """Iterate of the homogeneous self-dual embedding of a program.
+
+    x: columns. u: multipliers of equations. s, v: slacks and multipliers of yield rows. tau, kappa: τ and κ.
+    """
 
     x: Floats
     u: Floats
@@ -77,7 +80,7 @@ class SchurSolver(Solver):
 
 
 class _Iteration:
-    """State of one solve."""
+    """State of the interior-point iterations for one program."""
 
     def __init__(self, program: ConicProgram, system: SchurSystem, tolerance: float, gap: float) -> None:
         edge = program.structure.equalities
@@ -88,9 +91,9 @@ class _Iteration:
         self.note = ""
 
     def to_the_end(self, most: int) -> tuple[RawStatus, _Iterate, int]:
-        """Iterate to the tolerance, a ray, or stagnation; return status, iterate and count.
+        """Iterate until convergence, a ray or stagnation; return status, iterate and count.
 
-        Without convergence the best iterate is returned.
+        Without convergence the best iterate is returned. most: largest number of iterations.
         """
         try:
             now = self._start()
@@ -120,7 +123,7 @@ class _Iteration:
         return RawStatus.LIMIT, best, most
 
     def answer(self, status: RawStatus, it: _Iterate) -> tuple[Floats, Floats]:
-        """Return point and multipliers, or the ray that belongs to the status."""
+        """Return point and multipliers of an iterate, or the ray that its status states."""
         dual = np.concatenate([it.u, it.v])
         if status is RawStatus.INFEASIBLE:
             return it.x, dual / -(self.r @ it.u + self.h @ it.v)
@@ -129,7 +132,7 @@ class _Iteration:
         return it.x / it.tau, dual / it.tau
 
     def _start(self) -> _Iterate:
-        """Compute least-squares points, shifted into the cones."""
+        """Return the first iterate: least-squares points, shifted into the cones."""
         system, nothing = self.system, np.zeros(len(self.q))
         system.factor(NesterovTodd(self.cones, self.unit, self.unit))
         x, _, minus_s = system.solve(nothing, self.r, self.h)
@@ -142,7 +145,10 @@ class _Iteration:
         return _Iterate(x, u, s, v)
 
     def _status_of(self, it: _Iterate) -> tuple[RawStatus | None, float]:
-        """Return the final status, or None to continue, and the error relative to the tolerances."""
+        """Return the final status of an iterate, or None to continue, and its error.
+
+        The error is relative to the tolerances.
+        """
         system, q, r, h = self.system, self.q, self.r, self.h
         gradient = system.transposed(it.u, it.v)
         left_u, left_v = system.equations(it.x), system.yields(it.x) + it.s
@@ -162,7 +168,7 @@ class _Iteration:
         return None, merit
 
     def _advance(self, it: _Iterate) -> _Iterate | None:
-        """Return the iterate after one predictor–corrector step, or None if no step is possible."""
+        """Take one predictor–corrector step; None if no step is possible."""
         system, cones = self.system, self.cones
         scaling = NesterovTodd(cones, it.s, it.v)
         system.factor(scaling)
