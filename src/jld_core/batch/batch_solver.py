@@ -120,7 +120,7 @@ class BatchSolver:
     ----------
     variant : str
         Variant of the compiled library.
-    settles : float
+    settled_fraction : float
         Share of the random labellings that got a verdict; 0 if none were solved.
 
     Raises

@@ -56,7 +56,7 @@ class LimitAnalysis:
         Labelling, True = dry, on which solvers are set up. Default: all faces dry.
     template : Template or None
         Template of the assembly, if it exists already.
-    single : bool
+    single_labelling : bool
         State that only one labelling will be analysed. The batch solver is then made for it alone, where that is
         faster.
     """
@@ -142,7 +142,7 @@ class LimitAnalysis:
         ----------
         labels : (m,) bool array
             Labels, True = dry.
-        ladder : tuple of Fallback
+        fallbacks : tuple of Fallback
             Solution methods, in the order in which they are tried.
         stands : bool
             Also decide whether λ = 0 is admissible.

@@ -101,7 +101,7 @@ class BlockProgram(AllBlocksProgram):
         Columns of x.
     cover, share : (n,) int array
         Rows of the cover and of the shares of λ, per element.
-    agree : (f, 3) int array
+    equal_forces : (f, 3) int array
         Rows of the equal forces on shared faces.
     balance : (k, 3) int array
         Equilibrium rows of the parts.

@@ -18,7 +18,7 @@ def relative_width(low: float, high: float, load_scale: float) -> float:
     ----------
     low, high : float
         Bounds on λ, in any one unit; NaN or infinite where missing.
-    floor : float
+    load_scale : float
         λ below which differences are negligible, in the same unit (see `load_scale`).
 
     Returns

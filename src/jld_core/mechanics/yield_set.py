@@ -100,7 +100,7 @@ class ParabolicBending:
     rows : (k, 3, 3) array
         a, b, h of bending; of −a N ± b V ≤ h; and of a line −a N ± b M ≤ h that also bounds bending, with a = b = 0
         where there is none.
-    meeting : (k, 12) array or None
+    interaction : (k, 12) array or None
         Interaction of V and M: N and m of a corner of the inner set; how far its shear is above the dry line (0: no
         interaction); the first and last N₁/(1 − w); N_c, μ and c of dry faces; σtA, N_c, shear strength and μ of inner
         faces. None if the label is decided.

@@ -26,7 +26,8 @@ from jld_core.limit import (
 )
 from jld_core.mechanics import InnerBending, require_materials
 from jld_core.models.inputs import Labels, Structure, assembly_of, labellings_of
-from jld_core.models.solve import limit_analysis, solve, solve_labelling
+from jld_core.models.labelling import limit_analysis, solve_labelling
+from jld_core.models.solve import solve
 from jld_core.solvers import Solver
 from jld_core.threads import one_thread
 
