@@ -19,6 +19,7 @@ from jld_core.batch import ConflictRequest
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.block_relaxation import Asked, BlockRelaxation, Choice
 from jld_core.limit.dual_bounds import DualBound, MinimizedConflict
+from jld_core.limit.partial_labellings import PartialLabellingBounds
 from jld_core.limit.relaxation import Relaxation
 
 _ROUNDING = 4.0 * float(np.finfo(float).eps)
@@ -63,11 +64,11 @@ def _raised(bound: float) -> float:
     return bound + abs(bound) * _ROUNDING if math.isfinite(bound) else bound
 
 
-class CaseRelaxation(_Cases[Relaxation]):
+class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
     """Upper bounds on the governing factor of partial labellings under several load cases.
 
     The governing factor is the minimum over cases of λ / required. Bounds and thresholds are governing factors, not
-    scaled. The case that refuted most is asked first.
+    scaled. The case that refuted most is tried first. Methods are documented in `PartialLabellingBounds`.
 
     Parameters
     ----------
@@ -87,46 +88,10 @@ class CaseRelaxation(_Cases[Relaxation]):
         """Return the relaxations of all load cases."""
         return tuple(self._cases)
 
-    def refute(self, labels: Bits, undecided: Bools, threshold: float) -> DualBound | None:
-        """Refute a governing factor for all labellings that agree on the decided faces.
-
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry; ignored where undecided.
-        undecided : (m,) bool array
-            Faces that may have either label.
-        threshold : float
-            Governing factor to refute.
-
-        Returns
-        -------
-        DualBound or None
-            Mechanism of one case that proves it; None where no proof is found.
-        """
-        return self.refute_all(labels[None], undecided[None], np.array([threshold]))[0]
-
     def refute_all(
         self, labellings: Bits, undecided: Bools, thresholds: Floats, thorough: Bools | None = None
     ) -> list[DualBound | None]:
-        """Refute governing factors for many partial labellings.
-
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            Labels, True = dry; ignored where undecided.
-        undecided : (k, m) bool array
-            Faces that may have either label.
-        thresholds : (k,) float array
-            Governing factors to refute.
-        thorough : (k,) bool array or None
-            Whether to try another solver where the batch solver finds no proof. Default: everywhere.
-
-        Returns
-        -------
-        list of DualBound or None
-            Mechanism of the first case that refutes each threshold; None where no proof is found.
-        """
+        """Refute governing factors by any case, see `PartialLabellingBounds.refute_all`."""
         found: list[DualBound | None] = [None] * len(labellings)
         left = np.arange(len(labellings))
         counts = [0] * len(self._cases)
@@ -145,22 +110,7 @@ class CaseRelaxation(_Cases[Relaxation]):
         return found
 
     def minimize_conflicts(self, asked: ConflictRequest) -> list[MinimizedConflict]:
-        """Reduce the decided faces of labellings as far as their refutations allow.
-
-        The governing factor must stay below the thresholds. Each labelling is treated under the first case that
-        refutes it, see `Relaxation.minimize_conflicts`.
-
-        Parameters
-        ----------
-        asked : ConflictRequest
-            Labellings and thresholds, as governing factors.
-
-        Returns
-        -------
-        list of MinimizedConflict
-            Conflicts of labellings and neighbours, then one entry without bound for each labelling that no case
-            refutes.
-        """
+        """Minimise conflicts case by case, see `PartialLabellingBounds.minimize_conflicts`."""
         found: list[MinimizedConflict] = []
         left, carried = np.arange(len(asked.labellings)), np.ones(len(asked.labellings), dtype=bool)
         counts = [0] * len(self._cases)
@@ -183,69 +133,14 @@ class CaseRelaxation(_Cases[Relaxation]):
         return found + [MinimizedConflict(k, True, asked.free, None, bool(carried[k])) for k in left.tolist()]
 
     def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
-        """Evaluate the work balance of known mechanisms of one load case.
-
-        No program is solved.
-
-        Parameters
-        ----------
-        case : int
-            Index of the load case.
-        velocities : (k, q·free) float array
-            Mechanisms, scaled.
-        labellings : (k, m) bool array
-            Labels, True = dry; ignored where undecided.
-        undecided : (k, m) bool array
-            Faces that may have either label.
-
-        Returns
-        -------
-        (k,) float array
-            Governing factors that no labelling exceeds that agrees where decided, see `Relaxation.evaluate_mechanisms`.
-
-        Raises
-        ------
-        ValueError
-            If the load case does not exist.
-        """
+        """Evaluate mechanisms of one case, see `PartialLabellingBounds.evaluate_mechanisms`."""
         if not 0 <= case < len(self._cases):
             raise ValueError(f"case: there is no load case {case}; expected 0 to {len(self._cases) - 1}")
         bounds = self._cases[case].evaluate_mechanisms(0, velocities, labellings, undecided) * self._units[case]
         return np.array([_raised(bound) for bound in bounds.tolist()])
 
-    def bound(self, labels: Bits, undecided: Bools) -> float:
-        """Return an upper bound on the governing factor of a partial labelling.
-
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry; ignored where undecided.
-        undecided : (m,) bool array
-            Faces that may have either label.
-
-        Returns
-        -------
-        float
-            Governing factor that no labelling exceeds that agrees where decided; inf where no bound was found.
-        """
-        found = self.least_bound(labels, undecided)
-        return np.inf if found is None else found.bound
-
     def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
-        """Return the mechanism, of any case, with the least bound for a partial labelling.
-
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry; ignored where undecided.
-        undecided : (m,) bool array
-            Faces that may have either label.
-
-        Returns
-        -------
-        DualBound or None
-            Mechanism with its bound on the governing factor; None where no bound was found.
-        """
+        """Return the mechanism of least bound over all cases, see `PartialLabellingBounds.least_bound`."""
         found = [one.least_bound(labels, undecided) for one in self._cases]
         known = [
             replace(one, bound=_raised(one.bound * unit), case=case)

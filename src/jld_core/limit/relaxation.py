@@ -25,6 +25,7 @@ from jld_core.batch.verdicts import CARRIES, FALLS, OPEN
 from jld_core.deadline import checkpoint
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.dual_bounds import DualBound, MinimizedConflict
+from jld_core.limit.partial_labellings import PartialLabellingBounds
 from jld_core.limit.shared_hull import SharedHull
 from jld_core.limit.work_balance import WorkBalances
 from jld_core.program import ConicProgram
@@ -37,8 +38,10 @@ _RESIDUAL: Final = 1e-10
 """Residual requested from the solver; bounds are computed from its answer, so it need not be exact."""
 
 
-class Relaxation:
-    """Upper bounds on λ of partial labellings of one assembly.
+class Relaxation(PartialLabellingBounds):
+    """Upper bounds on the scaled λ of partial labellings of one assembly under one load.
+
+    Methods and units are documented in `PartialLabellingBounds`.
 
     Parameters
     ----------
@@ -93,28 +96,9 @@ class Relaxation:
             return self._shared.program(labels, undecided, self._margin)
         return self.template.program(labels, self._margin, other=self._open, taken=undecided)
 
-    def refute(self, labels: Bits, undecided: Bools, threshold: float) -> DualBound | None:
-        """Refute a λ for all labellings that agree on the decided faces.
-
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry; ignored where undecided.
-        undecided : (m,) bool array
-            Faces that may have either label.
-        threshold : float
-            Scaled λ to refute.
-
-        Returns
-        -------
-        DualBound or None
-            Mechanism that proves it; None where no proof is found.
-        """
-        return self.refute_all(labels[None], undecided[None], np.array([threshold]))[0]
-
     @property
     def batched(self) -> bool:
-        """Return True if the batch solver solves many relaxations at a time."""
+        """Return True if the batch solver supports these yield rows."""
         return self._batch is not None
 
     @property
@@ -130,24 +114,7 @@ class Relaxation:
     def refute_all(
         self, labellings: Bits, undecided: Bools, thresholds: Floats, thorough: Bools | None = None
     ) -> list[DualBound | None]:
-        """Refute λ for many partial labellings, by the batch solver where it applies.
-
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            Labels, True = dry; ignored where undecided.
-        undecided : (k, m) bool array
-            Faces that may have either label.
-        thresholds : (k,) float array
-            Scaled λ to refute.
-        thorough : (k,) bool array or None
-            Whether to try another solver where the batch solver finds no proof. Default: everywhere.
-
-        Returns
-        -------
-        list of DualBound or None
-            Mechanism that refutes each threshold; None where no proof is found.
-        """
+        """Refute scaled λ for many partial labellings, see `PartialLabellingBounds.refute_all`."""
         count = len(labellings)
         with self._counting:
             self.solves += count
@@ -171,20 +138,9 @@ class Relaxation:
         return found
 
     def minimize_conflicts(self, asked: ConflictRequest) -> list[MinimizedConflict]:
-        """Reduce the decided faces of labellings as far as λ stays below their thresholds.
+        """Minimise conflicts under one load, see `PartialLabellingBounds.minimize_conflicts`.
 
-        Neighbours of the labellings are treated as well. Needs the batch solver (`batched`). The work balance of every
-        refutation is evaluated again here.
-
-        Parameters
-        ----------
-        asked : ConflictRequest
-            Labellings and scaled thresholds.
-
-        Returns
-        -------
-        list of MinimizedConflict
-            One entry for each labelling or neighbour that was begun.
+        Raises RuntimeError without the batch solver.
         """
         if self._batch is None:
             raise RuntimeError("conflicts are minimised by the batch solver alone; ask `batched` first")
@@ -207,30 +163,7 @@ class Relaxation:
         ]
 
     def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
-        """Evaluate the work balance of known mechanisms, without solving a program.
-
-        Parameters
-        ----------
-        case : int
-            Index of the load case; a single load has only case 0.
-        velocities : (k, q·free) float array
-            Mechanisms, scaled.
-        labellings : (k, m) bool array
-            Labels, True = dry; ignored where undecided.
-        undecided : (k, m) bool array
-            Faces that may have either label.
-
-        Returns
-        -------
-        (k,) float array
-            Scaled λ that no labelling exceeds that agrees where decided; −inf where none is admissible at any λ, inf
-            where the mechanism proves nothing.
-
-        Raises
-        ------
-        ValueError
-            If the load case does not exist.
-        """
+        """Evaluate mechanisms under one load, see `PartialLabellingBounds.evaluate_mechanisms`."""
         if case != 0:
             raise ValueError(f"case: there is one load, and no load case {case}")
         balance = self._balances.balance(velocities, labellings, undecided)
@@ -273,39 +206,8 @@ class Relaxation:
             lacking = np.array([answer is None for answer in answers])
             which, velocities = which[lacking], velocities[lacking]
 
-    def bound(self, labels: Bits, undecided: Bools) -> float:
-        """Return an upper bound on λ of a partial labelling.
-
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry; ignored where undecided.
-        undecided : (m,) bool array
-            Faces that may have either label.
-
-        Returns
-        -------
-        float
-            Scaled λ that no labelling exceeds that agrees where decided; inf where no bound was found.
-        """
-        found = self.least_bound(labels, undecided)
-        return np.inf if found is None else found.bound
-
     def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
-        """Return the mechanism with the least bound found for a partial labelling.
-
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry; ignored where undecided.
-        undecided : (m,) bool array
-            Faces that may have either label.
-
-        Returns
-        -------
-        DualBound or None
-            Mechanism with its bound, scaled; None where no bound was found.
-        """
+        """Return the mechanism of least scaled λ, see `PartialLabellingBounds.least_bound`."""
         found = self.refute_all(labels[None], undecided[None], np.array([_ANY]))
         if self._shared is not None and self._batch is not None:
             # The rows of the batch solver enclose the hull of crushing joints; the exact hull gives a slightly lower
