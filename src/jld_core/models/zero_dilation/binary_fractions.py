@@ -35,7 +35,7 @@ class BinaryFractions:
         return BinaryFractions(self.values.T, self.scale)
 
     def rows(self, chosen: Any) -> BinaryFractions:
-        """Return a matrix of the chosen rows."""
+        """Return the matrix of the chosen rows."""
         return BinaryFractions(self.values[chosen], self.scale)
 
     def times(self, factor: float) -> BinaryFractions:
@@ -63,7 +63,7 @@ class BinaryFractions:
         return BinaryFractions(out, self.scale + other.scale)
 
     def floats(self) -> Floats:
-        """Convert to doubles, correct to about 15 digits."""
+        """Convert the entries to doubles, correct to about 15 digits."""
         drop = max(self.scale - 300, 0)
         doubles = [
             math.ldexp(float(v >> drop if v >= 0 else -(-v >> drop)), drop - self.scale) for v in self.values.flat
@@ -73,5 +73,5 @@ class BinaryFractions:
 
 
 def round_to_bits(table: Floats, bits: int = BITS) -> Floats:
-    """Round numbers to multiples of 2^−bits."""
+    """Round the entries of a matrix to multiples of 2^−bits."""
     return np.asarray(np.ldexp(np.rint(np.ldexp(table, bits)), -bits))

@@ -1,4 +1,4 @@
-"""Cheap lower bound without dilation: λ with friction frozen at the least N, iterated."""
+"""Cheap lower bound without dilation: λ under friction frozen at the least normal forces."""
 
 from __future__ import annotations
 

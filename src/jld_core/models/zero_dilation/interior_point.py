@@ -125,7 +125,7 @@ def minimise_product_program(
 
 
 class _InteriorPointMethod:
-    """State of the interior-point method for one program."""
+    """State of the interior-point iterations for one program over products."""
 
     def __init__(self, program: ProductProgram, tolerance: float) -> None:
         self.tolerance = tolerance
@@ -142,18 +142,18 @@ class _InteriorPointMethod:
         self.q = np.zeros(len(self.ke))
 
     def rows(self, x: Point) -> tuple[Floats, Floats]:
-        """Return the values of the positive products and of the zero products at a point.
+        """Return the values of the positive and of the zero products y_k z_l at a point.
 
-        The last positive row is −b_λ·u, without its constant 1.
+        The last positive row is −b_λ·u, without its constant 1. x: point (Z, T), see `ProductSpace`.
         """
         table = self.space.values(x)
         last = -float((self.space.unit * x[0]).sum())
         return np.append(table[self.k, self.l], last), table[self.ke, self.le]
 
     def apply_transpose(self, v: Floats, q: Floats) -> Point:
-        """Return a weighted sum of the rows as a form of (Z, T), the transpose of `rows`.
+        """Return a weighted sum of the rows of the program as a form of (Z, T).
 
-        v, q: weights of positive and of zero products.
+        It is the transpose of `rows`. v, q: weights of positive and of zero products.
         """
         table = np.zeros(self.shape)
         table[self.k, self.l] = v[:-1]
@@ -237,11 +237,14 @@ class _InteriorPointMethod:
 
 
 def _step_length(at: Floats, step: Floats) -> float:
-    """Return the fraction of a step that keeps all entries positive, at most 1 / _BACK."""
+    """Return the fraction of a step that keeps all entries of a vector positive.
+
+    It is at most 1 / _BACK. at: present entries. step: their changes.
+    """
     falls = step < 0.0
     return min(1.0 / _BACK, float((-at[falls] / step[falls]).min(initial=np.inf)))
 
 
 def _largest(point: Point) -> float:
-    """Return the largest absolute entry of (Z, T)."""
+    """Return the largest absolute entry of a point (Z, T), see `ProductSpace`."""
     return max(float(abs(point[0]).max(initial=0.0)), float(abs(point[1]).max(initial=0.0)))

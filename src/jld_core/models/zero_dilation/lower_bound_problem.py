@@ -64,7 +64,7 @@ class LowerBoundProblem:
         self._start, self._seconds, self._offer = time.process_time(), seconds, offer
 
     def record(self, step: str, programs: int = 0) -> None:
-        """Append a step to the log and add its number of programs."""
+        """Append a step to the log, and add its number of programs to the count."""
         self.solve_log.append(step)
         self.programs += programs
 
@@ -80,15 +80,21 @@ class LowerBoundProblem:
 
     @property
     def load_unit(self) -> float:
-        """Return the load to which relative distances of λ refer."""
+        """Return the scaled load to which relative distances of λ refer."""
         return max(abs(self.load), _LEAST)
 
     def scaled_slack(self, slack: float) -> float:
-        """Return the slack σ in λ per unit of cost, from a slack relative to max(|λ|, 1)."""
+        """Return the slack σ in scaled λ per unit of cost.
+
+        slack: σ relative to max(|λ|, 1), with λ of the lowest solution found.
+        """
         return slack * max(abs(self.load), 1.0)
 
     def interval_end(self, low: float) -> float:
-        """Return the upper end of the next interval of λ to exclude, which begins at `low`."""
+        """Return the upper end of the next interval of λ to exclude, which begins at `low`.
+
+        It lies a little above the lowest solution found.
+        """
         return self.load + _ROOM * (self.load - low) + _LEAST_ROOM * self.load_unit
 
     def load_below(self, share: float) -> float:
@@ -130,7 +136,10 @@ class LowerBoundProblem:
         return False
 
     def result(self, proven: float, believed: float) -> LowerBound:
-        """Build the result of the search from the proven bound and the bound of the solver."""
+        """Build the result of the search from the proven bound and the believed one.
+
+        proven: by certificates. believed: may rely on the solver. Both are scaled.
+        """
         sure = proven >= believed - tolerances.GAP * self.load_unit
         bound = proven if sure else believed
         return LowerBound(

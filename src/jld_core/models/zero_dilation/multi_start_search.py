@@ -16,8 +16,9 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.limit import LimitAnalysis, Proof
 from jld_core.models.zero_dilation.alternating_programs import AlternatingPrograms
-from jld_core.models.zero_dilation.fixed_point_search import FixedPointSearch, PrimalDualPair, ProximalOptions
+from jld_core.models.zero_dilation.fixed_point_search import FixedPointSearch, ProximalOptions
 from jld_core.models.zero_dilation.modes import Modes, modes_of
+from jld_core.models.zero_dilation.primal_dual_pair import PrimalDualPair
 from jld_core.models.zero_dilation.starts import low_compression_states, repair_and_evaluate, starts
 
 _DRAWS: Final = 8
@@ -81,7 +82,10 @@ class Found:
         return math.inf if self.lowest is None else self.lowest.state.load
 
     def offer(self, pair: PrimalDualPair) -> bool:
-        """Store a pair if it is a new best, lowest or highest solution; return True if a solution."""
+        """Store a pair if it is a new best, lowest or highest solution.
+
+        The result is True if the pair is a certified solution.
+        """
         if self.best is None or (pair.state.admissible, -pair.gap) > (self.best.state.admissible, -self.best.gap):
             self.best = pair
         if not pair.is_solution(self.width):
@@ -95,7 +99,7 @@ class Found:
         return True
 
     def _order(self, load: float) -> tuple[bool, float]:
-        """Return the sort key that puts λ ≥ 0 before λ < 0."""
+        """Return the sort key of a scaled λ that puts λ ≥ 0 before λ < 0."""
         return load < -self.zero_load, load
 
 
@@ -118,7 +122,7 @@ class MultiStartSearch:
         self._ends = list[float]()  # Scaled λ at the end of each descent.
 
     def search(self, thorough: bool = True, sufficient_load: float = -math.inf) -> Found:
-        """Search from all starts and return the solutions found.
+        """Search for solutions from all starts, and return the solutions found.
 
         sufficient_load: scaled λ; the search stops once a solution at or below this value is certified.
         """
@@ -135,7 +139,7 @@ class MultiStartSearch:
         return self.found
 
     def search_first_solution(self) -> None:
-        """Search from states of low compression until the first solution is found."""
+        """Search from states of low compression until one solution is found."""
         rng, nothing = np.random.default_rng(0), np.zeros(self.fixed_point.count + 1)
         for _ in range(_LITTLE if self.alternation is not None else 0):
             if self.found.lowest is not None:
@@ -187,9 +191,10 @@ class MultiStartSearch:
         return None if self.alternation is None else self.alternation.mix_with_low_compression(point, share, rng)
 
     def close_gap(self, point: Floats | None) -> Floats | None:
-        """Close the complementarity gap from a point, and return the lowest solution reached.
+        """Find a solution by closing the complementarity gap from a point.
 
-        None if no solution is reached, for `point` None, and in space.
+        The result is the lowest solution (F, λ) reached. It is None if no solution is reached, for `point` None, and in
+        space.
         """
         if self.alternation is None or point is None:
             return None
@@ -232,9 +237,9 @@ class MultiStartSearch:
         self.improve(point, 2 if thorough else 1, thorough)
 
     def improve(self, point: Floats, seeds: int = 2, ascend: bool = True) -> None:
-        """Search for lower and higher solutions by linear programs from one solution.
+        """Search for solutions of lower and higher λ by linear programs from one solution.
 
-        seeds: number of random seeds. ascend: also search for higher solutions.
+        point: (q·m + 1,) the solution. seeds: number of random seeds. ascend: also search for higher solutions.
         """
         if self.alternation is None:
             return

@@ -41,7 +41,7 @@ class NormalEquations:
     """
 
     def __init__(self, space: ProductSpace, used: Bools, groups: Ints) -> None:
-        """Prepare the elimination order and the tables for one space.
+        """Prepare the elimination order and the tables of one product space.
 
         used: (r, modes) mask of weights that may be positive; for slides of lone faces, on their own slacks and 1 only.
         groups: (w,) number of the group in which each velocity is eliminated.
@@ -58,7 +58,7 @@ class NormalEquations:
         self._shift = 0.0
 
     def factor(self, weights: Floats, live: float, shift: float, plain: bool = False) -> Solve:
-        """Factor the matrix for given weights and return its solver.
+        """Factor the matrix for given weights, and return the function that solves with it.
 
         weights: (r, modes) d_kl ≥ 0. live: d. shift: added to the diagonal. Refinement compensates for the shift and
         for rounding. By default it uses conjugate gradients with the factor as preconditioner. plain: use simple
@@ -104,7 +104,10 @@ class NormalEquations:
         return solve
 
     def _once(self, weights: Floats, live: float, shift: float) -> Callable[[Point], Point]:
-        """Factor the shifted matrix and return its solver without refinement."""
+        """Factor the shifted matrix, and return a function that solves without refinement.
+
+        weights, live, shift: as in `factor`.
+        """
         space, shift = self.space, max(shift, self._shift)
         slides = space.ones * (4 * space.lone)
         first, second = (weights[space.rows, slides + slide].T[:, :, None] for slide in (2, 3))
@@ -143,7 +146,8 @@ class NormalEquations:
     def _tables(self, weights: Floats, lone: Floats) -> dict[tuple[int, int], Floats]:
         """Compute the matrix blocks Cᵀ diag(d_l) C of each form, for every two coupled bases.
 
-        The result maps two basis numbers to a table (forms, k, k′). lone: (f, 4, 4) matrix block of each lone face.
+        weights: (r, modes) d_kl. lone: (f, 4, 4) matrix block of each lone face. The result maps two basis numbers to a
+        table (forms, k, k′).
         """
         space, out = self.space, {}
         for (one, other), forms in self._tree.couplings.items():
@@ -211,9 +215,9 @@ class _EliminationTree:
         self.couplings, self._parts = self._couplings(forms[:, order])
 
     def _couplings(self, forms: Floats) -> tuple[dict[tuple[int, int], list[int]], list[list[_Part]]]:
-        """Return the coupling forms per pair of bases, and the matrix blocks of each front.
+        """Return the forms that couple each pair of bases, and the matrix blocks of each front.
 
-        Each matrix block is a weighted sum of tables of those forms.
+        Each matrix block is a weighted sum of tables of those forms. forms: (modes, w), columns in elimination order.
         """
         found: list[dict[tuple[int, int], dict[tuple[int, int], dict[int, float]]]] = []
         wanted: dict[tuple[int, int], dict[int, int]] = {}
@@ -246,9 +250,10 @@ class _EliminationTree:
         return {key: list(number) for key, number in wanted.items()}, parts
 
     def factor(self, tables: dict[tuple[int, int], Floats], shift: float) -> Callable[[Floats], Floats] | None:
-        """Factor the matrix and return its solver; None if it is not positive definite.
+        """Factor the matrix, and return its solver; None if it is not positive definite.
 
-        tables: (forms, k, k′) for each pair of bases. The solver maps a right-hand side (k, w) to the solution.
+        tables: (forms, k, k′) for each pair of bases. shift: added to the diagonal. The solver maps a right-hand side
+        (k, w) to the solution.
         """
         flat = {key: table.reshape(len(table), -1) for key, table in tables.items()}
         updates: list[list[tuple[list[int], Floats, Ints]]] = [[] for _ in self._nodes]
@@ -335,7 +340,7 @@ def _extend_add(front: Floats, update: Floats, places: list[int], at: Ints, its:
 
 
 def _minimum_degree_order(meets: Bools) -> tuple[Ints, list[list[int]]]:
-    """Return a minimum-degree elimination order of a graph, and the later neighbours.
+    """Return a minimum-degree elimination order of a graph, and later neighbours.
 
     meets: (w, w) mask of connected columns. The second result lists, for each column, the neighbours eliminated later.
     """

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from jld_core.limit import LimitAnalysis, Proof, Status, number, relative_width
-from jld_core.models.zero_dilation.fixed_point_search import PrimalDualPair
+from jld_core.models.zero_dilation.primal_dual_pair import PrimalDualPair
 
 
 def pair_proof(associative: Proof, analysis: LimitAnalysis, pair: PrimalDualPair | None, solves: int) -> Proof:
