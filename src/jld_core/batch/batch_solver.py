@@ -83,7 +83,7 @@ class _Start:
         Velocities, in the batch solver's order of elimination.
     load : float
         Load factor λ.
-    room : float
+    least_slack : float
         Least slack of a row.
     """
 
@@ -91,7 +91,7 @@ class _Start:
     jumps: Floats
     speed: Floats
     load: float
-    room: float
+    least_slack: float
 
 
 class BatchSolver:
@@ -377,7 +377,7 @@ class BatchSolver:
             floor=self._floor,
             noise=tolerances.ROUNDING,
             load=start.load,
-            least_slack=start.room,
+            least_slack=start.least_slack,
             least_multiplier=_PUSH if self._q == 3 else _PUSH_SPATIAL,
             zero=self._load_scale,
             gap=tolerances.GAP,

@@ -151,7 +151,10 @@ class BatchBlockSolver:
 
     @staticmethod
     def supports(blocks: Sequence[BlockColumns]) -> bool:
-        """Return True if no block has more rows than the compiled solver takes."""
+        """Return True if no block has more rows than the compiled solver can hold.
+
+        blocks: all possible blocks.
+        """
         return max((one.own + len(one.shared) for one in blocks), default=0) <= interface.BLOCK_ROWS
 
     def _places(self, rows: Ints) -> Ints:
@@ -228,7 +231,10 @@ class BatchBlockSolver:
 
 
 def _starts(counts: Sequence[int]) -> NDArray[np.int32]:
-    """Return where each of several consecutive ranges starts, and where the last one ends."""
+    """Return where each of several consecutive ranges starts, then where the last one ends.
+
+    counts: lengths of the ranges.
+    """
     return np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
 
 

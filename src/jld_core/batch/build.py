@@ -54,7 +54,10 @@ SANITIZED: Final[dict[str, tuple[str, ...]]] = {
 
 
 def variants(machine: str | None = None) -> tuple[str, ...]:
-    """Return the variants of a processor family (default: this one), fastest first."""
+    """Return the variants of a processor family, fastest first.
+
+    machine: name of the family, as in `platform.machine`; None: this one.
+    """
     machine = (machine or platform.machine()).lower()
     if machine in ("x86_64", "amd64"):
         return ("avx512", "avx2", "base")

@@ -171,7 +171,7 @@ def _laid_out(order: Ints, columns: list[list[int]]) -> FactorPattern:
 
 
 def _starts(lists: list[list[tuple[int, int]]]) -> Int32s:
-    """Return where each list starts in their concatenation, with the total length at the end."""
+    """Return where each list starts in the concatenation of all, then its total length."""
     return np.concatenate([[0], np.cumsum([len(one) for one in lists])]).astype(np.int32)
 
 

@@ -169,9 +169,10 @@ def _rows_of(template: Template, undecided: Rows | None) -> BatchRows | None:
 
 
 def planar_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
-    """Return the linear rows (m, pairs, 3) of planar faces under one label, or None.
+    """Return the linear rows (m, pairs, 3) of planar faces under one label.
 
-    See `rows_of`. Cones are ignored here: they are the parabolas of crushing joints.
+    Cones are ignored here: they are the parabolas of crushing joints. pattern: rows of the yield sets. dry: True for
+    the dry label. faces: m. The result is None if unsupported, see `rows_of`.
     """
     if pattern.extra:
         return None
@@ -214,9 +215,10 @@ def _pairs(pattern: RowPattern, values: Floats, sides: Floats, faces: int) -> Fl
 
 
 def spatial_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
-    """Return the yield rows (m, EDGES + 1, 4) of spatial faces under one label, as in `_spatial_table`.
+    """Return the yield rows (m, EDGES + 1, 4) of spatial faces under one label.
 
-    Return None where the batch solver does not know the yield set.
+    They are laid out as in `_spatial_table`. pattern: rows of the yield sets. dry: True for the dry label. faces: m.
+    The result is None where the batch solver does not know the yield set.
     """
     if pattern.cones != (3,) * faces or pattern.extra != faces:
         return None

@@ -193,7 +193,7 @@ class AttemptState:
 
     @property
     def _collapses(self) -> bool:
-        """Return True if the status is collapse."""
+        """Return True if the status of the proof so far is collapse."""
         return self.proof.status is Status.COLLAPSE
 
     def _width(self, load_scale: float) -> float:

@@ -115,7 +115,7 @@ class BatchAnalysis:
 
         Returns
         -------
-        BatchAnswers
+        BatchBounds
             Scaled bounds and statuses.
         """
         found = self.batch.solve(labellings)

@@ -99,7 +99,7 @@ class BatchBlockProgram:
         allowed : (k, p) bool array
             Blocks that may be chosen.
         thresholds, most : (k,) float array
-            Scaled λ to reach, and scaled λ that is not exceeded, see `WholeProgram.of`.
+            Scaled λ to reach, and scaled λ that is not exceeded, see `AllBlocksProgram.of`.
         pool : ThreadPoolExecutor or None
             Supplies one more thread, which takes half of the full registers. A single register is not split, because a
             partly filled register takes as long as a full one.
@@ -122,7 +122,10 @@ class BatchBlockProgram:
         return [self._multipliers(answers, k) for answers in found for k in range(len(answers.state))]
 
     def _multipliers(self, answers: BlockAnswers, k: int) -> BlockMultipliers:
-        """Return velocities, multipliers and shares of the k-th set of allowed blocks."""
+        """Return velocities, multipliers and shares of one set of allowed blocks.
+
+        answers: results of the batch solver for several sets. k: index of the set among them.
+        """
         shared = answers.shared[k]
         return BlockMultipliers(
             velocity=-answers.own[k][self._balance],

@@ -23,7 +23,8 @@ def columns_of(parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge) -> lis
     """Create the columns of every possible block, in the form that the batch solver takes.
 
     The result is None where a joint has no shear strength without compression. Shared rows: three for each shared face,
-    then three for each element: cover, share of λ, unused.
+    then three for each element: cover, share of λ, unused. parts: parts, sides and joints of the possible blocks. dry,
+    inner: yield sets of all faces under either label.
     """
     if np.any(inner.cohesion[parts.joint_face] < inner.friction[parts.joint_face] * inner.tension[parts.joint_face]):
         return None

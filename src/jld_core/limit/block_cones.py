@@ -111,9 +111,10 @@ class ConeProgram(AllBlocksProgram):
         self._cone = sizes.pop() if sizes else 1
 
     def _copies(self, columns: OwnedIndices, face: Ints, block: Ints, active: Bools) -> _Copies:
-        """Create the columns of copies of faces (k,) for blocks (k,).
+        """Create the columns of copies of faces (k,), each for one block.
 
-        They are the resultants, and the extra variables of those faces.
+        They are the resultants, and the extra variables of those faces. columns: receives them. face, block: (k,) face
+        and block of each copy. active: (m, q) True for resultants that are used.
         """
         q = self._template.assembly.freedoms
         number = np.array([len(one) for one in self._own_columns], dtype=np.int64)[face]

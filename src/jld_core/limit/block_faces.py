@@ -42,7 +42,10 @@ class YieldSetFaces:
 
     @classmethod
     def of(cls, template: Template, *, dry: bool) -> YieldSetFaces:
-        """Create the faces of a template under one label."""
+        """Create the faces of a template under one label.
+
+        dry: True for the dry label, False for the inner one.
+        """
         assembly, scaling = template.assembly, template.scaling
         known = assembly.strengths
         per_area = (known.cohesion, known.crush_dry) if dry else (known.tension, known.shear, known.crush_inner)

@@ -167,9 +167,9 @@ def block_parts(template: Template, members: Sequence[Sequence[int]], inside: Se
 
 
 def _arms(matrix: sp.csr_array, element: Ints, face: Ints, q: int) -> Floats:
-    """Return the matrix blocks (k, q, q) of A_eq for elements (k,) and faces (k,).
+    """Return the matrices (k, q, q) from resultants of faces to the equilibrium of elements.
 
-    Elements are indices among the free elements.
+    matrix: scaled A_eq. element, face: (k,) pairs; elements are indices among the free elements.
     """
     if not len(element):
         return np.zeros((0, q, q))

@@ -80,11 +80,12 @@ class AllBlocksProgram:
 
 
 class BlockProgram(AllBlocksProgram):
-    """Program min −λ of the block relaxation for wedge-shaped sets.
+    """Linear program min −λ of the block relaxation, for yield sets that are wedges.
 
-    Its dual is docs/method.md (6.5), (6.6). Columns: x of each block; rays of the dry set of each side; (two rays, V)
-    of the inner set of each joint; forces by cohesion of each side; λ of each block times x; λ. Rows: cover of every
-    element, equal shares of λ, equal forces on shared faces, equilibrium of each part, shear, bounds on each block's λ.
+    Its dual is docs/method.md (6.5), (6.6). Columns: share x of each block; rays of the dry set of each side; two rays
+    and the shear V of the inner set of each joint; forces by cohesion of each side; λ of each block times x; λ. Rows:
+    cover of every element, equal shares of λ, equal forces on shared faces, equilibrium of each part, shear, bounds on
+    each block's λ.
 
     Parameters
     ----------
@@ -234,14 +235,20 @@ class SparseEntries:
         self._length = 0
 
     def add(self, row: Ints, column: Ints, value: Floats | float) -> slice:
-        """Append entries and return the slice that they occupy among all entries."""
+        """Append entries, and return the slice that they occupy among all entries.
+
+        row, column: (k,) positions. value: (k,) values, or one value for all.
+        """
         begin = self._length
         self._parts.append((row, column, np.broadcast_to(np.asarray(value, dtype=float), row.shape)))
         self._length += len(row)
         return slice(begin, self._length)
 
     def add_vectors(self, rows: Ints, column: Ints, value: Floats) -> None:
-        """Append q values in each of k columns: values (k, q), rows (k, q), columns (k,)."""
+        """Append q entries in each of k columns.
+
+        rows: (k, q) row indices. column: (k,) column indices. value: (k, q) values.
+        """
         self.add(rows.ravel(), np.repeat(column, rows.shape[1]), value.ravel())
 
     def arrays(self) -> tuple[Ints, Ints, Floats]:

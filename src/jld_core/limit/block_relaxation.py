@@ -85,10 +85,11 @@ class Choice:
 
 @dataclass(frozen=True)
 class _Mechanism:
-    """Work and dissipation of one mechanism, per block, and its multipliers per element.
+    """Work and dissipation of one mechanism per block, and its multipliers per element.
 
-    live, cost, inside, size: (p,) live work; dissipation minus dead work; dissipation inside; size of the summed terms.
-    price, portion: (n,) multipliers v and σ of the elements, see `BlockMultipliers`.
+    live: (p,) work of the live load. cost: (p,) dissipation minus dead work. inside: (p,) dissipation inside the block.
+    size: (p,) sum of absolute terms, which bounds rounding. price, portion: (n,) multipliers v and σ, see
+    `BlockMultipliers`.
     """
 
     live: Floats
@@ -317,7 +318,10 @@ class BlockRelaxation:
         return _Mechanism(live, cost, inside, size, answer.price, answer.portion)
 
     def _sums(self, value: Floats, block: Ints) -> Floats:
-        """Sum values over the blocks they belong to; returns (p,)."""
+        """Return the sums (p,) of values over the blocks they belong to.
+
+        value, block: (k,) values and the block of each.
+        """
         total = np.zeros(self._parts.blocks)
         np.add.at(total, block, value)
         return total

@@ -223,7 +223,10 @@ class CaseBlockRelaxation(_Cases[BlockRelaxation]):
 
     @staticmethod
     def _in_units(threshold: float, most: float, unit: float) -> tuple[float, float]:
-        """Convert two governing factors to scaled λ of a case, rounded so that bounds stay valid."""
+        """Convert two governing factors to scaled λ of a case, rounded so that bounds stay valid.
+
+        threshold is rounded down, most is rounded up. unit: governing factor per scaled λ of the case.
+        """
         return (threshold - abs(threshold) * _ROUNDING) / unit, _raised(most) / unit
 
 

@@ -118,7 +118,9 @@ class FacialReduction:
     def _solved(self, program: ConicProgram, reduced: Reduced, labels: Bits, normalise: bool) -> Motion | None:
         """Solve the reduced program, which has an interior, for its mechanism.
 
-        Where a cone is reduced to one ray, the multipliers of the full program are accurate to half their digits only.
+        program: with all rows. reduced: rows that are left. labels: (m,) True = dry. normalise: as in `repair`. The
+        result is None without rays, or without a mechanism. Where a cone is reduced to one ray, the multipliers of the
+        full program are accurate to half their digits only.
         """
         if not reduced.rays:
             return None
@@ -319,7 +321,7 @@ def _projected(velocity: Floats, forbid: Floats, inverse: Floats) -> Floats:
 def _along_axes(program: ConicProgram, columns: int) -> LargestSupport | None:
     """Find a self-stress by an interior-point method, with rays along the axes of faces.
 
-    Rays close to an axis are put on it by a projection.
+    Rays close to an axis are put on it by a projection. columns: number of leading columns that a self-stress uses.
     """
     found = largest_support(program, columns, largest=LARGEST)
     point = project_onto_faces(program, found, np.zeros(program.structure.equalities), _ALONG)
@@ -327,7 +329,10 @@ def _along_axes(program: ConicProgram, columns: int) -> LargestSupport | None:
 
 
 def _plainly(program: ConicProgram, columns: int) -> LargestSupport | None:
-    """Find a self-stress of any size by an interior-point method, without projection."""
+    """Find a self-stress of any size by an interior-point method, without projection.
+
+    columns: number of leading columns that a self-stress uses.
+    """
     return largest_support(program, columns, largest=np.inf)
 
 

@@ -62,7 +62,7 @@ def governing(cases: Sequence[CaseBounds], required: Sequence[float]) -> Governi
 
     Parameters
     ----------
-    cases : sequence of Known
+    cases : sequence of CaseBounds
         Status and bounds of each case; at least one.
     required : sequence of float
         Required factor of each case.

@@ -159,7 +159,8 @@ def face_motions(result: LimitAnalysisResult) -> tuple[FaceMotion, ...]:
 def _parts(assembly: Assembly, mechanism: Floats, jumps: Floats, face: int) -> tuple[Floats, float, float]:
     """Return the gaps (k,) at the corners of a face, its slip, and its slip by spin alone.
 
-    Slip is taken at the centroid, slip by spin at the farthest corner.
+    Slip is taken at the centroid, slip by spin at the farthest corner. mechanism: (n, q) velocities. jumps: (m, q) of
+    all faces. face: index of the face.
     """
     faces, polygon = assembly.interfaces, assembly.interfaces.polygon[face]
     jump = displacement(assembly, mechanism, int(faces.b[face]), polygon)

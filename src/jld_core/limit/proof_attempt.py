@@ -88,7 +88,8 @@ class ProofAttempt(AttemptState):
     def _offer_instability(self, dual: Floats) -> None:
         """Offer a proof that no λ ≥ 0 is admissible (docs/method.md (3.15)).
 
-        The proof is a motion with Σ D − b·u < 0 and b_λ·u ≥ 0.
+        The proof is a motion with Σ D − b·u < 0 and b_λ·u ≥ 0. dual: multipliers of a solver whose first entries are
+        the velocities.
         """
         velocity = dual[: self.template.matrix.shape[0]]
         size = float(abs(velocity).max())
@@ -113,9 +114,9 @@ class ProofAttempt(AttemptState):
                 self.proof.collapse_below_zero = motion
 
     def _opened(self, motion: Motion, normalise: bool = True) -> Motion:
-        """Make the dissipation finite by an opening motion, else by facial reduction.
+        """Make the dissipation of a motion finite by an opening motion, else by facial reduction.
 
-        Facial reduction serves confined assemblies.
+        Facial reduction serves confined assemblies. normalise: scale the result to live work 1.
         """
         simple = self.repair.expansion()
         if simple is not None:
@@ -134,7 +135,7 @@ class ProofAttempt(AttemptState):
         return self.repair.reduced(motion, self.labels, normalise) or motion
 
     def repair_answer(self) -> None:
-        """Repair the last raw answer and offer the results.
+        """Repair the last raw answer of a solver, and offer the bounds that the repair proves.
 
         The answer is blended with strictly admissible states and opening motions.
         """
@@ -214,7 +215,10 @@ class ProofAttempt(AttemptState):
         self._solve_refined(tolerances.LINEAR.residual, 10.0 * tolerances.LINEAR.margin)
 
     def narrow_bracket(self) -> None:
-        """Narrow a bracket by the most accurate solver of each kind of program."""
+        """Narrow the bracket by the most accurate solver for programs of this kind.
+
+        Linear programs are solved by simplex, crushable ones with a smaller margin, all others without margin.
+        """
         if self.is_small_linear:
             self.solve_by_dual_simplex()
         elif self.template.precision is tolerances.CRUSHING:
@@ -223,9 +227,10 @@ class ProofAttempt(AttemptState):
             self._solve_refined(tolerances.LINEAR.residual, 0.0)
 
     def _solve_refined(self, tolerance: float, margin: float) -> None:
-        """Solve with refined linear systems and repair the answer.
+        """Solve by an interior-point method with refined linear systems, and repair the answer.
 
-        Large structures use the Schur complement solver instead of iterative refinement.
+        Large structures use the Schur complement solver instead of iterative refinement. tolerance: residual to reach.
+        margin: slack kept in every yield row, scaled.
         """
         large = is_large(self.template.structure)
         refined = ClarabelSolver(tolerance, iterative_refinement_enable=True)

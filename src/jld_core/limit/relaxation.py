@@ -182,10 +182,11 @@ class Relaxation(PartialLabellingBounds):
         thresholds: Floats,
         found: list[DualBound | None],
     ) -> None:
-        """Write the bounds of velocities (j, q·free) into `found`.
+        """Write the refutations that velocities prove into the list `found`.
 
-        Where a bound is missing, a small opening motion is added.
-        which: (j,) index of the labelling that each mechanism belongs to.
+        velocities: (j, q·free) one mechanism for each of some labellings. which: (j,) index of the labelling that each
+        mechanism belongs to. labellings, undecided: (k, m). thresholds: (k,) scaled λ. Where a mechanism proves
+        nothing, a small opening motion is added.
         """
         fine = np.isfinite(velocities).all(axis=1)
         which, velocities = which[fine], velocities[fine]
@@ -216,7 +217,10 @@ class Relaxation(PartialLabellingBounds):
         return min((one for one in found if one is not None), key=lambda one: one.bound, default=None)
 
     def _refute_by_solver(self, labellings: Bits, undecided: Bools, thresholds: Floats) -> list[DualBound | None]:
-        """Refute λ for partial labellings one after the other, by the interior-point solver."""
+        """Refute scaled λ for partial labellings one by one, by the interior-point solver.
+
+        labellings, undecided: (k, m). thresholds: (k,).
+        """
         rows, found = self.template.matrix.shape[0], []
         for pair in zip(labellings, undecided, strict=True):
             checkpoint()
@@ -229,7 +233,10 @@ class Relaxation(PartialLabellingBounds):
     def _refutations(
         self, velocities: Floats, labels: Bits, undecided: Bools, thresholds: Floats
     ) -> list[DualBound | None]:
-        """Return the refutations of labellings (k, m) by velocities (k, q·free) of order one."""
+        """Return what velocities prove about partial labellings; None where it is no refutation.
+
+        velocities: (k, q·free) of order one. labels, undecided: (k, m). thresholds: (k,) scaled λ.
+        """
         balance = self._balances.balance(velocities, labels, undecided)
         work, total = balance.work, balance.total
         excess = thresholds * work - total

@@ -73,9 +73,10 @@ def result_of(
 
 
 def _instability_mechanism(template: Template, proof: Proof) -> Floats | None:
-    """Return the velocities (n, q) that prove an instability.
+    """Return the velocities (n, q) that prove an instability, scaled to a largest value of 1.
 
-    The largest displacement, or without any the largest rotation, is 1.
+    That value is the largest displacement, or the largest rotation if nothing is displaced. The result is None if the
+    proof has no such velocities.
     """
     motion = proof.collapse_below_zero or proof.motion
     if proof.status is not Status.UNSTABLE or motion is None:

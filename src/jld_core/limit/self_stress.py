@@ -76,7 +76,7 @@ class _RowPosition:
 
 
 class SelfStress:
-    """Rays and states of one labelling beside large self-stresses.
+    """Rays and states of one labelling that are admissible beside large self-stresses.
 
     Parameters
     ----------

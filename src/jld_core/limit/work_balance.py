@@ -51,8 +51,9 @@ class WorkBalances:
         self.template, self._prover, self._repair = template, prover, repair
 
     def balance(self, velocities: Floats, labels: Bits, undecided: Bools) -> WorkBalance:
-        """Compute the work balances of k mechanisms for k partial labellings.
+        """Compute the work balances of k mechanisms, each for one partial labelling.
 
+        velocities: (k, q·free) mechanisms. labels, undecided: (k, m) labels, and faces that may have either label.
         Possible rounding is added to the total.
         """
         velocities, jumps, finite = self._opened(velocities)

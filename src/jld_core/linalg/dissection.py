@@ -149,7 +149,10 @@ def graph_places(rows: Ints, columns: Ints, count: int) -> Floats:
 
 
 def _distances(graph: sp.csr_array, root: int) -> Floats:
-    """Return the number of edges (n,) from a root to each node, 0 for nodes out of reach."""
+    """Return the number of edges (n,) from a root to each node of a graph.
+
+    It is 0 for nodes out of reach.
+    """
     order, before = breadth_first_order(graph, root, directed=False)
     distance = np.zeros(graph.shape[0])
     for node in order[1:].tolist():

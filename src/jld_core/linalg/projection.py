@@ -82,14 +82,17 @@ def _cholesky(normal: sp.csc_array, places: Floats | None) -> Callable[[Floats],
 
 
 def _lu(normal: sp.csc_array) -> Callable[[Floats], Floats]:
-    """Return a solver of A Aᵀ x = r by sparse LU factors."""
+    """Return a solver of A Aᵀ x = r by sparse LU factors of `normal`, the matrix A Aᵀ."""
     # Rows are of order one. A shift as small as rounding admits dependent rows (no friction anywhere).
     shifted = normal + 1e-15 * sp.eye_array(normal.shape[0], format="csc")
     return spla.splu(shifted, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve
 
 
 def _right_inverse(matrix: Floats) -> Floats:
-    """Return Aᵀ(A Aᵀ)⁻¹, or the pseudo-inverse if rows are linearly dependent."""
+    """Return the right inverse Aᵀ(A Aᵀ)⁻¹ of a matrix A, or its pseudo-inverse.
+
+    The pseudo-inverse serves linearly dependent rows.
+    """
     try:
         factor = np.linalg.cholesky(matrix @ matrix.T)
     except np.linalg.LinAlgError:

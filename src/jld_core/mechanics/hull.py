@@ -99,17 +99,18 @@ def parabolic_hull(sets: Frictional, crushed: Ints) -> ParabolicBending | None:
 
 
 def _interaction_planes(strengths: Floats) -> Floats:
-    """Return the planes (k, 5) that bound V and M together, for faces that crush.
+    """Return what defines planes that bound V and M together, for faces that may crush.
 
-    Columns 0 and 1 are N and m of an inner corner; column 2 is how far its shear is above the dry line. Columns 3 and 4
-    are the first and last N₁ of the parabola between which planes that touch corner and parabola enclose either label.
-    A row is zero where there are none. strengths: (k, 7), as the last columns of `ParabolicBending.interaction`.
+    The result (k, 5) has one row per face: N and m of a corner of the inner set; how far the shear of this corner is
+    above that of the dry set; and the first and last value N₁ of an interval. For every N₁ in it, the plane that
+    touches the corner, and the parabola of the dry set at N₁, encloses the sets of both labels. A row is zero where
+    there is no such plane. strengths: (k, 7), as the last columns of `ParabolicBending.interaction`.
 
     Shear beyond c + μN requires a share w of inner corners, mostly of (−T, 0). The hull therefore bulges between a
     corner (n, m) and the parabola. Planes a N − b|V| − |m| + h ≥ 0 tangent to it at N₁ have a = 1 + μb − 2N₁/N_c. The
     one with b = −(m − n (1 − 2N₁/N_c) − N₁²/N_c) / (shear above) touches the corner too. It is a plane of the hull
     where the other corners do not pass it. The corner is (−T, 0) where that has such planes, else the one with the
-    longest range of N₁. Where planes of all directions meet, at the top, a single plane bounds little.
+    longest interval of N₁. Where planes of all directions meet, at the top, a single plane bounds little.
     """
     limit, friction, cohesion, tension, inner_limit, shear, inner_friction = strengths.T
     top = 0.5 * (inner_limit - tension)

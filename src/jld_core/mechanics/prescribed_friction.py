@@ -106,9 +106,10 @@ class PrescribedFriction:
         return np.asarray((1.0 - self.alpha) * self.base.friction_of(labels) * previous)
 
     def _with_areas(self, pattern: RowPattern, areas: EffectiveAreas) -> RowPattern:
-        """Replace the torsion rows by t ± e ≤ capacity, divided by ρ.
+        """Return a row pattern with torsion about effective areas.
 
-        The division keeps coefficients of order one.
+        The torsion rows become t ± e ≤ capacity, divided by ρ, which keeps coefficients of order one. pattern: with
+        torsion about whole faces. areas: the effective areas.
         """
         p, own = pattern, 6 * len(self.previous)
         twist = np.flatnonzero((p.column < own) & (p.column % 6 == 5) & (p.dry != 0.0))
@@ -254,7 +255,7 @@ class PrescribedFriction:
         return self._associated.margin(self._jumps_about(jumps, labels), labels)
 
     def utilisation(self, forces: Floats, labels: Bits) -> Floats | None:
-        """Return None: the shear capacity belongs to N_prev, not to the forces given."""
+        """Return None: the shear capacity depends on N_prev, not on the forces given."""
         return None
 
     def hull(self) -> Rows | None:

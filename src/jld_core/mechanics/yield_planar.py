@@ -25,7 +25,8 @@ class PlanarYield(Frictional):
     """Planar yield sets of m faces, scaled by `Scaling.face`.
 
     Dry: |m| ≤ N(1 − N/N_c), |V| ≤ c + μN. Inner: |m| ≤ (N + σtA)/3, |m| ≤ (N_c − N)/3, |V| ≤ τA + μN, with the μ of
-    inner faces. With friction, a jump (δ, s, θ) dissipates like (δ − μ|s|, θ) in bending, plus c|s|.
+    inner faces. A jump has opening δ, slip s and rotation θ. With friction it dissipates c|s|, and in bending as much
+    as the jump (δ − μ|s|, θ).
 
     `dissipation` and `margin` also take jumps (k, m, 3) of k mechanisms and then return (k, m).
 
@@ -202,7 +203,7 @@ class PlanarYield(Frictional):
 
 
 def planar_yield(assembly: Assembly, scaling: Scaling) -> PlanarYield:
-    """Make the planar yield sets of all faces of an assembly and their row pattern."""
+    """Make the planar yield sets of all faces of an assembly, scaled by `scaling`."""
     sets = scaled_strengths(assembly.strengths, assembly.interfaces.area / scaling.force)
     return PlanarYield(**vars(sets), pattern=_planar_rows(sets))
 
@@ -212,7 +213,7 @@ _Rows = tuple[Ints, list[tuple[int, Floats, Floats]], Floats, Floats]
 
 
 def _planar_rows(sets: Strengths) -> RowPattern:
-    """Build the rows of planar faces, linear rows first.
+    """Build the rows of planar faces with scaled strengths `sets`, linear rows first.
 
     Each face has ±m against N and ±V against N; with an inner σc also ±m against σc; with a dry σc the cones N² ≤ N_c
     (N ∓ m).

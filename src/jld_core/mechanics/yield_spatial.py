@@ -230,10 +230,11 @@ def _crush_slack(forces: Floats, crush: Floats) -> Floats:
 def _crush_dissipation(drive: Floats, jumps: Floats, crush: Floats) -> Floats:
     """Return the dissipation (k,) of dry rectangles that crush, docs/method.md (3.8).
 
-    drive: μ max(|s|, c_T|ω|) − δ. With u = 1 − |m1|/N, v = 1 − |m2|/N and ν = N/N_c ≤ uv, the work is N_c ν (drive + a1
-    + a2 − a1 u − a2 v), where a = |θ|. For given ν the best u, v cost 2√(a1 a2 ν) while both stay ≤ 1, that is for ν ≤
-    least a / greatest a. Beyond they cost least a + greatest a · ν. The work is concave in ν, and both slopes agree at
-    the transition. jumps: (k, 6) scaled. crush: (k,) N_c.
+    drive: (k,) friction work minus opening, μ max(|s|, c_T|ω|) − δ. jumps: (k, 6) scaled. crush: (k,) N_c.
+
+    With u = 1 − |m1|/N, v = 1 − |m2|/N and ν = N/N_c ≤ uv, the work is N_c ν (drive + a1 + a2 − a1 u − a2 v), where a =
+    |θ|. For given ν the best u, v cost 2√(a1 a2 ν) while both stay ≤ 1, that is for ν ≤ least a / greatest a. Beyond
+    they cost least a + greatest a · ν. The work is concave in ν, and both slopes agree at the transition.
     """
     turn = np.abs(jumps[:, 3:5])
     less, more = turn.min(axis=1), turn.max(axis=1)

@@ -140,11 +140,12 @@ def spatial_rows(sets: Strengths, point: Bools, bending: Bending) -> RowPattern:
 
 
 def without_crushing(pattern: RowPattern, sets: Strengths, point: Bools, bending: Bending) -> RowPattern:
-    """Return the rows without crushing of dry faces, with a limit on N of either label.
+    """Return the rows of spatial faces without crushing of dry faces.
 
-    The limit encloses both labels once `hull_rows` has moved N by −σtA. Bending is limited by the rows that the
-    effective rectangle implies; the variables of that rectangle keep their inner rows. N ≤ max(N_c, σcA) stands in the
-    rows of inner σc, where a face has those.
+    A limit on N takes its place. It encloses both labels once `hull_rows` has moved N by −σtA. Bending is limited by
+    the rows that the effective rectangle implies; the variables of that rectangle keep their inner rows. N ≤ max(N_c,
+    σcA) stands in the rows of inner σc, where a face has those. pattern: with crushing. sets, point, bending: as in
+    `spatial_rows`.
     """
     crushed = np.isfinite(sets.crush_dry)
     data, rhs = pattern.dry.copy(), pattern.h_dry.copy()
@@ -184,7 +185,10 @@ class _Crush:
 
 
 def _bending_rows(sheet: _RowCollector, tension: Floats, crush_dry: Floats, point: Bools, bending: Bending) -> None:
-    """Add the bending rows c·m ≤ N and c·m ≤ N + σtA of all hull edges."""
+    """Add the bending rows c·m ≤ N and c·m ≤ N + σtA of all hull edges.
+
+    sheet: receives the rows. tension, crush_dry: (m,) scaled strengths. point, bending: as in `spatial_rows`.
+    """
     face = bending.face
     size = np.maximum(1.0, tension / 3.0)[face]
     # The effective rectangle of a crushed face implies these rows. A point is dry under either label.
@@ -201,7 +205,7 @@ def _torsion_rows(
     """Add the rows t ± mT ≤ c + μN, which limit torsion, for faces (k,).
 
     bound: (k,) columns of t, the bound on shear. of_dry, of_inner: friction and cohesion of all faces under either
-    label.
+    label. sheet: receives the rows.
     """
     (mu, stuck), (inner_mu, cap) = ((friction[face], cohesion[face]) for friction, cohesion in (of_dry, of_inner))
     size_v, size_s = np.maximum(np.maximum(1.0, mu), stuck), np.maximum(np.maximum(1.0, cap), inner_mu)
@@ -219,7 +223,10 @@ def _torsion_rows(
 
 
 def _inner_crush_rows(sheet: _RowCollector, crush: Floats, bending: Bending) -> None:
-    """Add the bending rows c·m ≤ σcA − N of inner faces with a compressive strength σc."""
+    """Add the bending rows c·m ≤ σcA − N of inner faces with a compressive strength σc.
+
+    sheet: receives the rows. crush: (m,) scaled σcA. bending: rows c of all faces.
+    """
     rows = np.flatnonzero(np.isin(bending.face, bending.crushed))
     face = bending.face[rows]
     nothing = np.zeros(len(rows))
@@ -230,7 +237,10 @@ def _inner_crush_rows(sheet: _RowCollector, crush: Floats, bending: Bending) -> 
 
 
 def _effective_rows(sheet: _RowCollector, crush: _Crush) -> None:
-    """Add the rows p ≤ N ∓ m1 and q ≤ N ∓ m2 of dry faces that crush."""
+    """Add the rows p ≤ N ∓ m1 and q ≤ N ∓ m2 of dry faces that crush.
+
+    p and q bound the sides of the effective rectangle. sheet: receives the rows. crush: columns of these faces.
+    """
     one, nothing = np.ones(len(crush.face)), np.zeros(len(crush.face))
     for variable, moment in ((crush.p, 3), (crush.q, 4)):
         for sign in (1.0, -1.0):
@@ -248,7 +258,7 @@ def _shear_cones(
     """Add the shear cones |V| ≤ t, at points |V| ≤ μN, and return the number of cones.
 
     plane: faces with moments. bound: their columns of t. points: faces that are points. friction, cohesion: (m,) of dry
-    faces. inner: (m,) positive where an inner face resists shear.
+    faces. inner: (m,) positive where an inner face resists shear. sheet: receives the rows.
     """
     one, nothing = np.ones(len(plane)), np.zeros(len(plane))
     held = friction[plane] + cohesion[plane]
@@ -268,6 +278,7 @@ def _crush_cones(sheet: _RowCollector, crush: _Crush, crush_dry: Floats) -> int:
     """Add the cones (2.12) of docs/method.md for dry faces that crush; return their number.
 
     x² ≤ y z is written as ‖(2x, y − z)‖ ≤ y + z. Under inner, N has no entries in them, and p, q, b are bounded by one.
+    sheet: receives the rows. crush: columns of these faces. crush_dry: (m,) scaled N_c.
     """
     face = crush.face
     one, nothing = np.ones(len(face)), np.zeros(len(face))

@@ -158,7 +158,7 @@ def case_bounds_of(bounds: FieldBounds) -> CaseBounds:
 
     Returns
     -------
-    Known
+    CaseBounds
         Its value is the lower bound; NaN where a bound is missing.
     """
     if bounds.upper < 0.0:

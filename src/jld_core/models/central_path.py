@@ -82,7 +82,7 @@ class PathPoint:
 
 @dataclass
 class CentralPath:
-    """Central path of a program whose rows follow its own solution.
+    """Central path of a program whose rows depend on its own solution.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ class CentralPath:
     weights : (rows,) array
         Weight of the barrier of each row; a cone has the weight of its first row.
     size : float
-        Normal forces, slacks and multipliers of order `size` are the first iterate.
+        Size of normal forces, slacks and multipliers in the first iterate, scaled.
     most : int
         Largest number of steps.
     steps : int
@@ -117,7 +117,9 @@ class CentralPath:
         return self.rows.linear + (len(self.rows.rhs) - self.rows.linear) // 3
 
     def points(self) -> Iterator[PathPoint]:
-        """Follow the path and yield each iterate until it ends, stalls or λ grows without limit.
+        """Follow the central path, and yield each iterate until it ends.
+
+        It ends where it converges, stalls, or λ grows without limit.
 
         Yields
         ------

@@ -83,9 +83,9 @@ def change(old: EffectiveAreas, new: EffectiveAreas) -> float:
 
 
 def _changes(old: EffectiveAreas, new: EffectiveAreas) -> Floats:
-    """Return the largest change (m,) of the effective area of each face.
+    """Return the largest change (m,) of the effective area of each face between two iterates.
 
-    It is the change of c_T,e / c_T or of a = x / c_T, whichever is larger.
+    It is the change of c_T,e / c_T or of a = x / c_T, whichever is larger. old, new: the iterates.
     """
     ratio = np.abs(1.0 / old.ratio - 1.0 / new.ratio)
     return np.asarray(np.maximum(ratio, np.abs(old.arm - new.arm).max(axis=1)))
@@ -161,7 +161,7 @@ def _proof_of(analysis: LimitAnalysis, labels: Bits, found: FixedPoint) -> Proof
     """Return the proof that a fixed point supports.
 
     Its lower bound are the forces within their own areas, its upper bound the mechanism of the frozen problem. labels:
-    (m,) True = dry.
+    (m,) True = dry. found: the fixed point.
     """
     proof = Proof(state=found.state, motion=found.motion)
     proof.status = analysis.with_template(found.prover.template, labels).status_of(proof)

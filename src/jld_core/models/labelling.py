@@ -160,7 +160,7 @@ def _proof(
 
 
 def _rigid_blocks(attempt: ProofAttempt) -> None:
-    """Try the proof with rigid blocks and record its result, if any, in the attempt."""
+    """Try the proof with rigid blocks, and adopt its result, if any, in the attempt."""
     found = prove_condensed(cast(LimitAnalysis, attempt.analysis), attempt.labels)
     if found is not None:
         attempt.adopt(found)
@@ -172,12 +172,18 @@ def _strong(attempt: ProofAttempt) -> bool:
 
 
 def _large(attempt: ProofAttempt) -> bool:
-    """Return True if the status is uncertified, and the program with its inner faces is large for its solver."""
+    """Return True if a large attempt is uncertified and has inner faces.
+
+    Large refers to the program and its solver, see `is_large`.
+    """
     return attempt.uncertified and not attempt.labels.all() and is_large(attempt.template.structure)
 
 
 def _small(attempt: ProofAttempt) -> bool:
-    """Return True if the status is uncertified, and the program with its inner faces is not large for its solver."""
+    """Return True if an attempt that is not large is uncertified and has inner faces.
+
+    Large refers to the program and its solver, see `is_large`.
+    """
     return attempt.uncertified and not attempt.labels.all() and not is_large(attempt.template.structure)
 
 

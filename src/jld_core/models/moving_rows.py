@@ -138,8 +138,8 @@ def frozen_areas(template: Template, areas: EffectiveAreas) -> Template:
 class MovingRows:
     """Conic program of one labelling whose torsion rows follow the effective areas of the forces.
 
-    minimise q·y  subject to  E y = e,  G(y) y + s = r,  s in a cone. E y = e is equilibrium. G depends on y through
-    the parameters ρ, ρ a1, ρ a2 of each dry rectangle.
+    The program is: minimise q·y subject to E y = e, G(y) y + s = r, s in a cone. E y = e is equilibrium. G depends on y
+    through the parameters ρ, ρ a1, ρ a2 of each dry rectangle, see `EffectiveAreas`.
 
     Parameters
     ----------
@@ -151,11 +151,11 @@ class MovingRows:
     Attributes
     ----------
     objective : (n,) array
-        q.
+        Objective q.
     balance, load : sparse array, array
-        E and e.
+        Matrix E and right-hand side e of equilibrium.
     rows, rhs : sparse array, array
-        G of whole faces, and r.
+        Matrix G for whole faces, and right-hand side r of the rows.
     linear : int
         Number of linear rows; the rows after them are second-order cones of size three.
     face : (rows,) int array

@@ -122,7 +122,11 @@ def proof_of_faces(full: LimitAnalysis, points: LimitAnalysis, parent: Ints, pro
 
 
 def resultants_of_faces(assembly: Assembly, points: Assembly, parent: Ints, forces: Floats) -> Floats:
-    """Compute the resultants (m, 6) of whole faces about their centroids from point forces."""
+    """Compute the resultants (m, 6) of whole faces about their centroids from point forces.
+
+    assembly: with m whole faces. points: its assembly of m' point contacts. parent: (m',) whole face of each point.
+    forces: (m', 6) resultants of the points, scene units.
+    """
     faces = assembly.interfaces
     arm = points.interfaces.origin - faces.origin[parent]
     x1 = np.einsum("ij,ij->i", arm, faces.e1[parent])

@@ -232,7 +232,7 @@ def _inner_forces(
 
     labels: (m,) True = dry. boundary: (m', q) forces on the faces between blocks, scene units. load: λ, scene units.
     Blocks are independent of each other once boundary forces and λ are given: each maximises its own least slack. The
-    result is None where the solver returns no finite forces.
+    result is None where the solver returns no finite forces. rigid: the condensed assembly.
     """
     scale, q, sets = template.scaling, template.assembly.freedoms, template.yield_set
     count = len(labels)

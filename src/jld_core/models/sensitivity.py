@@ -198,7 +198,10 @@ class _Base:
         self._held: Bools = held
 
     def sensitivity(self, change: _Change, unit: str) -> Sensitivity:
-        """Compute the rate of λ with one parameter, in scene units."""
+        """Compute the rate of λ with one parameter, in scene units.
+
+        change: the parameter. unit: its unit, for the result.
+        """
         step = _STEP * change.size
         more, less = self._moved(change, step), self._moved(change, -step)
         matrix = sp.csr_array((more.matrix - less.matrix) / (2.0 * step))
@@ -229,15 +232,19 @@ class _Base:
         return Sensitivity(math.nan, left, right, unit) if unknown else Sensitivity(value, value, value, unit)
 
     def _moved(self, change: _Change, step: float) -> ConicProgram:
-        """Build the program with the parameter changed by a step, in the original scaling."""
+        """Build the program with a parameter changed by a step, in the original scaling.
+
+        change: the parameter. step: increase of its value.
+        """
         assembly = change.of(self._template.assembly, step)
         return Template(assembly, self._template.scaling).program(self._labels)
 
     def _by_steps(self, change: _Change) -> tuple[float, float, float, float]:
-        """Compute left and right rates from chords at two steps, the size of the kink, and the rounding.
+        """Compute the left and the right rate of −λ from chords at two steps to either side.
 
-        The size of the kink excludes curvature, which vanishes as steps shrink, and rounding, which is estimated from
-        the difference of primal and dual values.
+        The results are both rates, the size of the kink, and the rounding error. The size of the kink excludes
+        curvature, which vanishes as steps shrink, and rounding, which is estimated from the difference of primal and
+        dual values. change: the parameter.
         """
         here, noise = self._value(self.program)
         chords, kinks, noises = [], [], []

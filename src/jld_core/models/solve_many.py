@@ -175,7 +175,10 @@ def solve_many(
 
 
 def _solve_many(assembly: Assembly, labels: Bits, model: SolveOptions) -> BatchResult:
-    """Solve labellings (k, m) under one load, by the batch solver where it settles them."""
+    """Solve k labellings under one load, by the batch solver where it settles them.
+
+    labels: (k, m) True = dry. model: model and solver options.
+    """
     require_materials(assembly, np.asarray(labels.any(axis=0)), np.asarray(~labels.all(axis=0)))
     analysis = limit_analysis(assembly, model)
     scale, count = analysis.template.scaling.load, len(labels)

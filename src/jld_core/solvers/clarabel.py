@@ -146,7 +146,10 @@ def _cones(structure: Structure) -> list[Any]:
 
 
 def _raw_solution(answer: Any, start: float) -> RawSolution:
-    """Convert a solution of Clarabel; start: clock reading when the solve began, s."""
+    """Convert an answer of Clarabel to a raw solution.
+
+    start: clock reading when the solve began, s.
+    """
     name = str(answer.status)
     return RawSolution(
         status=_STATUS.get(name, RawStatus.FAILED),

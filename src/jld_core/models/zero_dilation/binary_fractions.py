@@ -23,7 +23,7 @@ class BinaryFractions:
 
     @staticmethod
     def of(table: Floats) -> BinaryFractions:
-        """Convert a matrix of doubles to fractions, exactly."""
+        """Convert a matrix of doubles to binary fractions, exactly."""
         part, power = np.frexp(table)
         used = table != 0.0
         least = int(power[used].min(initial=0))
@@ -39,7 +39,7 @@ class BinaryFractions:
         return BinaryFractions(self.values[chosen], self.scale)
 
     def times(self, factor: float) -> BinaryFractions:
-        """Multiply every entry by one double, exactly."""
+        """Multiply every entry by the double `factor`, exactly."""
         by = BinaryFractions.of(np.array([[factor]]))
         return BinaryFractions(self.values * by.values[0, 0], self.scale + by.scale)
 

@@ -182,7 +182,7 @@ class Certifier:
         scales = 1.0 / np.concatenate([largest[i], largest[last]])
 
         def change(rest: Floats) -> tuple[BinaryFractions, BinaryFractions, BinaryFractions]:
-            """Return the changes of products, live work and bound for a residual R."""
+            """Return the changes of products, live work and bound for the residual R in `rest`."""
             residual_size = float(abs(rest).max(initial=0.0)) or 1.0
             found = solve((self.states.T @ (rest / residual_size) @ self.motions).ravel()) * residual_size * scales
             more, paid = np.zeros(of_products.shape), np.zeros((len(price), 1))
@@ -201,8 +201,8 @@ class Certifier:
     ) -> Floats:
         """Return the residual R (3m + 2, 3n + m) of the identity in the module docstring.
 
-        It is reduced by multiples of equilibrium and of closed modes. of_products, live_work, bound, slack: the
-        multipliers and σ.
+        It is reduced by multiples of equilibrium and of closed modes. of_products, live_work, bound: multipliers M, g
+        and p. slack: σ.
         """
         lacking = self._identity_difference(of_products, live_work, bound, slack)
         return reduce_residual(
@@ -222,9 +222,10 @@ class Certifier:
     def _identity_difference(
         self, of_products: BinaryFractions, live_work: BinaryFractions, bound: BinaryFractions, slack: float
     ) -> BinaryFractions:
-        """Return the left minus the right side of the certificate's identity, exactly.
+        """Return the left minus the right side of the certificate's identity, without rounding.
 
-        The terms with R, Q and Ψ are left out. of_products, live_work, bound, slack: the multipliers and σ.
+        The identity stands in the module docstring; its terms with R, Q and Ψ are left out. of_products, live_work,
+        bound: multipliers M, g and p. slack: σ.
         """
         modes, columns, rates = self.modes, self.facts.shape[1], self._forms.rows(slice(len(self.modes.rows)))
         facts, unit = BinaryFractions.of(self.facts), np.eye(columns)

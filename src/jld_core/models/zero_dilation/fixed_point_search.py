@@ -135,7 +135,7 @@ class FixedPointSearch:
         return areas_under(self.analysis.assembly, self.table(forces), self.labels)
 
     def prover(self, template: Template) -> Prover:
-        """Return the prover of the analysis for another template of its equilibrium."""
+        """Return the analysis' prover for another template of the same equilibrium matrix."""
         return self.analysis.prover.with_template(template)
 
     def freeze_friction(
@@ -206,7 +206,9 @@ class FixedPointSearch:
     ) -> tuple[Template, ConicProgram]:
         """Build the program that minimises the gap Γ over forces, for given velocities.
 
-        Friction is that of the true cone. Terms that are constant for given velocities are omitted.
+        Friction is that of the true cone. Terms that are constant for given velocities are omitted. forces: (q·m,)
+        scaled, whose N is the first guess. dual: multipliers whose first entries are the velocities. areas: effective
+        areas, None if not used. margin: slack of every yield row.
         """
         template, sets = self.freeze_friction(1.0, self.normals(forces), areas)
         velocity = dual[: template.matrix.shape[0]]

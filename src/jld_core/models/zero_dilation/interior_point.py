@@ -80,10 +80,10 @@ _GAINS: Final = 0.9
 
 @dataclass(frozen=True)
 class ProductProgram:
-    """Program over products (Z, T): min cost·(Z, T) + (1 − b_λ·u)⁺ with signs of products.
+    """Program over products of forces and velocities: min cost·(Z, T) + (1 − b_λ·u)⁺.
 
-    equal, positive: (r, modes) masks of products y_k z_l that are zero, and that are not negative. groups: (w,) number
-    of the element of each velocity.
+    space: unknowns (Z, T) and the products y_k z_l. equal, positive: (r, modes) masks of the products that are zero,
+    and that are not negative. cost: (Z, T). groups: (w,) number of the element of each velocity.
     """
 
     space: ProductSpace
@@ -162,7 +162,10 @@ class _InteriorPointMethod:
         return z - v[-1] * self.space.unit, t
 
     def run(self, seconds: float) -> ProductSolution:
-        """Take steps until the tolerance is met or progress ends; return the best iterate."""
+        """Take steps until the tolerance is met or progress ends; return the best iterate.
+
+        seconds: processor time after which the iterations end.
+        """
         end, best, idle = time.process_time() + seconds, None, 0
         for step in range(_STEPS):
             g, e = self.rows(self.x)
@@ -205,7 +208,10 @@ class _InteriorPointMethod:
         solve = self.normal.factor(weights, float(d[-1]), _SHIFT, plain=True)
 
         def direction(rc: Floats, times: int = _REFINED) -> tuple[Point, Floats, Floats, Floats]:
-            """Return the changes of x, s, v and q for complementarity residuals rc."""
+            """Return the changes of point, slacks, and both kinds of multipliers in one direction.
+
+            rc: residuals of complementarity to remove. times: largest number of refinements of the linear solution.
+            """
             z, t = self.apply_transpose(d * (rp + rc / self.v), re / _EQUAL)
             dx = solve((z - rd[0], t - rd[1]), tolerance, times)
             g, e = self.rows(dx)

@@ -33,10 +33,11 @@ Loop = tuple[int, ...]
 
 
 def loops_of(assembly: Assembly, rates: Floats) -> Floats:
-    """Return sums of mode rates z around loops of faces, as coefficients (2e, 4m).
+    """Return sums of mode rates around loops of faces that are ≥ 0 in solutions.
 
-    The sums are ≥ 0 if one slide of each face is zero. rates: (4m, w) of modes. A pair consists of the forms for s⁺ and
-    s⁻ of one face in one loop. Its difference is the identity of the loop, which is zero up to rounding.
+    The result (2e, 4m) holds their coefficients, two rows for each face of each loop. They bound the slides s⁺ and s⁻
+    of the face by the modes of the other faces, provided one slide of each face is zero. The difference of both rows is
+    the identity of the loop, which is zero up to rounding. rates: (4m, w) modes as forms of velocities.
     """
     jumps = _jumps(rates)
     rows = []

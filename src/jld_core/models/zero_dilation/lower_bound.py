@@ -69,7 +69,7 @@ class _Bounds:
         return _Bounds(max(self.proven, proven), max(self.believed, believed, proven))
 
     def least(self, other: _Bounds) -> _Bounds:
-        """Return the lower bounds that hold for the union of this region and another."""
+        """Return the lower bounds of the union of two regions: the lower one of each kind."""
         return _Bounds(min(self.proven, other.proven), min(self.believed, other.believed))
 
 

@@ -48,10 +48,10 @@ _EXACT: Final = 1e-9
 
 
 def solve_rlt_by_matrix_blocks(bounded: BoundedModes, region: Region, options: RltOptions) -> RltSolution | None:
-    """Solve the program of `solve_rlt` by matrix blocks; None if it does not converge.
+    """Solve the RLT relaxation of one region by matrix blocks; None without convergence.
 
-    bounded: complementarity problem with bounds on forces. region: part of the solutions. options: products, slack,
-    time limit, distance and tolerance.
+    It is the program of `solve_rlt`. bounded: complementarity problem with bounds on forces. region: part of the
+    solutions. options: products, slack, time limit, distance and tolerance.
     """
     modes, force_bounds, pairs, slack = bounded.modes, bounded.force_bounds, options.pairs, options.slack
     count = len(modes.rows)
@@ -137,7 +137,7 @@ class BlockCertifier(Certifier):
         solved = NormalEquations(space, share > 0.0, velocities.groups).factor(weights, 1.0, _SHIFT)
 
         def change(rest: Floats) -> tuple[BinaryFractions, BinaryFractions, BinaryFractions]:
-            """Return the changes of products, live work and bound for a residual R."""
+            """Return the changes of products, live work and bound for the residual R in `rest`."""
             residual_size = float(abs(rest).max(initial=0.0)) or 1.0
             left = velocities.split(self.force_bounds[:, None] * (rest / residual_size) @ velocities.basis)
             point = solved(left, _EXACT, _REFINED)

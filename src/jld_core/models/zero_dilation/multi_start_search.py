@@ -124,7 +124,8 @@ class MultiStartSearch:
     def search(self, thorough: bool = True, sufficient_load: float = -math.inf) -> Found:
         """Search for solutions from all starts, and return the solutions found.
 
-        sufficient_load: scaled λ; the search stops once a solution at or below this value is certified.
+        thorough: use all starts and directions. sufficient_load: scaled λ; the search stops once a solution at or below
+        this value is certified.
         """
         for forces in starts(self.fixed_point, self.associative, thorough):
             self.search_from(forces)
@@ -149,7 +150,7 @@ class MultiStartSearch:
                 self.improve(closed)
 
     def search_random_mechanisms(self) -> None:
-        """Search for solutions whose mechanism is random, planar scenes only.
+        """Search for solutions whose mechanism is drawn at random, in planar scenes only.
 
         Proximal steps miss solutions whose compressed faces differ from those of every start.
         """
@@ -170,7 +171,8 @@ class MultiStartSearch:
         """Descend from mixtures of the lowest solution with states of low compression.
 
         Only run if earlier descents ended at different λ, and stop after `_IDLE` mixtures without gain. If all descents
-        end at the same λ, hundreds of mixtures found nothing lower on walls of 83 to 141 faces.
+        end at the same λ, hundreds of mixtures found nothing lower on walls of 83 to 141 faces. sufficient_load: as in
+        `search`.
         """
         apart = max(self._ends, default=0.0) - min(self._ends, default=0.0)
         if self.alternation is None or apart <= _LOWER * max(self._ends, default=0.0):
@@ -187,7 +189,10 @@ class MultiStartSearch:
             idle = 0 if self.found.lowest_load < low - _LOWER * abs(low) else idle + 1
 
     def _mixed(self, point: Floats, share: float, rng: np.random.Generator) -> Floats | None:
-        """Mix a point with a random state of low compression; None if no such state exists."""
+        """Mix a point with a random state of low compression; None if no such state exists.
+
+        point: (q·m + 1,) scaled forces and λ. share: weight of that state, from 0 to 1.
+        """
         return None if self.alternation is None else self.alternation.mix_with_low_compression(point, share, rng)
 
     def close_gap(self, point: Floats | None) -> Floats | None:
@@ -208,7 +213,7 @@ class MultiStartSearch:
 
         The states have a λ below the lowest solution. In the plane, the descent by linear programs finds the same
         solutions. In space, torsion reduces the friction of a joint, and the lowest solutions often have low
-        compression (studies/spatial_bound/scenes.py).
+        compression (studies/spatial_bound/scenes.py). sufficient_load: as in `search`.
         """
         rng, idle = np.random.default_rng(0), 0
         for _ in range(_LITTLE):

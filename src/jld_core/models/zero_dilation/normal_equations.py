@@ -37,7 +37,8 @@ _AWAY: Final = 1e3
 class NormalEquations:
     """Normal equations of an interior-point step over products, factored repeatedly.
 
-    The matrix is Σ d_kl (y_k z_l)(y_k z_l)ᵀ + d (b_λ·u)(b_λ·u)ᵀ + shift.
+    For weights d_kl of the products y_k z_l and a weight d of the live work, the matrix is Σ d_kl (y_k z_l)(y_k z_l)ᵀ +
+    d (b_λ·u)(b_λ·u)ᵀ + shift. It acts on points (Z, T), see `ProductSpace`.
     """
 
     def __init__(self, space: ProductSpace, used: Bools, groups: Ints) -> None:
@@ -60,22 +61,23 @@ class NormalEquations:
     def factor(self, weights: Floats, live: float, shift: float, plain: bool = False) -> Solve:
         """Factor the matrix for given weights, and return the function that solves with it.
 
-        weights: (r, modes) d_kl ≥ 0. live: d. shift: added to the diagonal. Refinement compensates for the shift and
-        for rounding. By default it uses conjugate gradients with the factor as preconditioner. plain: use simple
-        corrections, which leave directions of tiny curvature unchanged.
+        weights: (r, modes) weights d_kl ≥ 0 of the products. live: weight d of the live work. shift: added to the
+        diagonal. Refinement compensates for the shift and for rounding. By default it uses conjugate gradients with the
+        factor as preconditioner. plain: use simple corrections, which leave directions of tiny curvature unchanged.
         """
         once = self._once(weights, live, shift)
         space = self.space
 
         def applied(x: Point) -> Point:
-            """Multiply the matrix, without shift, by a point (Z, T)."""
+            """Return the product of the unshifted matrix with a point (Z, T), see `ProductSpace`."""
             z, t = space.adjoint(weights * space.values(x))
             return z + live * float((space.unit * x[0]).sum()) * space.unit, t
 
         def solve(rhs: Point, exact: float, most: int) -> Point:
             """Solve for one right-hand side with refinement; return the point of least residual.
 
-            exact: relative residual at which refinement ends. most: maximum number of corrections.
+            rhs: right-hand side (Z, T), see `ProductSpace`. exact: relative residual at which refinement ends. most:
+            largest number of corrections.
             """
             x = direction = old = (np.zeros_like(rhs[0]), np.zeros_like(rhs[1]))
             rest, goal = rhs, exact * length(rhs)
@@ -131,7 +133,7 @@ class NormalEquations:
         price = live / (1.0 + live * float((unit * along).sum()))
 
         def solve(rhs: Point) -> Point:
-            """Solve the shifted equations once."""
+            """Solve the shifted equations once, without refinement, for a right-hand side (Z, T)."""
             t = np.einsum("fab,fb->fa", back, rhs[1])
             pulled = np.zeros((space.facts.shape[1], len(space.of)))
             for places, part, form in zip(space.at, np.einsum("fab,fb->fa", slips, t), forms, strict=True):
@@ -165,12 +167,12 @@ class NormalEquations:
 
 
 def length(point: Point) -> float:
-    """Return the norm of (Z, T) as one vector."""
+    """Return the norm of a point (Z, T), see `ProductSpace`, taken as one vector."""
     return float(np.hypot(np.linalg.norm(point[0]), np.linalg.norm(point[1])))
 
 
 def _dot(one: Point, other: Point) -> float:
-    """Return the scalar product of two points (Z, T)."""
+    """Return the scalar product of two points (Z, T), see `ProductSpace`."""
     return float((one[0] * other[0]).sum() + (one[1] * other[1]).sum())
 
 
@@ -182,10 +184,10 @@ class _EliminationTree:
     """
 
     def __init__(self, forms: Floats, groups: Ints, of: Ints, sizes: Ints) -> None:
-        """Compute the elimination order and the fronts.
+        """Compute the elimination order, and the fronts of matrix blocks.
 
-        forms: (modes, w). groups: (w,) number of the group in which a column is eliminated, from 0. of: (w,) basis of
-        each column. sizes: number of states of each basis.
+        forms: (modes, w) coefficients of each mode in the w columns. groups: (w,) number of the group in which a column
+        is eliminated, from 0. of: (w,) basis of each column. sizes: number of states of each basis.
         """
         touches = np.zeros((len(forms), int(groups.max(initial=-1)) + 1))
         np.maximum.at(touches.T, groups, (forms != 0.0).T.astype(float))
@@ -282,7 +284,10 @@ class _EliminationTree:
         return lambda rhs: self._solve(out, rhs)
 
     def _solve(self, held: list[tuple[Floats, Floats]], rhs: Floats) -> Floats:
-        """Solve for a right-hand side (k, w) by forward and backward substitution."""
+        """Solve for a right-hand side (k, w) by forward and backward substitution.
+
+        held: factors of the fronts, from `factor`.
+        """
         rows = np.arange(len(rhs))
         used = rows[None, :] < self._sizes[:, None]
         x = rhs.T[self._order][used]

@@ -28,13 +28,15 @@ Point = tuple[Floats, Floats]
 
 @dataclass(frozen=True)
 class ProductSpace:
-    """Linear map from unknowns (Z, T) to the products y_k z_l of slacks and mode rates.
+    """Linear map from unknowns (Z, T) to products of yield slacks y_k and mode rates z_l.
+
+    Z are coefficients of states by velocities. T are the products of slides t of lone faces with the forces of the face
+    and 1. A lone face has a t that occurs nowhere else; its two slides, modes 4f + 2 and 4f + 3, are t and t + s.
 
     facts: (r, p) slacks and other forms of Φ, the last of them 1. rates: (forms, w) of z and of loops over free
-    velocities. bases: (p, k) bases of the states that velocities multiply; `of` (w,) is the basis of each velocity, and
-    Z has as many rows as the widest basis. lone: (f,) faces whose two slides, modes 4f + 2 and 4f + 3, are t and t + s
-    with a t that occurs nowhere else. T holds the products of t with the forces of the face and 1. `at` (f, 4) are the
-    places of these in Φ, and `own` (f, 5, 4) maps them to the slacks of the face and 1. live: (w,) b_λ·u.
+    velocities. bases: (p, k) bases of the states that velocities multiply. of: (w,) basis of each velocity; Z has as
+    many rows as the widest basis. lone: (f,) lone faces. own: (f, 5, 4) maps the products of a lone face to its slacks
+    and 1. at: (f, 4) places of its forces and 1 in Φ. live: (w,) b_λ·u.
     """
 
     facts: Floats
@@ -103,11 +105,13 @@ class ProductSpace:
 
 
 class LocalProductSpace:
-    """Elements and faces whose forces are multiplied with each velocity of a region.
+    """Sets of elements whose forces are multiplied with each velocity of a region.
 
-    distance: number of faces up to which forces are included, None for all elements. Velocities tied by closed modes
-    share the same set of elements. basis: (3n + m, w) of the velocities that closed modes leave free. forms: (4m + 2e,
-    w) over these, of which rates are the first. groups: (w,) number of the element of each velocity.
+    Velocities tied by closed modes share the same set of elements.
+
+    distance: number of faces up to which forces are included, None for all elements. closed: (4m,) modes that do not
+    move. basis: (3n + m, w) of the velocities that closed modes leave free. forms: (4m + 2e, w) non-negative forms of
+    these velocities, the mode rates first. groups: (w,) number of the element of each velocity.
     """
 
     def __init__(self, modes: Modes, closed: Bools, distance: int | None) -> None:

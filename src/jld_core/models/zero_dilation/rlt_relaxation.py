@@ -36,10 +36,11 @@ _VIOLATED: Final = 1e-7
 
 @dataclass(frozen=True)
 class Multipliers:
-    """Multipliers of the rows of the RLT program; a certificate turns them into a proven bound.
+    """Multipliers of the rows of an RLT program; a certificate turns them into a bound.
 
-    products: (4m + 3, 4m + 2e) of (y, λ − L, U − λ, 1) times forms of w; ≥ 0 except for y_l z_l and held rows.
-    live_work: (4m + 2,) of (y, λ − L, U − λ) times b_λ·u; ≥ 0 except for held rows. bound: scaled λ.
+    products: (4m + 3, 4m + 2e) of the forms (y, λ − L, U − λ, 1) of forces times forms of velocities; ≥ 0 except for
+    y_l z_l and held rows. L and U are the ends of the region. live_work: (4m + 2,) of (y, λ − L, U − λ) times b_λ·u; ≥
+    0 except for held rows. bound: scaled λ.
     """
 
     products: Floats
@@ -92,7 +93,7 @@ class RltOptions:
 
 
 def null_space(rows: Floats) -> Floats:
-    """Return a sparse basis (n, k) of the null space of a matrix (r, n).
+    """Return a sparse basis (n, k) of the null space of a matrix `rows` (r, n).
 
     Gaussian elimination prefers pivots in columns with few entries.
     """
@@ -237,9 +238,10 @@ def solve_products(
 
 
 def scaled_forms(modes: LinearModes, region: Region, unit: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return the scaled `region_forms`, the divisors of their rows, and scaled equilibrium.
+    """Return the forms of a region and its equilibrium, scaled to entries of order one.
 
-    unit: matrix that maps scaled Φ to Φ. Each row is divided by its largest entry.
+    unit: matrix that maps scaled Φ to Φ. The results are `region_forms` with each row divided by its largest entry,
+    these divisors, and the equilibrium rows.
     """
     facts, statics = region_forms(modes, region) @ unit, modes.statics @ unit
     largest = row_maxima(facts)
@@ -256,9 +258,10 @@ def row_maxima(rows: Floats) -> Floats:
 
 
 def scaling_matrix(region: Region, force_bounds: Floats) -> Floats:
-    """Return the matrix (3m + 2, 3m + 2) that maps scaled Φ to Φ.
+    """Return the matrix (3m + 2, 3m + 2) that maps scaled (F, λ, 1) to unscaled ones.
 
-    Forces are scaled by their bounds, λ by the width of the region from its lower end.
+    Forces are scaled by their bounds, λ by the width of the region from its lower end. force_bounds: (3m + 2,), see
+    `Statics.force_bounds`.
     """
     unit = np.diag(force_bounds)
     unit[-2, -2:] = region.high - region.low, region.low

@@ -95,18 +95,19 @@ def forces_along_load_path(search: FixedPointSearch, gravity: Floats, most: floa
 
 
 def _nearest(search: FixedPointSearch, forces: Floats, load: float) -> RawSolution:
-    """Find the state of equilibrium at a given scaled λ that is nearest to given forces.
+    """Find the state of equilibrium at one scaled λ that is nearest to given forces.
 
-    forces: (q·m,) scaled.
+    forces: (q·m,) scaled. load: the scaled λ. search: supplies labelling and program.
     """
     near = ClarabelSolver(search.analysis.template.precision.residual, proximal=(search.count, 1.0))
     return near.solve(_at_load(search, load), forces)
 
 
 def _at_load(search: FixedPointSearch, load: float) -> ConicProgram:
-    """Build the program of all admissible states at a given scaled λ.
+    """Build the program of all admissible states at one scaled λ.
 
-    Its objective is λ alone. λ moves from the unknowns of equilibrium to its right-hand side.
+    Its objective is λ alone. λ moves from the unknowns of equilibrium to its right-hand side. load: the scaled λ.
+    search: supplies labelling and program, and counts it.
     """
     template = search.analysis.template
     program = template.program(search.labels, search.margin)

@@ -65,10 +65,11 @@ _DEPTH: Final = 12
 
 
 class BlockSweep:
-    """Sequence of RLT programs for one planar labelling, each solved by matrix blocks and certified.
+    """Search for a lower bound of one planar labelling by a sequence of certified programs.
 
-    bounded: complementarity problem with bounds on forces and velocities; both must be proven. problem: lowest
-    solution found, time budget and log.
+    Each program is an RLT relaxation, solved by matrix blocks, that begins where the last certificate ended. bounded:
+    complementarity problem with bounds on forces and velocities; both must be proven. problem: lowest solution found,
+    time budget and log.
     """
 
     def __init__(self, bounded: BoundedModes, problem: LowerBoundProblem) -> None:
@@ -80,7 +81,10 @@ class BlockSweep:
         self.stages = (("all hinges", few), ("all products", np.ones_like(few)))
 
     def near_hinge_bound(self, low: float) -> float:
-        """Prove a bound with products of near hinges only, solved to full accuracy."""
+        """Prove a bound with products of near hinges only, solved to full accuracy.
+
+        low: scaled λ up to which no solution exists.
+        """
         none = np.zeros(len(self.modes.rows), dtype=bool)
         return self._step("near hinges", self._region(low, none, none), self.near_pairs, _FINE, None)[1]
 
@@ -136,7 +140,7 @@ class BlockSweep:
     # --- pieces -------------------------------------------------------------------------------------------
 
     def _slack(self, low: float) -> float:
-        """Return the initial slack σ, relative, of a step that begins at the bound `low`."""
+        """Return the slack σ, relative to max(|λ|, 1), with which a step from `low` begins."""
         return float(np.clip(_SHARE * (self.problem.load - low) / self.problem.load_unit, _FINE, _COARSE))
 
     def _region(self, low: float, closed: Bools, held: Bools, high: float | None = None) -> Region:
@@ -172,7 +176,10 @@ class BlockSweep:
         return answer is not None and self.problem.gains_enough(region.low, answer.multipliers.bound)
 
     def _branch(self, low: float, region: Region, answer: RltSolution, stage: int, depth: int) -> float:
-        """Split the region at one mode and return the lower of the bounds of both parts."""
+        """Split a region at one mode, and return the lower of the bounds of both parts.
+
+        low: bound of the region so far. answer: solution whose mode violates y z = 0 most. stage, depth: as in `sweep`.
+        """
         halves = region.split(answer.rates, answer.slacks)
         if halves is None:
             return low

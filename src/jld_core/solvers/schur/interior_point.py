@@ -28,7 +28,8 @@ _SETTLED = 1e-3  # κ/τ below which the program counts as solvable and iteratio
 class _Iterate:
     """Iterate of the homogeneous self-dual embedding of a program.
 
-    x: columns. u: multipliers of equations. s, v: slacks and multipliers of yield rows. tau, kappa: τ and κ.
+    x: values of the columns. u: multipliers of the equations. s, v: slacks and multipliers of the yield rows. tau,
+    kappa: the scalars τ and κ of the embedding.
     """
 
     x: Floats
@@ -188,7 +189,11 @@ class _Iteration:
             slope = float(self.q @ x1 + self.r @ u1 + self.h @ v1) - it.kappa / it.tau
 
         def direction(eta: float, ds: Floats, dk: float) -> tuple[Floats, Floats, Floats, Floats, float, float]:
-            """Return dx, du, W⁻¹ds, W dv, dτ and dκ; `eta` is the share of the residuals to remove."""
+            """Return one search direction: dx, du, W⁻¹ds, W dv, dτ and dκ.
+
+            eta: share of the residuals to remove. ds, dk: right-hand sides of the complementarity of s and v, and of τ
+            and κ.
+            """
             comp = cones.quotient(lam, ds)
             x2, u2, wv2 = system.solve(-eta * res_x, -eta * res_u, -eta * res_v - scaling.times(comp))
             if not embedded:
@@ -200,7 +205,10 @@ class _Iteration:
             return x2 + dt * x1, u2 + dt * u1, comp - wv, wv, dt, (dk - it.kappa * dt) / it.tau
 
         def longest(ws: Floats, wv: Floats, dt: float, dk: float) -> float:
-            """Return the largest step that keeps slacks, multipliers, τ and κ in their cones."""
+            """Return the largest step that keeps slacks, multipliers, τ and κ in their cones.
+
+            ws, wv: scaled directions W⁻¹ds and W dv. dt, dk: directions of τ and κ.
+            """
             alpha = min(cones.step(lam, ws), cones.step(lam, wv))
             for value, change in ((it.tau, dt), (it.kappa, dk)):
                 if change < 0.0:
