@@ -47,10 +47,10 @@ class _Block:
         self._parts, self._dry, self._inner = parts, dry, inner
         self._own, self._sides, self._joints = own, sides, joints
         self._place = {int(k): Q * i for i, k in enumerate(own)}
-        stuck = sides[dry.cohesion[parts.side_face[sides]] > 0.0]
-        self._stuck = {int(s): Q * len(own) + i for i, s in enumerate(stuck)}
-        self._bent = {int(j): Q * len(own) + len(stuck) + i for i, j in enumerate(joints)}
-        self._rows = Q * len(own) + len(stuck) + len(joints)
+        cohesive = sides[dry.cohesion[parts.side_face[sides]] > 0.0]
+        self._cohesive = {int(s): Q * len(own) + i for i, s in enumerate(cohesive)}
+        self._bent = {int(j): Q * len(own) + len(cohesive) + i for i, j in enumerate(joints)}
+        self._rows = Q * len(own) + len(cohesive) + len(joints)
         shared = sorted({int(f) for f in parts.side_shared[sides] if f >= 0})
         elements = [int(e) for e in parts.part_element[own]]
         rows = [Q * f + k for f in shared for k in range(Q)]
@@ -73,7 +73,7 @@ class _Block:
             of_load[self._shared[element + 1]] = 1.0
         for joint in self._joints.tolist():
             self._add_joint(joint, of_x)
-        for row in (*self._stuck.values(), *self._bent.values()):
+        for row in (*self._cohesive.values(), *self._bent.values()):
             of_x[row] = -1.0
         columns = tuple((np.array(rows, dtype=np.int64), np.array(values)) for rows, values in self._columns)
         return BlockColumns(self._rows, np.array(list(self._shared), dtype=np.int64), columns, of_x, of_load)
@@ -85,9 +85,9 @@ class _Block:
         size = max(1.0, mu)
         for slip, tip in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
             self._push(side, np.array([1.0 / size, slip * mu / size, tip / size]))
-        if side in self._stuck:
+        if side in self._cohesive:
             for sign in (1.0, -1.0):
-                self._push(side, np.array([0.0, sign * self._dry.cohesion[face], 0.0]), self._stuck[side])
+                self._push(side, np.array([0.0, sign * self._dry.cohesion[face], 0.0]), self._cohesive[side])
 
     def _push(self, side: int, force: Floats, row: int | None = None) -> None:
         """Add the column of a force at a side; with `row`, add an entry 1 in that row.

@@ -106,20 +106,20 @@ class BlockProgram(AllBlocksProgram):
         Rows of the equal forces on shared faces.
     balance : (k, 3) int array
         Equilibrium rows of the parts.
-    stuck : int array
+    cohesive : int array
         Indices of the sides with cohesion.
     """
 
     def __init__(self, parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge) -> None:
         self._parts, self._entries = parts, SparseEntries()
-        self.stuck = np.flatnonzero(dry.cohesion[parts.side_face] > 0.0)
+        self.cohesive = np.flatnonzero(dry.cohesion[parts.side_face] > 0.0)
         p, n = np.arange(parts.blocks), parts.elements
-        of_stuck, of_joint = parts.side_block[self.stuck], parts.joint_block
+        of_cohesive, of_joint = parts.side_block[self.cohesive], parts.joint_block
         columns, rows = OwnedIndices(), OwnedIndices()
         self.x = columns.of(p)
         rays = columns.of(np.repeat(parts.side_block, 4)).reshape(-1, 4)
         bends = columns.of(np.repeat(of_joint, 3)).reshape(-1, 3)
-        sticks = columns.of(of_stuck)
+        sticks = columns.of(of_cohesive)
         own = columns.of(p)
         load = columns.append_unowned(1)
         self.cover, self.share = rows.append_unowned(n), rows.append_unowned(n)
@@ -127,7 +127,7 @@ class BlockProgram(AllBlocksProgram):
         self.balance = rows.of(np.repeat(parts.part_block, Q)).reshape(-1, Q)
         self._equalities = len(rows)
         shear = rows.of(np.repeat(of_joint, 2)).reshape(-1, 2)
-        stuck_shear = rows.of(np.repeat(of_stuck, 2)).reshape(-1, 2)
+        cohesive_shear = rows.of(np.repeat(of_cohesive, 2)).reshape(-1, 2)
         most, least = rows.of(p), rows.of(p)
         positive = np.concatenate([self.x, rays.ravel(), bends[:, :2].ravel(), own])
         above_zero = rows.of(columns.owner[positive])
@@ -142,8 +142,8 @@ class BlockProgram(AllBlocksProgram):
         self._entries.add_vectors(self.balance, own[parts.part_block], parts.live)
         self._shear(inner, bends, shear)
         for turn, sign in enumerate((1.0, -1.0)):
-            add(stuck_shear[:, turn], sticks, sign)
-            add(stuck_shear[:, turn], of_stuck, -dry.cohesion[parts.side_face[self.stuck]])
+            add(cohesive_shear[:, turn], sticks, sign)
+            add(cohesive_shear[:, turn], of_cohesive, -dry.cohesion[parts.side_face[self.cohesive]])
         add(most, own, 1.0)
         self._most = add(most, self.x, -1.0)
         add(least, own, -1.0)
@@ -162,7 +162,7 @@ class BlockProgram(AllBlocksProgram):
         They are normalised rays (1, ±μ, ±1) of the dry set, and shear by cohesion, |V₀| ≤ c x. dry: yield sets. rays,
         sticks: columns of the rays and of the shear by cohesion.
         """
-        parts, stuck, add = self._parts, self.stuck, self._entries.add_vectors
+        parts, cohesive, add = self._parts, self.cohesive, self._entries.add_vectors
         mu = dry.friction[parts.side_face]
         size = np.maximum(1.0, mu)
         known = parts.side_shared >= 0
@@ -171,10 +171,10 @@ class BlockProgram(AllBlocksProgram):
             vector = np.column_stack([1.0 / size, slip * mu / size, tip / size])
             add(self.balance[parts.side_part], rays[:, turn], np.einsum("kij,kj->ki", parts.arm, vector))
             add(meets, rays[known, turn], (parts.sign[:, None] * vector)[known])
-        add(self.balance[parts.side_part[stuck]], sticks, parts.arm[stuck, :, 1])
-        known = known[stuck]
-        across = parts.sign[stuck, None] * np.eye(Q)[1]
-        add(self.equal_forces[parts.side_shared[stuck][known]], sticks[known], across[known])
+        add(self.balance[parts.side_part[cohesive]], sticks, parts.arm[cohesive, :, 1])
+        known = known[cohesive]
+        across = parts.sign[cohesive, None] * np.eye(Q)[1]
+        add(self.equal_forces[parts.side_shared[cohesive][known]], sticks[known], across[known])
 
     def _joints(self, inner: CoulombWedge, bends: Ints) -> None:
         """Add the forces on the inner faces of the blocks.

@@ -147,7 +147,7 @@ class BlockRelaxation:
             self._dry, self._inner = dry, inner
             self._states = BlockProgram(self._parts, dry, inner)
         strong = self._dry.strength(self._parts.side_face)
-        self._stuck = np.flatnonzero(strong > 0.0)
+        self._strong = np.flatnonzero(strong > 0.0)
         opening = analysis.repair.opening()
         self._opening = None if opening is None else self._parts.halved(opening)
         self._opening_margin = np.inf if self._opening is None else self._margin(*self._opening)
@@ -305,16 +305,16 @@ class BlockRelaxation:
         cost = -self._sums((parts.dead * velocity).sum(axis=1), parts.part_block)
         inside = self._sums(self._inner.dissipation(inner, parts.joint_face), parts.joint_block)
         cost += inside
-        stuck = self._stuck
-        face, block = parts.side_face[stuck], parts.side_block[stuck]
-        np.add.at(cost, block, self._dry.dissipation(half[stuck], face))
+        strong = self._strong
+        face, block = parts.side_face[strong], parts.side_block[strong]
+        np.add.at(cost, block, self._dry.dissipation(half[strong], face))
         # Count rounding before terms cancel; a jump is a sum of six products, far fewer than ROUNDING allows for.
         work = (abs(parts.dead) + most * abs(parts.live)) * abs(velocity)
         size = self._sums(work.sum(axis=1), parts.part_block)
         np.add.at(size, parts.joint_block, 1e-2 * self._inner.strength(parts.joint_face) * parts.speed(velocity))
-        speed = np.einsum("kij,ki->k", abs(parts.arm[stuck]), abs(velocity[parts.side_part[stuck]]))
+        speed = np.einsum("kij,ki->k", abs(parts.arm[strong]), abs(velocity[parts.side_part[strong]]))
         still = np.append(abs(wall).sum(axis=1), 0.0)
-        np.add.at(size, block, 1e-2 * self._dry.strength(face) * (speed + still[parts.side_shared[stuck]]))
+        np.add.at(size, block, 1e-2 * self._dry.strength(face) * (speed + still[parts.side_shared[strong]]))
         return _Mechanism(live, cost, inside, size, answer.price, answer.portion)
 
     def _sums(self, value: Floats, block: Ints) -> Floats:

@@ -109,17 +109,17 @@ class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
         self._reorder(counts)
         return found
 
-    def minimize_conflicts(self, asked: ConflictRequest) -> list[MinimizedConflict]:
+    def minimize_conflicts(self, request: ConflictRequest) -> list[MinimizedConflict]:
         """Minimise conflicts case by case, see `PartialLabellingBounds.minimize_conflicts`."""
         found: list[MinimizedConflict] = []
-        left, carried = np.arange(len(asked.labellings)), np.ones(len(asked.labellings), dtype=bool)
+        left, carried = np.arange(len(request.labellings)), np.ones(len(request.labellings), dtype=bool)
         counts = [0] * len(self._cases)
         for case in tuple(self._order):
             if not left.size:
                 break
             unit = self._units[case]
             fallen: set[int] = set()
-            for one in self._cases[case].minimize_conflicts(asked.take(left).in_units(unit)):
+            for one in self._cases[case].minimize_conflicts(request.take(left).in_units(unit)):
                 labelling = int(left[one.labelling])
                 if one.bound is None:
                     carried[labelling] &= one.carries or not one.drawn
@@ -130,7 +130,7 @@ class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
             counts[case] = len(fallen)
             left = np.array([k for k in left.tolist() if k not in fallen], dtype=np.int64)
         self._reorder(counts)
-        return found + [MinimizedConflict(k, True, asked.free, None, bool(carried[k])) for k in left.tolist()]
+        return found + [MinimizedConflict(k, True, request.free, None, bool(carried[k])) for k in left.tolist()]
 
     def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
         """Evaluate mechanisms of one case, see `PartialLabellingBounds.evaluate_mechanisms`."""

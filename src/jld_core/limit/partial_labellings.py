@@ -79,7 +79,7 @@ class PartialLabellingBounds(ABC):
         """
 
     @abstractmethod
-    def minimize_conflicts(self, asked: ConflictRequest) -> list[MinimizedConflict]:
+    def minimize_conflicts(self, request: ConflictRequest) -> list[MinimizedConflict]:
         """Reduce the decided faces of labellings as far as bounds stay below their thresholds.
 
         Neighbours of the labellings are treated as well. The work balance of every refutation is evaluated again here.
@@ -87,7 +87,7 @@ class PartialLabellingBounds(ABC):
 
         Parameters
         ----------
-        asked : ConflictRequest
+        request : ConflictRequest
             Labellings and thresholds, in the unit of the object.
 
         Returns

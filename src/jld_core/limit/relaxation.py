@@ -124,11 +124,11 @@ class Relaxation(PartialLabellingBounds):
             answers = self._batch.solve(labellings, undecided=undecided, thresholds=thresholds, vectors=True)
             # Skip labellings whose forces carry more than the threshold. Unchecked forces suffice: skipping proves
             # nothing false.
-            told = np.flatnonzero(answers.verdict != CARRIES)
-            self._add_refutations(answers.velocities[told], told, labellings, undecided, thresholds, found)
+            candidates = np.flatnonzero(answers.verdict != CARRIES)
+            self._add_refutations(answers.velocities[candidates], candidates, labellings, undecided, thresholds, found)
             # Between abutments the batch solver reports bounds that the exact work balance cannot confirm.
             low = (answers.verdict == OPEN) | (answers.verdict == FALLS) | (answers.high < thresholds)
-            left = np.array([k for k in told.tolist() if found[k] is None and low[k]], dtype=int)
+            left = np.array([k for k in candidates.tolist() if found[k] is None and low[k]], dtype=int)
             if thorough is not None:
                 left = left[thorough[left]]
         if len(left):
@@ -137,23 +137,25 @@ class Relaxation(PartialLabellingBounds):
                 found[k] = one
         return found
 
-    def minimize_conflicts(self, asked: ConflictRequest) -> list[MinimizedConflict]:
+    def minimize_conflicts(self, request: ConflictRequest) -> list[MinimizedConflict]:
         """Minimise conflicts under one load, see `PartialLabellingBounds.minimize_conflicts`.
 
         Raises RuntimeError without the batch solver.
         """
         if self._batch is None:
             raise RuntimeError("conflicts are minimised by the batch solver alone; ask `batched` first")
-        raw = self._batch.minimize_conflicts(asked)
+        raw = self._batch.minimize_conflicts(request)
         with self._counting:
             self.solves += int(raw.relaxations.sum())
         begun = np.flatnonzero(raw.relaxations)
         of = raw.labelling[begun]
         left = np.arange(len(begun))[raw.fate[begun] == REFUTED]
-        open_ = asked.free & ~raw.decided[begun]
+        open_ = request.free & ~raw.decided[begun]
         found: list[DualBound | None] = [None] * len(begun)
-        self._add_refutations(raw.velocity[begun[left]], left, asked.labellings[of], open_, asked.thresholds[of], found)
-        drawn = begun % (1 + asked.how.neighbours) == 0
+        self._add_refutations(
+            raw.velocity[begun[left]], left, request.labellings[of], open_, request.thresholds[of], found
+        )
+        drawn = begun % (1 + request.how.neighbours) == 0
         rows = zip(of.tolist(), drawn.tolist(), raw.decided[begun], found, raw.fate[begun].tolist(), strict=True)
         return [
             MinimizedConflict(k, own, faces, None, fate == CARRIED)

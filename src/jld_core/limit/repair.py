@@ -231,13 +231,13 @@ class Repair:
         dead, live = template.dead, load * template.live
         left = template.matrix @ forces.ravel() + dead + live
         met = self._magnitudes @ abs(forces.ravel()) + abs(dead) + abs(live)
-        room = sets.slack(forces, labels)
+        slack = sets.slack(forces, labels)
         nothing = np.finfo(float).eps * max(1.0, float(largest.max()))  # Last digit of the projected values.
         noise = tolerances.ROUNDING * abs(forces[edge]).max(axis=1) + nothing
-        room[edge] = np.where(abs(room[edge]) <= noise, np.inf, room[edge])
-        if np.any(abs(left) > tolerances.ROUNDING * met + nothing) or room.min() < 0.0:
+        slack[edge] = np.where(abs(slack[edge]) <= noise, np.inf, slack[edge])
+        if np.any(abs(left) > tolerances.ROUNDING * met + nothing) or slack.min() < 0.0:
             return None
-        return State(forces, load, float(room.min()), 0.0)
+        return State(forces, load, float(slack.min()), 0.0)
 
     def self_stress_states(self, labels: Bits) -> list[State]:
         """Find states that rely on a self-stress at the boundary of the friction cones.
@@ -278,11 +278,11 @@ class Repair:
         # Faces that crush carry no ray. Drop their columns and with them their cones, which solvers satisfy only to a
         # residual.
         program = self.template.program(labels)
-        bears = self.template.yield_set.recession_active(labels).ravel()
-        if not bears.any():
+        active = self.template.yield_set.recession_active(labels).ravel()
+        if not active.any():
             return None
         kept = np.ones(program.structure.shape[1], dtype=bool)
-        kept[: len(bears)] = bears
+        kept[: len(active)] = active
         program = restrict_columns(program, kept)
         target = -self.template.live
         columns = program.structure.shape[1] - 1
@@ -294,8 +294,8 @@ class Repair:
             point = (
                 project_onto_faces(program, found, target, _SNAP, least) if least and columns <= _DENSE else found.point
             )
-            whole = np.zeros(len(bears))
-            whole[bears] = point[: int(bears.sum())]
+            whole = np.zeros(len(active))
+            whole[active] = point[: int(active.sum())]
             ray = self.prover.ray(np.append(whole, 1.0), labels)
             if self.prover.is_ray(ray):
                 return ray

@@ -211,18 +211,18 @@ class SelfStress:
 
         stress: (columns,) to be checked. left: program of the rows so far, which `reduced` lists.
         """
-        room, size = _row_position(left, stress), float(abs(stress).max())
+        position, size = _row_position(left, stress), float(abs(stress).max())
         exact = self.prover.exact * max(1.0, size)
         balance = self.prover.imbalance(stress[: self.template.matrix.shape[1]], np.zeros_like(self.template.live))
-        if balance > self.prover.exact * max(1.0, size) or room.least < -exact:
+        if balance > self.prover.exact * max(1.0, size) or position.least < -exact:
             return None
         strict = _STRICT * size
         count = len(reduced.linear)
-        kept = reduced.linear[room.linear[:count] <= strict]
-        tight = room.linear[count:] <= strict
+        kept = reduced.linear[position.linear[:count] <= strict]
+        tight = position.linear[count:] <= strict
         rays = {cone: way for (cone, way), holds in zip(reduced.rays.items(), tight, strict=True) if holds}
         cones = []
-        for cone, head, tail, slack in zip(reduced.cones, room.head, room.tail, room.inside, strict=True):
+        for cone, head, tail, slack in zip(reduced.cones, position.head, position.tail, position.inside, strict=True):
             if head > strict and slack <= strict:
                 rays[cone] = tail / np.linalg.norm(tail)
             elif head <= strict:

@@ -223,13 +223,13 @@ class PrescribedFriction:
     def slack(self, forces: Floats, labels: Bits) -> Floats:
         """Return the slack (m,) of scaled forces (m, q) under labels (m,), see `YieldSet.slack`."""
         follows = self.base.friction_of(labels) * self.alpha * forces[:, 0]
-        room = self.base.cohesion_of(labels) + follows + self._frozen(labels) - self.shear(forces, labels)
+        spare = self.base.cohesion_of(labels) + follows + self._frozen(labels) - self.shear(forces, labels)
         if self.areas is not None:
             # A unit change of the resultants changes e by up to ρ (1 + |a|).
             steep = self.areas.ratio * (1.0 + np.abs(self.areas.arm).sum(axis=1))
-            room = np.where(self.base.is_dry(labels), room / steep, room)
+            spare = np.where(self.base.is_dry(labels), spare / steep, spare)
         holds = self.base.friction_of(labels) + self.base.cohesion_of(labels) > 0.0
-        return np.minimum(self._smooth.slack(forces, labels), np.where(holds, room, np.inf))
+        return np.minimum(self._smooth.slack(forces, labels), np.where(holds, spare, np.inf))
 
     def recession_slack(self, forces: Floats, labels: Bits) -> Floats:
         """Return the slack (m,) of scaled forces (m, q) in the recession cones.

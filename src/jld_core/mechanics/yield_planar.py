@@ -118,16 +118,16 @@ class PlanarYield(Frictional):
         """
         opening, slip, turn = jumps[..., 0], abs(jumps[..., 1]), abs(jumps[..., 2])
         cracked = opening - self.inner_friction * slip if self.has_inner_friction else opening
-        stuck: Floats | float = self.cohesion * slip if self.has_dry_cohesion else 0.0
+        cohesive: Floats | float = self.cohesion * slip if self.has_dry_cohesion else 0.0
         if self._endless:
-            return np.where(labels, stuck, self.tension * cracked + self.shear * slip)
+            return np.where(labels, cohesive, self.tension * cracked + self.shear * slip)
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             p = turn + self.friction * slip - opening
             q = turn / self.crush_dry
             crushed = np.where(
                 p < 2.0 * q * self.crush_dry, p * p / (4.0 * q), self.crush_dry * (p - q * self.crush_dry)
             )
-            dry = np.where((p <= 0.0) | np.isinf(self.crush_dry), 0.0, crushed) + stuck
+            dry = np.where((p <= 0.0) | np.isinf(self.crush_dry), 0.0, crushed) + cohesive
             corner = 0.5 * (self.tension - self.crush_inner) * cracked + (self.crush_inner + self.tension) * turn / 6.0
             bent = np.maximum(-self.crush_inner * cracked, corner)
             normal = np.where(np.isinf(self.crush_inner), -np.inf, bent)

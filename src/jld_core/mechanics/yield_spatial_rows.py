@@ -207,11 +207,11 @@ def _torsion_rows(
     bound: (k,) columns of t, the bound on shear. of_dry, of_inner: friction and cohesion of all faces under either
     label. sheet: receives the rows.
     """
-    (mu, stuck), (inner_mu, cap) = ((friction[face], cohesion[face]) for friction, cohesion in (of_dry, of_inner))
-    size_v, size_s = np.maximum(np.maximum(1.0, mu), stuck), np.maximum(np.maximum(1.0, cap), inner_mu)
+    (mu, cohesive), (inner_mu, cap) = ((friction[face], cohesion[face]) for friction, cohesion in (of_dry, of_inner))
+    size_v, size_s = np.maximum(np.maximum(1.0, mu), cohesive), np.maximum(np.maximum(1.0, cap), inner_mu)
     # Where a label has no shear resistance V and MT are dropped from equilibrium; these rows then only bound
     # the variables.
-    h_dry = np.where(mu + stuck > 0.0, stuck / size_v, 1.0)
+    h_dry = np.where(mu + cohesive > 0.0, cohesive / size_v, 1.0)
     h_inner = np.where(cap + inner_mu > 0.0, cap / size_s, 1.0)
     for sign in (1.0, -1.0):
         coefficients = [

@@ -58,9 +58,9 @@ def require_rectangles(assembly: Assembly, labels: Bits) -> None:
     if odd.size and odd.size == np.count_nonzero(labels):
         problem = f"dry face {assembly.pair(odd[0])} is no rectangle, nor is any other"
         raise ParameterError("effective_area", problem, "a scene with dry rectangles")
-    stuck = np.flatnonzero(labels & (assembly.strengths.cohesion > 0.0))
-    if stuck.size:
-        problem = f"dry face {assembly.pair(stuck[0])} has cohesion"
+    cohesive = np.flatnonzero(labels & (assembly.strengths.cohesion > 0.0))
+    if cohesive.size:
+        problem = f"dry face {assembly.pair(cohesive[0])} has cohesion"
         raise ParameterError("effective_area", problem, "friction alone, which acts where N does")
 
 

@@ -48,9 +48,9 @@ def point_contact_assembly(assembly: Assembly, labels: Bits) -> tuple[Assembly, 
     if hard.size:
         problem = f"dry face {assembly.pair(hard[0])} has a compressive strength"
         raise ParameterError("contact", problem, "convex contact there")
-    stuck = np.flatnonzero(labels & (assembly.strengths.cohesion > 0.0))
-    if stuck.size:
-        raise ParameterError("contact", f"dry face {assembly.pair(stuck[0])} has cohesion", "convex contact there")
+    cohesive = np.flatnonzero(labels & (assembly.strengths.cohesion > 0.0))
+    if cohesive.size:
+        raise ParameterError("contact", f"dry face {assembly.pair(cohesive[0])} has cohesion", "convex contact there")
     points: list[Floats] = [faces.polygon[face].mean(axis=0)[None] for face in range(len(faces))]
     dry = np.flatnonzero(labels)
     for face, outline in zip(dry.tolist(), local_hulls(faces, dry), strict=True):

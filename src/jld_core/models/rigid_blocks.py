@@ -280,8 +280,8 @@ def _inner_forces(
     if not np.all(np.isfinite(own)):
         return None
     forces[inside] = np.where(sets.active(labels)[inside], own, 0.0)
-    room = sets.slack(forces, labels)[inside]
-    return forces, names[np.unique(position[room < 1e-9])]
+    slacks = sets.slack(forces, labels)[inside]
+    return forces, names[np.unique(position[slacks < 1e-9])]
 
 
 def _cone_faces(row_face: Ints, linear: int, cones: tuple[int, ...]) -> Ints:

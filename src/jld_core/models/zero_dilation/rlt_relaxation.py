@@ -179,10 +179,10 @@ def solve_rlt(bounded: BoundedModes, region: Region, options: RltOptions) -> Rlt
     unit, wide = scaling_matrix(region, force_bounds), region.high - region.low
     facts, largest, statics = scaled_forms(modes, region, unit)
     held = np.flatnonzero(region.held)
-    asked = pairs & used
-    asked[np.arange(count), np.arange(count)] = False
-    asked[held] = False
-    row, form = np.nonzero(asked)
+    included = pairs & used
+    included[np.arange(count), np.arange(count)] = False
+    included[held] = False
+    row, form = np.nonzero(included)
     zero_k, zero_l = zero_product_pairs(held, moving)
     by_live = live[None]
     none = np.zeros(len(facts) - 1, dtype=np.int64)
@@ -212,7 +212,7 @@ def solve_rlt(bounded: BoundedModes, region: Region, options: RltOptions) -> Rlt
     by_live_ = np.where(sign_free, dual[4], np.maximum(dual[4], 0.0))
     multipliers = Multipliers(over / largest[:, None], by_live_ / largest[:-1], region.low + float(dual[5][0]))
     x = unit @ answer.point[:-1].reshape(columns, width)
-    states, z, y, violated = _read(modes, region, x, forms, live, asked)
+    states, z, y, violated = _read(modes, region, x, forms, live, included)
     return RltSolution(multipliers, states, z, y, violated, answer.found)
 
 
@@ -269,14 +269,14 @@ def scaling_matrix(region: Region, force_bounds: Floats) -> Floats:
 
 
 def _read(
-    modes: Modes, region: Region, x: Floats, forms: Floats, live: Floats, asked: Bools
+    modes: Modes, region: Region, x: Floats, forms: Floats, live: Floats, included: Bools
 ) -> tuple[Floats, Floats, Floats, Bools]:
     """Compute states, mean rates, mean slacks and violated rows from the products X.
 
-    x: X. forms: of w over the columns of X. live: form b_λ·u over them. asked: rows of the program.
+    x: X. forms: of w over the columns of X. live: form b_λ·u over them. included: rows of the program.
     """
     seen, count = x @ forms.T, len(modes.rows)
-    violated = (modes.slacks @ seen < -_VIOLATED) & ~asked & moving_forms(forms, region) & ~region.held[:, None]
+    violated = (modes.slacks @ seen < -_VIOLATED) & ~included & moving_forms(forms, region) & ~region.held[:, None]
     violated[np.arange(count), np.arange(count)] = False
     return combined_states(x, live, forms[:count]), seen[-1, :count], modes.slacks @ x @ live, violated
 

@@ -86,12 +86,12 @@ class Statics:
         """Return a mask (4m,) of modes that cannot move, since their slack y > 0 in every state."""
         return self.proven_positive(self.modes.slacks, ~self.held)
 
-    def proven_positive(self, forms: Floats, asked: Bools) -> Bools:
+    def proven_positive(self, forms: Floats, tested: Bools) -> Bools:
         """Return a mask (k,) of linear forms that are proven positive in every state.
 
-        forms: (k, 3m + 2) of (F, λ, 1). asked: (k,) forms to test; the others are False.
+        forms: (k, 3m + 2) of (F, λ, 1). tested: (k,) True for forms to test; the others are False.
         """
-        found, seen = np.zeros(len(forms), dtype=bool), np.where(asked, np.inf, 0.0)
+        found, seen = np.zeros(len(forms), dtype=bool), np.where(tested, np.inf, 0.0)
         for row in range(len(forms)):
             if seen[row] > _SEEN:
                 answer = self._rows.minimise(forms[row, :-1])
