@@ -11,7 +11,7 @@ import cases_spatial
 from cases import grid_assembly
 from jld_core import InputError, LimitAnalysis, SolveOptions, Status, solve
 from jld_core.limit import result_of
-from jld_core.limit.fallbacks import FALLBACKS, Fallback
+from jld_core.limit.fallbacks import FALLBACKS, Fallback, insert_before
 from jld_core.limit.proof_attempt import ProofAttempt
 from jld_core.models import limit_analysis, solve_labelling
 from jld_core.models.labelling import FALLBACKS_BY_CONDENSE
@@ -113,6 +113,14 @@ def test_rigid_blocks_are_tried_first_and_last() -> None:
     assert [name for name in names if "rigid" not in name] == [fallback.name for fallback in FALLBACKS]
     assert names[0].startswith("rigid")
     assert names[-1].startswith("rigid")
+
+
+def test_a_fallback_is_inserted_by_name() -> None:
+    names = [one.name for one in insert_before(FALLBACKS, "repair", replace(FALLBACKS[0], name="new"))]
+    assert names == [name for one in FALLBACKS for name in (["new"] if one.name == "repair" else []) + [one.name]]
+    assert len(set(names)) == len(names)
+    with pytest.raises(ValueError, match="nowhere"):
+        insert_before(FALLBACKS, "nowhere", FALLBACKS[0])
 
 
 def test_no_repair_after_a_proof() -> None:

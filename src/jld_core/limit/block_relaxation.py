@@ -153,11 +153,11 @@ class BlockRelaxation:
         self._opening_margin = np.inf if self._opening is None else self._margin(*self._opening)
         if not self._opening_margin > 0.0:
             raise ArithmeticError("the motion that opens all faces does not open them on both sides")
-        self._many: BatchBlockProgram | None = None
-        self._asked = False
+        self._batch_program: BatchBlockProgram | None = None
+        self._batch_program_made = False
         limit: dict[str, Any] = {} if seconds == math.inf else {"time_limit": seconds}
-        self._quick = ClarabelSolver(_RESIDUAL, **limit)
-        self._careful = ClarabelSolver(_FINE, iterative_refinement_enable=True, **limit)
+        self._coarse_solver = ClarabelSolver(_RESIDUAL, **limit)
+        self._fine_solver = ClarabelSolver(_FINE, iterative_refinement_enable=True, **limit)
 
     # --- solving ----------------------------------------------------------------------------------------
 
@@ -178,22 +178,24 @@ class BlockRelaxation:
         Choice
             Bound, refutation and useless blocks.
         """
-        found = self._choose(allowed, threshold, most, self._quick)
-        if not self._close(found, threshold):
+        found = self._choose(allowed, threshold, most, self._coarse_solver)
+        if not self._is_close(found, threshold):
             return found
         # Segmentations about as strong as the best known one are refuted by a small excess: solve with a finer
         # residual.
-        return self._choose(allowed, threshold, found.bound, self._careful)
+        return self._choose(allowed, threshold, found.bound, self._fine_solver)
 
     @property
     def batched(self) -> bool:
         """Return True if the batch solver solves many programs at a time."""
-        if not self._asked:
-            self._asked = True
+        if not self._batch_program_made:
+            self._batch_program_made = True
             if isinstance(self._dry, CoulombWedge) and isinstance(self._inner, CoulombWedge):
                 elements = self.template.assembly.elements
-                self._many = BatchBlockProgram.of(self._parts, self._dry, self._inner, elements.centroid[elements.free])
-        return self._many is not None
+                self._batch_program = BatchBlockProgram.of(
+                    self._parts, self._dry, self._inner, elements.centroid[elements.free]
+                )
+        return self._batch_program is not None
 
     def bound_all(self, asked: Sequence[Asked], pool: ThreadPoolExecutor | None = None) -> list[Choice]:
         """Bound λ for many sets of allowed blocks, by the batch solver where it applies.
@@ -210,18 +212,18 @@ class BlockRelaxation:
         list of Choice
             One result for each set.
         """
-        if not self.batched or self._many is None or not asked:
+        if not self.batched or self._batch_program is None or not asked:
             return [self.choose(*one) for one in asked]
         allowed, threshold, most = (np.array(column) for column in zip(*asked, strict=True))
-        answers = self._many.solve(allowed, threshold, most, pool)
+        answers = self._batch_program.solve(allowed, threshold, most, pool)
         self.solves += len(asked)
         found = []
         for one, answer in zip(asked, answers, strict=True):
-            choice = self._judged(answer, *one)
+            choice = self._proven_choice(answer, *one)
             found.append(choice if answer.solved or choice.refuted else self.choose(*one))
         return found
 
-    def _close(self, found: Choice, threshold: float) -> bool:
+    def _is_close(self, found: Choice, threshold: float) -> bool:
         """Return True if the threshold is not refuted, but the bound is close to it.
 
         A solve with a finer residual may then refute it.
@@ -241,9 +243,9 @@ class BlockRelaxation:
         states = self._states
         velocity, wall = dual[states.balance], dual[states.equal_forces]
         answer = BlockMultipliers(velocity, wall, dual[states.cover], -dual[states.share], point[states.x])
-        return self._judged(answer, allowed, threshold, most)
+        return self._proven_choice(answer, allowed, threshold, most)
 
-    def _judged(self, answer: BlockMultipliers, allowed: Bools, threshold: float, most: float) -> Choice:
+    def _proven_choice(self, answer: BlockMultipliers, allowed: Bools, threshold: float, most: float) -> Choice:
         """Return the bound that the velocities and multipliers of a solver prove.
 
         answer: values of the solver, not trusted. allowed, threshold, most: as in `choose`.

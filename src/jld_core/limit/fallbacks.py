@@ -148,7 +148,10 @@ def insert_before(fallbacks: tuple[Fallback, ...], name: str, inserted: Fallback
     ValueError
         If no method has this name.
     """
-    place = [fallback.name for fallback in fallbacks].index(name)
+    names = [fallback.name for fallback in fallbacks]
+    if name not in names:
+        raise ValueError(f"there is no fallback {name!r}; expected one of {', '.join(names)}")
+    place = names.index(name)
     return (*fallbacks[:place], inserted, *fallbacks[place:])
 
 

@@ -195,11 +195,11 @@ class Repair:
         return None
 
     def _equations(self, s: Structure, tight: Bools, values: Floats) -> list[sp.csr_array]:
-        """Return combinations (k, rows) of program rows that are zero where yield rows are tight.
+        """Return equations that hold where yield rows are tight: combinations (k, rows) of rows.
 
-        s: structure of the program. tight: True for tight rows of `slack_rows`. values: (rows,) slacks of a point. On
-        the boundary of a cone away from its tip, the tail is a fixed direction times the head. At the tip all rows of
-        the cone are zero. A crushing face without force lies on the boundary of its cones away from their tips.
+        On the boundary of a cone away from its tip, the tail is a fixed direction times the head. At the tip all rows
+        of the cone are zero. A crushing face without force lies on the boundary of its cones away from their tips. s:
+        structure of the program. tight: True for tight rows of `slack_rows`. values: (rows,) slacks of a point.
         """
         tips, linear = slack_rows(s), s.linear - 1
         first = tips[:linear][tight[:linear]]

@@ -55,9 +55,10 @@ class _Stage:
 
 @dataclass(frozen=True)
 class _RowPosition:
-    """Values of a vector in a set of yield rows.
+    """Slacks of a vector in a set of yield rows.
 
-    linear: (k,) slacks of linear rows. head: (c,) first row of each cone. tail: (c, 2) its other rows.
+    linear: (k,) slacks of the linear rows. head: (c,) value of the first row of each cone. tail: (c, 2) values of its
+    other rows.
     """
 
     linear: Floats

@@ -64,7 +64,7 @@ def require_rectangles(assembly: Assembly, labels: Bits) -> None:
         raise ParameterError("effective_area", problem, "friction alone, which acts where N does")
 
 
-def change(old: EffectiveAreas, new: EffectiveAreas) -> float:
+def largest_area_change(old: EffectiveAreas, new: EffectiveAreas) -> float:
     """Compute the largest change of effective areas between two iterates.
 
     Parameters
@@ -279,7 +279,10 @@ def ray_under_own_areas(analysis: LimitAnalysis, labels: Bits, ray: State | None
         areas = areas_under(analysis.assembly, ray.forces, labels)
         frozen = analysis.with_template(frozen_areas(analysis.template, areas), labels)
         own = frozen.prover.ray(np.append(ray.forces.ravel(), 1.0), labels)
-        if analysis.prover.is_ray(own) and change(areas, areas_under(analysis.assembly, own.forces, labels)) <= _SAME:
+        if (
+            analysis.prover.is_ray(own)
+            and largest_area_change(areas, areas_under(analysis.assembly, own.forces, labels)) <= _SAME
+        ):
             return own
         ray = frozen.repair.ray(labels)
     return None

@@ -15,7 +15,7 @@ from jld_core.deadline import checkpoint
 from jld_core.errors import InputError, ParameterError
 from jld_core.limit import LimitAnalysis, Prover, State, Status, load_scale
 from jld_core.mechanics.prescribed_friction import EffectiveAreas, PrescribedFriction
-from jld_core.models.effective_area import HOLDING_WEIGHT, change, slack_to_request
+from jld_core.models.effective_area import HOLDING_WEIGHT, largest_area_change, slack_to_request
 from jld_core.models.fixed_points import under_own_areas
 from jld_core.models.moving_rows import areas_under
 from jld_core.models.zero_dilation.primal_dual_pair import PrimalDualPair, rank
@@ -290,7 +290,11 @@ class FixedPointSearch:
         dilation = float(sets.dilation(jumps, labels)[pressed].max(initial=0.0)) / float(widest or 1.0)
         dissipation = float(sets.dissipation(jumps, labels).sum())
         gap = motion.bound - state.load
-        area_change = 0.0 if areas is None else change(areas, areas_under(self.analysis.assembly, state.forces, labels))
+        area_change = (
+            0.0
+            if areas is None
+            else largest_area_change(areas, areas_under(self.analysis.assembly, state.forces, labels))
+        )
         size = max(abs(motion.bound), abs(state.load), self.load_scale)
         settled = abs(gap) <= tolerances.SETTLED * size
         return PrimalDualPair(

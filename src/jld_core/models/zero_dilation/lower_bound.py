@@ -76,7 +76,8 @@ class _Bounds:
 class LowerBoundSearch:
     """Search for a lower bound on λ over all non-dilatant solutions of one planar labelling.
 
-    labels: (m,) True = dry. modes: complementarity problem of these labels. problem: incumbent, time budget and log.
+    labels: (m,) True = dry. modes: complementarity problem of these labels. problem: lowest solution found, time budget
+    and log.
     """
 
     def __init__(self, analysis: LimitAnalysis, labels: Bits, modes: Modes, problem: LowerBoundProblem) -> None:

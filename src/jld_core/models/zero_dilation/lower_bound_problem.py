@@ -84,9 +84,9 @@ class LowerBoundProblem:
         return max(abs(self.load), _LEAST)
 
     def scaled_slack(self, slack: float) -> float:
-        """Return the slack σ in scaled λ per unit of cost.
+        """Convert a relative slack σ to scaled λ per unit of cost.
 
-        slack: σ relative to max(|λ|, 1), with λ of the lowest solution found.
+        slack: σ relative to max(|λ|, 1), where λ is that of the lowest solution found.
         """
         return slack * max(abs(self.load), 1.0)
 

@@ -44,8 +44,8 @@ class NormalEquations:
     def __init__(self, space: ProductSpace, used: Bools, groups: Ints) -> None:
         """Prepare the elimination order and the tables of one product space.
 
-        used: (r, modes) mask of weights that may be positive; for slides of lone faces, on their own slacks and 1 only.
-        groups: (w,) number of the group in which each velocity is eliminated.
+        used: (r, modes) mask of weights that may be positive. Slides of lone faces, see `ProductSpace`, may have
+        weights on their own slacks and 1 only. groups: (w,) number of the group in which each velocity is eliminated.
         """
         self.space = space
         slides = np.concatenate([4 * space.lone + 2, 4 * space.lone + 3])
