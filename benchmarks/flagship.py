@@ -44,7 +44,7 @@ def main() -> None:
         if status is other is Status.COLLAPSE:
             ours, its = (0.5 * scale * (p.low + p.high) for p in (proof, theirs))
             size = max(abs(ours), abs(its), floor)
-            differences.append((abs(ours - its) / size, to_string(labels), ours, its, " → ".join(proof.route)))
+            differences.append((abs(ours - its) / size, to_string(labels), ours, its, " → ".join(proof.solve_log)))
     differences.sort(reverse=True)
     off = np.array([d[0] for d in differences])
     rows = [[f"{d:.1e}", f"`{bits}`", f"{a:.9g}", f"{b:.9g}", route] for d, bits, a, b, route in differences[:SHOWN]]

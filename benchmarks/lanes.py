@@ -25,7 +25,7 @@ from benchmarks.stated import stated
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.batch.library import described
-from jld_core.limit import Batch, LimitAnalysis, Status, load_scale
+from jld_core.limit import BatchAnalysis, LimitAnalysis, Status, load_scale
 from jld_explore.drivers import make_driver
 from jld_explore.evaluation import EvaluatorSettings
 from jld_explore.evaluation.evaluator import Evaluator
@@ -83,7 +83,7 @@ def measure(name: str, case: Case) -> list[str]:
     assembly, labellings = case.assembly, case.labellings
     evaluator = Evaluator(assembly, EvaluatorSettings())
     analysis = LimitAnalysis(assembly)
-    batch = Batch.of(analysis)
+    batch = BatchAnalysis.of(analysis)
     if batch is None:
         raise SystemExit(f"{name}: no kernel is in use, or the scene does not fit it")
     evaluator.evaluate_all(labellings[:64])
@@ -117,7 +117,7 @@ def measure(name: str, case: Case) -> list[str]:
     raw = batch.batch.solve(labellings)
     settled = batch.prove(labellings)
     bracket = settled.settled & ~settled.falls & ~settled.locked
-    sizes = np.maximum(abs(settled.low), analysis.floor)
+    sizes = np.maximum(abs(settled.low), analysis.load_scale)
     width = ((settled.high - settled.low) / sizes)[bracket]
     spread = " / ".join(f"{value:.0e}" for value in np.quantile(width, [0.5, 0.99, 1.0])) if width.size else "–"
     return [

@@ -23,7 +23,7 @@ from benchmarks.scenes import box
 from jld_core import Assembly, Scene, build_assembly, parse_scene, samples
 from jld_core.arrays import Bits
 from jld_core.batch.library import described
-from jld_core.limit import Batch, SolveOptions
+from jld_core.limit import BatchAnalysis, SolveOptions
 from jld_core.models import limit_analysis
 from jld_core.refinement import refine
 from jld_core.samples import Stone
@@ -194,7 +194,7 @@ def measure(name: str, hard: Hard) -> list[str]:
     assembly = hard.make()
     analysis = limit_analysis(assembly, SolveOptions(inner_bending="kern") if hard.kern else SolveOptions())
     labellings = labellings_of(assembly, hard)
-    batch = Batch.of(analysis)
+    batch = BatchAnalysis.of(analysis)
     faces = str(len(assembly.interfaces))
     if batch is None:
         return [name, faces, str(len(labellings)), *["–"] * 4, "100", "rows of another shape", *["–"] * 3]

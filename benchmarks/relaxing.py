@@ -101,7 +101,7 @@ def one_at_a_time(relaxation: Relaxation, free: Bools, drawn: list[Bits], thresh
         asked.refuted.append(found[0] is not None)
         return found
 
-    with patch.object(relaxation, "_lanes", None), patch.object(relaxation, "refute_all", listening):
+    with patch.object(relaxation, "_batch", None), patch.object(relaxation, "refute_all", listening):
         # from all of the search, not its beginning
         for labels in drawn[:: max(1, len(drawn) // 60)]:
             if len(asked.labels) < ALONE:
@@ -140,7 +140,7 @@ def measured(scene: Scene, load: float) -> list[str]:
     batch, same = again(relaxation, asked, threshold, alone, TOGETHER)
     highs, other, some = "", "", min(BY_HIGHS, alone)
     if not relaxation.template.structure.cones:
-        with patch.object(relaxation, "_lanes", None), patch.object(relaxation, "_route", make_solver("highs")):
+        with patch.object(relaxation, "_batch", None), patch.object(relaxation, "_solver", make_solver("highs")):
             spent, agreed = again(relaxation, asked, threshold, some, 1)
         highs, other = f"{1e6 * spent:.0f}", f"{agreed} of {some}"
     cells = [f"{count:.0f}", f"{1e6 * lanes:.0f}", f"{1e6 * clarabel:.0f}", f"**{clarabel / lanes:.0f}**", highs]

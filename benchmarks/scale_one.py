@@ -31,11 +31,11 @@ class Timed(Solver):
     """A route whose time is kept apart."""
 
     def __init__(self, route: Solver) -> None:
-        self.route, self.name, self.seconds, self.iterations = route, route.name, 0.0, 0
+        self.first_solver, self.name, self.seconds, self.iterations = route, route.name, 0.0, 0
 
     def solve(self, program: ConicProgram) -> RawSolution:
         start = time.process_time()
-        answer = self.route.solve(program)
+        answer = self.first_solver.solve(program)
         self.seconds += time.process_time() - start
         self.iterations += answer.iterations
         return answer
@@ -64,8 +64,8 @@ def measure(case: str, courses: int, solver: str) -> dict[str, Any]:
         assembly = build_assembly(scene)
     with phase("program"):
         analysis = LimitAnalysis(assembly, solver=solver, template=Template(assembly), reference=assembly.labels)
-    timed = Timed(analysis.route)
-    analysis.route = timed
+    timed = Timed(analysis.first_solver)
+    analysis.first_solver = timed
     with phase("prove"):
         result = analysis.solve(stands=False)
     seconds["solve"], memory["solve"] = timed.seconds, memory["prove"]

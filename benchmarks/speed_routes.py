@@ -87,7 +87,7 @@ def ours(
     """Our path by another route, or with another width asked for; margin: see `Template.program`."""
     analysis = LimitAnalysis(assembly, solver=solver, gap=gap, margin=margin, reference=assembly.labels)
     if route is not None:
-        analysis.route = route
+        analysis.first_solver = route
     found = analysis.solve(stands=False)
     return Found(found.load_factor, *found.bracket, " → ".join(found.solve_log))
 
@@ -110,7 +110,7 @@ def condensed(assembly: Assembly) -> Found:
     if found is None:
         return Found(math.nan, note="the full model is the way to go")
     (low, high), scale = found.bracket, analysis.template.scaling.load
-    return Found(found.load_factor * scale, low * scale, high * scale, " → ".join(found.route))
+    return Found(found.load_factor * scale, low * scale, high * scale, " → ".join(found.solve_log))
 
 
 def bare(assembly: Assembly) -> Found:

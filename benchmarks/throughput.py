@@ -44,8 +44,8 @@ from jld_explore.study import Study
 
 PARTS: Final = ("solver", "proof", "assembly", "driver", "store", "other Python")
 PROOF: Final = {
-    Prover: ("state", "ray", "motion", "measure", "blend", "open_up"),
-    Repair: ("state", "edge_state", "ray", "opening", "reduced"),
+    Prover: ("state", "ray", "motion", "measure", "blend", "add_opening"),
+    Repair: ("state", "boundary_state", "ray", "opening", "reduced"),
 }
 """Methods whose time, less that of solvers within, is proof."""
 

@@ -23,8 +23,9 @@ from studies.families import random_wall
 from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, build_assembly, load_scene, tolerances
 from jld_core.arrays import Floats
 from jld_core.limit import Proof, result_of
+from jld_core.models.zero_dilation.fixed_point_search import FixedPointSearch, ProximalOptions
+from jld_core.models.zero_dilation.primal_dual_pair import PrimalDualPair
 from jld_core.models.zero_dilation.proof import pair_proof
-from jld_core.models.zero_dilation.search import FixedPointSearch, PrimalDualPair, ProximalOptions
 from jld_core.models.zero_dilation.starts import initial_forces
 
 ROOT = Path(__file__).resolve().parent

@@ -14,8 +14,8 @@ import numpy as np
 
 from jld_core import LimitAnalysis
 from jld_core.arrays import Bits, Floats
-from jld_core.models.zero_dilation.found import MultiStartSearch
-from jld_core.models.zero_dilation.search import ProximalOptions
+from jld_core.models.zero_dilation.fixed_point_search import ProximalOptions
+from jld_core.models.zero_dilation.multi_start_search import MultiStartSearch
 
 _LEGS: Final = 60  # mechanisms tried at the most
 _IDLE: Final = 20  # in a row that carry no more

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 
@@ -18,7 +20,7 @@ def lanes_of(analysis: LimitAnalysis, variant: str | None = None, **keys: object
     """The batch solver for an analysis, as the analysis itself makes it; variant: see `BatchSolver`."""
     opening = analysis.repair.opening()
     velocity = None if opening is None else opening.velocity
-    return BatchSolver(analysis.template, velocity, zero=analysis.floor, variant=variant, **keys)  # type: ignore[arg-type]
+    return BatchSolver(analysis.template, velocity, load_scale=analysis.load_scale, variant=variant, **keys)  # type: ignore[arg-type]
 
 
 def assert_proven(
@@ -27,7 +29,8 @@ def assert_proven(
     """Every bound of labellings (k, m) by the core's own prover, every verdict by `LimitAnalysis.prove`.
 
     digits: how near the prover's sum of a dissipation must be, relative. snap: what rounding may make of a margin,
-    beside the fastest velocity.
+    beside the fastest velocity. At the least this is `tolerances.EXACT`: both sums of a jump are rounded, in another
+    order. That the exact margin is not negative is tested by `exact_margin`.
     """
     floor = 1e-3 * analysis.assembly.total_dead / analysis.assembly.total_live / analysis.template.scaling.load
     assert found.forces is not None
@@ -42,7 +45,7 @@ def assert_proven(
             motion = analysis.prover.motion(found.velocity[k], labels)
             # where joints cannot all open, jumps that must be zero are so but for rounding
             confined = analysis.repair.opening() is None
-            assert motion.margin >= -max(snap, 1e-12 * confined) * abs(motion.velocity).max()
+            assert motion.margin >= -max(snap, tolerances.EXACT, 1e-12 * confined) * abs(motion.velocity).max()
             # what falls may move the live load by next to nothing, which the bound is divided by
             near = max(digits, 1e-9 * confined, 1e-8 * (found.verdict[k] == FALLS))
             assert motion.bound == pytest.approx(found.high[k], rel=near, abs=1e-12)
@@ -65,6 +68,27 @@ def assert_proven(
             assert found.high[k] - found.low[k] <= 1e-6 * max(abs(found.low[k]), abs(found.high[k]), around)
         else:
             assert found.verdict[k] == OPEN
+
+
+def exact_margin(analysis: LimitAnalysis, velocity: Floats, labels: Bits) -> Fraction:
+    """Least margin δ − μ|s| − |θ|/bending of planar faces that do not crush, without any rounding, scaled.
+
+    velocity: (3·free,) as returned. Every number of the equilibrium matrix counts as it is stored.
+    """
+    matrix, sets = analysis.template.matrix.tocsc(), analysis.template.yield_set.associative
+    exactly = [Fraction(value) for value in velocity.tolist()]
+    data, rows, start = [Fraction(value) for value in matrix.data.tolist()], matrix.indices, matrix.indptr
+    jumps = [
+        sum((data[k] * exactly[rows[k]] for k in range(start[column], start[column + 1])), Fraction(0))
+        for column in range(matrix.shape[1])
+    ]
+    friction, slides = sets.friction_of(labels), sets.active(labels)[:, 1]
+    margins = []
+    for face, dry in enumerate(labels.tolist()):
+        opening, slip, turn = jumps[3 * face : 3 * face + 3]
+        rub = Fraction(float(friction[face])) * abs(slip) if slides[face] else Fraction(0)
+        margins.append(opening - rub - abs(turn) / (1 if dry else 3))
+    return min(margins)
 
 
 def exact(analysis: LimitAnalysis, forces: Floats, load: float, labels: Bits) -> bool:

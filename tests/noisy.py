@@ -29,7 +29,7 @@ class Noisy(Solver):
 
 def noisy(analysis: LimitAnalysis, labels: Bits, level: float, seed: int) -> Proof:
     """What is proven of a labelling by a spoilt answer and its repair."""
-    climb = ProofAttempt(analysis, labels)
-    climb.attempt(Noisy(level, seed), analysis.margin)
-    climb.repair_answer()
-    return climb.proof
+    attempt = ProofAttempt(analysis, labels)
+    attempt.solve_by(Noisy(level, seed), analysis.margin)
+    attempt.repair_answer()
+    return attempt.proof

@@ -23,7 +23,7 @@ def main() -> None:
     """Bound and shrink labellings of a wall in four threads; exit 1 where an answer differs from that of one thread."""
     assembly = wall(4, 5, 5e3, 5e3)
     relaxation = relaxation_of(assembly, [LimitAnalysis(assembly)])
-    if relaxation is None or not relaxation.many:
+    if relaxation is None or not relaxation.batched:
         sys.exit("no kernel to test")
     free = assembly.free_faces
     labellings = random_segmentations(assembly, 160, 0)

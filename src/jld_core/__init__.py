@@ -28,7 +28,7 @@ from jld_core.build import build_assembly
 from jld_core.errors import InputError, SolverError
 from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Status
 from jld_core.models import SolveOptions, solve
-from jld_core.models.many import BatchResult, solve_many
+from jld_core.models.solve_many import BatchResult, solve_many
 from jld_core.scene import Scene, load_scene, parse_scene
 
 __all__ = [

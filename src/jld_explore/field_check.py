@@ -87,7 +87,12 @@ def plan_check(scene: Scene, assembly: Assembly, space: SearchSpace, settings: E
         by experiment or at low values, and what `require_fields` refuses.
     """
     plain = scene.cracks == "faces" and space.void is None and assembly.nominal is None
-    if not settings.check_fields or not plain or not settings.model.modular or settings.by_experiment:
+    if (
+        not settings.check_fields
+        or not plain
+        or not settings.model.supports_bounds_over_labellings
+        or settings.by_experiment
+    ):
         return None
     try:
         require_fields(assembly)

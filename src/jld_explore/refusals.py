@@ -23,7 +23,7 @@ def refuse_together(scene: Scene, settings: ExploreSettings, assembly: Assembly)
     refuse_beside_cracks(scene, settings, assembly)
     if settings.certificate is not None and settings.robust:
         raise ParameterError("certificate", "it speaks of one value of each strength", "a search with `robust=False`")
-    if settings.model.by_floor and assembly.dimension == 3:
+    if settings.model.ranks_by_lower_bound and assembly.dimension == 3:
         raise ParameterError("objective", "spatial scenes have no bound without dilation", "zero-dilation")
     if settings.certificate is not None and settings.by_experiment:
         raise ParameterError("certificate", "an experiment is no proof", '`objective="associative"`')
@@ -74,7 +74,7 @@ def refuse_unfit(scene: Scene, assembly: Assembly, settings: ExploreSettings, dr
     """
     if driver.modular and scene.cracks != "faces":
         raise ParameterError("driver", f"{driver.name} knows cracks by faces alone", "another driver")
-    if driver.modular and not replace(settings.model, friction="associative").modular:
+    if driver.modular and not replace(settings.model, friction="associative").supports_bounds_over_labellings:
         raise ParameterError(
             "driver", f"{driver.name} has no bounds for this model", "convex contact on whole faces, uncoupled bending"
         )

@@ -113,7 +113,7 @@ class Study:
             "seed": self.settings.seed,
             **{f"driver's {name}": value for name, value in self.driver.settings.items()},
             **({} if own is None else {"own objective": name_of(own)}),
-            "objective": model.pop("friction") + ("-floor" if self.settings.model.by_floor else ""),
+            "objective": model.pop("friction") + ("-floor" if self.settings.model.ranks_by_lower_bound else ""),
             "bracket width": model.pop("gap"),
             **model,
             **({"robust": True} if self.assembly.nominal is not None else {}),

@@ -13,10 +13,10 @@ from jld_core import Assembly
 from jld_core.arrays import Bits, Floats
 from jld_core.limit import LimitAnalysis, SolveOptions
 from jld_core.models import limit_analysis
-from jld_core.models.zero_dilation.found import MultiStartSearch
+from jld_core.models.zero_dilation.fixed_point_search import ProximalOptions
 from jld_core.models.zero_dilation.lower_bound_problem import LowerBound, LowerBoundProblem
-from jld_core.models.zero_dilation.range import load_range
-from jld_core.models.zero_dilation.search import ProximalOptions
+from jld_core.models.zero_dilation.multi_start_search import MultiStartSearch
+from jld_core.models.zero_dilation.range import RangeOptions, load_range
 from jld_core.models.zero_dilation.starts import repair_and_evaluate
 from studies.spatial_bound.lower_bound import SpaceLowerBoundSearch
 from studies.spatial_bound.modes import space_modes_of
@@ -49,6 +49,8 @@ def range_in_space(assembly: Assembly, seconds: float = 60.0, **options: Any) ->
     """The entries of `load_range` for the labels of a spatial assembly, with a bound; options: of `SolveOptions`."""
     analysis = limit_analysis(assembly, replace(SolveOptions(), **options))
     associative = analysis.prove(assembly.labels)
-    proof = load_range(analysis, assembly.labels, ProximalOptions(), associative, seconds, bound=bound_in_space)
+    proof = load_range(
+        analysis, assembly.labels, ProximalOptions(), associative, RangeOptions(seconds, bound=bound_in_space)
+    )
     unit = analysis.template.scaling.load
     return {**proof.extra, "associative_load_factor": associative.load_factor * unit}

@@ -20,9 +20,9 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core import LimitAnalysis, Scene, Status, build_assembly, parse_scene, solve
-from jld_core.models.zero_dilation.found import MultiStartSearch
-from jld_core.models.zero_dilation.range import load_range
-from jld_core.models.zero_dilation.search import ProximalOptions
+from jld_core.models.zero_dilation.fixed_point_search import ProximalOptions
+from jld_core.models.zero_dilation.multi_start_search import MultiStartSearch
+from jld_core.models.zero_dilation.range import RangeOptions, load_range
 from jld_core.models.zero_dilation.starts import low_compression_states
 from jld_core.samples import box
 from studies.families import halved_bond
@@ -115,7 +115,9 @@ def of_family(family: str, count: int, seconds: float) -> str:
         if len(labels) > _MOST or proof.status is not Status.COLLAPSE or not proof.load_factor > 0.0:
             continue
         done += 1
-        extra = load_range(analysis, labels, ProximalOptions(), proof, seconds, bound=bound_in_space).extra
+        extra = load_range(
+            analysis, labels, ProximalOptions(), proof, RangeOptions(seconds, bound=bound_in_space)
+        ).extra
         if extra["lowest_proven"] is None:
             continue
         side = MultiStartSearch(analysis, labels, ProximalOptions(), proof)

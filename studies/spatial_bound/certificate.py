@@ -18,8 +18,9 @@ import scipy.sparse as sp
 
 from jld_core.arrays import Floats
 from jld_core.models.zero_dilation.binary_fractions import BITS, BinaryFractions, round_to_bits
+from jld_core.models.zero_dilation.bounded_modes import Region
 from jld_core.models.zero_dilation.certificate import Certifier, drop_rounding, least_change_solver, reduce_residual
-from jld_core.models.zero_dilation.rlt_relaxation import Region, null_space, product_rows, region_forms, row_maxima
+from jld_core.models.zero_dilation.rlt_relaxation import null_space, product_rows, region_forms, row_maxima
 from studies.spatial_bound.modes import Forms, SpaceModes
 from studies.spatial_bound.rlt_relaxation import equal_of, still
 

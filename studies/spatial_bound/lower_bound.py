@@ -21,9 +21,9 @@ import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.limit import LimitAnalysis
-from jld_core.models.zero_dilation.frozen import frozen_friction_bound
+from jld_core.models.zero_dilation.bounded_modes import Region
+from jld_core.models.zero_dilation.frozen_friction import frozen_friction_bound
 from jld_core.models.zero_dilation.lower_bound_problem import LowerBound, LowerBoundProblem
-from jld_core.models.zero_dilation.rlt_relaxation import Region
 from studies.spatial_bound.certificate import SpaceCertifier
 from studies.spatial_bound.modes import SpaceModes, Way, space_modes_of, with_direction
 from studies.spatial_bound.rlt_relaxation import SpaceRltSolution, solve_space_rlt

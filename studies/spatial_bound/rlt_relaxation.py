@@ -15,9 +15,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from jld_core.arrays import Bools, Floats
+from jld_core.models.zero_dilation.bounded_modes import Region
 from jld_core.models.zero_dilation.rlt_relaxation import (
     Multipliers,
-    Region,
     combined_states,
     null_space,
     product_rows,

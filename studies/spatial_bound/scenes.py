@@ -22,9 +22,9 @@ import numpy as np
 from jld_core import LimitAnalysis, Scene, Status, build_assembly, load_scene, parse_scene, solve
 from jld_core.arrays import Bits
 from jld_core.limit import Proof
-from jld_core.models.zero_dilation.found import MultiStartSearch
-from jld_core.models.zero_dilation.range import load_range
-from jld_core.models.zero_dilation.search import ProximalOptions
+from jld_core.models.zero_dilation.fixed_point_search import ProximalOptions
+from jld_core.models.zero_dilation.multi_start_search import MultiStartSearch
+from jld_core.models.zero_dilation.range import RangeOptions, load_range
 from jld_core.models.zero_dilation.starts import starts
 from jld_core.samples import box
 from studies.families import halved_bond
@@ -143,7 +143,7 @@ def rows_of_labellings(count: int, seconds: float) -> Iterator[str]:
         side.search_low_compression()
         more, lower = time.process_time() - start - started, side.found.lowest_load
         extra = (
-            load_range(analysis, labels, ProximalOptions(), proof, seconds, bound=bound_in_space).extra
+            load_range(analysis, labels, ProximalOptions(), proof, RangeOptions(seconds, bound=bound_in_space)).extra
             if family != "shelf"
             else {}
         )

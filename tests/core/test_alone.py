@@ -54,13 +54,13 @@ def test_the_kernel_and_the_usual_way_agree() -> None:
         one, other = solve(assembly, labels), usual.solve(labels)
         assert one.status is other.status
         assert one.stands_at_zero is other.stands_at_zero
-        asked += one.solve_log == ("lanes",)
-        assert "lanes" not in other.solve_log
+        asked += one.solve_log == ("batch solver",)
+        assert "batch solver" not in other.solve_log
         if one.status is Status.COLLAPSE:
             (low, high), (least, most) = one.bracket, other.bracket
             assert low <= most * (1.0 + 1e-12)
             assert least <= high * (1.0 + 1e-12)
-            assert high - low <= (ALONE if one.solve_log == ("lanes",) else GAP) * high
+            assert high - low <= (ALONE if one.solve_log == ("batch solver",) else GAP) * high
     assert asked >= 4
 
 
@@ -77,7 +77,7 @@ def test_alone_lambda_is_the_same_in_all_units(length: float, force: float) -> N
 def test_a_narrower_gap_than_the_kernel_gives_is_left_to_the_usual_way() -> None:
     assembly = cubes()
     labels = labellings(assembly, 1)[0]
-    assert solve(assembly, labels).solve_log[0] == "lanes"
+    assert solve(assembly, labels).solve_log[0] == "batch solver"
     narrow = solve(assembly, labels, gap=1e-8)
     assert len(narrow.solve_log) > 1
     assert narrow.load_factor == pytest.approx(solve(assembly, labels).load_factor, rel=1e-6)
@@ -85,8 +85,8 @@ def test_a_narrower_gap_than_the_kernel_gives_is_left_to_the_usual_way() -> None
 
 def test_small_and_planar_structures_and_searches_ask_the_usual_way_first() -> None:
     small = cubes(columns=1)
-    assert "lanes" not in solve(small, np.zeros(len(small.interfaces), dtype=bool)).solve_log
-    assert "lanes" not in LimitAnalysis(cubes()).prove(labellings(cubes(), 1)[0]).route
+    assert "batch solver" not in solve(small, np.zeros(len(small.interfaces), dtype=bool)).solve_log
+    assert "batch solver" not in LimitAnalysis(cubes()).prove(labellings(cubes(), 1)[0]).solve_log
 
 
 def test_an_element_in_the_middle_of_its_supports_has_no_expansion() -> None:

@@ -54,7 +54,7 @@ def test_an_unconverged_solver_is_overruled_or_named(iterations: int) -> None:
     labels = np.random.default_rng(1).random(len(assembly.interfaces)) < 0.6
     truth = LimitAnalysis(assembly).solve(labels)
     hasty = LimitAnalysis(assembly)
-    hasty.route = ClarabelSolver(max_iter=iterations)
+    hasty.first_solver = ClarabelSolver(max_iter=iterations)
     result = hasty.solve(labels)
     assert result.status in (Status.COLLAPSE, Status.UNCERTIFIED)
     if result.status is Status.COLLAPSE:

@@ -154,10 +154,10 @@ def test_a_wedged_block_slides_out_without_dilation_alone() -> None:
 
 def test_nothing_is_guessed_where_a_set_does_not_answer() -> None:
     crushed = LimitAnalysis(grid_assembly(["aa", "##"], crush_dry=1e5)).template.yield_set
-    assert crushed.wedge(True) is None
+    assert crushed.coulomb_wedge(True) is None
     assert crushed.hull() is not None
     spatial = LimitAnalysis(cases_spatial.assembly(cases_spatial.wall(2, 2)))
-    assert spatial.template.yield_set.wedge(True) is None
+    assert spatial.template.yield_set.coulomb_wedge(True) is None
 
 
 @pytest.mark.parametrize("options", [SolveOptions(contact="concave"), SolveOptions(effective_area=True)])

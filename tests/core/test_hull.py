@@ -36,11 +36,11 @@ def sets_of(**other: float) -> PlanarYield:
 
 def planes(bow: ParabolicBending, limit: float) -> Floats:
     """(k, 4) planes −a N + b|V| + c|m| ≤ h of one face, tangents of what is curved among them."""
-    (curve, knee), rows = bow.bow[0], bow.rows[0]
+    (curve, knee), rows = bow.parabola[0], bow.rows[0]
     found = [(rows[1, 0], rows[1, 1], 0.0, rows[1, 2]), (rows[2, 0], 0.0, rows[2, 1], rows[2, 2])]
     found += [(1.0 - 2.0 * curve * n, 0.0, 1.0, curve * n * n) for n in np.linspace(knee, 1.2 * limit, 200)]
-    assert bow.meeting is not None
-    normal, moment, more, first, last, most, friction, cohesion = bow.meeting[0, :8]
+    assert bow.interaction is not None
+    normal, moment, more, first, last, most, friction, cohesion = bow.interaction[0, :8]
     # tangents of |m| ≤ w m₀ + N₁ − N₁²/((1 − w) N_c), N₁ = N − w n₀, where N₁ = (1 − w) n
     for n in np.linspace(first, last, 200 if more else 0):
         slope = 1.0 - 2.0 * n / most
@@ -59,7 +59,7 @@ def support(sets: PlanarYield, direction: Floats) -> float:
 def test_rows_enclose_either_label_and_hardly_more(name: str) -> None:
     other, wide = KINDS[name]
     sets = sets_of(**other)
-    bow = sets.bow(undecided=True)
+    bow = sets.parabolic_bending(undecided=True)
     assert bow is not None
     limit = float(sets.crush_dry[0])
     rows = planes(bow, limit)

@@ -14,10 +14,11 @@ from cases import grid_document
 from command import call
 from jld_core import InputError, Status, build_assembly, parse_scene, solve
 from jld_core.errors import SolverError
-from jld_core.limit import Known, LimitAnalysis, SolveOptions, governing
+from jld_core.limit import CaseBounds, LimitAnalysis, SolveOptions, governing
 from jld_core.limit.case_relaxation import CaseRelaxation
 from jld_core.limit.relaxation import Relaxation
 from jld_core.models import require_model
+from jld_core.models.case_analysis import CaseAnalysis
 from jld_core.program import Template
 
 ROWS = ["aab", "cbb", "###"]
@@ -53,8 +54,25 @@ def test_the_least_over_what_is_required_governs() -> None:
         Template(assembly)
 
 
-def known(status: Status, low: float = math.nan, high: float = math.nan) -> Known:
-    return Known(status, low, high, 0.5 * (low + high))
+def test_an_analysis_of_all_cases_serves_many_labellings() -> None:
+    """Analyses that are kept give what `solve` gives, whatever was solved before; without cases there is one result."""
+    cases = [{"name": "right", "live": RIGHT}, {"name": "left", "live": LEFT, "required": 2.0}]
+    assembly = build_assembly(parse_scene(document(cases)))
+    kept = CaseAnalysis(assembly)
+    for labels in (np.ones(len(assembly.interfaces), dtype=bool), assembly.labels):
+        found, alone = kept.solve(labels, stands=True), solve(assembly, labels)
+        assert list(found.cases) == ["right", "left"]
+        assert found.governing == alone.governing
+        assert found.load_factor == pytest.approx(alone.load_factor, rel=1e-9)
+        assert found.stands_at_zero is alone.stands_at_zero
+    (one, _) = assembly.by_case
+    assert CaseAnalysis(one).solve(assembly.labels).load_factor == found.cases["right"].load_factor
+    with pytest.raises(InputError, match="solver"):
+        CaseAnalysis(build_assembly(parse_scene(document(cases, crush_dry=1e6))), SolveOptions(solver="highs"))
+
+
+def known(status: Status, low: float = math.nan, high: float = math.nan) -> CaseBounds:
+    return CaseBounds(status, low, high, 0.5 * (low + high))
 
 
 def test_what_governs() -> None:

@@ -11,10 +11,10 @@ import cases_spatial
 from cases import grid_assembly
 from jld_core import InputError, LimitAnalysis, SolveOptions, Status, solve
 from jld_core.limit import result_of
-from jld_core.limit.fallbacks import FALLBACKS, Fallback
+from jld_core.limit.fallbacks import FALLBACKS, Fallback, insert_before
 from jld_core.limit.proof_attempt import ProofAttempt
 from jld_core.models import limit_analysis, solve_labelling
-from jld_core.models.solve import FALLBACKS_BY_CONDENSE
+from jld_core.models.labelling import FALLBACKS_BY_CONDENSE
 from jld_core.program import ConicProgram
 from jld_core.solvers import SOLVERS, HighsSolver, RawSolution, Solver, installed_solvers
 
@@ -107,12 +107,20 @@ def test_proofs_are_about_the_assembly_whatever_was_modelled(options: SolveOptio
     assert result.load_factor == pytest.approx(solve(assembly, **vars(options)).load_factor, rel=1e-9)
 
 
-def test_every_ladder_ends_and_begins_with_what_is_solved() -> None:
+def test_rigid_blocks_are_tried_first_and_last() -> None:
     assert FALLBACKS_BY_CONDENSE["off"] == FALLBACKS
-    names = [rung.name for rung in FALLBACKS_BY_CONDENSE["auto"]]
-    assert [name for name in names if "rigid" not in name] == [rung.name for rung in FALLBACKS]
+    names = [fallback.name for fallback in FALLBACKS_BY_CONDENSE["auto"]]
+    assert [name for name in names if "rigid" not in name] == [fallback.name for fallback in FALLBACKS]
     assert names[0].startswith("rigid")
     assert names[-1].startswith("rigid")
+
+
+def test_a_fallback_is_inserted_by_name() -> None:
+    names = [one.name for one in insert_before(FALLBACKS, "repair", replace(FALLBACKS[0], name="new"))]
+    assert names == [name for one in FALLBACKS for name in (["new"] if one.name == "repair" else []) + [one.name]]
+    assert len(set(names)) == len(names)
+    with pytest.raises(ValueError, match="nowhere"):
+        insert_before(FALLBACKS, "nowhere", FALLBACKS[0])
 
 
 def test_no_repair_after_a_proof() -> None:
@@ -120,18 +128,18 @@ def test_no_repair_after_a_proof() -> None:
     analysis = LimitAnalysis(assembly)
     asked: list[tuple[str, Status]] = []
 
-    def watched(rung: Fallback) -> Fallback:
-        def take(climb: ProofAttempt) -> None:
-            asked.append((rung.name, climb.proof.status))
-            rung.take(climb)
+    def watched(fallback: Fallback) -> Fallback:
+        def run(attempt: ProofAttempt) -> None:
+            asked.append((fallback.name, attempt.proof.status))
+            fallback.run(attempt)
 
-        return replace(rung, take=take)
+        return replace(fallback, run=run)
 
-    ladder = tuple(watched(rung) for rung in FALLBACKS)
-    order = [rung.name for rung in FALLBACKS]
+    watched_fallbacks = tuple(watched(fallback) for fallback in FALLBACKS)
+    order = [fallback.name for fallback in FALLBACKS]
     for labels in np.random.default_rng(0).random((20, len(assembly.interfaces))) < 0.5:
         asked.clear()
-        analysis.prove(labels, ladder)
+        analysis.prove(labels, watched_fallbacks)
         assert [name for name, _ in asked] == [name for name in order if name in dict(asked)]
         assert all(status is Status.UNCERTIFIED for name, status in asked if name in order[:5])
-    assert len(asked) < len(ladder)
+    assert len(asked) < len(watched_fallbacks)

@@ -13,7 +13,7 @@ import pytest
 
 import cases_spatial
 from jld_core import Assembly, Status, build_assembly, parse_scene, solve
-from jld_core.limit import Batch, LimitAnalysis
+from jld_core.limit import BatchAnalysis, LimitAnalysis
 
 Make = Callable[[float, float], Assembly]
 
@@ -71,7 +71,7 @@ def test_small_share_of_the_live_load_is_not_taken_as_rounding(make: Make, share
 def test_batch_solver_takes_no_small_share_as_rounding(make: Make, share: float, friction: float) -> None:
     """Shares of 1e-12 and less were locked by the compiled batch solver."""
     assembly = make(share, friction)
-    batch = Batch.of(LimitAnalysis(assembly))
+    batch = BatchAnalysis.of(LimitAnalysis(assembly))
     if batch is None:
         pytest.skip("no compiled kernel")
     assert not batch.prove(np.ones((1, len(assembly.interfaces)), dtype=bool)).locked[0]

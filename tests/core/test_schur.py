@@ -99,8 +99,8 @@ def test_large_assemblies_take_it_by_themselves() -> None:
     built = build_assembly(running_bond(20))
     analysis = LimitAnalysis(built)
     assert analysis.template.structure.equalities >= LARGE[True]
-    assert analysis.route.name == "schur"
-    assert LimitAnalysis(SPATIAL["stools"]()).route.name == "clarabel"
+    assert analysis.first_solver.name == "schur"
+    assert LimitAnalysis(SPATIAL["stools"]()).first_solver.name == "clarabel"
     assert solve(built).solve_log[0] == "schur"
 
 

@@ -113,7 +113,7 @@ def test_conflicts_rule_out_nothing_that_reaches_the_threshold(name: str) -> Non
     threshold = float(np.quantile(finite, 0.9)) if finite.size else 1.0
     found = [conflict_of(relaxation, row, np.ones(m, dtype=bool), threshold) for row in rows[:40]]
     conflicts = [c for c in found if c is not None]
-    if relaxation.many:
+    if relaxation.batched:
         asked = ConflictRequest(
             rows[:40], np.ones(m, dtype=bool), np.full(40, threshold), how=MinimizationOptions(neighbours=2)
         )
@@ -186,7 +186,7 @@ def memory_grown() -> tuple[int, int]:
     rng, first, resident = np.random.default_rng(0), 0, 0
     kept: list[Any] = []
     free = np.ones(len(assembly.interfaces), dtype=bool)
-    for call in range(80 if relaxation.many else 0):
+    for call in range(80 if relaxation.batched else 0):
         rows = rng.random((8, len(free))) < 0.8
         threshold = np.full(8, 0.73 / relaxation.template.scaling.load)
         for one in relaxation.minimize_conflicts(
@@ -251,7 +251,7 @@ def test_threads_take_turns_at_the_conic_solver(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setenv("JLD_KERNEL", "off")
     relaxation = Relaxation(LimitAnalysis(assemblies()["wall"]))
     m = len(relaxation.template.assembly.interfaces)
-    route, inside, most = relaxation._route, [], []
+    route, inside, most = relaxation._solver, [], []
 
     def watched(program: Any) -> Any:
         inside.append(1)

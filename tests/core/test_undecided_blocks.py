@@ -88,7 +88,7 @@ class Case:
         blocks = possible_blocks(space)
         assert blocks is not None
         self.blocks, self.analysis = blocks, LimitAnalysis(assembly)
-        self.wedges = self.analysis.template.yield_set.wedge(dry=True) is not None
+        self.wedges = self.analysis.template.yield_set.coulomb_wedge(dry=True) is not None
         self.relaxation = BlockRelaxation(self.analysis, blocks.members, blocks.inside)
         every = np.ones(len(blocks), dtype=bool)
         self.choices = list(segmentations(blocks, set(assembly.elements.free.tolist()), every))
@@ -198,7 +198,7 @@ def test_one_cell_slides_at_its_friction_or_tips() -> None:
 def test_rows_and_rays_state_the_same(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The program for faces of any yield set, of faces that are wedges."""
     case = Case(*CASES[name])
-    monkeypatch.setattr(PlanarYield, "wedge", lambda self, dry: None)
+    monkeypatch.setattr(PlanarYield, "coulomb_wedge", lambda self, dry: None)
     general = BlockRelaxation(case.analysis, case.blocks.members, case.blocks.inside)
     every = np.ones(len(case.blocks), dtype=bool)
     rays, rows = (one.choose(every, 0.0, 10.0) for one in (case.relaxation, general))
@@ -223,8 +223,8 @@ def test_confined_assemblies_have_no_relaxation_by_blocks() -> None:
 
 
 def test_the_kernel_proves_what_the_solver_does(case: Case) -> None:
-    assert case.wedges or not case.relaxation.many
-    if not case.relaxation.many:
+    assert case.wedges or not case.relaxation.batched
+    if not case.relaxation.batched:
         pytest.skip("no kernel, or faces that are no wedges")
     rng = np.random.default_rng(5)
     asked = []

@@ -17,15 +17,16 @@ from studies.scenes import leonardo_flat_arch, stacked_cubes
 from cases import CASES, grid_assembly, grid_document
 from jld_core import Assembly, LimitAnalysis, Scene, build_assembly, parse_scene, solve
 from jld_core.arrays import Floats
-from jld_core.models.zero_dilation.blocks import BlockCertifier, solve_rlt_by_matrix_blocks
+from jld_core.models.zero_dilation.bounded_modes import BoundedModes
 from jld_core.models.zero_dilation.certificate import Certifier
-from jld_core.models.zero_dilation.found import MultiStartSearch
+from jld_core.models.zero_dilation.fixed_point_search import ProximalOptions
 from jld_core.models.zero_dilation.loops import face_loops, has_opening
 from jld_core.models.zero_dilation.lower_bound import LowerBoundSearch
 from jld_core.models.zero_dilation.lower_bound_problem import LowerBound, LowerBoundProblem
+from jld_core.models.zero_dilation.matrix_blocks import BlockCertifier, solve_rlt_by_matrix_blocks
 from jld_core.models.zero_dilation.modes import Modes, modes_of
-from jld_core.models.zero_dilation.rlt_relaxation import Region, solve_rlt
-from jld_core.models.zero_dilation.search import ProximalOptions
+from jld_core.models.zero_dilation.multi_start_search import MultiStartSearch
+from jld_core.models.zero_dilation.rlt_relaxation import Region, RltOptions, solve_rlt
 from jld_core.models.zero_dilation.statics import Statics, bound_velocities
 from jld_core.models.zero_dilation.sweep import BlockSweep
 from nondilatant import block
@@ -76,7 +77,7 @@ def test_unbounded_self_stress_has_the_cheap_bound_alone() -> None:
     """A wedged block: λ = W + μ(H + 2 N_left) with N_left ≥ 0, and N_right = H + N_left ≥ H is all that statics say."""
     assembly = block(0.3, [{"element": "block", "force": [0, 1]}], [{"element": "block", "force": [1.0, 0]}], 2)
     lowest, floor, scale = below(assembly)
-    assert "no products: self-stress is not bounded" in floor.route
+    assert "no products: self-stress is not bounded" in floor.solve_log
     assert floor.proven * scale <= lowest * scale * (1.0 + 1e-9)
 
 
@@ -114,23 +115,21 @@ def test_no_solution_of_any_start_lies_below(seed: int) -> None:
 # --- the certificate ------------------------------------------------------------------------------------------------
 
 
-def certifier(assembly: Assembly, high: float, slack: float = 1e-8) -> tuple[Modes, Region, Statics, Certifier]:
+def certifier(assembly: Assembly, high: float, slack: float = 1e-8) -> tuple[Modes, Region, BoundedModes, Certifier]:
     modes = modes_of(LimitAnalysis(assembly).template, assembly.labels)
     assert modes is not None
     none = np.zeros(len(modes.rows), dtype=bool)
-    statics = Statics(modes, 0.0, high, none)
-    velocities = bound_velocities(statics)
-    assert velocities is not None
-    region = Region(0.0, high, statics.closed_modes(), none)
-    return modes, region, statics, Certifier(modes, region, slack, statics.force_bounds, velocities)
+    bounded = BoundedModes.up_to(modes, high)
+    region = bounded.region(0.0, high, none, none)
+    return modes, region, bounded, Certifier(bounded, region, slack)
 
 
 def test_certificate_refuses_what_is_not_true() -> None:
     assembly = build_assembly(halved_bond(2, 2))
     scale = LimitAnalysis(assembly).template.scaling.load
-    modes, region, statics, check = certifier(assembly, 0.66 / scale)
+    modes, region, bounded, check = certifier(assembly, 0.66 / scale)
     pairs = np.ones((len(modes.rows), len(modes.forms)), dtype=bool)
-    relaxed = solve_rlt(modes, region, statics.force_bounds, pairs, 1e-8)
+    relaxed = solve_rlt(bounded, region, RltOptions(pairs, 1e-8))
     assert relaxed is not None
     true = check.bound(relaxed.multipliers)
     assert true * scale == pytest.approx(0.65, rel=1e-6)
@@ -148,15 +147,16 @@ def test_blocks_agree_with_the_library() -> None:
     differs by that. On a wall of two courses nothing is farther than 9 faces; neighbours alone prove no more."""
     assembly = build_assembly(halved_bond(2, 2, friction=0.4))
     scale = LimitAnalysis(assembly).template.scaling.load
-    modes, region, statics, check = certifier(assembly, 0.41 / scale, 1e-6)
+    modes, region, bounded, _ = certifier(assembly, 0.41 / scale, 1e-6)
     everything = np.ones((len(modes.rows), len(modes.forms)), dtype=bool)
-    other = solve_rlt(modes, region, statics.force_bounds, everything, 1e-6)
+    other = solve_rlt(bounded, region, RltOptions(everything, 1e-6))
     assert other is not None
     bounds = []
     for distance in (None, 9, 1):
-        own = solve_rlt_by_matrix_blocks(modes, region, statics.force_bounds, everything, 1e-6, 60.0, distance)
+        options = RltOptions(everything, 1e-6, 60.0, distance)
+        own = solve_rlt_by_matrix_blocks(bounded, region, options)
         assert own is not None
-        blocks = BlockCertifier(modes, region, 1e-6, statics.force_bounds, check.velocity_bounds, distance)
+        blocks = BlockCertifier(bounded, region, 1e-6, distance)
         bounds.append(own.multipliers.bound)
         assert -np.inf < blocks.bound(own.multipliers) <= 0.4 / scale
     assert bounds[0] == pytest.approx(other.multipliers.bound, rel=1e-5)
@@ -171,10 +171,10 @@ def test_the_first_step_of_large_scenes_excludes_a_part_of_the_way(times: float)
     friction = 0.4
     assembly = build_assembly(halved_bond(2, 2, friction=friction))
     scale = LimitAnalysis(assembly).template.scaling.load
-    modes, _, statics, check = certifier(assembly, 1.1 * times * friction / scale)
+    _, _, bounded, _ = certifier(assembly, 1.1 * times * friction / scale)
     problem = LowerBoundProblem(times * friction / scale, 60.0)
-    proven = BlockSweep(modes, statics.force_bounds, check.velocity_bounds, problem).partial_bound(0.0) * scale
-    assert problem.route == ["part of the way"]
+    proven = BlockSweep(bounded, problem).partial_bound(0.0) * scale
+    assert problem.solve_log == ["part of the way"]
     least = 0.98 * min(0.75 * times, 1.0) * friction
     assert least <= proven <= min(0.75 * times, 1.0) * friction
 
@@ -189,7 +189,7 @@ def test_walls_with_openings_have_a_floor() -> None:
     assert lowest * scale == pytest.approx(0.5570290662, rel=1e-8)
     assert floor.closed
     assert floor.tolerance == 0.0
-    assert "branch 1" not in floor.route
+    assert "branch 1" not in floor.solve_log
 
 
 def solutions(assembly: Assembly) -> tuple[Modes, list[Floats]]:
@@ -258,15 +258,15 @@ def test_a_loop_that_is_not_one_proves_nothing() -> None:
     """What the identity of a loop leaves is charged: coefficients off by a hundredth bring no bound above the truth."""
     assembly = build_assembly(halved_bond(2, 2))
     scale = LimitAnalysis(assembly).template.scaling.load
-    modes, region, statics, check = certifier(assembly, 0.66 / scale)
+    modes, region, bounded, check = certifier(assembly, 0.66 / scale)
     assert check.loop_errors.max() < 1e-10
     pairs = np.ones((len(modes.rows), len(modes.forms)), dtype=bool)
-    relaxed = solve_rlt(modes, region, statics.force_bounds, pairs, 1e-8)
+    relaxed = solve_rlt(bounded, region, RltOptions(pairs, 1e-8))
     assert relaxed is not None
     assert check.bound(relaxed.multipliers) * scale == pytest.approx(0.65, rel=1e-6)
     wrong = replace(modes)
     vars(wrong)["loops"] = np.where(modes.loops > 0.0, 0.99 * modes.loops, modes.loops)
-    false = Certifier(wrong, region, 1e-8, statics.force_bounds, check.velocity_bounds)
+    false = Certifier(replace(bounded, modes=wrong), region, 1e-8)
     assert false.loop_errors.max() > 1e-3
     used = relaxed.multipliers.products[:, len(modes.rows) :].max() > 1e-6
     assert not used or false.bound(relaxed.multipliers) <= 0.65 / scale

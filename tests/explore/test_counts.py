@@ -18,7 +18,7 @@ from cases import grid_document
 from jld_core.build import build_assembly
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import InputError
-from jld_core.samples.vaults import vault
+from jld_core.samples import vault
 from jld_core.scene import Scene, Search, parse_scene
 from jld_explore import ExploreSettings, explore
 from jld_explore.drivers.enumeration import Enumeration

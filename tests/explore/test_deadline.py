@@ -291,7 +291,7 @@ def test_a_page_gives_up_a_solve_that_takes_too_long(tmp_path: Path, monkeypatch
             checkpoint()
             time.sleep(0.01)
 
-    monkeypatch.setattr("jld_explore.report.page_of_study.CaseSolver.solve", endless)
+    monkeypatch.setattr("jld_core.models.case_analysis.CaseAnalysis.solve", endless)
     start = time.perf_counter()
     write_report(done, deadline=Deadline(0.0, time.perf_counter()))
     assert time.perf_counter() - start < 10.0

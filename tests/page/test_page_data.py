@@ -97,7 +97,7 @@ def test_solutions_of_a_page_are_those_of_solve(folder: Path) -> None:
     best = data["solutions"]["0"]["cases"][0]
     labels = from_string(str(done.results["labelling"].iloc[0]))
     proven = solve(done.assembly, labels)
-    own = page_of_study.CaseSolver(done.assembly).solve(labels)  # forces are not unique: those of the same templates
+    own = page_of_study.CaseAnalysis(done.assembly).solve(labels)  # forces are not unique: those of the same templates
     assert own.load_factor == pytest.approx(proven.load_factor, rel=1e-8)
     assert own.forces is not None
     assert own.mechanism is not None

@@ -33,10 +33,10 @@ from cases_spatial import box
 from jld_core import Assembly, LimitAnalysis, build_assembly, load_scene, solve
 from jld_core.arrays import Floats
 from jld_core.geometry.polygons import rectangle_torsion_length
-from jld_core.models.zero_dilation.found import MultiStartSearch
+from jld_core.models.zero_dilation.fixed_point_search import ProximalOptions
 from jld_core.models.zero_dilation.lower_bound_problem import LowerBoundProblem
+from jld_core.models.zero_dilation.multi_start_search import MultiStartSearch
 from jld_core.models.zero_dilation.rlt_relaxation import Region
-from jld_core.models.zero_dilation.search import ProximalOptions
 from paths import SCENES
 
 GROUND = box("ground", [-3.0, -3.0, -0.5], [9.0, 3.0, 0.0], support=True)
@@ -265,4 +265,4 @@ def test_what_has_no_bound() -> None:
     assert modes is not None
     problem = LowerBoundProblem(analysis.prove(row.labels).bracket[1], 1.0)
     floor = SpaceLowerBoundSearch(analysis, row.labels, modes, problem).search()
-    assert floor.route[-1] == "no products: 27 faces"
+    assert floor.solve_log[-1] == "no products: 27 faces"

@@ -33,8 +33,8 @@ from jld_core import (
     solve,
 )
 from jld_core.models.zero_dilation.binary_fractions import BinaryFractions
-from jld_core.models.zero_dilation.found import MultiStartSearch
-from jld_core.models.zero_dilation.search import ProximalOptions
+from jld_core.models.zero_dilation.fixed_point_search import ProximalOptions
+from jld_core.models.zero_dilation.multi_start_search import MultiStartSearch
 from jld_core.models.zero_dilation.starts import initial_forces, repair_and_evaluate
 from jld_explore.explore import ExploreSettings, explore
 from nondilatant import block, certify

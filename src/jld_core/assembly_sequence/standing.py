@@ -23,7 +23,7 @@ from jld_core.assembly_sequence.blocks import Blocks
 from jld_core.deadline import checkpoint
 from jld_core.geometry import moment_about
 from jld_core.program import ConicProgram, Template, beginnings, pack
-from jld_core.solvers import auxiliary
+from jld_core.solvers import solve_auxiliary
 
 _NONE: Final = 1e-6
 """Prop force, relative to the laid weight, below which a prop is zero; also the accepted solver error.
@@ -163,7 +163,7 @@ class Parts:
         objective = np.concatenate([np.zeros(len(used)), np.ones(size)])
         cones = tuple(pattern.cones[k] for k in kept)
         stated = pack(rows, rhs, objective, len(equations), size + len(linear), cones)
-        answer = auxiliary(stated)
+        answer = solve_auxiliary(stated)
         error = _error(stated, answer.point, answer.dual)
         force = np.maximum(answer.point[len(used) :], 0.0) * template.scaling.force
         np.add.at(props, owner, force)

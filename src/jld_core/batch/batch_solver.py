@@ -83,7 +83,7 @@ class _Start:
         Velocities, in the batch solver's order of elimination.
     load : float
         Load factor λ.
-    room : float
+    least_slack : float
         Least slack of a row.
     """
 
@@ -91,7 +91,7 @@ class _Start:
     jumps: Floats
     speed: Floats
     load: float
-    room: float
+    least_slack: float
 
 
 class BatchSolver:
@@ -104,7 +104,7 @@ class BatchSolver:
         cone per face.
     opening : (q·free,) array, optional
         Velocities that open every face under any labelling; None if there are none.
-    zero : float
+    load_scale : float
         Magnitude of scaled λ relative to which a bracket around zero counts as narrow.
     undecided : Rows, optional
         Rows of faces whose label is undecided; they replace the rows of dry faces.
@@ -112,7 +112,7 @@ class BatchSolver:
         Variant or path of the compiled library (see `library`); default: the variant in use.
     tries : sequence of Try
         Settings of the passes over the open labellings; default `TRIES` or `SPATIAL_TRIES`.
-    drawn : bool
+    sampled_start : bool
         True: start near the mean solution of a few random labellings. False: start from the least-norm forces in
         equilibrium, which is cheaper for a few labellings.
 
@@ -120,7 +120,7 @@ class BatchSolver:
     ----------
     variant : str
         Variant of the compiled library.
-    settles : float
+    settled_fraction : float
         Share of the random labellings that got a verdict; 0 if none were solved.
 
     Raises
@@ -134,11 +134,11 @@ class BatchSolver:
         template: Template,
         opening: Floats | None = None,
         *,
-        zero: float = 0.0,
+        load_scale: float = 0.0,
         undecided: Rows | None = None,
         variant: str | None = None,
         tries: Sequence[library.Try] = (),
-        drawn: bool = True,
+        sampled_start: bool = True,
     ) -> None:
         name = variant or library.chosen()
         if name is None:
@@ -149,10 +149,10 @@ class BatchSolver:
         self.variant, self._library = name, library.library(name)
         self.faces, self.size = len(template.assembly.interfaces), template.structure.equalities
         self._q = q = template.assembly.freedoms
-        self._rows, self._pairs, self._keep, self._bows = rows.rows, rows.pairs, rows.keep, rows.bows
-        self._meets = rows.meets
+        self._rows, self._pairs, self._keep, self._bows = rows.rows, rows.pairs, rows.keep, rows.parabolas
+        self._interacts = rows.interacts
         usual = TRIES if template.assembly.dimension == 2 else SPATIAL_TRIES
-        if rows.bows is not None:
+        if rows.parabolas is not None:
             usual = tuple(one for one in usual if one.aim > 0.0)  # these passes do not support parabolas
         chosen_tries = tries or usual
         self._tries = tuple(chosen_tries)
@@ -163,11 +163,15 @@ class BatchSolver:
         self._dead, self._live = template.dead[ends].copy(), template.live[ends].copy()
         self._opening = None if opening is None else opening[ends].copy()
         self._floor = template.floor
-        self.settles, self._zero = 0.0, zero
-        self._start = self._starting(template, drawn)
+        self.settled_fraction, self._load_scale = 0.0, load_scale
+        self._start = self._starting(template, sampled_start)
 
     def _starting(self, template: Template, sampled: bool) -> _Start:
-        """Compute the starting point from the least-norm equilibrium and a mean solution."""
+        """Return the starting point of the iterations.
+
+        It lies between the least-norm forces in equilibrium and, with `sampled`, the mean solution of a few random
+        labellings.
+        """
         matrix = template.matrix
         least = -(matrix.T @ spsolve(matrix @ matrix.T, template.dead)).reshape(self.faces, self._q)
         nothing = np.zeros(self.size)
@@ -178,10 +182,10 @@ class BatchSolver:
         if not sampled:
             return self._start
         dice = np.random.default_rng(0)
-        drawn = dice.random((_SAMPLES, self.faces)) < dice.random((_SAMPLES, 1))
-        found = self.solve(drawn, vectors=True)
+        sampled_start = dice.random((_SAMPLES, self.faces)) < dice.random((_SAMPLES, 1))
+        found = self.solve(sampled_start, vectors=True)
         good = found.verdict == PROVEN
-        self.settles = float((found.verdict != OPEN).mean())
+        self.settled_fraction = float((found.verdict != OPEN).mean())
         if not good.any() or found.forces is None or found.velocity is None:
             return self._start
         forces = (1.0 - _SHARE) * least + _SHARE * found.forces[good].mean(axis=0)
@@ -190,7 +194,10 @@ class BatchSolver:
         return _Start(forces, jumps, speed[self._ends], _SHARE * float(found.low[good].mean()), _ROOM)
 
     def _lay_out(self, template: Template, a: Ints, b: Ints) -> None:
-        """Store ends, matrix blocks and equilibrium of all faces in order of elimination."""
+        """Store ends, matrix blocks and loads of all faces and elements in elimination order.
+
+        a, b: (m,) free elements of each face, −1 for a support.
+        """
         place = np.full(len(self.pattern.order) + 1, -1, dtype=np.int64)
         place[self.pattern.order] = np.arange(len(self.pattern.order))
         a, b = place[a], place[b]  # −1 stays −1
@@ -336,7 +343,7 @@ class BatchSolver:
         )
 
     def _as_elements(self, velocity: Floats) -> Floats:
-        """Reorder velocities (k, q·free) from the order of elimination to that of the elements."""
+        """Reorder velocities (k, q·free) from the elimination order to that of the elements."""
         back = np.empty_like(velocity)
         back[:, self._ends] = velocity
         return back
@@ -366,14 +373,14 @@ class BatchSolver:
             labels=len(self._rows),
             freedoms=self._q,
             drops_shear=int(not self._keep.all()),
-            pattern=self.pattern.handed_over(),
+            pattern=self.pattern.as_ctypes(),
             floor=self._floor,
             noise=tolerances.ROUNDING,
             load=start.load,
-            least_slack=start.room,
+            least_slack=start.least_slack,
             least_multiplier=_PUSH if self._q == 3 else _PUSH_SPATIAL,
-            zero=self._zero,
+            zero=self._load_scale,
             gap=tolerances.GAP,
-            coupled=int(self._meets),
+            coupled=int(self._interacts),
             **arrays,
         )

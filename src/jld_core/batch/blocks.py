@@ -91,7 +91,7 @@ class BlockAnswers:
     state: NDArray[np.uint8]
 
 
-class BlockLanes:
+class BatchBlockSolver:
     """Batch solver that minimises −λ for many choices of allowed blocks.
 
     Parameters
@@ -150,12 +150,18 @@ class BlockLanes:
         self._own, self._shared = int(self._arrays["own_start"][-1]), _Q * nodes
 
     @staticmethod
-    def takes(blocks: Sequence[BlockColumns]) -> bool:
-        """Return True if no block has more rows than the compiled solver takes."""
+    def supports(blocks: Sequence[BlockColumns]) -> bool:
+        """Return True if no block has more rows than the compiled solver can hold.
+
+        blocks: all possible blocks.
+        """
         return max((one.own + len(one.shared) for one in blocks), default=0) <= interface.BLOCK_ROWS
 
     def _places(self, rows: Ints) -> Ints:
-        """Return the positions of all pairs of these rows in the matrix, lower triangle."""
+        """Return the positions of all pairs of these rows in the matrix, in its lower triangle.
+
+        rows: (r,) shared rows of one block.
+        """
         starts, below = self.pattern.column_start, self.pattern.row
         found = []
         for k, one in enumerate(rows.tolist()):
@@ -190,7 +196,7 @@ class BlockLanes:
         MemoryError
             The compiled solver cannot allocate its workspace.
         ValueError
-            A block has too many rows (see `takes`).
+            A block has too many rows (see `supports`).
         """
         count = len(allowed)
         chosen = np.ascontiguousarray(allowed, dtype=np.uint8)
@@ -203,7 +209,7 @@ class BlockLanes:
         problem = library.Blocks(
             blocks=self._blocks,
             nodes=len(self.pattern.order),
-            pattern=self.pattern.handed_over(),
+            pattern=self.pattern.as_ctypes(),
             loads=len(self._load),
             **library.pointers(**self._arrays, rhs=self._rhs, load=self._load),
         )
@@ -225,7 +231,10 @@ class BlockLanes:
 
 
 def _starts(counts: Sequence[int]) -> NDArray[np.int32]:
-    """Return where each of several consecutive ranges starts, and where the last one ends."""
+    """Return where each of several consecutive ranges starts, then where the last one ends.
+
+    counts: lengths of the ranges.
+    """
     return np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
 
 

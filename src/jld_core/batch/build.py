@@ -54,7 +54,10 @@ SANITIZED: Final[dict[str, tuple[str, ...]]] = {
 
 
 def variants(machine: str | None = None) -> tuple[str, ...]:
-    """Return the variants of a processor family (default: this one), fastest first."""
+    """Return the variants of a processor family, fastest first.
+
+    machine: name of the family, as in `platform.machine`; None: this one.
+    """
     machine = (machine or platform.machine()).lower()
     if machine in ("x86_64", "amd64"):
         return ("avx512", "avx2", "base")
@@ -70,7 +73,7 @@ def digest() -> str:
 
 
 def mark() -> str:
-    """Return the compiler flag that writes the hash of the sources into a library."""
+    """Return the compiler flag that writes the hash of the sources into the library."""
     return f'-DJLD_SOURCES="{digest()}"'
 
 
@@ -101,7 +104,7 @@ def compilers() -> list[list[str]]:
 
 
 def write_header(folder: Path) -> None:
-    """Write the C header of the interface, `interface.h`, into a folder that exists."""
+    """Write the C header `interface.h`, which the sources include, into an existing folder."""
     text = runpy.run_path(str(INTERFACE), run_name="interface")["header"]()
     (folder / "interface.h").write_text(text, encoding="utf-8")
 
@@ -109,9 +112,11 @@ def write_header(folder: Path) -> None:
 def compile_variant(
     variant: str, folder: Path, compiler: list[str], extra: tuple[str, ...] = (), patience: float | None = None
 ) -> Path:
-    """Compile one variant to `folder`/_VARIANT.so and return its path; give up after `patience` seconds.
+    """Compile one variant of the batch solver, and return the path of the library.
 
-    Raises subprocess.SubprocessError or OSError if the compiler fails, takes too long, or is missing.
+    variant: name. folder: receives `_VARIANT.so`. compiler: command in parts. extra: further compiler flags. patience:
+    seconds after which the compiler is given up; None: never. Raises subprocess.SubprocessError or OSError if the
+    compiler fails, takes too long, or is missing.
     """
     folder.mkdir(parents=True, exist_ok=True)
     target = folder / f"_{variant}.so"
@@ -127,9 +132,10 @@ def compile_variant(
 
 
 def compile_by_any(variant: str, folder: Path, extra: tuple[str, ...] = ()) -> tuple[Path | None, list[str]]:
-    """Compile one variant with the first compiler that works; return its path, and one line per compiler that failed.
+    """Compile one variant with the first compiler that works.
 
-    The path is None if no compiler works.
+    The results are the path of the library, None if no compiler works, and one line per compiler that failed. variant,
+    folder, extra: as in `compile_variant`.
     """
     problems = list[str]()
     for compiler in compilers():
@@ -141,7 +147,10 @@ def compile_by_any(variant: str, folder: Path, extra: tuple[str, ...] = ()) -> t
 
 
 def remove_others(library: Path) -> None:
-    """Remove the libraries of the same variant under other names, which would be found before this one."""
+    """Remove the libraries of the same variant with other file names.
+
+    They would be found before the given library.
+    """
     for other in library.parent.glob(f"{library.stem}.*"):
         if other != library:
             other.unlink()

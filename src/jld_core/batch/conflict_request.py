@@ -82,7 +82,7 @@ class ConflictRequest:
         return replace(self, labellings=self.labellings[rows], thresholds=self.thresholds[rows], undecided=undecided)
 
     def in_units(self, unit: float) -> ConflictRequest:
-        """Return the same request with thresholds divided by a unit of λ."""
+        """Return the same request with thresholds divided by `unit`, a value of λ."""
         return replace(self, thresholds=self.thresholds / unit)
 
 

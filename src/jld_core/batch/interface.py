@@ -333,7 +333,7 @@ def codes(enumeration: str) -> dict[str, int]:
 
 
 def header() -> str:
-    """Return the text of the C header `interface.h`."""
+    """Return the text of the C header `interface.h`, which states the interface."""
     lines = ["// Written by src/jld_core/batch/interface.py, which states the interface; do not edit.", "#pragma once"]
     lines += ["#include <cstddef>", "#include <cstdint>", "", 'extern "C" {', ""]
     for name, (kind, meaning, values) in CODES.items():
@@ -357,5 +357,5 @@ def header() -> str:
 
 
 def _comment(words: str, indent: str = "") -> list[str]:
-    """Return a comment of C++ in lines of at most 120 characters."""
+    """Return words as lines of a C++ comment, each of at most 120 characters."""
     return textwrap.wrap(words, 120, initial_indent=f"{indent}// ", subsequent_indent=f"{indent}// ")

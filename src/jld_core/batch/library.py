@@ -71,7 +71,7 @@ def built() -> dict[str, Path]:
 
 
 def _within(folder: Path) -> dict[str, Path]:
-    """Return the first shared library of each variant in a folder."""
+    """Return the first shared library of each variant in a folder, by variant."""
     found = {name: sorted(folder.glob(f"_{name}.*")) for name in VARIANTS}
     usable = {name: [path for path in paths if path.suffix in _LIBRARIES] for name, paths in found.items()}
     return {name: paths[0] for name, paths in usable.items() if paths}

@@ -135,6 +135,9 @@ class Joining:
 
 
 def _library(variant: str | None) -> Any:
-    """Return the loaded library of a variant (default: the one in use), or None."""
+    """Return the loaded library of a variant, or None if there is none.
+
+    variant: name or path; None: the variant in use.
+    """
     name = variant or library.chosen()
     return None if name is None else library.library(name)

@@ -48,7 +48,7 @@ class FactorPattern:
     left: Int32s
     left_column: Int32s
 
-    def handed_over(self) -> library.FactorPattern:
+    def as_ctypes(self) -> library.FactorPattern:
         """Return the pattern as a ctypes structure that points to these arrays."""
         names = ("column_start", "row", "pair_start", "pair", "left_start", "left", "left_column")
         arrays = {name: getattr(self, name) for name in names}
@@ -56,7 +56,10 @@ class FactorPattern:
 
     @property
     def products(self) -> int:
-        """Number of products of matrix blocks in one factorisation, diagonal ones included."""
+        """Return the number of products of matrix blocks in one factorisation.
+
+        Products on the diagonal are included.
+        """
         return len(self.pair) + len(self.left)
 
 
@@ -72,7 +75,10 @@ def factor_pattern(a: Ints, b: Ints, places: Floats) -> FactorPattern:
 
 @lru_cache(maxsize=4)
 def _pattern(first: bytes, second: bytes, where: bytes, shape: tuple[int, int]) -> FactorPattern:
-    """Compute the pattern from the arrays' bytes, which serve as the key of the cache."""
+    """Compute the factor pattern from the bytes of its arrays, the key of the cache.
+
+    first, second: ends of the edges. where: coordinates of the nodes. shape: shape of these coordinates.
+    """
     a, b = (np.frombuffer(ends, dtype=np.int64) for ends in (first, second))
     places = np.frombuffer(where, dtype=float).reshape(shape)
     count = len(places)
@@ -88,7 +94,10 @@ def _pattern(first: bytes, second: bytes, where: bytes, shape: tuple[int, int]) 
 
 
 def _neighbours(a: Ints, b: Ints, count: int) -> list[dict[int, None]]:
-    """Return the neighbours of each node in a fixed order."""
+    """Return the neighbours of each node of a graph, in a fixed order.
+
+    a, b: (e,) ends of the edges. count: number of nodes.
+    """
     found: list[dict[int, None]] = [{} for _ in range(count)]
     for one, other in sorted(zip(a.tolist(), b.tolist(), strict=True)):
         found[one][other] = None
@@ -97,7 +106,10 @@ def _neighbours(a: Ints, b: Ints, count: int) -> list[dict[int, None]]:
 
 
 def _minimum_degree(a: Ints, b: Ints, count: int) -> Ints:
-    """Return the minimum-degree elimination order."""
+    """Return the minimum-degree elimination order of a graph.
+
+    a, b: (e,) ends of the edges. count: number of nodes.
+    """
     near = _neighbours(a, b, count)
     left = dict.fromkeys(range(count))
     order = []
@@ -113,7 +125,10 @@ def _minimum_degree(a: Ints, b: Ints, count: int) -> Ints:
 
 
 def _fill(a: Ints, b: Ints, order: Ints) -> list[list[int]]:
-    """Return the block rows below the diagonal of each column, fill included."""
+    """Return the row numbers below the diagonal of each column of the factor, fill included.
+
+    a, b: (e,) ends of the edges. order: elimination order.
+    """
     place = np.empty(len(order), dtype=np.int64)
     place[order] = np.arange(len(order))
     below: list[set[int]] = [set() for _ in order]
@@ -129,7 +144,10 @@ def _fill(a: Ints, b: Ints, order: Ints) -> list[list[int]]:
 
 
 def _laid_out(order: Ints, columns: list[list[int]]) -> FactorPattern:
-    """Build the pattern from an elimination order and the block rows of each column."""
+    """Build the factor pattern of an elimination order.
+
+    columns: row numbers below the diagonal of each column.
+    """
     start = np.concatenate([[0], np.cumsum([len(rows) for rows in columns])])
     place = {(row, j): int(start[j]) + k for j, rows in enumerate(columns) for k, row in enumerate(rows)}
     lefts: list[list[tuple[int, int]]] = [[] for _ in columns]
@@ -153,7 +171,7 @@ def _laid_out(order: Ints, columns: list[list[int]]) -> FactorPattern:
 
 
 def _starts(lists: list[list[tuple[int, int]]]) -> Int32s:
-    """Return where each list starts in their concatenation, with the total length at the end."""
+    """Return where each list starts in the concatenation of all, then its total length."""
     return np.concatenate([[0], np.cumsum([len(one) for one in lists])]).astype(np.int32)
 
 

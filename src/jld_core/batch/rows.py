@@ -78,35 +78,36 @@ def pattern_of(assembly: Assembly) -> tuple[FactorPattern, Ints, Ints]:
 
 
 @dataclass(frozen=True)
-class Sheets:
-    """Coefficients of the yield rows under all labels: inner, dry, and maybe undecided.
+class BatchRows:
+    """Coefficients of the yield rows of all faces, under each label, for the batch solver.
 
     Attributes
     ----------
     rows : (labels, m, numbers) array
-        Planar: a, b, h of −a N ± b X ≤ h for each pair, where X is M, V, and M again where inner faces crush. In space
-        the same for M1, M2, and MT with t, the bound on shear. Where any hull has other edges: a, p, q, h of −a N + p
-        M1 + q M2 ≤ h for each edge, the corners between edges, and a, b, h of MT.
+        Labels are inner, dry, and maybe undecided. Planar: a, b, h of −a N ± b X ≤ h for each pair, where X is M, V,
+        and M again where inner faces crush. In space the same for M1, M2, and MT with t, the bound on shear. Where any
+        hull has other edges: a, p, q, h of −a N + p M1 + q M2 ≤ h for each edge, the corners between edges, and a, b, h
+        of MT.
     pairs : int
-        Number of pairs; in space 2 (pairs in bending), or the number of edges that there is room for.
+        Number of pairs of rows; in space 2 (pairs in bending), or the number of edges for which there is space.
     keep : (labels, m) array
         1 where V takes part in equilibrium, else 0.
-    bows : (labels, m, 2 or 14) array or None
+    parabolas : (labels, m, 2 or 14) array or None
         c and n₀ of a first pair b |M| ≤ h + a N − c N² from N = n₀ on, and its tangent at n₀ below. None where no face
-        has one. With `meets`, the numbers of `ParabolicBending.meeting` follow n₀; they are 0 for decided labels.
-    meets : bool
+        has one. With `interacts`, the numbers of `ParabolicBending.interaction` follow n₀, 0 for decided labels.
+    interacts : bool
         True where undecided faces crush and their V and M interact.
     """
 
     rows: Floats
     pairs: int
     keep: Floats
-    bows: Floats | None = None
-    meets: bool = False
+    parabolas: Floats | None = None
+    interacts: bool = False
 
 
-def rows_of(template: Template, undecided: Rows | None = None) -> Sheets | None:
-    """Return a template's rows in the batch solver's layout, or None if unsupported.
+def rows_of(template: Template, undecided: Rows | None = None) -> BatchRows | None:
+    """Return a template's yield rows in the layout of the batch solver.
 
     undecided: rows of a third label, which replace those of dry faces.
     """
@@ -115,13 +116,16 @@ def rows_of(template: Template, undecided: Rows | None = None) -> Sheets | None:
 
 
 @lru_cache(maxsize=2)
-def _decided(template: Template) -> Sheets | None:
-    """Return the cached rows of the labels dry and inner."""
+def _decided(template: Template) -> BatchRows | None:
+    """Return the rows of the labels dry and inner, from a cache; None if unsupported."""
     return _rows_of(template, None)
 
 
-def _rows_of(template: Template, undecided: Rows | None) -> Sheets | None:
-    """Compute the rows of all labels, or None if any shape is unsupported."""
+def _rows_of(template: Template, undecided: Rows | None) -> BatchRows | None:
+    """Compute the rows of all labels; None if the batch solver does not support them.
+
+    undecided: rows of a third label, None without one.
+    """
     own = template.yield_set
     every = np.ones(len(template.assembly.interfaces), dtype=bool)
     labels = [(own.pattern, False), (own.pattern, True)] + ([] if undecided is None else [(undecided.pattern, True)])
@@ -140,31 +144,35 @@ def _rows_of(template: Template, undecided: Rows | None) -> Sheets | None:
     if not planar:
         paired = _in_pairs(rows)
         if paired is not None:
-            return Sheets(np.ascontiguousarray(paired), 2, keep)
+            return BatchRows(np.ascontiguousarray(paired), 2, keep)
         rows = _along_edges(rows)
-        return Sheets(np.ascontiguousarray(rows), (rows.shape[-1] - 3) // 6, keep)
-    bows, meets = None, False
+        return BatchRows(np.ascontiguousarray(rows), (rows.shape[-1] - 3) // 6, keep)
+    parabolas, interacts = None, False
     if own.pattern.cones:
-        asked = [own.bow(undecided=False), *([] if undecided is None else [own.bow(undecided=True)])]
+        asked = [
+            own.parabolic_bending(undecided=False),
+            *([] if undecided is None else [own.parabolic_bending(undecided=True)]),
+        ]
         bowed = [one for one in asked if one is not None]
         if len(bowed) < len(asked):
             return None
-        meets = rows.shape[2] == 3 and any(one.meeting is not None for one in bowed)
-        bows = np.zeros((len(rows), len(every), 14 if meets else 2))
+        interacts = rows.shape[2] == 3 and any(one.interaction is not None for one in bowed)
+        parabolas = np.zeros((len(rows), len(every), 14 if interacts else 2))
         for label, one in enumerate(bowed, start=1):
             crushed = one.crushed
-            bows[label, crushed, :2] = one.bow
+            parabolas[label, crushed, :2] = one.parabola
             rows[label, crushed] = one.rows[:, : rows.shape[2]]
-            if meets and one.meeting is not None:
-                bows[label, crushed, 2:] = one.meeting
+            if interacts and one.interaction is not None:
+                parabolas[label, crushed, 2:] = one.interaction
     flat = np.ascontiguousarray(rows.reshape(*rows.shape[:2], -1))
-    return Sheets(flat, rows.shape[2], keep, bows, meets)
+    return BatchRows(flat, rows.shape[2], keep, parabolas, interacts)
 
 
 def planar_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
-    """Return the linear rows (m, pairs, 3) of planar faces under one label, or None.
+    """Return the linear rows (m, pairs, 3) of planar faces under one label.
 
-    See `rows_of`. Cones are ignored here: they are the parabolas of crushing joints.
+    Cones are ignored here: they are the parabolas of crushing joints. pattern: rows of the yield sets. dry: True for
+    the dry label. faces: m. The result is None if unsupported, see `rows_of`.
     """
     if pattern.extra:
         return None
@@ -172,7 +180,10 @@ def planar_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
 
 
 def _pairs(pattern: RowPattern, values: Floats, sides: Floats, faces: int) -> Floats | None:
-    """Return the rows (m, pairs, 3) of one label, with pairs in the order M, V, M, or None."""
+    """Return the rows (m, pairs, 3) of one label, in pairs for M, V, M; None if unsupported.
+
+    values, sides: coefficients and right-hand sides of the label in the pattern. faces: m.
+    """
     linear = pattern.row < pattern.linear
     row, resultant = pattern.row[linear], pattern.column[linear] % 3
     sides = sides[: pattern.linear]
@@ -204,9 +215,10 @@ def _pairs(pattern: RowPattern, values: Floats, sides: Floats, faces: int) -> Fl
 
 
 def spatial_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
-    """Return the yield rows (m, EDGES + 1, 4) of spatial faces under one label, as in `_spatial_table`.
+    """Return the yield rows (m, EDGES + 1, 4) of spatial faces under one label.
 
-    Return None where the batch solver does not know the yield set.
+    They are laid out as in `_spatial_table`. pattern: rows of the yield sets. dry: True for the dry label. faces: m.
+    The result is None where the batch solver does not know the yield set.
     """
     if pattern.cones != (3,) * faces or pattern.extra != faces:
         return None
@@ -224,10 +236,10 @@ def spatial_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
 
 
 def _spatial_table(table: Floats, pattern: RowPattern, faces: int) -> Floats | None:
-    """Return an array (m, EDGES + 1, 4) of spatial rows, or None if unsupported.
+    """Return an array (m, EDGES + 1, 4) of the rows of spatial faces; None if unsupported.
 
     Bending rows come first: a, p, q, h of −a N + p M1 + q M2 ≤ h, idle rows last. The last row holds a, b, h of
-    torsion.
+    torsion. table: dense rows of the program.
     """
     found = np.zeros((faces, EDGES + 1, 4))
     found[:, :, 3] = 1.0
@@ -257,9 +269,9 @@ def _spatial_table(table: Floats, pattern: RowPattern, faces: int) -> Floats | N
 
 
 def _in_pairs(found: Floats) -> Floats | None:
-    """Return (labels, m, 9) numbers if all bending rows form pairs, else None.
+    """Return numbers (labels, m, 9) if all bending rows form pairs ±M1 and ±M2, else None.
 
-    The numbers are a, b, h of M1, M2 and MT.
+    The numbers are a, b, h of M1, M2 and MT. found: (labels, m, EDGES + 1, 4) rows.
     """
     edges = found[:, :, :4]
     used = edges[..., 1:3].any(axis=-1)
@@ -274,9 +286,9 @@ def _in_pairs(found: Floats) -> Floats | None:
 
 
 def _along_edges(found: Floats) -> Floats:
-    """Return (labels, m, 6 R + 3) numbers: rows of R edges, their corners, and torsion.
+    """Return numbers (labels, m, 6 R + 3): rows of R edges, their corners, and torsion.
 
-    R is the smallest compiled number of edges that holds all hulls.
+    R is the smallest compiled number of edges that holds all hulls. found: (labels, m, EDGES + 1, 4) rows.
     """
     used = int(found[:, :, :EDGES, 1:3].any(axis=-1).sum(axis=-1).max())
     most = next(size for size in _SIZES if size >= used)

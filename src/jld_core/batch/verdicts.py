@@ -66,7 +66,10 @@ class BatchResults:
 
     @property
     def velocities(self) -> Floats:
-        """Velocities (k, q·free) of the upper bounds; raises ValueError where they were not asked for."""
+        """Return the velocities (k, q·free) of the upper bounds.
+
+        Raises ValueError if the results were computed without `vectors=True`.
+        """
         if self.velocity is None:
             raise ValueError("the batch solver was asked for no velocities; solve with `vectors=True`")
         return self.velocity

@@ -2,12 +2,12 @@
 
 - `FLOOR_SECONDS`: default processor time for the lower bound on λ over all non-dilatant solutions, seconds
 - `RENAMED_BENDING`: values of `inner_bending` of version 0.2, by their new names
-- `Batch`: batch solver of one limit analysis
+- `BatchAnalysis`: batch solver of one limit analysis
+- `CaseBounds`: status and bounds of one load case
 - `Condense`: when blocks are modelled as rigid: auto, on or off
 - `Contacts`: contact model of dry faces: convex or concave
 - `EffectiveAreas`: convergence of effective areas
 - `Friction`: friction model: associative or zero-dilation
-- `Known`: status and bounds of one load case
 - `LimitAnalysis`: limit analysis of one assembly, reusable for many labellings
 - `LimitAnalysisResult`: λ with its bracket, status, forces and mechanism
 - `Motion`: velocities with their jumps, margin and upper bound on λ
@@ -32,10 +32,10 @@ from __future__ import annotations
 
 from jld_core.limit.admissible import Motion, State
 from jld_core.limit.analysis import LimitAnalysis
-from jld_core.limit.batch import Batch
+from jld_core.limit.batch import BatchAnalysis
 from jld_core.limit.bounds import Prover
 from jld_core.limit.brackets import exceeds, load_scale, relative_width
-from jld_core.limit.governing import Known, governing
+from jld_core.limit.governing import CaseBounds, governing
 from jld_core.limit.mechanism import displacement
 from jld_core.limit.model_facts import EffectiveAreas, ZeroDilation
 from jld_core.limit.options import FLOOR_SECONDS, RENAMED_BENDING, Condense, Contacts, Friction, SolveOptions
@@ -48,12 +48,12 @@ from jld_core.limit.status import Status
 __all__ = [
     "FLOOR_SECONDS",
     "RENAMED_BENDING",
-    "Batch",
+    "BatchAnalysis",
+    "CaseBounds",
     "Condense",
     "Contacts",
     "EffectiveAreas",
     "Friction",
-    "Known",
     "LimitAnalysis",
     "LimitAnalysisResult",
     "Motion",

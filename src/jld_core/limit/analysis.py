@@ -14,7 +14,7 @@ from jld_core.batch import chosen
 from jld_core.batch.batch_solver import BatchSolver
 from jld_core.batch.rows import fits
 from jld_core.limit.admissible import State
-from jld_core.limit.batch_results import ALONE
+from jld_core.limit.batch_results import FACES_WHERE_BATCH_IS_FASTER
 from jld_core.limit.bounds import Prover
 from jld_core.limit.brackets import load_scale, relative_width
 from jld_core.limit.fallbacks import FALLBACKS, Fallback, run_fallbacks
@@ -56,7 +56,7 @@ class LimitAnalysis:
         Labelling, True = dry, on which solvers are set up. Default: all faces dry.
     template : Template or None
         Template of the assembly, if it exists already.
-    single : bool
+    single_labelling : bool
         State that only one labelling will be analysed. The batch solver is then made for it alone, where that is
         faster.
     """
@@ -71,10 +71,10 @@ class LimitAnalysis:
         margin: float | None = None,
         reference: Bits | None = None,
         template: Template | None = None,
-        single: bool = False,
+        single_labelling: bool = False,
     ) -> None:
         start = time.perf_counter()
-        self.assembly, self.gap, self.single = assembly, gap, single
+        self.assembly, self.gap, self.single_labelling = assembly, gap, single_labelling
         self.options = SolveOptions(inner_bending=inner_bending, condense="off", solver=solver, gap=gap)
         if template is None:
             scaling = scaling_of(assembly)
@@ -82,10 +82,10 @@ class LimitAnalysis:
         self.template = template
         self.prover = Prover(self.template)
         precision = self.template.precision
-        self.route = make_solver(solver, tolerance=precision.residual, structure=self.template.structure)
+        self.first_solver = make_solver(solver, tolerance=precision.residual, structure=self.template.structure)
         self.repair = Repair(self.template, self.prover)
         self.margin = precision.margin if margin is None else margin
-        self.floor = load_scale(self.template.assembly) / self.template.scaling.load
+        self.load_scale = load_scale(self.template.assembly) / self.template.scaling.load
         self.reference = np.ones(len(assembly.interfaces), dtype=bool) if reference is None else reference
         self.seconds = time.perf_counter() - start
 
@@ -98,21 +98,27 @@ class LimitAnalysis:
         """
         if self.options.solver != "auto" or chosen() is None or not fits(self.template):
             return None
-        plain = self.repair.expansion() if self.single else None
+        plain = self.repair.expansion() if self.single_labelling else None
         opening = self.repair.opening() if plain is None else plain
         return BatchSolver(
-            self.template, None if opening is None else opening.velocity, zero=self.floor, drawn=not self.single
+            self.template,
+            None if opening is None else opening.velocity,
+            load_scale=self.load_scale,
+            sampled_start=not self.single_labelling,
         )
 
     @property
-    def quick(self) -> bool:
+    def batch_is_faster(self) -> bool:
         """Return True if the batch solver is faster for one labelling than one solver call.
 
         The time includes creating the batch solver.
         """
-        return self.assembly.dimension == 3 and ALONE[0] <= len(self.assembly.interfaces) <= ALONE[1]
+        return (
+            self.assembly.dimension == 3
+            and FACES_WHERE_BATCH_IS_FASTER[0] <= len(self.assembly.interfaces) <= FACES_WHERE_BATCH_IS_FASTER[1]
+        )
 
-    def under(self, template: Template, reference: Bits) -> LimitAnalysis:
+    def with_template(self, template: Template, reference: Bits) -> LimitAnalysis:
         """Create an analysis of the same assembly with another template.
 
         Parameters
@@ -129,14 +135,14 @@ class LimitAnalysis:
         """
         return LimitAnalysis(self.assembly, template=template, gap=self.gap, reference=reference)
 
-    def prove(self, labels: Bits, ladder: tuple[Fallback, ...] = FALLBACKS, *, stands: bool = False) -> Proof:
+    def prove(self, labels: Bits, fallbacks: tuple[Fallback, ...] = FALLBACKS, *, stands: bool = False) -> Proof:
         """Prove bounds on λ for one labelling, with fallbacks only where they are needed.
 
         Parameters
         ----------
         labels : (m,) bool array
             Labels, True = dry.
-        ladder : tuple of Fallback
+        fallbacks : tuple of Fallback
             Solution methods, in the order in which they are tried.
         stands : bool
             Also decide whether λ = 0 is admissible.
@@ -147,14 +153,14 @@ class LimitAnalysis:
             Bounds and status, scaled.
         """
         start = time.perf_counter()
-        proof = run_fallbacks(ProofAttempt(self, labels), ladder)
+        proof = run_fallbacks(ProofAttempt(self, labels), fallbacks)
         proof.seconds = time.perf_counter() - start
         if stands:
             proof.stands = False if proof.status is Status.UNSTABLE else self.stands(labels, proof.state)
             proof.solves += proof.status is not Status.UNSTABLE
         return proof
 
-    def judge(self, proof: Proof) -> Status:
+    def status_of(self, proof: Proof) -> Status:
         """Return the status that a proof supports.
 
         Parameters
@@ -172,7 +178,7 @@ class LimitAnalysis:
             return Status.UNSTABLE
         if proof.ray is not None and proof.state is not None:
             return Status.LOCKED
-        if relative_width(proof.low, proof.high, self.floor) <= self.gap:
+        if relative_width(proof.low, proof.high, self.load_scale) <= self.gap:
             return Status.COLLAPSE
         return Status.UNCERTIFIED
 
@@ -212,7 +218,13 @@ class LimitAnalysis:
         """
         if not self.template.dead.any():
             return True
-        if known is not None and known.load >= 0.0 and self.single and self.quick and self.batch is not None:
+        if (
+            known is not None
+            and known.load >= 0.0
+            and self.single_labelling
+            and self.batch_is_faster
+            and self.batch is not None
+        ):
             found = self.batch.reversed().solve(labels[None], thresholds=np.zeros(1), vectors=True)
             if found.forces is not None and found.low[0] >= 0.0:
                 state = self.prover.state(np.append(found.forces[0], -found.low[0]), labels)

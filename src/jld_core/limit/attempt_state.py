@@ -1,4 +1,4 @@
-"""Keep the bounds proven so far for one labelling, and say which fallbacks may improve them."""
+"""State of a proof of one labelling: the bounds so far, and the conditions under which fallbacks are tried."""
 
 from __future__ import annotations
 
@@ -22,31 +22,31 @@ _SIMPLEX: Final = 6000  # Number of columns up to which a dual simplex is tried.
 
 
 class Analysis(Protocol):
-    """Interface of `LimitAnalysis` that `ProofAttempt` needs."""
+    """Interface of `LimitAnalysis`, as far as `ProofAttempt` needs it."""
 
     assembly: Assembly
     template: Template
     prover: Prover
     repair: Repair
-    route: Solver
+    first_solver: Solver
     reference: Bits
     margin: float
     gap: float
-    floor: float
-    single: bool
+    load_scale: float
+    single_labelling: bool
 
     @property
     def batch(self) -> BatchSolver | None:
         """Return the batch solver for labellings of this analysis."""
 
     @property
-    def quick(self) -> bool:
+    def batch_is_faster(self) -> bool:
         """Return True if the batch solver is faster for one labelling than one solver call."""
 
     def unloaded(self, labels: Bits) -> State | None:
-        """Return the state without forces at λ = 0, where there is no dead load."""
+        """Return the state without forces at λ = 0, or None if there is dead load."""
 
-    def judge(self, proof: Proof) -> Status:
+    def status_of(self, proof: Proof) -> Status:
         """Return the status that a proof supports."""
 
 
@@ -68,6 +68,10 @@ class AttemptState:
         Last raw solver answer, from which repairs start.
     settled : bool
         True if no further fallback is to be tried.
+    batch_tried : bool
+        True if the batch solver was tried.
+    reduction_tried : bool
+        True if facial reduction was tried.
     """
 
     def __init__(self, analysis: Analysis, labels: Bits) -> None:
@@ -75,12 +79,12 @@ class AttemptState:
         self.template, self.prover, self.repair = analysis.template, analysis.prover, analysis.repair
         self.proof = Proof()
         self.raw: RawSolution | None = None
-        self.settled = False
+        self.settled = self.batch_tried = self.reduction_tried = False
         unloaded = analysis.unloaded(labels)
         if unloaded is not None:
             self.proof.offer_state(unloaded)
 
-    def take(self, found: Proof) -> None:
+    def adopt(self, found: Proof) -> None:
         """Adopt a finished proof of the same labelling, unless the brackets are disjoint.
 
         If they are disjoint, only the solve log of the finished proof is kept.
@@ -91,47 +95,52 @@ class AttemptState:
             Finished proof, scaled.
         """
         mine = self.proof
-        mine.route += found.route
+        mine.solve_log += found.solve_log
         mine.solves += found.solves
         if not apart((found.low, found.high), (mine.low, mine.high)):
-            found.route, found.solves = mine.route, mine.solves
+            found.solve_log, found.solves = mine.solve_log, mine.solves
             self.proof, self.settled = found, True
 
     @property
-    def open(self) -> bool:
+    def uncertified(self) -> bool:
         """Return True if the status is still uncertified."""
         return self.proof.status is Status.UNCERTIFIED
 
     @property
-    def open_inside(self) -> bool:
-        """Return True if the status is uncertified and the last raw answer is not infeasible."""
-        return self.open and self.raw is not None and self.raw.status is not RawStatus.INFEASIBLE
+    def uncertified_with_point(self) -> bool:
+        """Return True if the status is uncertified and the last solver answer has a point.
 
-    @property
-    def reduced(self) -> bool:
-        """Return True if the bracket is open although facial reduction was tried.
-
-        It applies only to programs with friction cones, which the reduction replaces by rays.
+        An answer has none if the solver reports that the program is infeasible.
         """
-        return self.open and bool(self.template.structure.cones) and "facial reduction" in self.proof.route
+        return self.uncertified and self.raw is not None and self.raw.status is not RawStatus.INFEASIBLE
 
     @property
-    def grows(self) -> bool:
+    def open_after_reduction(self) -> bool:
+        """Return True if the status is uncertified although facial reduction was tried.
+
+        The result is False for programs without friction cones, which alone the reduction replaces by rays.
+        """
+        return self.uncertified and bool(self.template.structure.cones) and self.reduction_tried
+
+    @property
+    def may_be_unbounded(self) -> bool:
         """Return True if λ is so large without an upper bound that it may be unbounded."""
         state = self.proof.state
-        return self.open and self.proof.motion is None and state is not None and state.load > _GROWS
+        return self.uncertified and self.proof.motion is None and state is not None and state.load > _GROWS
 
     @property
-    def runs_away(self) -> bool:
-        """Return True if the last raw answer is unbounded and the batch solver has not been tried."""
-        unasked = "lanes" not in self.proof.route
-        return self.open and unasked and self.raw is not None and self.raw.status is RawStatus.UNBOUNDED
+    def reported_unbounded(self) -> bool:
+        """Return True if a solver reports unbounded λ and the batch solver was not tried."""
+        unbounded = self.raw is not None and self.raw.status is RawStatus.UNBOUNDED
+        return self.uncertified and not self.batch_tried and unbounded
 
     @property
-    def alone(self) -> bool:
+    def batch_goes_first(self) -> bool:
         """Return True if only one labelling is analysed and the batch solver is faster."""
         analysis = self.analysis
-        return self.open and analysis.single and analysis.quick and analysis.batch is not None
+        return (
+            self.uncertified and analysis.single_labelling and analysis.batch_is_faster and analysis.batch is not None
+        )
 
     @property
     def settled_by_batch(self) -> bool:
@@ -139,27 +148,27 @@ class AttemptState:
 
         A bracket much wider than those of other solvers does not count.
         """
-        if "lanes" not in self.proof.route or self.open:
+        if not self.batch_tried or self.uncertified:
             return False
         return not self._collapses or self._width(0.0) <= tolerances.ALONE
 
     @property
-    def linear(self) -> bool:
+    def is_small_linear(self) -> bool:
         """Return True if the program is linear and small enough for a dual simplex."""
         structure = self.template.structure
         return not structure.cones and structure.shape[1] <= _SIMPLEX
 
     @property
-    def crushed_wide(self) -> bool:
+    def wide_by_crushing(self) -> bool:
         """Return True if crushing leaves the bracket wider than `CRUSHING_WIDTH`.
 
         A smaller margin than most crushable scenes need may then narrow it.
         """
         crushing = self.template.precision is tolerances.CRUSHING
-        return crushing and self._collapses and self._width(self.analysis.floor) > tolerances.CRUSHING_WIDTH
+        return crushing and self._collapses and self._width(self.analysis.load_scale) > tolerances.CRUSHING_WIDTH
 
     @property
-    def wide_beside_load(self) -> bool:
+    def wide_relative_to_load_factor(self) -> bool:
         """Return True if the bracket is narrow relative to the load scale but wide relative to λ.
 
         λ may then be small, or zero.
@@ -167,21 +176,26 @@ class AttemptState:
         return self._collapses and self._width(0.0) > self.analysis.gap
 
     @property
-    def wide_alone(self) -> bool:
-        """Return True if the bracket of a labelling solved alone leaves digits of λ open.
+    def wide_for_single_labelling(self) -> bool:
+        """Return True if a single labelling has a bracket wider than `tolerances.DIGITS`.
 
-        Where λ is in a wide bracket depends on the order of the elements. Searches do not need these digits.
+        Where λ lies in a wide bracket depends on the order of the elements. Searches do not need these digits.
         """
         analysis = self.analysis
-        if not analysis.single or not self._collapses or self.settled_by_batch or is_large(self.template.structure):
+        if (
+            not analysis.single_labelling
+            or not self._collapses
+            or self.settled_by_batch
+            or is_large(self.template.structure)
+        ):
             return False
-        return self._width(analysis.floor) > tolerances.DIGITS
+        return self._width(analysis.load_scale) > tolerances.DIGITS
 
     @property
     def _collapses(self) -> bool:
-        """Return True if the status is collapse."""
+        """Return True if the status of the proof so far is collapse."""
         return self.proof.status is Status.COLLAPSE
 
-    def _width(self, floor: float) -> float:
-        """Return the width of the bracket relative to its ends, or to `floor` if larger."""
-        return relative_width(self.proof.low, self.proof.high, floor)
+    def _width(self, load_scale: float) -> float:
+        """Return the width of the bracket relative to its ends, or to `load_scale` if larger."""
+        return relative_width(self.proof.low, self.proof.high, load_scale)

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.program import ConicProgram, Structure, beginnings, pack
-from jld_core.solvers import ClarabelSolver, HighsSolver, RawSolution, RawStatus, auxiliary, is_large
+from jld_core.solvers import ClarabelSolver, HighsSolver, RawSolution, RawStatus, is_large, solve_auxiliary
 
 LARGEST: Final = 1e3
 """Largest force, scaled, of a self-stress that gives a row slack 1.
@@ -26,24 +26,24 @@ _SIMPLEX: Final = 6000
 """Number of columns up to which a dual simplex is used."""
 
 
-def tips_of(structure: Structure) -> Ints:
-    """Return the rows that have a slack: all linear yield rows, then the head of each cone.
+def slack_rows(structure: Structure) -> Ints:
+    """Return the indices of the rows in which slack is measured.
 
-    The first linear row, which bounds λ, has none.
+    They are all linear yield rows, then the first row of each cone. The row that bounds λ is left out.
     """
     linear = np.arange(structure.equalities + 1, structure.equalities + structure.linear)
     return np.concatenate([linear, structure.heads]).astype(np.int64)
 
 
-def with_slack(program: ConicProgram, load_fixed: bool = False) -> ConicProgram:
+def largest_slack_program(program: ConicProgram, load_fixed: bool = False) -> ConicProgram:
     """Return the program that maximises the least slack t ≤ 1 of all yield rows.
 
-    λ is a variable, unless `load_fixed` removes its column and so keeps λ = 0.
+    program: supplies the rows. load_fixed: True removes the column of λ, which keeps λ = 0; otherwise λ is a variable.
     """
     s = program.structure
     matrix = program.matrix.tocsr()
     column = np.zeros(s.shape[0])
-    column[tips_of(s)] = 1.0
+    column[slack_rows(s)] = 1.0
     kept = matrix[:, :-1] if load_fixed else matrix
     edge = s.equalities + s.linear
     last = sp.csr_array(([1.0], ([0], [kept.shape[1]])), shape=(1, kept.shape[1] + 1))
@@ -55,7 +55,7 @@ def with_slack(program: ConicProgram, load_fixed: bool = False) -> ConicProgram:
     return pack(rows, rhs, objective, s.equalities, s.linear + 1, s.cones, s.places)
 
 
-def of_columns(program: ConicProgram, kept: Bools) -> ConicProgram:
+def restrict_columns(program: ConicProgram, kept: Bools) -> ConicProgram:
     """Return the program restricted to some columns, without the rows that are then empty.
 
     kept: (columns,) bool, True for each column that stays; the others are zero. Cones stay or go as a whole. The first
@@ -75,8 +75,8 @@ def of_columns(program: ConicProgram, kept: Bools) -> ConicProgram:
     return pack(matrix[rows], program.rhs[rows], program.objective[kept], s.equalities, linear, cones, s.places)
 
 
-def most_slack(program: ConicProgram, rhs: Floats, columns: int, cap: float = 1.0) -> tuple[RawSolution, Floats]:
-    """Find a point with as many slack yield rows as possible.
+def maximise_slacks(program: ConicProgram, rhs: Floats, columns: int, cap: float = 1.0) -> tuple[RawSolution, Floats]:
+    """Find a point at which as many yield rows as possible have positive slack.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def most_slack(program: ConicProgram, rhs: Floats, columns: int, cap: float = 1.
     rhs : (rows,) float array
         Right-hand side; zero below the equilibrium rows for recession cones.
     columns : int
-        Number of leading columns that count; all but the last excludes λ.
+        Number of leading columns that the point has. One less than all leaves out λ, the last column.
     cap : float
         Largest slack counted per row. In a cone any slack can be scaled up to 1. Otherwise it must be so small that
         rows do not compete for slack.
@@ -95,34 +95,36 @@ def most_slack(program: ConicProgram, rhs: Floats, columns: int, cap: float = 1.
     raw : RawSolution
         Solution of the auxiliary program.
     slack : float array
-        Slack of each row of `tips_of`, in [0, cap].
+        Slack of each row of `slack_rows`, in [0, cap].
     """
-    raw = auxiliary(_with_slacks(program, rhs, columns, cap))
+    raw = solve_auxiliary(_slack_sum_program(program, rhs, columns, cap))
     return raw, raw.point[columns:]
 
 
 @dataclass(frozen=True)
 class LargestSupport:
-    """Point of the recession cones of a program with as many slack rows as possible.
+    """Point of the recession cones at which as many rows as possible have positive slack.
 
     Attributes
     ----------
     point : (columns,) float array
         The point.
-    slack : (tips,) float array
-        Slack of each linear row and cone: 1 where slack is possible, else 0, up to the solver's residual.
+    slack : (linear rows + cones,) float array
+        Slack of each row of `slack_rows`: 1 where slack is possible, else 0, up to the solver's residual.
     values : (rows,) float array
-        Values −M y, which give the position of the point in each cone.
+        Values −M y of the program's matrix M at the point y, which give its position in each cone.
     """
 
     point: Floats
     slack: Floats
     values: Floats
 
-    def ray(self, start: int, size: int, least: float = 0.5) -> Floats | None:
-        """Return the tail direction (size − 1,) of the point in the cone with first row `start`.
+    def boundary_direction(self, start: int, size: int, least: float = 0.5) -> Floats | None:
+        """Return the direction of the point in one second-order cone, if it lies on the boundary.
 
-        None where the head of the cone is at most `least`, or where the tail is shorter than half of the head.
+        The direction is the unit vector (size − 1,) of the rows after the first. The result is None where the first row
+        is at most `least`, or where the other rows are shorter than half of it. start, size: first row and number of
+        rows of the cone.
         """
         vector = self.values[start : start + size]
         length = float(np.linalg.norm(vector[1:]))
@@ -132,7 +134,7 @@ class LargestSupport:
 def largest_support(
     program: ConicProgram, columns: int, target: Floats | None = None, largest: float = LARGEST
 ) -> LargestSupport:
-    """Find a point of the recession cones with as many slack rows as possible.
+    """Find a point of the recession cones at which most rows have positive slack.
 
     Second, the number of cones with a positive head is maximised.
 
@@ -156,18 +158,20 @@ def largest_support(
     rhs = np.zeros(s.shape[0])
     if target is not None:
         rhs[: s.equalities] = target
-    stated = _with_slacks(program, rhs, columns, 1.0, largest, heads=True)
+    stated = _slack_sum_program(program, rhs, columns, 1.0, largest, heads=True)
     # Where the cones have no interior point, full accuracy is out of reach. Half the digits suffice to separate 0 from
     # 1.
-    raw = auxiliary(stated) if is_large(s) else ClarabelSolver(1e-7, iterative_refinement_enable=True).solve(stated)
+    raw = (
+        solve_auxiliary(stated) if is_large(s) else ClarabelSolver(1e-7, iterative_refinement_enable=True).solve(stated)
+    )
     point = np.where(np.isfinite(raw.point), raw.point, 0.0)
-    tips = len(tips_of(s))
+    tips = len(slack_rows(s))
     y = point[:columns]
     return LargestSupport(y, point[columns : columns + tips], -(program.matrix[:, :columns] @ y))
 
 
 def polygonal_support(program: ConicProgram, columns: int, target: Floats | None = None) -> LargestSupport | None:
-    """Find a point of largest support in polygons inscribed in the cones, by simplex.
+    """Find a point of largest support by simplex, with polygons in place of the cones.
 
     The point is exact to rounding. The corners of a polygon lie on its cone, among them those on the axes of the face's
     frame. A self-stress on the friction boundary along an axis is a vertex here, while an interior-point method finds
@@ -201,7 +205,7 @@ def polygonal_support(program: ConicProgram, columns: int, target: Floats | None
         rhs[: s.equalities] = target
     linear = s.linear + count * (1 + _SIDES)
     plain = pack(rows, np.zeros(rows.shape[0]), program.objective, s.equalities, linear, (), s.places)
-    raw = HighsSolver().solve(_with_slacks(plain, rhs, columns, 1.0))
+    raw = HighsSolver().solve(_slack_sum_program(plain, rhs, columns, 1.0))
     if raw.status is not RawStatus.OPTIMAL:
         return None
     point = raw.point[:columns]
@@ -211,8 +215,10 @@ def polygonal_support(program: ConicProgram, columns: int, target: Floats | None
     return LargestSupport(point, slack, values)
 
 
-def on_faces(program: ConicProgram, found: LargestSupport, target: Floats, snap: float, least: float = 0.5) -> Floats:
-    """Project a point of largest support onto the faces of the cones on which it lies.
+def project_onto_faces(
+    program: ConicProgram, found: LargestSupport, target: Floats, snap: float, least: float = 0.5
+) -> Floats:
+    """Project a point of largest support onto the faces of the convex cones it lies on.
 
     The projection removes the solver's residual. Rows without slack become equations, and so do all rows of a cone at
     whose tip the point lies. In a cone on whose boundary the point lies, its tail is restricted to its direction.
@@ -239,15 +245,15 @@ def on_faces(program: ConicProgram, found: LargestSupport, target: Floats, snap:
     s, columns = program.structure, len(found.point)
     matrix = program.matrix.tocsr()[:, :columns]
     linear = s.linear - 1
-    rows = [matrix[: s.equalities], matrix[tips_of(s)[:linear][found.slack[:linear] < least]]]
+    rows = [matrix[: s.equalities], matrix[slack_rows(s)[:linear][found.slack[:linear] < least]]]
     for start, size, slack in zip(s.heads, s.cones, found.slack[linear:], strict=True):
         if slack > least:
             continue
-        own, way = matrix[start : start + size], found.ray(start, size, least)
+        own, way = matrix[start : start + size], found.boundary_direction(start, size, least)
         if way is None:
             rows.append(own)
         else:
-            rows.append(own[1:] - sp.csr_array(snapped(way, snap)[:, None]) @ own[:1])
+            rows.append(own[1:] - sp.csr_array(without_small_components(way, snap)[:, None]) @ own[:1])
     equations = sp.vstack(rows).toarray()
     wanted = np.concatenate([target, np.zeros(len(equations) - s.equalities)])
     point = found.point
@@ -256,22 +262,26 @@ def on_faces(program: ConicProgram, found: LargestSupport, target: Floats, snap:
     return np.asarray(point)
 
 
-def snapped(way: Floats, snap: float) -> Floats:
-    """Set components of a unit vector below `snap` to zero and normalise it again."""
+def without_small_components(way: Floats, snap: float) -> Floats:
+    """Set components of a unit vector below `snap` to zero, and normalise it again.
+
+    way: (k,) unit vector.
+    """
     fine = np.where(abs(way) < snap, 0.0, way)
     return np.asarray(fine / np.linalg.norm(fine))
 
 
-def _with_slacks(
+def _slack_sum_program(
     program: ConicProgram, rhs: Floats, columns: int, cap: float, largest: float = np.inf, *, heads: bool = False
 ) -> ConicProgram:
-    """Return the program that maximises the sum of slacks in [0, cap].
+    """Return the program that maximises the sum of the slacks of all rows.
 
-    With `heads`, heads of cones up to 1 count as well.
+    program, rhs, columns, cap: as in `maximise_slacks`. largest: bound on every column, infinite for none. heads: True
+    counts the first rows of cones as well, each up to 1.
     """
     s = program.structure
     matrix = program.matrix.tocsr()[:, :columns]
-    tips = tips_of(s)
+    tips = slack_rows(s)
     count, more = len(tips), len(s.cones) if heads else 0
     pick = sp.csr_array((np.ones(count), (tips, np.arange(count))), shape=(s.shape[0], count + more))
     linear = s.equalities + s.linear
@@ -290,13 +300,15 @@ def _with_slacks(
     return pack(rows, np.concatenate(ends), objective, s.equalities, inequalities, s.cones, s.places)
 
 
-def motion_inside(program: ConicProgram, columns: int) -> Floats | None:
-    """Find velocities with jumps −Gᵀz, where z lies at least 1 inside the dual cones.
+def interior_motion(program: ConicProgram, columns: int) -> Floats | None:
+    """Find velocities whose jumps lie strictly inside the jumps of finite dissipation.
+
+    The jumps are −Gᵀz, where G are the yield rows and z lies at least 1 inside their dual cones.
 
     Parameters
     ----------
     program : ConicProgram
-        Rows E, then the row of λ, which is omitted, then G.
+        Equations E, then the row of λ, which is omitted, then the yield rows G.
     columns : int
         Number of leading columns that are balanced.
 
@@ -309,11 +321,11 @@ def motion_inside(program: ConicProgram, columns: int) -> Floats | None:
     matrix = program.matrix.tocsr()[:, :columns]
     yields = matrix[s.equalities + 1 :]
     linear = s.linear - 1
-    floor = np.zeros(yields.shape[0])
-    floor[:linear] = 1.0
+    least = np.zeros(yields.shape[0])
+    least[:linear] = 1.0
     starts = linear + beginnings(s.cones)
-    floor[starts] = 1.0
-    point = least_multipliers(matrix[: s.equalities], yields, floor, linear, s.cones, s)
+    least[starts] = 1.0
+    point = least_multipliers(matrix[: s.equalities], yields, least, linear, s.cones, s)
     left = sp.hstack([matrix[: s.equalities].T, yields.T]) @ point
     multipliers = point[s.equalities :]
     if not np.all(np.isfinite(left)) or abs(left).max(initial=0.0) > 1e-6:
@@ -326,21 +338,21 @@ def motion_inside(program: ConicProgram, columns: int) -> Floats | None:
 def least_multipliers(
     equations: sp.csr_array,
     yields: sp.csr_array,
-    floor: Floats,
+    least: Floats,
     linear: int,
     cones: tuple[int, ...],
     structure: Structure,
 ) -> Floats:
-    """Compute velocities and multipliers (u, z) of least floor·z.
+    """Compute velocities u and multipliers z of yield rows with the least weighted sum.
 
-    They satisfy Eᵀu + Gᵀz = 0, with z − floor in the cones. Large programs are solved as their dual, min floor·G y, E y
-    = 0, G y + s = floor. It is a program in forces, whose columns separate by face.
+    They minimise least·z subject to Eᵀu + Gᵀz = 0, with z − least in the cones. Large programs are solved as their
+    dual, min least·G y, E y = 0, G y + s = least. It is a program in forces, whose columns separate by face.
 
     Parameters
     ----------
     equations, yields : sparse array
         Matrices E and G; the rows of G are linear, then those of the cones.
-    floor : (rows of G,) float array
+    least : (rows of G,) float array
         Lower bound of the multipliers in the sense of the cones.
     linear : int
         Number of linear rows of G.
@@ -357,14 +369,14 @@ def least_multipliers(
     equalities, columns = equations.shape
     if is_large(structure):
         rows = sp.vstack([equations, yields])
-        rhs = np.concatenate([np.zeros(equalities), floor])
-        forces = pack(rows, rhs, yields.T @ floor, equalities, linear, cones, structure.places)
-        raw = auxiliary(forces, 1e-2)
-        dual = np.concatenate([raw.dual[:equalities], raw.dual[equalities:] + floor])
+        rhs = np.concatenate([np.zeros(equalities), least])
+        forces = pack(rows, rhs, yields.T @ least, equalities, linear, cones, structure.places)
+        raw = solve_auxiliary(forces, 1e-2)
+        dual = np.concatenate([raw.dual[:equalities], raw.dual[equalities:] + least])
         return np.full(len(dual), np.nan) if raw.status is RawStatus.UNBOUNDED else dual
-    identity = sp.csr_array(sp.hstack([sp.csr_array((len(floor), equalities)), sp.eye_array(len(floor))]))
+    identity = sp.csr_array(sp.hstack([sp.csr_array((len(least), equalities)), sp.eye_array(len(least))]))
     balance = sp.csr_array(sp.hstack([sp.csr_array(equations.T), sp.csr_array(yields.T)]))
     rows = sp.vstack([balance, -identity])
-    rhs = np.concatenate([np.zeros(columns), -floor])
-    objective = np.concatenate([np.zeros(equalities), floor])
+    rhs = np.concatenate([np.zeros(columns), -least])
+    objective = np.concatenate([np.zeros(equalities), least])
     return ClarabelSolver().solve(pack(rows, rhs, objective, columns, linear, cones)).point

@@ -18,7 +18,7 @@ from jld_core.limit.status import Status
 
 
 @dataclass(frozen=True)
-class BatchAnswers:
+class BatchBounds:
     """Bounds and statuses that the batch solver settled for k labellings.
 
     Attributes
@@ -59,7 +59,7 @@ class BatchAnswers:
         return Status.LOCKED if self.locked[position] else Status.COLLAPSE
 
 
-class Batch:
+class BatchAnalysis:
     """Batch solver of one limit analysis, safe for concurrent use by several threads.
 
     Parameters
@@ -78,12 +78,12 @@ class Batch:
     """
 
     def __init__(self, analysis: LimitAnalysis, batch: BatchSolver) -> None:
-        self._gap, self._floor = analysis.gap, analysis.floor
+        self._gap, self._load_scale = analysis.gap, analysis.load_scale
         self.load = analysis.template.scaling.load
         self.batch = batch
 
     @classmethod
-    def of(cls, analysis: LimitAnalysis) -> Batch | None:
+    def of(cls, analysis: LimitAnalysis) -> BatchAnalysis | None:
         """Create the batch solver of an analysis.
 
         Parameters
@@ -99,14 +99,14 @@ class Batch:
         return None if analysis.batch is None else cls(analysis, analysis.batch)
 
     @property
-    def worthwhile(self) -> bool:
+    def settles_most(self) -> bool:
         """Return True if the batch solver settled at least 80 % of its trial labellings."""
-        return self.batch.settles >= 0.8
+        return self.batch.settled_fraction >= 0.8
 
-    def prove(self, labellings: Bits) -> BatchAnswers:
+    def prove(self, labellings: Bits) -> BatchBounds:
         """Compute bounds for many labellings.
 
-        A labelling counts as settled only where `LimitAnalysis.judge` would reach the same status.
+        A labelling counts as settled only where `LimitAnalysis.status_of` would reach the same status.
 
         Parameters
         ----------
@@ -115,7 +115,7 @@ class Batch:
 
         Returns
         -------
-        BatchAnswers
+        BatchBounds
             Scaled bounds and statuses.
         """
         found = self.batch.solve(labellings)
@@ -126,7 +126,7 @@ class Batch:
             # Require a width relative to λ itself. A bracket that contains zero is compared with the load scale
             # instead.
             around = (low <= 0.0) & (high >= 0.0)
-            narrow = high - low <= self._gap * np.where(around, np.maximum(size, self._floor), size)
+            narrow = high - low <= self._gap * np.where(around, np.maximum(size, self._load_scale), size)
             sound = np.isfinite(low) & np.isfinite(high) & ~np.asarray(crossed(low, high))
         settled = falls | (narrow & sound & ~locked)
         # An upper bound below zero by more than rounding proves instability. One below zero by less than that is left
@@ -135,4 +135,4 @@ class Batch:
         settled = (settled & ~edge) | locked
         low, high = np.minimum(low, high), np.maximum(low, high)
         low[falls] = high[falls | locked] = np.nan
-        return BatchAnswers(settled, falls, locked, low, high)
+        return BatchBounds(settled, falls, locked, low, high)

@@ -1,4 +1,4 @@
-"""Checked use of the batch solver's answer for a single labelling."""
+"""Use the batch solver's answer for a single labelling, after the core has checked it."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from jld_core.limit.admissible import Motion
 from jld_core.limit.bounds import Prover
 from jld_core.limit.proof import Proof
 
-ALONE: Final = (48, 400)
+FACES_WHERE_BATCH_IS_FASTER: Final = (48, 400)
 """Least and largest number of faces of a spatial assembly for which the batch solver is faster for one labelling.
 
 Its setup is included. Source: benchmarks/results/lanes_single.md.
 """
 
 
-def offer(
+def offer_results(
     found: BatchResults, labels: Bits, proof: Proof, prover: Prover, opening: Callable[[], Motion | None]
 ) -> None:
-    """Offer a proof what the batch solver found for one labelling (m,).
+    """Check the bounds of the batch solver for one labelling, and add them to its proof.
 
-    The offer consists of the state, and of the motion or the ray.
-    opening: returns a motion that opens all faces; called only where a margin is negative.
+    found: results for this labelling alone. labels: (m,) True = dry. proof: receives the state, and the motion or the
+    ray. prover: checks them. opening: returns a motion that opens all faces; called only where a margin is negative.
     """
     if found.verdict[0] not in (PROVEN, LOCKED) or found.forces is None:
         return
@@ -37,4 +37,4 @@ def offer(
     elif found.velocity is not None:
         motion = prover.motion(found.velocity[0], labels)
         wider = opening() if motion.margin < 0.0 else None
-        proof.offer_motion(motion if wider is None else prover.open_up(motion, wider, labels))
+        proof.offer_motion(motion if wider is None else prover.add_opening(motion, wider, labels))

@@ -1,6 +1,6 @@
-"""Block relaxation of planar wedges in the batch solver.
+"""Block relaxation of planar faces without crushing, solved by the batch solver.
 
-It solves the programs of many sets of allowed blocks at once.
+The programs of many sets of allowed blocks are solved at once.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.batch import chosen
-from jld_core.batch.blocks import SOLVED, BlockAnswers, BlockColumns, BlockLanes
+from jld_core.batch.blocks import SOLVED, BatchBlockSolver, BlockAnswers, BlockColumns
 from jld_core.limit.block_columns import columns_of
 from jld_core.limit.block_parts import BlockParts, Q
 from jld_core.limit.block_program import LEAST
@@ -21,8 +21,8 @@ from jld_core.mechanics.yield_set import CoulombWedge
 
 
 @dataclass(frozen=True)
-class Multipliers:
-    """Primal and dual values that a solver returned for one set of allowed blocks.
+class BlockMultipliers:
+    """Velocities, multipliers and shares that a solver returned for one set of allowed blocks.
 
     Attributes
     ----------
@@ -31,9 +31,9 @@ class Multipliers:
     wall : (f, q) float array
         Velocities of the shared faces.
     price, portion : (n,) float array
-        Dual numbers v and σ of the elements.
+        Multipliers of each element: v of its cover row, and σ of its row for the share of λ.
     share : (p,) float array
-        x of every block.
+        Share x of every block.
     solved : bool
         True if the values are final; if False, a further solve may give a better bound.
     """
@@ -47,7 +47,7 @@ class Multipliers:
 
 
 class BatchBlockProgram:
-    """Program of all possible blocks in the batch solver.
+    """Program of the block relaxation, in the batch solver, for any set of allowed blocks.
 
     It is safe for concurrent use by several threads.
 
@@ -66,22 +66,22 @@ class BatchBlockProgram:
         rhs = np.zeros(Q * len(places))
         rhs[self._elements] = 1.0
         self._shared = parts.shared
-        self._batch = BlockLanes(blocks, places, rhs, self._elements + 1)
+        self._batch = BatchBlockSolver(blocks, places, rhs, self._elements + 1)
         self._balance = _balance(parts, blocks)
 
     @classmethod
     def of(
         cls, parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge, centroids: Floats
     ) -> BatchBlockProgram | None:
-        """Create the program; None where the batch solver does not support it.
+        """Create the block program of an assembly; None if the batch solver does not fit.
 
-        Without the compiled library there is no batch solver.
-        centroids: (n, d) of the free elements.
+        Without the compiled library there is no batch solver. parts: parts, sides and joints of the possible blocks.
+        dry, inner: yield sets of all faces under either label. centroids: (n, d) of the free elements.
         """
         if chosen() is None:
             return None
         blocks = columns_of(parts, dry, inner)
-        if blocks is None or not BlockLanes.takes(blocks):
+        if blocks is None or not BatchBlockSolver.supports(blocks):
             return None
         known = parts.side_shared >= 0
         middle, sides = np.zeros((parts.shared, centroids.shape[1])), np.zeros(parts.shared)
@@ -91,7 +91,7 @@ class BatchBlockProgram:
 
     def solve(
         self, allowed: Bools, thresholds: Floats, most: Floats, pool: ThreadPoolExecutor | None = None
-    ) -> list[Multipliers]:
+    ) -> list[BlockMultipliers]:
         """Solve the programs of k sets of allowed blocks.
 
         Parameters
@@ -99,7 +99,7 @@ class BatchBlockProgram:
         allowed : (k, p) bool array
             Blocks that may be chosen.
         thresholds, most : (k,) float array
-            Scaled λ to reach, and scaled λ that is not exceeded, see `WholeProgram.of`.
+            Scaled λ to reach, and scaled λ that is not exceeded, see `AllBlocksProgram.of`.
         pool : ThreadPoolExecutor or None
             Supplies one more thread, which takes half of the full registers. A single register is not split, because a
             partly filled register takes as long as a full one.
@@ -121,10 +121,13 @@ class BatchBlockProgram:
         found = [run(portions[0]), *(other.result() for other in others)]
         return [self._multipliers(answers, k) for answers in found for k in range(len(answers.state))]
 
-    def _multipliers(self, answers: BlockAnswers, k: int) -> Multipliers:
-        """Return the values of the set with index k."""
+    def _multipliers(self, answers: BlockAnswers, k: int) -> BlockMultipliers:
+        """Return velocities, multipliers and shares of one set of allowed blocks.
+
+        answers: results of the batch solver for several sets. k: index of the set among them.
+        """
         shared = answers.shared[k]
-        return Multipliers(
+        return BlockMultipliers(
             velocity=-answers.own[k][self._balance],
             wall=-shared[: Q * self._shared].reshape(-1, Q),
             price=-shared[self._elements],
@@ -135,9 +138,9 @@ class BatchBlockProgram:
 
 
 def _balance(parts: BlockParts, blocks: Sequence[BlockColumns]) -> Ints:
-    """Return the equilibrium rows (k, q) of the parts among the own rows of all blocks.
+    """Return the indices (k, q) of the equilibrium rows of all parts.
 
-    They are the first rows of each block.
+    They count among the rows of all blocks, where they are the first rows of each block.
     """
     begin = np.concatenate([[0], np.cumsum([one.own for one in blocks])])
     first = np.searchsorted(parts.part_block, parts.part_block)

@@ -20,10 +20,11 @@ Column = tuple[list[int], list[float]]
 
 
 def columns_of(parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge) -> list[BlockColumns] | None:
-    """Create the columns of every block.
+    """Create the columns of every possible block, in the form that the batch solver takes.
 
-    None where a joint has no shear strength without compression. Shared rows: three for each shared face, then three
-    for each element: cover, share of λ, unused.
+    The result is None where a joint has no shear strength without compression. Shared rows: three for each shared face,
+    then three for each element: cover, share of λ, unused. parts: parts, sides and joints of the possible blocks. dry,
+    inner: yield sets of all faces under either label.
     """
     if np.any(inner.cohesion[parts.joint_face] < inner.friction[parts.joint_face] * inner.tension[parts.joint_face]):
         return None
@@ -37,7 +38,7 @@ def columns_of(parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge) -> lis
 class _Block:
     """Builder of the columns of one block.
 
-    Parts (k,), sides (s,) and joints (j,) are indices in `BlockParts`.
+    own, sides, joints: indices of its parts (k,), sides (s,) and joints (j,) in `BlockParts`.
     """
 
     def __init__(
@@ -46,10 +47,10 @@ class _Block:
         self._parts, self._dry, self._inner = parts, dry, inner
         self._own, self._sides, self._joints = own, sides, joints
         self._place = {int(k): Q * i for i, k in enumerate(own)}
-        stuck = sides[dry.cohesion[parts.side_face[sides]] > 0.0]
-        self._stuck = {int(s): Q * len(own) + i for i, s in enumerate(stuck)}
-        self._bent = {int(j): Q * len(own) + len(stuck) + i for i, j in enumerate(joints)}
-        self._rows = Q * len(own) + len(stuck) + len(joints)
+        cohesive = sides[dry.cohesion[parts.side_face[sides]] > 0.0]
+        self._cohesive = {int(s): Q * len(own) + i for i, s in enumerate(cohesive)}
+        self._bent = {int(j): Q * len(own) + len(cohesive) + i for i, j in enumerate(joints)}
+        self._rows = Q * len(own) + len(cohesive) + len(joints)
         shared = sorted({int(f) for f in parts.side_shared[sides] if f >= 0})
         elements = [int(e) for e in parts.part_element[own]]
         rows = [Q * f + k for f in shared for k in range(Q)]
@@ -72,7 +73,7 @@ class _Block:
             of_load[self._shared[element + 1]] = 1.0
         for joint in self._joints.tolist():
             self._add_joint(joint, of_x)
-        for row in (*self._stuck.values(), *self._bent.values()):
+        for row in (*self._cohesive.values(), *self._bent.values()):
             of_x[row] = -1.0
         columns = tuple((np.array(rows, dtype=np.int64), np.array(values)) for rows, values in self._columns)
         return BlockColumns(self._rows, np.array(list(self._shared), dtype=np.int64), columns, of_x, of_load)
@@ -84,12 +85,15 @@ class _Block:
         size = max(1.0, mu)
         for slip, tip in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
             self._push(side, np.array([1.0 / size, slip * mu / size, tip / size]))
-        if side in self._stuck:
+        if side in self._cohesive:
             for sign in (1.0, -1.0):
-                self._push(side, np.array([0.0, sign * self._dry.cohesion[face], 0.0]), self._stuck[side])
+                self._push(side, np.array([0.0, sign * self._dry.cohesion[face], 0.0]), self._cohesive[side])
 
     def _push(self, side: int, force: Floats, row: int | None = None) -> None:
-        """Add the column of a force at a side, with an entry 1 in one more row if given."""
+        """Add the column of a force at a side; with `row`, add an entry 1 in that row.
+
+        side: index in `BlockParts`. force: (3,) resultants.
+        """
         parts = self._parts
         at = self._place[int(parts.side_part[side])]
         found = [(at + k, value) for k, value in enumerate((parts.arm[side] @ force).tolist())]
@@ -100,9 +104,10 @@ class _Block:
         self._keep(found, row)
 
     def _add_joint(self, joint: int, of_x: Floats) -> None:
-        """Add the columns of a joint.
+        """Add the columns of a joint, an inner face of the block.
 
-        They are rays of N' = N + σtA x, and both corners of V at N' = 0. The term σtA is added to the column of x.
+        They are rays of N' = N + σtA x, and both corners of V at N' = 0. The term σtA is added to the column of x,
+        whose entries are `of_x`.
         """
         inner, face = self._inner, int(self._parts.joint_face[joint])
         lean, mu = 1.0 / inner.bending, float(inner.friction[face])
@@ -116,7 +121,7 @@ class _Block:
             of_x[row] += value
 
     def _bending(self, joint: int, force: Floats) -> list[tuple[int, float]]:
-        """Return the entries of a force at a joint in the equilibrium of both parts."""
+        """Return the entries (row, value) of a force at a joint in the equilibrium of both parts."""
         parts = self._parts
         ends = ((parts.joint_a, parts.arm_a), (parts.joint_b, parts.arm_b))
         found: dict[int, float] = {}
@@ -127,7 +132,10 @@ class _Block:
         return list(found.items())
 
     def _keep(self, found: list[tuple[int, float]], row: int | None = None) -> None:
-        """Store a column without its zero entries, with an entry 1 in one more row if given."""
+        """Store a column without its zero entries; with `row`, add an entry 1 in that row.
+
+        found: entries (row, value) of the column.
+        """
         found = sorted([*found, *([] if row is None else [(row, 1.0)])])
         found = [(at, value) for at, value in found if value != 0.0]
         self._columns.append(([at for at, _ in found], [value for _, value in found]))

@@ -12,15 +12,15 @@ import numpy as np
 
 from jld_core.arrays import Bools, Ints
 from jld_core.limit.block_parts import BlockParts
-from jld_core.limit.block_program import Entries, Places, WholeProgram
+from jld_core.limit.block_program import AllBlocksProgram, OwnedIndices, SparseEntries
 from jld_core.program import Template
 
 
 @dataclass(frozen=True)
 class _Copies:
-    """Copies of faces under one label for single blocks.
+    """Copies of faces under one label, each for one block that the face touches.
 
-    face, block: (k,) face and block of each copy. column: (k, q) columns of its resultants. active: (k, q) whether a
+    face, block: (k,) face and block of each copy. column: (k, q) columns of its resultants. active: (k, q) True if a
     resultant is used.
     """
 
@@ -30,13 +30,13 @@ class _Copies:
     active: Bools
 
 
-class ConeProgram(WholeProgram):
+class ConeProgram(AllBlocksProgram):
     """Program min −λ of the block relaxation for any yield set.
 
     Its dual is docs/method.md (6.5), (6.6). Columns: x of each block; resultants and extra variables of each side,
     then of each joint; λ of each block times x; λ. Rows: cover of every element, equal shares of λ, equal forces on
-    shared faces, equilibrium of each part, linear rows, cones. Attributes `shape`, `x`, `cover`, `share`, `agree`,
-    `balance`: as in `BlockProgram`.
+    shared faces, equilibrium of each part, linear rows, cones. Attributes `shape`, `x`, `cover`, `share`,
+    `equal_forces`, `balance`: as in `BlockProgram`.
 
     Parameters
     ----------
@@ -52,20 +52,20 @@ class ConeProgram(WholeProgram):
     """
 
     def __init__(self, template: Template, parts: BlockParts) -> None:
-        self._template, self._parts, self._entries = template, parts, Entries()
+        self._template, self._parts, self._entries = template, parts, SparseEntries()
         pattern, q = template.yield_set.pattern, template.assembly.freedoms
         count = len(template.assembly.interfaces)
         every = np.ones(count, dtype=bool)
         p, n = np.arange(parts.blocks), parts.elements
-        columns, rows = Places(), Places()
+        columns, rows = OwnedIndices(), OwnedIndices()
         self.x = columns.of(p)
         self._own_columns = _lists(pattern.face, pattern.column, count, q)
         sides = self._copies(columns, parts.side_face, parts.side_block, template.yield_set.active(every))
         joints = self._copies(columns, parts.joint_face, parts.joint_block, template.yield_set.active(~every))
         own = columns.of(p)
-        load = columns.of_none(1)
-        self.cover, self.share = rows.of_none(n), rows.of_none(n)
-        self.agree = rows.of_none(q * parts.shared).reshape(-1, q)
+        load = columns.append_unowned(1)
+        self.cover, self.share = rows.append_unowned(n), rows.append_unowned(n)
+        self.equal_forces = rows.append_unowned(q * parts.shared).reshape(-1, q)
         self.balance = rows.of(np.repeat(parts.part_block, q)).reshape(-1, q)
         self._equalities = len(rows)
 
@@ -83,7 +83,7 @@ class ConeProgram(WholeProgram):
             for turn in range(q):
                 vectors(self.balance[part], copies.column[:, turn], arm[:, :, turn] * copies.active[:, turn, None])
         known = np.flatnonzero(parts.side_shared >= 0)
-        meets = self.agree[parts.side_shared[known]]
+        meets = self.equal_forces[parts.side_shared[known]]
         add(
             meets.ravel(),
             sides.column[known].ravel(),
@@ -103,17 +103,18 @@ class ConeProgram(WholeProgram):
         self.shape = len(rows), len(columns)
         self._rhs = np.zeros(len(rows))
         self._rhs[self.cover] = 1.0
-        self._table = self._entries.finished()
+        self._table = self._entries.arrays()
         self._row_block, self._column_block = rows.owner, columns.owner
         sizes = set(pattern.cones)
         if len(sizes) > 1:
             raise TypeError("cones of more than one size")
         self._cone = sizes.pop() if sizes else 1
 
-    def _copies(self, columns: Places, face: Ints, block: Ints, active: Bools) -> _Copies:
-        """Create the columns of copies of faces (k,) for blocks (k,).
+    def _copies(self, columns: OwnedIndices, face: Ints, block: Ints, active: Bools) -> _Copies:
+        """Create the columns of copies of faces (k,), each for one block.
 
-        They are the resultants, and the extra variables of those faces.
+        They are the resultants, and the extra variables of those faces. columns: receives them. face, block: (k,) face
+        and block of each copy. active: (m, q) True for resultants that are used.
         """
         q = self._template.assembly.freedoms
         number = np.array([len(one) for one in self._own_columns], dtype=np.int64)[face]
@@ -122,8 +123,12 @@ class ConeProgram(WholeProgram):
         # The resultants come first among the columns of a face.
         return _Copies(face, block, begin[:, None] + np.arange(q), active[face])
 
-    def _sets(self, rows: Places, copies: _Copies, *, dry: bool, linear: bool) -> None:
-        """Add the rows x h − G F of copies: either the linear rows or the cones."""
+    def _sets(self, rows: OwnedIndices, copies: _Copies, *, dry: bool, linear: bool) -> None:
+        """Add the rows x h − G F of copies of faces: either the linear rows or the cones.
+
+        rows: receives the new rows. copies: of faces under one label. dry: True for the dry label. linear: True for
+        linear rows.
+        """
         pattern = self._template.yield_set.pattern
         count = len(self._template.assembly.interfaces)
         values, rhs = (pattern.dry, pattern.h_dry) if dry else (pattern.inner, pattern.h_inner)
@@ -155,9 +160,10 @@ class ConeProgram(WholeProgram):
 
 
 def _lists(face: Ints, value: Ints, count: int, freedoms: int = 0) -> list[Ints]:
-    """Return for each of `count` faces its distinct values (k,) in ascending order.
+    """Group values by face: return the distinct values (k,) of each face in ascending order.
 
-    With `freedoms` > 0 the indices of the face's resultants are included.
+    face, value: (k,) pairs. count: number of faces. freedoms: if above 0, the indices of this number of resultants of
+    each face are included.
     """
     face = np.concatenate([face, np.repeat(np.arange(count), freedoms)])
     value = np.concatenate([value, np.arange(count * freedoms)])

@@ -14,10 +14,10 @@ from jld_core.program import Template
 
 
 class BlockFaces(Protocol):
-    """Interface to the margins and dissipation of faces under one label, for scaled jumps."""
+    """Interface to the margins and dissipation of scaled jumps at faces under one label."""
 
     def margin(self, jumps: Floats, faces: Ints) -> Floats:
-        """Return the least slack (k,) of the conditions for finite dissipation.
+        """Return the least slack (k,) of the conditions for finite dissipation of jumps.
 
         jumps: (k, q). faces: (k,) index of the face of each jump.
         """
@@ -30,8 +30,8 @@ class BlockFaces(Protocol):
 
 
 @dataclass(frozen=True)
-class FacesOfSets:
-    """Faces of any yield set under one label.
+class YieldSetFaces:
+    """Faces of any yield set under one label, as the block relaxation needs them.
 
     sets: yield sets of m faces. dry: True for the dry label. strengths: (m,) see `BlockFaces.strength`.
     """
@@ -41,8 +41,11 @@ class FacesOfSets:
     strengths: Floats
 
     @classmethod
-    def of(cls, template: Template, *, dry: bool) -> FacesOfSets:
-        """Create the faces of a template under one label."""
+    def of(cls, template: Template, *, dry: bool) -> YieldSetFaces:
+        """Create the faces of a template under one label.
+
+        dry: True for the dry label, False for the inner one.
+        """
         assembly, scaling = template.assembly, template.scaling
         known = assembly.strengths
         per_area = (known.cohesion, known.crush_dry) if dry else (known.tension, known.shear, known.crush_inner)
@@ -62,9 +65,10 @@ class FacesOfSets:
         return np.asarray(self.strengths[faces])
 
     def _each(self, measure: Callable[[Floats, Bits], Floats], jumps: Floats, faces: Ints) -> Floats:
-        """Evaluate a measure of jumps (k, q) at faces (k,).
+        """Evaluate a margin or dissipation of jumps (k, q) at faces (k,).
 
-        A yield set evaluates all faces at once, so every pass holds at most one jump per face.
+        measure: function of jumps (m, q) and labels (m,). It evaluates all faces at once, so every pass holds at most
+        one jump per face.
         """
         found = np.empty(len(faces))
         count = len(self.strengths)

@@ -97,7 +97,10 @@ class BlockParts:
         return velocity, wall
 
     def speed(self, velocity: Floats) -> Floats:
-        """Return the size (j,) of the terms of the jumps at the joints, before they cancel."""
+        """Return the sum of the absolute terms (j,) of the jump at each joint.
+
+        It bounds the rounding error of the jump. velocity: (k, q) of the parts.
+        """
         size = np.einsum("kij,ki->k", abs(self.arm_a), abs(velocity[self.joint_a]))
         return np.asarray(size + np.einsum("kij,ki->k", abs(self.arm_b), abs(velocity[self.joint_b])))
 
@@ -164,9 +167,9 @@ def block_parts(template: Template, members: Sequence[Sequence[int]], inside: Se
 
 
 def _arms(matrix: sp.csr_array, element: Ints, face: Ints, q: int) -> Floats:
-    """Return the matrix blocks (k, q, q) of A_eq for elements (k,) and faces (k,).
+    """Return the matrices (k, q, q) from resultants of faces to the equilibrium of elements.
 
-    Elements are indices among the free elements.
+    matrix: scaled A_eq. element, face: (k,) pairs; elements are indices among the free elements.
     """
     if not len(element):
         return np.zeros((0, q, q))

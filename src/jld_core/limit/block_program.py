@@ -20,8 +20,8 @@ worse bound than a low λ.
 """
 
 
-class WholeProgram:
-    """Program of all possible blocks, from which `of` selects that of the allowed blocks.
+class AllBlocksProgram:
+    """Program of all possible blocks, from which `of` selects the rows and columns of some.
 
     Rows are equations up to `_equalities`, linear inequalities up to `_linear`, then cones of `_cone` rows each.
     `_most` and `_least` are the entries with the bounds on the λ of each block.
@@ -39,7 +39,7 @@ class WholeProgram:
     _cone: int
 
     def of(self, allowed: Bools, threshold: float, most: float) -> tuple[ConicProgram, Ints, Ints]:
-        """Create the program of the allowed blocks.
+        """Create the program that has only the allowed blocks.
 
         Parameters
         ----------
@@ -79,12 +79,13 @@ class WholeProgram:
         return program, np.flatnonzero(rows), np.flatnonzero(columns)
 
 
-class BlockProgram(WholeProgram):
-    """Program min −λ of the block relaxation for wedge-shaped sets.
+class BlockProgram(AllBlocksProgram):
+    """Linear program min −λ of the block relaxation, for yield sets that are wedges.
 
-    Its dual is docs/method.md (6.5), (6.6). Columns: x of each block; rays of the dry set of each side; (two rays, V)
-    of the inner set of each joint; forces by cohesion of each side; λ of each block times x; λ. Rows: cover of every
-    element, equal shares of λ, equal forces on shared faces, equilibrium of each part, shear, bounds on each block's λ.
+    Its dual is docs/method.md (6.5), (6.6). Columns: share x of each block; rays of the dry set of each side; two rays
+    and the shear V of the inner set of each joint; forces by cohesion of each side; λ of each block times x; λ. Rows:
+    cover of every element, equal shares of λ, equal forces on shared faces, equilibrium of each part, shear, bounds on
+    each block's λ.
 
     Parameters
     ----------
@@ -101,32 +102,32 @@ class BlockProgram(WholeProgram):
         Columns of x.
     cover, share : (n,) int array
         Rows of the cover and of the shares of λ, per element.
-    agree : (f, 3) int array
+    equal_forces : (f, 3) int array
         Rows of the equal forces on shared faces.
     balance : (k, 3) int array
         Equilibrium rows of the parts.
-    stuck : int array
+    cohesive : int array
         Indices of the sides with cohesion.
     """
 
     def __init__(self, parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge) -> None:
-        self._parts, self._entries = parts, Entries()
-        self.stuck = np.flatnonzero(dry.cohesion[parts.side_face] > 0.0)
+        self._parts, self._entries = parts, SparseEntries()
+        self.cohesive = np.flatnonzero(dry.cohesion[parts.side_face] > 0.0)
         p, n = np.arange(parts.blocks), parts.elements
-        of_stuck, of_joint = parts.side_block[self.stuck], parts.joint_block
-        columns, rows = Places(), Places()
+        of_cohesive, of_joint = parts.side_block[self.cohesive], parts.joint_block
+        columns, rows = OwnedIndices(), OwnedIndices()
         self.x = columns.of(p)
         rays = columns.of(np.repeat(parts.side_block, 4)).reshape(-1, 4)
         bends = columns.of(np.repeat(of_joint, 3)).reshape(-1, 3)
-        sticks = columns.of(of_stuck)
+        sticks = columns.of(of_cohesive)
         own = columns.of(p)
-        load = columns.of_none(1)
-        self.cover, self.share = rows.of_none(n), rows.of_none(n)
-        self.agree = rows.of_none(Q * parts.shared).reshape(-1, Q)
+        load = columns.append_unowned(1)
+        self.cover, self.share = rows.append_unowned(n), rows.append_unowned(n)
+        self.equal_forces = rows.append_unowned(Q * parts.shared).reshape(-1, Q)
         self.balance = rows.of(np.repeat(parts.part_block, Q)).reshape(-1, Q)
         self._equalities = len(rows)
         shear = rows.of(np.repeat(of_joint, 2)).reshape(-1, 2)
-        stuck_shear = rows.of(np.repeat(of_stuck, 2)).reshape(-1, 2)
+        cohesive_shear = rows.of(np.repeat(of_cohesive, 2)).reshape(-1, 2)
         most, least = rows.of(p), rows.of(p)
         positive = np.concatenate([self.x, rays.ravel(), bends[:, :2].ravel(), own])
         above_zero = rows.of(columns.owner[positive])
@@ -141,8 +142,8 @@ class BlockProgram(WholeProgram):
         self._entries.add_vectors(self.balance, own[parts.part_block], parts.live)
         self._shear(inner, bends, shear)
         for turn, sign in enumerate((1.0, -1.0)):
-            add(stuck_shear[:, turn], sticks, sign)
-            add(stuck_shear[:, turn], of_stuck, -dry.cohesion[parts.side_face[self.stuck]])
+            add(cohesive_shear[:, turn], sticks, sign)
+            add(cohesive_shear[:, turn], of_cohesive, -dry.cohesion[parts.side_face[self.cohesive]])
         add(most, own, 1.0)
         self._most = add(most, self.x, -1.0)
         add(least, own, -1.0)
@@ -152,30 +153,35 @@ class BlockProgram(WholeProgram):
         self._linear, self._cone = len(rows), 1
         self._rhs = np.zeros(len(rows))
         self._rhs[self.cover] = 1.0
-        self._table = self._entries.finished()
+        self._table = self._entries.arrays()
         self._row_block, self._column_block = rows.owner, columns.owner
 
     def _sides(self, dry: CoulombWedge, rays: Ints, sticks: Ints) -> None:
-        """Add the forces on the sides.
+        """Add the forces on the dry faces around the blocks.
 
-        They are normalised rays (1, ±μ, ±1) of dry faces, and shear by cohesion, |V₀| ≤ c x.
+        They are normalised rays (1, ±μ, ±1) of the dry set, and shear by cohesion, |V₀| ≤ c x. dry: yield sets. rays,
+        sticks: columns of the rays and of the shear by cohesion.
         """
-        parts, stuck, add = self._parts, self.stuck, self._entries.add_vectors
+        parts, cohesive, add = self._parts, self.cohesive, self._entries.add_vectors
         mu = dry.friction[parts.side_face]
         size = np.maximum(1.0, mu)
         known = parts.side_shared >= 0
-        meets = self.agree[parts.side_shared[known]]
+        meets = self.equal_forces[parts.side_shared[known]]
         for turn, (slip, tip) in enumerate(((1, 1), (1, -1), (-1, 1), (-1, -1))):
             vector = np.column_stack([1.0 / size, slip * mu / size, tip / size])
             add(self.balance[parts.side_part], rays[:, turn], np.einsum("kij,kj->ki", parts.arm, vector))
             add(meets, rays[known, turn], (parts.sign[:, None] * vector)[known])
-        add(self.balance[parts.side_part[stuck]], sticks, parts.arm[stuck, :, 1])
-        known = known[stuck]
-        across = parts.sign[stuck, None] * np.eye(Q)[1]
-        add(self.agree[parts.side_shared[stuck][known]], sticks[known], across[known])
+        add(self.balance[parts.side_part[cohesive]], sticks, parts.arm[cohesive, :, 1])
+        known = known[cohesive]
+        across = parts.sign[cohesive, None] * np.eye(Q)[1]
+        add(self.equal_forces[parts.side_shared[cohesive][known]], sticks[known], across[known])
 
     def _joints(self, inner: CoulombWedge, bends: Ints) -> None:
-        """Add forces at the joints: N = N' − σtA x with N' = r + r', m = (r − r') / bending."""
+        """Add the forces on the inner faces of the blocks.
+
+        They are N = N' − σtA x with N' = r + r', m = (r − r') / bending, and V. inner: yield sets. bends: (j, 3)
+        columns of r, r' and V.
+        """
         parts, add, lean = self._parts, self._entries.add_vectors, 1.0 / inner.bending
         for part, arm in ((parts.joint_a, parts.arm_a), (parts.joint_b, parts.arm_b)):
             for turn, vector in enumerate((np.array([1.0, 0.0, lean]), np.array([1.0, 0.0, -lean]), np.eye(Q)[1])):
@@ -183,9 +189,10 @@ class BlockProgram(WholeProgram):
             add(self.balance[part], parts.joint_block, -inner.tension[parts.joint_face][:, None] * arm[:, :, 0])
 
     def _shear(self, inner: CoulombWedge, bends: Ints, shear: Ints) -> None:
-        """Add the rows |V| ≤ τA x + μN of the joints.
+        """Add the rows |V| ≤ τA x + μN of the inner faces of the blocks.
 
-        With N' − σtA x in the place of N, the constant is the strength τA − μ σtA.
+        With N' − σtA x in the place of N, the constant is the strength τA − μ σtA. bends: (j, 3) columns of r, r' and
+        V. shear: (j, 2) rows.
         """
         parts, add = self._parts, self._entries.add
         mu = inner.friction[parts.joint_face]
@@ -200,8 +207,8 @@ class BlockProgram(WholeProgram):
                 add(row[rubs], bends[rubs, bent], -(mu / scale)[rubs])
 
 
-class Places:
-    """Consecutive rows or columns of a table, each with the block it belongs to (−1: none)."""
+class OwnedIndices:
+    """Consecutive row or column indices, each with the block it belongs to (−1: none)."""
 
     def __init__(self) -> None:
         self.owner: Ints = np.empty(0, dtype=np.int64)
@@ -215,30 +222,36 @@ class Places:
         self.owner = np.concatenate([self.owner, blocks])
         return np.arange(first, len(self))
 
-    def of_none(self, count: int) -> Ints:
+    def append_unowned(self, count: int) -> Ints:
         """Append rows or columns that belong to no block and return their indices."""
         return self.of(np.full(count, -1))
 
 
-class Entries:
-    """Rows, columns and values of a sparse matrix, collected in groups."""
+class SparseEntries:
+    """Entries of a sparse matrix, collected in groups of rows, columns and values."""
 
     def __init__(self) -> None:
         self._parts: list[tuple[Ints, Ints, Floats]] = []
         self._length = 0
 
     def add(self, row: Ints, column: Ints, value: Floats | float) -> slice:
-        """Append entries and return the slice that they occupy among all entries."""
+        """Append entries, and return the slice that they occupy among all entries.
+
+        row, column: (k,) positions. value: (k,) values, or one value for all.
+        """
         begin = self._length
         self._parts.append((row, column, np.broadcast_to(np.asarray(value, dtype=float), row.shape)))
         self._length += len(row)
         return slice(begin, self._length)
 
     def add_vectors(self, rows: Ints, column: Ints, value: Floats) -> None:
-        """Append q values (k, q) in the rows (k, q) of each column (k,)."""
+        """Append q entries in each of k columns.
+
+        rows: (k, q) row indices. column: (k,) column indices. value: (k, q) values.
+        """
         self.add(rows.ravel(), np.repeat(column, rows.shape[1]), value.ravel())
 
-    def finished(self) -> tuple[Ints, Ints, Floats]:
-        """Return rows, columns and values of all entries."""
+    def arrays(self) -> tuple[Ints, Ints, Floats]:
+        """Return row indices, column indices and values of all entries."""
         rows, columns, values = zip(*self._parts, strict=True)
         return np.concatenate(rows), np.concatenate(columns), np.concatenate(values)

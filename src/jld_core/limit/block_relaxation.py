@@ -31,9 +31,9 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.limit.analysis import LimitAnalysis
-from jld_core.limit.block_batch import BatchBlockProgram, Multipliers
+from jld_core.limit.block_batch import BatchBlockProgram, BlockMultipliers
 from jld_core.limit.block_cones import ConeProgram
-from jld_core.limit.block_faces import BlockFaces, FacesOfSets
+from jld_core.limit.block_faces import BlockFaces, YieldSetFaces
 from jld_core.limit.block_parts import block_parts
 from jld_core.limit.block_program import BlockProgram
 from jld_core.limit.equilibrium import usable
@@ -85,10 +85,11 @@ class Choice:
 
 @dataclass(frozen=True)
 class _Mechanism:
-    """Sums of one mechanism per block, and its dual numbers per element.
+    """Work and dissipation of one mechanism per block, and its multipliers per element.
 
-    live, cost, inside, size: (p,) live work; dissipation minus dead work; dissipation inside; size of the summed terms.
-    price, portion: (n,) dual numbers v and σ of the elements.
+    live: (p,) work of the live load. cost: (p,) dissipation minus dead work. inside: (p,) dissipation inside the block.
+    size: (p,) sum of absolute terms, which bounds rounding. price, portion: (n,) multipliers v and σ, see
+    `BlockMultipliers`.
     """
 
     live: Floats
@@ -138,25 +139,25 @@ class BlockRelaxation:
         self._dry: BlockFaces
         self._inner: BlockFaces
         self._states: BlockProgram | ConeProgram
-        dry, inner = (analysis.template.yield_set.wedge(label) for label in (True, False))
+        dry, inner = (analysis.template.yield_set.coulomb_wedge(label) for label in (True, False))
         if dry is None or inner is None:
-            self._dry, self._inner = (FacesOfSets.of(analysis.template, dry=label) for label in (True, False))
+            self._dry, self._inner = (YieldSetFaces.of(analysis.template, dry=label) for label in (True, False))
             self._states = ConeProgram(analysis.template, self._parts)
         else:
             self._dry, self._inner = dry, inner
             self._states = BlockProgram(self._parts, dry, inner)
         strong = self._dry.strength(self._parts.side_face)
-        self._stuck = np.flatnonzero(strong > 0.0)
+        self._strong = np.flatnonzero(strong > 0.0)
         opening = analysis.repair.opening()
         self._opening = None if opening is None else self._parts.halved(opening)
         self._opening_margin = np.inf if self._opening is None else self._margin(*self._opening)
         if not self._opening_margin > 0.0:
             raise ArithmeticError("the motion that opens all faces does not open them on both sides")
-        self._many: BatchBlockProgram | None = None
-        self._asked = False
+        self._batch_program: BatchBlockProgram | None = None
+        self._batch_program_made = False
         limit: dict[str, Any] = {} if seconds == math.inf else {"time_limit": seconds}
-        self._quick = ClarabelSolver(_RESIDUAL, **limit)
-        self._careful = ClarabelSolver(_FINE, iterative_refinement_enable=True, **limit)
+        self._coarse_solver = ClarabelSolver(_RESIDUAL, **limit)
+        self._fine_solver = ClarabelSolver(_FINE, iterative_refinement_enable=True, **limit)
 
     # --- solving ----------------------------------------------------------------------------------------
 
@@ -177,22 +178,24 @@ class BlockRelaxation:
         Choice
             Bound, refutation and useless blocks.
         """
-        found = self._choose(allowed, threshold, most, self._quick)
-        if not self._close(found, threshold):
+        found = self._choose(allowed, threshold, most, self._coarse_solver)
+        if not self._is_close(found, threshold):
             return found
         # Segmentations about as strong as the best known one are refuted by a small excess: solve with a finer
         # residual.
-        return self._choose(allowed, threshold, found.bound, self._careful)
+        return self._choose(allowed, threshold, found.bound, self._fine_solver)
 
     @property
-    def many(self) -> bool:
+    def batched(self) -> bool:
         """Return True if the batch solver solves many programs at a time."""
-        if not self._asked:
-            self._asked = True
+        if not self._batch_program_made:
+            self._batch_program_made = True
             if isinstance(self._dry, CoulombWedge) and isinstance(self._inner, CoulombWedge):
                 elements = self.template.assembly.elements
-                self._many = BatchBlockProgram.of(self._parts, self._dry, self._inner, elements.centroid[elements.free])
-        return self._many is not None
+                self._batch_program = BatchBlockProgram.of(
+                    self._parts, self._dry, self._inner, elements.centroid[elements.free]
+                )
+        return self._batch_program is not None
 
     def bound_all(self, asked: Sequence[Asked], pool: ThreadPoolExecutor | None = None) -> list[Choice]:
         """Bound λ for many sets of allowed blocks, by the batch solver where it applies.
@@ -209,38 +212,44 @@ class BlockRelaxation:
         list of Choice
             One result for each set.
         """
-        if not self.many or self._many is None or not asked:
+        if not self.batched or self._batch_program is None or not asked:
             return [self.choose(*one) for one in asked]
         allowed, threshold, most = (np.array(column) for column in zip(*asked, strict=True))
-        answers = self._many.solve(allowed, threshold, most, pool)
+        answers = self._batch_program.solve(allowed, threshold, most, pool)
         self.solves += len(asked)
         found = []
         for one, answer in zip(asked, answers, strict=True):
-            choice = self._judged(answer, *one)
+            choice = self._proven_choice(answer, *one)
             found.append(choice if answer.solved or choice.refuted else self.choose(*one))
         return found
 
-    def _close(self, found: Choice, threshold: float) -> bool:
-        """Return True if a choice is unrefuted but close to the threshold.
+    def _is_close(self, found: Choice, threshold: float) -> bool:
+        """Return True if the threshold is not refuted, but the bound is close to it.
 
         A solve with a finer residual may then refute it.
         """
         return not found.refuted and found.bound <= threshold + _NEAR * max(1.0, abs(threshold))
 
     def _choose(self, allowed: Bools, threshold: float, most: float, route: Solver) -> Choice:
-        """Solve the program of the allowed blocks and return what the answer proves."""
+        """Solve the program of the allowed blocks by one solver, and return what it proves.
+
+        allowed, threshold, most: as in `choose`. route: the solver.
+        """
         program, rows, columns = self._states.of(allowed, threshold, most)
         raw = route.solve(program)
         self.solves += 1
         dual, point = (np.zeros(size) for size in self._states.shape)
         dual[rows], point[columns] = raw.dual, raw.point
         states = self._states
-        velocity, wall = dual[states.balance], dual[states.agree]
-        answer = Multipliers(velocity, wall, dual[states.cover], -dual[states.share], point[states.x])
-        return self._judged(answer, allowed, threshold, most)
+        velocity, wall = dual[states.balance], dual[states.equal_forces]
+        answer = BlockMultipliers(velocity, wall, dual[states.cover], -dual[states.share], point[states.x])
+        return self._proven_choice(answer, allowed, threshold, most)
 
-    def _judged(self, answer: Multipliers, allowed: Bools, threshold: float, most: float) -> Choice:
-        """Return the result that a solver's answer proves."""
+    def _proven_choice(self, answer: BlockMultipliers, allowed: Bools, threshold: float, most: float) -> Choice:
+        """Return the bound that the velocities and multipliers of a solver prove.
+
+        answer: values of the solver, not trusted. allowed, threshold, most: as in `choose`.
+        """
         share = np.clip(np.nan_to_num(answer.share), 0.0, 1.0)
         mechanism = self._repair(answer, allowed, most)
         if mechanism is None:
@@ -263,9 +272,10 @@ class BlockRelaxation:
     # --- proof ------------------------------------------------------------------------------------------
 
     def _margin(self, velocity: Floats, wall: Floats, allowed: Bools | None = None) -> float:
-        """Return the least margin for finite dissipation over all jumps.
+        """Return the least margin for finite dissipation over the jumps of all blocks.
 
-        With `allowed` (p,), only jumps of allowed blocks count.
+        velocity: (k, q) of the parts. wall: (f, q) of the shared faces. allowed: (p,) blocks whose jumps count; None:
+        all.
         """
         parts = self._parts
         half, inner = parts.jumps(velocity, wall)
@@ -274,10 +284,10 @@ class BlockRelaxation:
             margins = [margins[0][allowed[parts.side_block]], margins[1][allowed[parts.joint_block]]]
         return float(np.concatenate(margins).min(initial=np.inf))
 
-    def _repair(self, answer: Multipliers, allowed: Bools, most: float) -> _Mechanism | None:
-        """Open the velocities of an answer until every dissipation is finite.
+    def _repair(self, answer: BlockMultipliers, allowed: Bools, most: float) -> _Mechanism | None:
+        """Open the velocities of an answer until every dissipation is finite, and sum their work.
 
-        Returns the sums per block; None where opening fails.
+        The result is None where opening fails. allowed: (p,) blocks that may be chosen. most: scaled upper bound on λ.
         """
         if not all(map(usable, (answer.velocity, answer.wall, answer.price, answer.portion))):
             return None
@@ -297,28 +307,32 @@ class BlockRelaxation:
         cost = -self._sums((parts.dead * velocity).sum(axis=1), parts.part_block)
         inside = self._sums(self._inner.dissipation(inner, parts.joint_face), parts.joint_block)
         cost += inside
-        stuck = self._stuck
-        face, block = parts.side_face[stuck], parts.side_block[stuck]
-        np.add.at(cost, block, self._dry.dissipation(half[stuck], face))
+        strong = self._strong
+        face, block = parts.side_face[strong], parts.side_block[strong]
+        np.add.at(cost, block, self._dry.dissipation(half[strong], face))
         # Count rounding before terms cancel; a jump is a sum of six products, far fewer than ROUNDING allows for.
         work = (abs(parts.dead) + most * abs(parts.live)) * abs(velocity)
         size = self._sums(work.sum(axis=1), parts.part_block)
         np.add.at(size, parts.joint_block, 1e-2 * self._inner.strength(parts.joint_face) * parts.speed(velocity))
-        speed = np.einsum("kij,ki->k", abs(parts.arm[stuck]), abs(velocity[parts.side_part[stuck]]))
+        speed = np.einsum("kij,ki->k", abs(parts.arm[strong]), abs(velocity[parts.side_part[strong]]))
         still = np.append(abs(wall).sum(axis=1), 0.0)
-        np.add.at(size, block, 1e-2 * self._dry.strength(face) * (speed + still[parts.side_shared[stuck]]))
+        np.add.at(size, block, 1e-2 * self._dry.strength(face) * (speed + still[parts.side_shared[strong]]))
         return _Mechanism(live, cost, inside, size, answer.price, answer.portion)
 
     def _sums(self, value: Floats, block: Ints) -> Floats:
-        """Sum values over the blocks they belong to; returns (p,)."""
+        """Return the sums (p,) of values over the blocks they belong to.
+
+        value, block: (k,) values and the block of each.
+        """
         total = np.zeros(self._parts.blocks)
         np.add.at(total, block, value)
         return total
 
     def _excess(self, mechanism: _Mechanism, load: float, allowed: Bools) -> tuple[float, Floats]:
-        """Bound Σ e_p over all choices from below, rounding deducted.
+        """Return a lower bound on the total excess of any segmentation into allowed blocks.
 
-        Returns the bound, and (p,) its increase if block p is chosen.
+        The excess of a block, docs/method.md (6.6), is positive where its mechanism refutes the scaled λ `load`.
+        Rounding is deducted. The second result (p,) is how much the bound increases if a block is chosen.
         """
         value = load * mechanism.portion - mechanism.price
         held = self._sums(value[self._parts.part_element], self._parts.part_block)

@@ -18,7 +18,7 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.limit.admissible import Motion, State
 from jld_core.limit.equilibrium import EquilibriumProjectors, error_or_inf, projected_onto, rows_by_element, usable
-from jld_core.linalg.projection import quick
+from jld_core.linalg.projection import dense_if_small
 from jld_core.mechanics.scaling import reference_load
 from jld_core.program import Template
 
@@ -44,7 +44,7 @@ class Prover:
     def __init__(self, template: Template) -> None:
         self.template = template
         self.transposed = sp.csr_array(template.matrix.T)
-        self._jumps = quick(self.transposed)
+        self._jumps = dense_if_small(self.transposed)
         self._magnitudes = abs(template.matrix)
         self._weight = abs(template.dead)
         self._total = float(self._weight.sum()) or reference_load(template.assembly) / template.scaling.force
@@ -78,7 +78,7 @@ class Prover:
         left = tolerances.ROUNDING if ray.slack >= 2.0 * tolerances.ROUNDING else self.exact
         return ray.slack >= -self.exact and ray.error <= left
 
-    def under(self, template: Template) -> Prover:
+    def with_template(self, template: Template) -> Prover:
         """Return this prover for another template of the same matrix, with shared projectors.
 
         Parameters
@@ -93,7 +93,7 @@ class Prover:
         """
         other = copy.copy(self)
         other.template = template
-        other._projectors = self._projectors.under(template)
+        other._projectors = self._projectors.with_template(template)
         return other
 
     def state(self, point: Floats, labels: Bits, passes: int = 2, held: bool = False) -> State:
@@ -153,7 +153,10 @@ class Prover:
         return found
 
     def _ray(self, forces: Floats, active: Bools, labels: Bits) -> State:
-        """Project forces (q·m,) that are zero but where `active` (m, q) on A R + b_λ = 0, and measure them."""
+        """Project forces onto A R + b_λ = 0, with some resultants fixed at zero, and measure them.
+
+        forces: (q·m,) scaled. active: (m, q) True for resultants that may differ from zero. labels: (m,) True = dry.
+        """
         mask, live = active.ravel().astype(float), self.template.live
         forces, left, error = projected_onto(self._projectors.of_forces(mask), forces * mask, -live, 3)
         table = forces.reshape(self._everything.shape)
@@ -190,11 +193,14 @@ class Prover:
         return float((gone / np.where(met > 0.0, met, 1.0)).max(initial=0.0))
 
     def _nothing(self) -> State:
-        """Return the state that proves no bound."""
+        """Return a state that proves no bound: slack −inf and error inf."""
         return State(np.zeros(self._everything.shape), 0.0, -np.inf, np.inf)
 
     def _state(self, forces: Floats, load: float, labels: Bits, passes: int, held: bool = False) -> State:
-        """Project forces (q·m,) at a given λ onto equilibrium and measure their slack."""
+        """Project forces (q·m,) at a given λ onto equilibrium, and measure their slack.
+
+        load: scaled λ. labels: (m,) True = dry. passes, held: as in `state`.
+        """
         template = self.template
         projector, mask = self._projectors.with_load(labels)
         if mask is None or held:
@@ -346,7 +352,7 @@ class Prover:
         each = [self._jumps @ velocity for velocity in velocities]
         return np.array(each).reshape(-1, *self._everything.shape)
 
-    def open_up(self, motion: Motion, opening: Motion, labels: Bits) -> Motion:
+    def add_opening(self, motion: Motion, opening: Motion, labels: Bits) -> Motion:
         """Add just enough of an opening motion to make the dissipation finite.
 
         See docs/method.md (3.11).

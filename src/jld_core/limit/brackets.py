@@ -11,14 +11,14 @@ from jld_core.assembly import Assembly
 from jld_core.mechanics.scaling import reference_load
 
 
-def relative_width(low: float, high: float, floor: float) -> float:
-    """Compute the width of a bracket over max(|low|, |high|, floor) (docs/method.md (3.13)).
+def relative_width(low: float, high: float, load_scale: float) -> float:
+    """Compute the width of a bracket over max(|low|, |high|, load_scale) (docs/method.md (3.13)).
 
     Parameters
     ----------
     low, high : float
         Bounds on λ, in any one unit; NaN or infinite where missing.
-    floor : float
+    load_scale : float
         λ below which differences are negligible, in the same unit (see `load_scale`).
 
     Returns
@@ -28,7 +28,7 @@ def relative_width(low: float, high: float, floor: float) -> float:
     """
     if not (np.isfinite(low) and np.isfinite(high)):
         return np.inf
-    size = max(abs(low), abs(high), floor)
+    size = max(abs(low), abs(high), load_scale)
     return (high - low) / size if size > 0.0 else float(high > low)
 
 

@@ -19,6 +19,7 @@ from jld_core.batch import ConflictRequest
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.block_relaxation import Asked, BlockRelaxation, Choice
 from jld_core.limit.dual_bounds import DualBound, MinimizedConflict
+from jld_core.limit.partial_labellings import PartialLabellingBounds
 from jld_core.limit.relaxation import Relaxation
 
 _ROUNDING = 4.0 * float(np.finfo(float).eps)
@@ -46,12 +47,12 @@ class _Cases(Generic[_Kind]):
         return sum(one.solves for one in self._cases)
 
     @property
-    def many(self) -> bool:
+    def batched(self) -> bool:
         """Return True if the batch solver solves the programs of every case many at a time."""
-        return all(one.many for one in self._cases)
+        return all(one.batched for one in self._cases)
 
     def _reorder(self, refuted: Sequence[int]) -> None:
-        """Sort the cases by the number of refutations (c,), most first.
+        """Sort the load cases by their numbers of refutations (c,), most first.
 
         The order is a new list, as other threads may iterate over the old one.
         """
@@ -59,15 +60,15 @@ class _Cases(Generic[_Kind]):
 
 
 def _raised(bound: float) -> float:
-    """Raise a bound by the rounding of a change of units."""
+    """Raise a bound by the rounding error of a change of units."""
     return bound + abs(bound) * _ROUNDING if math.isfinite(bound) else bound
 
 
-class CaseRelaxation(_Cases[Relaxation]):
+class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
     """Upper bounds on the governing factor of partial labellings under several load cases.
 
     The governing factor is the minimum over cases of λ / required. Bounds and thresholds are governing factors, not
-    scaled. The case that refuted most is asked first.
+    scaled. The case that refuted most is tried first. Methods are documented in `PartialLabellingBounds`.
 
     Parameters
     ----------
@@ -87,46 +88,10 @@ class CaseRelaxation(_Cases[Relaxation]):
         """Return the relaxations of all load cases."""
         return tuple(self._cases)
 
-    def refute(self, labels: Bits, undecided: Bools, threshold: float) -> DualBound | None:
-        """Refute a governing factor for all labellings that agree on the decided faces.
-
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry; ignored where undecided.
-        undecided : (m,) bool array
-            Faces that may have either label.
-        threshold : float
-            Governing factor to refute.
-
-        Returns
-        -------
-        DualBound or None
-            Mechanism of one case that proves it; None where no proof is found.
-        """
-        return self.refute_all(labels[None], undecided[None], np.array([threshold]))[0]
-
     def refute_all(
         self, labellings: Bits, undecided: Bools, thresholds: Floats, thorough: Bools | None = None
     ) -> list[DualBound | None]:
-        """Refute governing factors for many partial labellings.
-
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            Labels, True = dry; ignored where undecided.
-        undecided : (k, m) bool array
-            Faces that may have either label.
-        thresholds : (k,) float array
-            Governing factors to refute.
-        thorough : (k,) bool array or None
-            Whether to try another solver where the batch solver finds no proof. Default: everywhere.
-
-        Returns
-        -------
-        list of DualBound or None
-            Mechanism of the first case that refutes each threshold; None where no proof is found.
-        """
+        """Refute governing factors by any case, see `PartialLabellingBounds.refute_all`."""
         found: list[DualBound | None] = [None] * len(labellings)
         left = np.arange(len(labellings))
         counts = [0] * len(self._cases)
@@ -144,32 +109,17 @@ class CaseRelaxation(_Cases[Relaxation]):
         self._reorder(counts)
         return found
 
-    def minimize_conflicts(self, asked: ConflictRequest) -> list[MinimizedConflict]:
-        """Reduce the decided faces of labellings as far as their refutations allow.
-
-        The governing factor must stay below the thresholds. Each labelling is treated under the first case that
-        refutes it, see `Relaxation.minimize_conflicts`.
-
-        Parameters
-        ----------
-        asked : ConflictRequest
-            Labellings and thresholds, as governing factors.
-
-        Returns
-        -------
-        list of MinimizedConflict
-            Conflicts of labellings and neighbours, then one entry without bound for each labelling that no case
-            refutes.
-        """
+    def minimize_conflicts(self, request: ConflictRequest) -> list[MinimizedConflict]:
+        """Minimise conflicts case by case, see `PartialLabellingBounds.minimize_conflicts`."""
         found: list[MinimizedConflict] = []
-        left, carried = np.arange(len(asked.labellings)), np.ones(len(asked.labellings), dtype=bool)
+        left, carried = np.arange(len(request.labellings)), np.ones(len(request.labellings), dtype=bool)
         counts = [0] * len(self._cases)
         for case in tuple(self._order):
             if not left.size:
                 break
             unit = self._units[case]
             fallen: set[int] = set()
-            for one in self._cases[case].minimize_conflicts(asked.take(left).in_units(unit)):
+            for one in self._cases[case].minimize_conflicts(request.take(left).in_units(unit)):
                 labelling = int(left[one.labelling])
                 if one.bound is None:
                     carried[labelling] &= one.carries or not one.drawn
@@ -180,72 +130,17 @@ class CaseRelaxation(_Cases[Relaxation]):
             counts[case] = len(fallen)
             left = np.array([k for k in left.tolist() if k not in fallen], dtype=np.int64)
         self._reorder(counts)
-        return found + [MinimizedConflict(k, True, asked.free, None, bool(carried[k])) for k in left.tolist()]
+        return found + [MinimizedConflict(k, True, request.free, None, bool(carried[k])) for k in left.tolist()]
 
-    def weigh(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
-        """Evaluate the work balance of known mechanisms of one load case.
-
-        No program is solved.
-
-        Parameters
-        ----------
-        case : int
-            Index of the load case.
-        velocities : (k, q·free) float array
-            Mechanisms, scaled.
-        labellings : (k, m) bool array
-            Labels, True = dry; ignored where undecided.
-        undecided : (k, m) bool array
-            Faces that may have either label.
-
-        Returns
-        -------
-        (k,) float array
-            Governing factors that no labelling exceeds that agrees where decided, see `Relaxation.weigh`.
-
-        Raises
-        ------
-        ValueError
-            If the load case does not exist.
-        """
+    def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
+        """Evaluate mechanisms of one case, see `PartialLabellingBounds.evaluate_mechanisms`."""
         if not 0 <= case < len(self._cases):
             raise ValueError(f"case: there is no load case {case}; expected 0 to {len(self._cases) - 1}")
-        bounds = self._cases[case].weigh(0, velocities, labellings, undecided) * self._units[case]
+        bounds = self._cases[case].evaluate_mechanisms(0, velocities, labellings, undecided) * self._units[case]
         return np.array([_raised(bound) for bound in bounds.tolist()])
 
-    def bound(self, labels: Bits, undecided: Bools) -> float:
-        """Return an upper bound on the governing factor of a partial labelling.
-
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry; ignored where undecided.
-        undecided : (m,) bool array
-            Faces that may have either label.
-
-        Returns
-        -------
-        float
-            Governing factor that no labelling exceeds that agrees where decided; inf where no bound was found.
-        """
-        found = self.least_bound(labels, undecided)
-        return np.inf if found is None else found.bound
-
     def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
-        """Return the mechanism, of any case, with the least bound for a partial labelling.
-
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry; ignored where undecided.
-        undecided : (m,) bool array
-            Faces that may have either label.
-
-        Returns
-        -------
-        DualBound or None
-            Mechanism with its bound on the governing factor; None where no bound was found.
-        """
+        """Return the mechanism of least bound over all cases, see `PartialLabellingBounds.least_bound`."""
         found = [one.least_bound(labels, undecided) for one in self._cases]
         known = [
             replace(one, bound=_raised(one.bound * unit), case=case)
@@ -328,7 +223,10 @@ class CaseBlockRelaxation(_Cases[BlockRelaxation]):
 
     @staticmethod
     def _in_units(threshold: float, most: float, unit: float) -> tuple[float, float]:
-        """Convert two governing factors to scaled λ of a case, rounded so that bounds stay valid."""
+        """Convert two governing factors to scaled λ of a case, rounded so that bounds stay valid.
+
+        threshold is rounded down, most is rounded up. unit: governing factor per scaled λ of the case.
+        """
         return (threshold - abs(threshold) * _ROUNDING) / unit, _raised(most) / unit
 
 

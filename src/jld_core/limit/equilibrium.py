@@ -1,4 +1,4 @@
-"""Project raw points onto equilibrium, and judge the residuals and sizes of vectors."""
+"""Projection of raw points onto equilibrium, and checks of residuals and sizes of vectors."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from jld_core.program import Template
 
 
 def rows_by_element(rows: Floats, freedoms: int) -> Floats:
-    """Return rows of equilibrium by element, (free, q).
+    """Return values of the equilibrium rows by element, (free, q).
 
-    Further rows of a template, such as a settlement's, stand alone.
+    rows: (q·free,) values. freedoms: q, the number of rows per element. Further rows of a template, such as that of a
+    settlement, form an element each.
     """
     whole = len(rows) // freedoms * freedoms
     more = np.zeros((len(rows) - whole, freedoms))
@@ -25,9 +26,9 @@ def rows_by_element(rows: Floats, freedoms: int) -> Floats:
 
 
 def projected_onto(projector: Projector, vector: Floats, target: Floats, passes: int) -> tuple[Floats, Floats, float]:
-    """Project a vector onto rows·y = target.
+    """Project a vector y onto the equations rows·y = target of a projector.
 
-    Returns the vector, its residual, and an estimate of the error left in it.
+    The results are the vector, its residual, and an estimate of the error left in it. passes: number of projections.
     """
     for _ in range(passes):
         vector = vector - projector.correction(projector.rows @ vector - target)
@@ -36,9 +37,10 @@ def projected_onto(projector: Projector, vector: Floats, target: Floats, passes:
 
 
 def error_or_inf(error: float, left: Floats, forces: Floats) -> float:
-    """Return the error, or inf if the residual exceeds rounding.
+    """Return an estimate of error, or inf if the residual of equilibrium exceeds rounding.
 
-    In that case the kept resultants reach no equilibrium.
+    In that case the kept resultants reach no equilibrium. error: estimate. left: residual. forces: forces to which it
+    belongs.
     """
     much = float(abs(left).max()) > tolerances.ROUNDING * max(1.0, float(abs(forces).max()))
     return np.inf if much else error
@@ -66,8 +68,11 @@ class EquilibriumProjectors:
         self._known: dict[bytes, Projector] = {}
         self._everything = np.ones((len(template.assembly.interfaces), template.assembly.freedoms), dtype=bool)
 
-    def under(self, template: Template) -> EquilibriumProjectors:
-        """Return these projectors for another template of the same matrix; both share what is computed."""
+    def with_template(self, template: Template) -> EquilibriumProjectors:
+        """Return these projectors for another template of the same matrix.
+
+        Both objects share the projectors computed so far.
+        """
         other = copy.copy(self)
         other.template = template
         return other
@@ -104,5 +109,8 @@ class EquilibriumProjectors:
         return self._known[key], mask
 
     def of_forces(self, mask: Floats) -> Projector:
-        """Return the projector that keeps λ fixed; mask: (q·m,) 1 for each kept resultant."""
+        """Return the projector onto equilibrium at fixed λ.
+
+        mask: (q·m,) 1 for each resultant that is kept, 0 for the others.
+        """
         return Projector(sp.csc_array(self.template.matrix @ sp.diags_array(mask)), self.template.structure.places)

@@ -23,10 +23,10 @@ from jld_core.limit.admissible import Motion, State
 from jld_core.limit.auxiliary_programs import (
     LARGEST,
     LargestSupport,
+    interior_motion,
     largest_support,
-    motion_inside,
-    on_faces,
     polygonal_support,
+    project_onto_faces,
 )
 from jld_core.limit.bounds import Prover
 from jld_core.limit.reduced_rows import Reduced, kept_rows, leaning_program, program_of_rows, reduced_by
@@ -91,15 +91,16 @@ class FacialReduction:
         )
 
     def _repaired(self, motion: Motion, labels: Bits, normalise: bool, idle: bool, loaded: bool) -> Motion | None:
-        """Repair a motion under one treatment of the live load.
+        """Repair a motion, with or without rays of the live load treated as self-stress.
 
-        idle: force zero live work. loaded: self-stress may balance additional live load.
+        motion, labels, normalise: as in `repair`. idle: True makes the live work exactly zero. loaded: True if a
+        self-stress may balance additional live load.
         """
         program = self.template.program(labels)
         columns = program.structure.shape[1] - (0 if loaded else 1)
         for search in SEARCHES if program.structure.cones else SEARCHES[-1:]:
             for reduced in _rounds(program, columns, search):
-                inside = motion_inside(program_of_rows(program, reduced), columns)
+                inside = interior_motion(program_of_rows(program, reduced), columns)
                 if inside is None:
                     continue
                 step = self.prover.motion(inside, labels, normalise=False)
@@ -115,9 +116,11 @@ class FacialReduction:
         return None
 
     def _solved(self, program: ConicProgram, reduced: Reduced, labels: Bits, normalise: bool) -> Motion | None:
-        """Solve the reduced program, which has an interior, for its mechanism; None without rays.
+        """Solve the reduced program, which has an interior, for its mechanism.
 
-        Where a cone is reduced to one ray, the multipliers of the full program are accurate to half their digits only.
+        program: with all rows. reduced: rows that are left. labels: (m,) True = dry. normalise: as in `repair`. The
+        result is None without rays, or without a mechanism. Where a cone is reduced to one ray, the multipliers of the
+        full program are accurate to half their digits only.
         """
         if not reduced.rays:
             return None
@@ -158,7 +161,7 @@ class FacialReduction:
             reduced = support and reduced_by(support, program, whole)
             if support is None or not reduced or not reduced.rays:
                 continue
-            stress = on_faces(program, support, np.zeros(program.structure.equalities), 0.0)
+            stress = project_onto_faces(program, support, np.zeros(program.structure.equalities), 0.0)
             starts = program.structure.heads[list(reduced.rays)]
             if (program.matrix.tocsr()[starts][:, :columns] @ stress).max() >= 0.0:
                 continue  # After the projection the self-stress does not lie on these rays.
@@ -181,9 +184,11 @@ class FacialReduction:
         idle: bool,
         turned: bool,
     ) -> Motion | None:
-        """Project a motion onto the jumps that the kept rows allow.
+        """Project a motion onto the jumps that the kept rows allow, then move it inside them.
 
-        The result is moved inside these jumps just far enough. turned: take the direction of rays from the slip.
+        The result is None where no share of `step` suffices. motion, step: motion to be repaired, and one strictly
+        inside. reduced: kept rows of `program`. labels: (m,) True = dry. normalise: scale to live work 1. idle: make
+        the live work zero. turned: take the direction of rays from the slip.
         """
         live = self.template.live
         velocity = motion.velocity
@@ -247,7 +252,10 @@ class FacialReduction:
         return bases
 
     def _forbidden(self, bases: dict[int, Floats]) -> Floats:
-        """Return rows E with E u = 0 if and only if every reduced face's jump is allowed."""
+        """Return rows E such that E u = 0 if and only if every reduced face has an allowed jump.
+
+        bases: basis (q, k) of the allowed jumps of each reduced face.
+        """
         q = self.template.assembly.freedoms
         parts = []
         for face, basis in bases.items():
@@ -259,9 +267,10 @@ class FacialReduction:
         return np.asarray(stacked[abs(stacked).max(axis=1) > _LEFT])
 
     def _measured(self, velocity: Floats, work: float, labels: Bits, bases: dict[int, Floats]) -> Motion:
-        """Compute margin and bound with the jumps of reduced faces projected onto their bases.
+        """Compute margin and bound of velocities, with jumps of reduced faces put on their bases.
 
-        The margin is −inf if a projection changes a jump by more than rounding.
+        The margin is −inf if this changes a jump by more than rounding. velocity: (q·free,). work: live work. labels:
+        (m,) True = dry. bases: as in `_forbidden`.
         """
         jumps = (self.prover.transposed @ velocity).reshape(len(labels), -1)
         # of each face: self-stress bounds no force here, so fast motions elsewhere excuse no closing jump
@@ -284,7 +293,11 @@ class FacialReduction:
 
 
 def _rounds(program: ConicProgram, columns: int, search: _Search) -> list[Reduced]:
-    """Return the rows kept after each successive self-stress, the last first."""
+    """Return the rows kept after each successive self-stress, the last first.
+
+    program: supplies all rows. columns: number of leading columns that a self-stress uses. search: finds one
+    self-stress.
+    """
     found = [kept_rows(program)]
     for _ in range(_ROUNDS):
         support = search(program_of_rows(program, found[-1]), columns)
@@ -296,24 +309,30 @@ def _rounds(program: ConicProgram, columns: int, search: _Search) -> list[Reduce
 
 
 def _projected(velocity: Floats, forbid: Floats, inverse: Floats) -> Floats:
-    """Remove the forbidden part of a velocity; inverse: pseudo-inverse of `forbid`."""
+    """Remove from a velocity its component along forbidden directions.
+
+    forbid: rows of these directions. inverse: pseudo-inverse of `forbid`.
+    """
     for _ in range(2):
         velocity = velocity - inverse @ (forbid @ velocity)
     return velocity
 
 
 def _along_axes(program: ConicProgram, columns: int) -> LargestSupport | None:
-    """Find a self-stress by interior point, and project it.
+    """Find a self-stress by an interior-point method, with rays along the axes of faces.
 
-    Its rays are snapped to the axes of faces where they are close to them.
+    Rays close to an axis are put on it by a projection. columns: number of leading columns that a self-stress uses.
     """
     found = largest_support(program, columns, largest=LARGEST)
-    point = on_faces(program, found, np.zeros(program.structure.equalities), _ALONG)
+    point = project_onto_faces(program, found, np.zeros(program.structure.equalities), _ALONG)
     return replace(found, point=point, values=-(program.matrix[:, :columns] @ point))
 
 
 def _plainly(program: ConicProgram, columns: int) -> LargestSupport | None:
-    """Find a self-stress by interior point, without bound on its size and without projection."""
+    """Find a self-stress of any size by an interior-point method, without projection.
+
+    columns: number of leading columns that a self-stress uses.
+    """
     return largest_support(program, columns, largest=np.inf)
 
 
@@ -324,11 +343,12 @@ SEARCHES: Final[tuple[_Search, ...]] = (polygonal_support, _along_axes, _plainly
 
 
 def _tangent(rows: Floats, direction: Floats, jump: Floats, place: int, speed: float) -> list[Floats]:
-    """Return the rows of a cone that is replaced by a ray.
+    """Return the rows that replace a second-order cone on whose boundary a self-stress lies.
 
-    The first is the ray itself. Where the face slides, a second row turns the ray, to first order.
-    rows: (size, columns) of the cone. direction: of the self-stress. jump: (q,) of its face, whose columns begin at
-    `place`. Where the face slides, the slip of the motion is more accurate than the direction of the self-stress.
+    The first row is the ray itself. Where the face slides, a second row turns the ray, to first order. rows: (size,
+    columns) of the cone. direction: of the self-stress. jump: (q,) of its face, whose columns begin at `place`. speed:
+    largest velocity of the motion. Where the face slides, the slip of the motion is more accurate than the direction of
+    the self-stress.
     """
     tail = rows[1:]
     where = [np.flatnonzero(row) for row in tail]

@@ -1,7 +1,7 @@
-"""List the fallbacks by which bounds for one labelling are proven, tried only as far as needed.
+"""Solution methods for one labelling, in the order in which they are tried, each only where it is needed.
 
-Each entry of `FALLBACKS` states when it is tried and what it offers. Everything offered is checked by `Prover` before
-it counts.
+Each entry of `FALLBACKS` has a name, the condition under which it is tried, and the bounds that it may supply. `Prover`
+checks every bound before it counts.
 """
 
 from __future__ import annotations
@@ -21,92 +21,158 @@ class Fallback:
     Attributes
     ----------
     name : str
-        Name of the fallback.
+        Name of the method.
     when : callable
-        Takes the `ProofAttempt`; returns True if the fallback is to be tried.
-    take : callable
-        Takes the `ProofAttempt` and tries the fallback.
-    offers : str
-        Bounds that the fallback may supply.
+        Takes the `ProofAttempt`; returns True if the method is to be tried.
+    run : callable
+        Takes the `ProofAttempt`, tries the method and offers its bounds to `ProofAttempt.proof`.
+    supplies : str
+        Description of the bounds that the method may supply.
     """
 
     name: str
     when: Callable[[ProofAttempt], bool]
-    take: Callable[[ProofAttempt], None]
-    offers: str
+    run: Callable[[ProofAttempt], None]
+    supplies: str
 
 
 FALLBACKS: Final = (
     Fallback(
-        "lanes", lambda c: c.alone, ProofAttempt.alone_in_lanes, "both sides by the kernel, of one labelling alone"
+        "batch solver",
+        lambda attempt: attempt.batch_goes_first,
+        ProofAttempt.try_batch_solver_first,
+        "both bounds, where one labelling alone is analysed",
     ),
     Fallback(
-        "first", lambda c: not c.settled_by_batch, ProofAttempt.solve, "forces and multipliers of an interior point"
+        "first solver",
+        lambda attempt: not attempt.settled_by_batch,
+        ProofAttempt.solve_by_first_solver,
+        "both bounds, from forces and multipliers of an interior point",
     ),
     Fallback(
         "repair",
-        lambda c: c.open_inside,
+        lambda attempt: attempt.uncertified_with_point,
         ProofAttempt.repair_answer,
-        "states blended with one well inside, opened motions, rays",
+        "states blended with a strictly admissible one, opened motions, rays",
     ),
     Fallback(
-        "ray in lanes", lambda c: c.runs_away, ProofAttempt.batched, "a ray where some faces can only be unpressed"
+        "ray by batch solver",
+        lambda attempt: attempt.reported_unbounded,
+        ProofAttempt.solve_by_batch_solver,
+        "a ray, where some faces can only be unloaded",
     ),
-    # Try a vertex before an edge state: it separates unstable structures from those that barely stand.
+    # Try a vertex before a boundary state: it separates unstable structures from those that barely stand.
     Fallback(
-        "vertex",
-        lambda c: c.open and c.linear,
-        ProofAttempt.vertex,
-        "both sides of a linear program, exact to rounding",
+        "dual simplex",
+        lambda attempt: attempt.uncertified and attempt.is_small_linear,
+        ProofAttempt.solve_by_dual_simplex,
+        "both bounds of a linear program, exact to rounding",
     ),
-    Fallback("edge", lambda c: c.open_inside, ProofAttempt.edge, "a state where yield sets leave no room"),
-    Fallback("ray", lambda c: c.grows, ProofAttempt.ray, "a ray where the solver stopped on its way to infinity"),
     Fallback(
-        "ray beside self-stress",
-        lambda c: c.grows and bool(c.template.structure.cones),
-        ProofAttempt.ray_beside_self_stress,
-        "a ray that is admissible beside a self-stress that grows faster",
+        "boundary state",
+        lambda attempt: attempt.uncertified_with_point,
+        ProofAttempt.find_boundary_state,
+        "a state in yield sets without interior",
+    ),
+    Fallback(
+        "ray",
+        lambda attempt: attempt.may_be_unbounded,
+        ProofAttempt.find_ray,
+        "a ray, where the solver stopped at a very large λ",
+    ),
+    Fallback(
+        "ray with self-stress",
+        lambda attempt: attempt.may_be_unbounded and bool(attempt.template.structure.cones),
+        ProofAttempt.find_ray_with_self_stress,
+        "a ray that is admissible together with a self-stress that grows faster",
     ),
     Fallback(
         "self-stress",
-        lambda c: c.reduced,
-        ProofAttempt.lean,
-        "a state that leans on self-stress at friction's boundary",
+        lambda attempt: attempt.open_after_reduction,
+        ProofAttempt.find_self_stress_states,
+        "a state that relies on a self-stress at the boundary of the friction cones",
     ),
     Fallback(
-        "unshrunk",
-        lambda c: c.open,
-        ProofAttempt.unshrunk,
-        "an interior point without margin, for sets that leave none",
+        "no margin",
+        lambda attempt: attempt.uncertified,
+        ProofAttempt.solve_without_margin,
+        "both bounds, for yield sets that leave no margin",
     ),
-    Fallback("last edge", lambda c: c.open_inside, ProofAttempt.edge, "the same, from the better answer"),
     Fallback(
-        "less margin", lambda c: c.crushed_wide, ProofAttempt.less_margin, "a narrower bracket of crushable scenes"
+        "boundary state again",
+        lambda attempt: attempt.uncertified_with_point,
+        ProofAttempt.find_boundary_state,
+        "a state in yield sets without interior, from the more accurate answer",
     ),
-    Fallback("narrow", lambda c: c.wide_alone, ProofAttempt.narrow, "digits of λ that a wide bracket leaves open"),
-    Fallback("small λ", lambda c: c.wide_beside_load and c.linear, ProofAttempt.vertex, "whether λ is small or zero"),
+    Fallback(
+        "less margin",
+        lambda attempt: attempt.wide_by_crushing,
+        ProofAttempt.solve_with_less_margin,
+        "a narrower bracket of crushable scenes",
+    ),
+    Fallback(
+        "narrow bracket",
+        lambda attempt: attempt.wide_for_single_labelling,
+        ProofAttempt.narrow_bracket,
+        "digits of λ that a wide bracket leaves open",
+    ),
+    Fallback(
+        "small λ",
+        lambda attempt: attempt.wide_relative_to_load_factor and attempt.is_small_linear,
+        ProofAttempt.solve_by_dual_simplex,
+        "a bracket that shows whether λ is small or zero",
+    ),
 )
 """Solution methods that `LimitAnalysis.prove` tries by default, in order."""
 
 
+def insert_before(fallbacks: tuple[Fallback, ...], name: str, inserted: Fallback) -> tuple[Fallback, ...]:
+    """Return fallbacks with one more of them, placed before the one of a given name.
+
+    Parameters
+    ----------
+    fallbacks : tuple of Fallback
+        Solution methods in order.
+    name : str
+        Name of the method before which the new one is tried.
+    inserted : Fallback
+        New method.
+
+    Returns
+    -------
+    tuple of Fallback
+        Methods in their new order.
+
+    Raises
+    ------
+    ValueError
+        If no method has this name.
+    """
+    names = [fallback.name for fallback in fallbacks]
+    if name not in names:
+        raise ValueError(f"there is no fallback {name!r}; expected one of {', '.join(names)}")
+    place = names.index(name)
+    return (*fallbacks[:place], inserted, *fallbacks[place:])
+
+
 def run_fallbacks(attempt: ProofAttempt, fallbacks: tuple[Fallback, ...]) -> Proof:
-    """Try all fallbacks whose condition holds, in order.
+    """Run every solution method whose condition holds, in order, until the attempt is settled.
 
     Parameters
     ----------
     attempt : ProofAttempt
-        Attempt to prove bounds for one labelling; it changes.
+        Attempt to prove bounds for one labelling; its state changes.
     fallbacks : tuple of Fallback
         Solution methods, in the order in which they are tried.
 
     Returns
     -------
     Proof
-        Bounds and status after the last fallback.
+        Bounds and status after the last method.
     """
     for fallback in fallbacks:
         if fallback.when(attempt) and not attempt.settled:
-            fallback.take(attempt)
+            fallback.run(attempt)
             if not attempt.settled:
-                attempt.proof.status = attempt.analysis.judge(attempt.proof)
+                attempt.proof.status = attempt.analysis.status_of(attempt.proof)
     return attempt.proof

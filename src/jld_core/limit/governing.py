@@ -10,7 +10,7 @@ from jld_core.limit.status import Status
 
 
 @dataclass(frozen=True)
-class Known:
+class CaseBounds:
     """Status and bounds of one load case.
 
     Attributes
@@ -53,7 +53,7 @@ class Governing:
     case: int
 
 
-def governing(cases: Sequence[Known], required: Sequence[float]) -> Governing:
+def governing(cases: Sequence[CaseBounds], required: Sequence[float]) -> Governing:
     """Compute the governing factor of a labelling from the bounds of its load cases.
 
     A labelling is unstable if any case is, and locked if all are. A locked case carries any load and never governs.
@@ -62,7 +62,7 @@ def governing(cases: Sequence[Known], required: Sequence[float]) -> Governing:
 
     Parameters
     ----------
-    cases : sequence of Known
+    cases : sequence of CaseBounds
         Status and bounds of each case; at least one.
     required : sequence of float
         Required factor of each case.

@@ -157,9 +157,10 @@ def face_motions(result: LimitAnalysisResult) -> tuple[FaceMotion, ...]:
 
 
 def _parts(assembly: Assembly, mechanism: Floats, jumps: Floats, face: int) -> tuple[Floats, float, float]:
-    """Return the gaps (k,) at the corners of a face, its slip and its slip by spin.
+    """Return the gaps (k,) at the corners of a face, its slip, and its slip by spin alone.
 
-    Slip is taken at the centroid, slip by spin at the farthest corner.
+    Slip is taken at the centroid, slip by spin at the farthest corner. mechanism: (n, q) velocities. jumps: (m, q) of
+    all faces. face: index of the face.
     """
     faces, polygon = assembly.interfaces, assembly.interfaces.polygon[face]
     jump = displacement(assembly, mechanism, int(faces.b[face]), polygon)
@@ -172,7 +173,10 @@ def _parts(assembly: Assembly, mechanism: Floats, jumps: Floats, face: int) -> t
 
 
 def _rubbing(assembly: Assembly, jumps: Floats, face: int) -> float:
-    """Return max(|s|, c_T |ω|), the slip that dilates by μ under associative friction."""
+    """Return the slip max(|s|, c_T |ω|) of a face that causes dilation.
+
+    Under associative friction the face opens by μ times this slip. jumps: (m, q). face: index.
+    """
     if assembly.dimension == 2:
         return float(abs(jumps[face, 1]))
     slip = float(np.hypot(jumps[face, 1], jumps[face, 2]))

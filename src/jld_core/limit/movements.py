@@ -29,7 +29,7 @@ class Movements:
     def __init__(self, analysis: LimitAnalysis) -> None:
         self.template, self._prover = analysis.template, analysis.prover
         self._batch = analysis.batch
-        self._route = make_solver("clarabel", tolerance=_RESIDUAL)
+        self._solver = make_solver("clarabel", tolerance=_RESIDUAL)
 
     def of(self, labellings: Bits) -> Floats:
         """Compute how far each face moves in the mechanism of each labelling.
@@ -48,7 +48,7 @@ class Movements:
             velocities = self._batch.solve(labellings, vectors=True).velocities
         else:
             rows = self.template.matrix.shape[0]
-            velocities = np.array([self._route.solve(self.template.program(row)).dual[:rows] for row in labellings])
+            velocities = np.array([self._solver.solve(self.template.program(row)).dual[:rows] for row in labellings])
         found = np.zeros(labellings.shape)
         for k, velocity in enumerate(velocities):
             if usable(velocity):

@@ -9,7 +9,7 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.limit.admissible import Motion
 from jld_core.limit.auxiliary_programs import (
-    motion_inside,
+    interior_motion,
 )
 from jld_core.limit.bounds import Prover
 from jld_core.program import Template
@@ -52,7 +52,7 @@ class OpeningMotions:
             every = np.ones(len(self.template.assembly.interfaces), dtype=bool)
             template = self._steepest()
             program = template.program(every)
-            inside = motion_inside(program, program.structure.shape[1] - 1)
+            inside = interior_motion(program, program.structure.shape[1] - 1)
             self._opening = None if inside is None else self.prover.motion(inside, every, normalise=False)
             self._opening_known = True
         return self._opening
@@ -73,7 +73,7 @@ class OpeningMotions:
         return self._expansion
 
     def _expanding(self) -> Motion | None:
-        """Return the motion of `expansion`, which keeps it."""
+        """Compute the motion that `expansion` returns."""
         template = self.template
         elements, faces = template.assembly.elements, template.assembly.interfaces
         held = elements.support[faces.a] | elements.support[faces.b]
@@ -94,7 +94,7 @@ class OpeningMotions:
         return None
 
     def _steepest(self) -> Template:
-        """Return this template with the strictest conditions on jumps.
+        """Return a template whose conditions on jumps hold under either label.
 
         It has no crushing, and the larger friction of both labels. A crushing face has finite dissipation for every
         jump. A dry face must be at least as strict as an inner one.

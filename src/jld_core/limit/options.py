@@ -95,7 +95,7 @@ class SolveOptions:
             require_solver(self.solver)
 
     @property
-    def modular(self) -> bool:
+    def supports_bounds_over_labellings(self) -> bool:
         """Return True if λ is that of associative friction on whole faces.
 
         All other model options must have their default values. Bounds over many labellings hold only under these
@@ -105,7 +105,7 @@ class SolveOptions:
         return self == same
 
     @property
-    def by_floor(self) -> bool:
+    def ranks_by_lower_bound(self) -> bool:
         """Return True if a search ranks by the lower bound over all non-dilatant solutions.
 
         Requires `range` and a positive `floor_seconds`.

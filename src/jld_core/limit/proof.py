@@ -25,7 +25,7 @@ class Proof:
         Ray that carries the live load for every larger λ, docs/method.md (3.14).
     collapse_below_zero : Motion or None
         Mechanism that proves that no λ ≥ 0 is admissible, docs/method.md (3.15).
-    route : list of str
+    solve_log : list of str
         Names of the methods tried, in order.
     solves : int
         Number of programs solved.
@@ -53,7 +53,7 @@ class Proof:
     motion: Motion | None = None
     ray: State | None = None
     collapse_below_zero: Motion | None = None
-    route: list[str] = field(default_factory=list)
+    solve_log: list[str] = field(default_factory=list)
     solves: int = 0
     guess: float = math.nan
     status: Status = Status.UNCERTIFIED

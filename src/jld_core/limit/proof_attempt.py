@@ -14,7 +14,7 @@ from jld_core.arrays import Floats
 from jld_core.batch.verdicts import FALLS
 from jld_core.limit.admissible import Motion, State
 from jld_core.limit.attempt_state import AttemptState
-from jld_core.limit.batch_results import offer
+from jld_core.limit.batch_results import offer_results
 from jld_core.solvers import ClarabelSolver, HighsSolver, RawStatus, Solver, is_large
 from jld_core.solvers.schur.interior_point import SchurSolver
 
@@ -27,7 +27,7 @@ class ProofAttempt(AttemptState):
     The parameters and attributes are those of `AttemptState`.
     """
 
-    def batched(self) -> None:
+    def solve_by_batch_solver(self) -> None:
         """Solve by the batch solver and offer what it proves.
 
         It also finds rays for structures in which some immobile faces can only be unloaded.
@@ -37,30 +37,31 @@ class ProofAttempt(AttemptState):
             return
         found = batch.solve(self.labels[None], vectors=True)
         self.proof.solves += 1
-        self.proof.route.append("lanes")
+        self.proof.solve_log.append("batch solver")
+        self.batch_tried = True
         if found.verdict[0] == FALLS and found.velocity is not None:
             self._offer_instability(found.velocity[0])
-        offer(found, self.labels, self.proof, self.prover, self.repair.opening)
+        offer_results(found, self.labels, self.proof, self.prover, self.repair.opening)
 
-    def alone_in_lanes(self) -> None:
+    def try_batch_solver_first(self) -> None:
         """Solve by the batch solver before any other solver, and drop a wide bracket.
 
         The next solver converges better without the bounds of a wide bracket.
         """
         proof = self.proof
         state = proof.state
-        self.batched()
-        proof.status = self.analysis.judge(proof)
+        self.solve_by_batch_solver()
+        proof.status = self.analysis.status_of(proof)
         if not self.settled_by_batch:
             proof.state, proof.motion, proof.ray, proof.collapse_below_zero = state, None, None, None
 
-    def solve(self) -> None:
+    def solve_by_first_solver(self) -> None:
         """Solve by the solver of the analysis."""
-        route, template, analysis = self.analysis.route, self.template, self.analysis
+        route, template, analysis = self.analysis.first_solver, self.template, self.analysis
         route.prepare(template.structure, lambda: template.program(analysis.reference, analysis.margin))
-        self.attempt(route, analysis.margin)
+        self.solve_by(route, analysis.margin)
 
-    def attempt(self, route: Solver, margin: float) -> None:
+    def solve_by(self, route: Solver, margin: float) -> None:
         """Solve by one solver and offer what its raw answer proves.
 
         Parameters
@@ -73,7 +74,7 @@ class ProofAttempt(AttemptState):
         raw = self.raw = route.solve(self.template.program(self.labels, margin))
         proof = self.proof
         proof.solves += 1
-        proof.route.append(route.name if raw.status is RawStatus.OPTIMAL else f"{route.name} ({raw.status})")
+        proof.solve_log.append(route.name if raw.status is RawStatus.OPTIMAL else f"{route.name} ({raw.status})")
         if raw.status is RawStatus.INFEASIBLE:
             self._offer_instability(raw.dual)
         elif raw.status is RawStatus.UNBOUNDED:
@@ -87,7 +88,8 @@ class ProofAttempt(AttemptState):
     def _offer_instability(self, dual: Floats) -> None:
         """Offer a proof that no λ ≥ 0 is admissible (docs/method.md (3.15)).
 
-        The proof is a motion with Σ D − b·u < 0 and b_λ·u ≥ 0.
+        The proof is a motion with Σ D − b·u < 0 and b_λ·u ≥ 0. dual: multipliers of a solver whose first entries are
+        the velocities.
         """
         velocity = dual[: self.template.matrix.shape[0]]
         size = float(abs(velocity).max())
@@ -104,34 +106,36 @@ class ProofAttempt(AttemptState):
             if motion.work < idle:
                 # Where a ray carries the live load, the live work cannot be positive: it is zero, and so are the ray's
                 # jumps.
-                self.proof.route.append("facial reduction")
+                self.proof.solve_log.append("facial reduction")
+                self.reduction_tried = True
                 motion = self.repair.reduced(given, self.labels, normalise=False) or motion
             fine = motion.margin >= 0.0 and motion.work >= idle
             if fine and motion.bound < -max(tolerances.ROUNDING, motion.noise):
                 self.proof.collapse_below_zero = motion
 
     def _opened(self, motion: Motion, normalise: bool = True) -> Motion:
-        """Make the dissipation finite by an opening motion, else by facial reduction.
+        """Make the dissipation of a motion finite by an opening motion, else by facial reduction.
 
-        Facial reduction serves confined assemblies.
+        Facial reduction serves confined assemblies. normalise: scale the result to live work 1.
         """
         simple = self.repair.expansion()
         if simple is not None:
-            opened = self.prover.open_up(motion, simple, self.labels)
+            opened = self.prover.add_opening(motion, simple, self.labels)
             raised = opened.bound - motion.bound
-            if opened.margin >= 0.0 and raised <= _NARROW * max(abs(opened.bound), self.analysis.floor):
-                self.proof.route.append("opened")
+            if opened.margin >= 0.0 and raised <= _NARROW * max(abs(opened.bound), self.analysis.load_scale):
+                self.proof.solve_log.append("opened")
                 return opened
         opening = self.repair.opening()
         if opening is not None:
-            self.proof.route.append("opened")
-            return self.prover.open_up(motion, opening, self.labels)
-        self.proof.route.append("facial reduction")
+            self.proof.solve_log.append("opened")
+            return self.prover.add_opening(motion, opening, self.labels)
+        self.proof.solve_log.append("facial reduction")
+        self.reduction_tried = True
         self.proof.solves += 2
         return self.repair.reduced(motion, self.labels, normalise) or motion
 
     def repair_answer(self) -> None:
-        """Repair the last raw answer and offer the results.
+        """Repair the last raw answer of a solver, and offer the bounds that the repair proves.
 
         The answer is blended with strictly admissible states and opening motions.
         """
@@ -143,88 +147,92 @@ class ProofAttempt(AttemptState):
         if unbounded or not state.admissible:
             inside = self.repair.state(labels)
             proof.solves += 1
-            proof.route.append("state inside")
+            proof.solve_log.append("state inside")
             if inside is not None:
                 proof.offer_state(inside)
                 if not unbounded:
                     proof.offer_state(self.prover.blend(state, inside, labels))
             elif unbounded:
                 # A program may have a ray but no feasible point; the multipliers of the largest slack prove it.
-                self._offer_instability(self.repair.fall(labels))
+                self._offer_instability(self.repair.instability_velocities(labels))
         if unbounded:
             if proof.ray is None and proof.collapse_below_zero is None:
                 proof.ray = self.repair.ray(labels)
                 proof.solves += 1
-                proof.route.append("ray inside")
+                proof.solve_log.append("ray inside")
             return
         motion = self.prover.motion(raw.dual, labels)
         if motion.margin < 0.0:
             proof.offer_motion(self._opened(motion))
 
-    def vertex(self) -> None:
+    def solve_by_dual_simplex(self) -> None:
         """Solve by dual simplex for a vertex that is exact to rounding, then repair it."""
-        self.attempt(HighsSolver(), 0.0)
+        self.solve_by(HighsSolver(), 0.0)
         self.repair_answer()
 
-    def edge(self) -> None:
+    def find_boundary_state(self) -> None:
         """Offer a state in yield sets without interior, where no other method found one."""
         raw = self.raw
         self.proof.solves += 1
-        self.proof.route.append("edge")
+        self.proof.solve_log.append("boundary state")
         point = None if raw is None or raw.status is RawStatus.UNBOUNDED else raw.point
-        state: State | None = self.repair.edge_state(point, self.labels)
+        state: State | None = self.repair.boundary_state(point, self.labels)
         if state is not None:
             self.proof.offer_state(state)
 
-    def ray(self) -> None:
+    def find_ray(self) -> None:
         """Find a ray where the solver stopped at a large λ."""
         self.proof.solves += 1
-        self.proof.route.append("ray inside")
+        self.proof.solve_log.append("ray inside")
         self.proof.ray = self.repair.ray(self.labels)
 
-    def ray_beside_self_stress(self) -> None:
+    def find_ray_with_self_stress(self) -> None:
         """Find a ray that a self-stress at the boundary of the friction cones makes admissible."""
         self.proof.solves += 2
-        self.proof.route.append("ray beside self-stress")
-        self.proof.ray = self.repair.ray_beside_self_stress(self.labels)
+        self.proof.solve_log.append("ray beside self-stress")
+        self.proof.ray = self.repair.ray_with_self_stress(self.labels)
         if self.proof.ray is not None:
             self.proof.notes.append(
                 "locked by forces that grow with the square of the load factor: friction of exactly 45° leaves no room"
             )
 
-    def lean(self) -> None:
+    def find_self_stress_states(self) -> None:
         """Offer states that rely on a self-stress at the boundary of the friction cones."""
         self.proof.solves += 2
-        self.proof.route.append("self-stress")
-        for state in self.repair.leaning(self.labels):
+        self.proof.solve_log.append("self-stress")
+        for state in self.repair.self_stress_states(self.labels):
             self.proof.offer_state(state)
 
-    def unshrunk(self) -> None:
+    def solve_without_margin(self) -> None:
         """Solve by an interior-point method with refined linear systems and no margin."""
-        self._refined(self.template.precision.residual, 0.0)
+        self._solve_refined(self.template.precision.residual, 0.0)
 
-    def less_margin(self) -> None:
+    def solve_with_less_margin(self) -> None:
         """Solve by a refined interior-point method with a smaller margin.
 
         The margin is ten times that of linear programs.
         """
-        self._refined(tolerances.LINEAR.residual, 10.0 * tolerances.LINEAR.margin)
+        self._solve_refined(tolerances.LINEAR.residual, 10.0 * tolerances.LINEAR.margin)
 
-    def narrow(self) -> None:
-        """Narrow a bracket by the most accurate solver of each kind of program."""
-        if self.linear:
-            self.vertex()
+    def narrow_bracket(self) -> None:
+        """Narrow the bracket by the most accurate solver for programs of this kind.
+
+        Linear programs are solved by simplex, crushable ones with a smaller margin, all others without margin.
+        """
+        if self.is_small_linear:
+            self.solve_by_dual_simplex()
         elif self.template.precision is tolerances.CRUSHING:
-            self.less_margin()
+            self.solve_with_less_margin()
         else:
-            self._refined(tolerances.LINEAR.residual, 0.0)
+            self._solve_refined(tolerances.LINEAR.residual, 0.0)
 
-    def _refined(self, tolerance: float, margin: float) -> None:
-        """Solve with refined linear systems and repair the answer.
+    def _solve_refined(self, tolerance: float, margin: float) -> None:
+        """Solve by an interior-point method with refined linear systems, and repair the answer.
 
-        Large structures use the Schur complement solver instead of iterative refinement.
+        Large structures use the Schur complement solver instead of iterative refinement. tolerance: residual to reach.
+        margin: slack kept in every yield row, scaled.
         """
         large = is_large(self.template.structure)
         refined = ClarabelSolver(tolerance, iterative_refinement_enable=True)
-        self.attempt(SchurSolver(tolerance, gap=1e-10) if large else refined, margin)
+        self.solve_by(SchurSolver(tolerance, gap=1e-10) if large else refined, margin)
         self.repair_answer()

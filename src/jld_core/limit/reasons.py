@@ -9,7 +9,7 @@ from jld_core import tolerances
 from jld_core.limit.status import Status
 
 
-def reason_of(status: Status, bracket: tuple[float, float], gap: float, asked: float, extra: dict[str, Any]) -> str:
+def reason_of(status: Status, bracket: tuple[float, float], gap: float, gap_limit: float, extra: dict[str, Any]) -> str:
     """Explain which bound of an uncertified result is missing, and why.
 
     Parameters
@@ -20,7 +20,7 @@ def reason_of(status: Status, bracket: tuple[float, float], gap: float, asked: f
         Lower and upper bound, NaN where missing.
     gap : float
         Relative width of the bracket.
-    asked : float
+    gap_limit : float
         Largest relative width that counts as converged.
     extra : dict
         Further facts of the model, as in the JSON output.
@@ -44,7 +44,8 @@ def reason_of(status: Status, bracket: tuple[float, float], gap: float, asked: f
         return f"effective areas did not settle: they still change by {change:.1e}{at} (asked {least:.0e})"
     if isinstance(areas, dict) and "above" in areas:
         above = areas["above"]
-        return f"effective areas: the bound of the frozen areas stays {above:.1e} above the forces (asked {asked:.0e})"
+        stays = f"stays {above:.1e} above the forces (asked {gap_limit:.0e})"
+        return f"effective areas: the bound of the frozen areas {stays}"
     if "effective_area" in extra and areas is None:
         return (
             "effective areas: with whole faces no forces are in balance at any λ, so that there are none to begin from"
@@ -57,8 +58,8 @@ def reason_of(status: Status, bracket: tuple[float, float], gap: float, asked: f
         return f"{upper}, nor forces that grow without end within the effective areas they ask for"
     if not high:
         return upper
-    if isinstance(areas, dict) and gap <= asked:
+    if isinstance(areas, dict) and gap <= gap_limit:
         return "effective areas: the forces that fit their own areas carry less than the bracket of the frozen areas"
-    if gap <= asked:
+    if gap <= gap_limit:
         return "the evidence that this model asks for is missing, see the numbers beside λ"
-    return f"the bounds are {gap:.1e} apart, relative (asked {asked:.0e})"
+    return f"the bounds are {gap:.1e} apart, relative (asked {gap_limit:.0e})"

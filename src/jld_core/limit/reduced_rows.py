@@ -1,4 +1,4 @@
-"""Reduce a program to the rows whose multipliers may differ from zero after a self-stress is found."""
+"""Programs reduced to the rows whose multipliers may be non-zero beside a self-stress."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ import scipy.sparse as sp
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.limit.auxiliary_programs import (
     LargestSupport,
-    tips_of,
+    slack_rows,
 )
 from jld_core.program import ConicProgram, pack
 
 
 @dataclass(frozen=True)
 class Reduced:
-    """Rows of a program whose multipliers may differ from zero.
+    """Rows of a program that are left after facial reduction.
 
-    linear: (k,) kept inequalities, as rows of the program. cones: indices of the kept cones.
-    rays: for each cone that is replaced by a ray, the direction (size − 1,) of the self-stress in it.
+    Their multipliers may differ from zero. linear: (k,) kept inequalities, as rows of the program. cones: indices of
+    the kept cones. rays: for each cone that is replaced by a ray, the direction (size − 1,) of the self-stress in it.
     """
 
     linear: Ints
@@ -30,15 +30,15 @@ class Reduced:
 
 
 def kept_rows(program: ConicProgram) -> Reduced:
-    """Return all rows except that of λ, before any self-stress is found."""
+    """Return all rows of a program except that of λ, as before any reduction."""
     s = program.structure
-    return Reduced(tips_of(s)[: s.linear - 1], tuple(range(len(s.cones))))
+    return Reduced(slack_rows(s)[: s.linear - 1], tuple(range(len(s.cones))))
 
 
 def program_of_rows(program: ConicProgram, reduced: Reduced, right: bool = False) -> ConicProgram:
-    """Return the program of the kept rows, with rays as the last inequalities.
+    """Return the program of the rows in `reduced`, with rays as the last inequalities.
 
-    Right-hand sides are zero, unless `right` keeps those of the program.
+    right: True keeps the right-hand sides of the program, otherwise they are zero.
     """
     s = program.structure
     first = np.concatenate([np.arange(s.equalities + 1), reduced.linear]).astype(np.int64)
@@ -60,10 +60,10 @@ def program_of_rows(program: ConicProgram, reduced: Reduced, right: bool = False
 
 
 def leaning_program(program: ConicProgram, reduced: Reduced, stress: Floats) -> ConicProgram:
-    """Return the program of forces that are admissible with a large self-stress added.
+    """Return the program of forces that are admissible once a large self-stress is added.
 
-    stress: (columns,) the self-stress. In a cone with R = stress on its boundary, along d: s (2 |R|) ≥ |V across d|², s
-    = t − d·V.
+    reduced: rows left by the self-stress. stress: (columns,) the self-stress R. In a cone on whose boundary R lies,
+    along d, forces with shear V and slack t of its half-space keep s (2 |R|) ≥ |V across d|², where s = t − d·V.
     """
     left = program_of_rows(program, reduced, right=True)
     s, matrix, own = program.structure, program.matrix.tocsr(), left.structure
@@ -82,7 +82,10 @@ def leaning_program(program: ConicProgram, reduced: Reduced, stress: Floats) -> 
 
 
 def reduced_by(found: LargestSupport, program: ConicProgram, reduced: Reduced) -> Reduced | None:
-    """Return the rows kept after a self-stress is found; None if they are unchanged."""
+    """Return the rows that a self-stress leaves; None if it removes no row.
+
+    found: the self-stress. reduced: rows left before.
+    """
     sizes = [program.structure.cones[cone] for cone in reduced.cones]
     linear = len(reduced.linear) + len(reduced.rays)
     loose: Bools = found.slack > 0.5
@@ -94,7 +97,7 @@ def reduced_by(found: LargestSupport, program: ConicProgram, reduced: Reduced) -
     for cone, start, size, free in zip(reduced.cones, starts, sizes, loose[linear:], strict=True):
         if free:
             continue
-        way = found.ray(start, size)
+        way = found.boundary_direction(start, size)
         if way is None:
             cones.append(cone)
         else:

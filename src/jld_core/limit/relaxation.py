@@ -3,7 +3,7 @@
 The relaxation of an undecided face is the closed hull of its dry and its inner set, docs/method.md (6.3). The yield
 set supplies it (`YieldSet.hull`); without a hull there is no relaxation. Where planar joints may crush, the rows of
 the hull are too wide, and two copies of the face share its forces instead (`SharedHull`). There the batch solver uses
-rows of its own (`YieldSet.bow`), which in an arch deviate by some hundredths of a percent.
+rows of its own (`YieldSet.parabolic_bending`), which in an arch deviate by some hundredths of a percent.
 
 The bound of a mechanism is always measured with the support function of the hull, max(D_dry, D_inner). It therefore
 holds for every labelling that agrees, however loose the program that supplied the mechanism.
@@ -25,6 +25,7 @@ from jld_core.batch.verdicts import CARRIES, FALLS, OPEN
 from jld_core.deadline import checkpoint
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.dual_bounds import DualBound, MinimizedConflict
+from jld_core.limit.partial_labellings import PartialLabellingBounds
 from jld_core.limit.shared_hull import SharedHull
 from jld_core.limit.work_balance import WorkBalances
 from jld_core.program import ConicProgram
@@ -37,8 +38,10 @@ _RESIDUAL: Final = 1e-10
 """Residual requested from the solver; bounds are computed from its answer, so it need not be exact."""
 
 
-class Relaxation:
-    """Upper bounds on λ of partial labellings of one assembly.
+class Relaxation(PartialLabellingBounds):
+    """Upper bounds on the scaled λ of partial labellings of one assembly under one load.
+
+    Methods and units are documented in `PartialLabellingBounds`.
 
     Parameters
     ----------
@@ -66,8 +69,8 @@ class Relaxation:
         if chosen() is not None and fits(self.template, hull):
             opening = analysis.repair.opening()
             velocity = None if opening is None else opening.velocity
-            self._batch = BatchSolver(self.template, velocity, zero=analysis.floor, undecided=hull)
-        self._route = make_solver("clarabel", tolerance=max(_RESIDUAL, self.template.precision.residual))
+            self._batch = BatchSolver(self.template, velocity, load_scale=analysis.load_scale, undecided=hull)
+        self._solver = make_solver("clarabel", tolerance=max(_RESIDUAL, self.template.precision.residual))
         self._margin = max(_RESIDUAL, self.template.precision.margin)
         self.solves = 0
         # Several threads may refute labellings at the same time. The batch solver needs no lock; `solves` does, and the
@@ -93,28 +96,9 @@ class Relaxation:
             return self._shared.program(labels, undecided, self._margin)
         return self.template.program(labels, self._margin, other=self._open, taken=undecided)
 
-    def refute(self, labels: Bits, undecided: Bools, threshold: float) -> DualBound | None:
-        """Refute a λ for all labellings that agree on the decided faces.
-
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry; ignored where undecided.
-        undecided : (m,) bool array
-            Faces that may have either label.
-        threshold : float
-            Scaled λ to refute.
-
-        Returns
-        -------
-        DualBound or None
-            Mechanism that proves it; None where no proof is found.
-        """
-        return self.refute_all(labels[None], undecided[None], np.array([threshold]))[0]
-
     @property
-    def many(self) -> bool:
-        """Return True if the batch solver solves many relaxations at a time."""
+    def batched(self) -> bool:
+        """Return True if the batch solver supports these yield rows."""
         return self._batch is not None
 
     @property
@@ -130,24 +114,7 @@ class Relaxation:
     def refute_all(
         self, labellings: Bits, undecided: Bools, thresholds: Floats, thorough: Bools | None = None
     ) -> list[DualBound | None]:
-        """Refute λ for many partial labellings, by the batch solver where it applies.
-
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            Labels, True = dry; ignored where undecided.
-        undecided : (k, m) bool array
-            Faces that may have either label.
-        thresholds : (k,) float array
-            Scaled λ to refute.
-        thorough : (k,) bool array or None
-            Whether to try another solver where the batch solver finds no proof. Default: everywhere.
-
-        Returns
-        -------
-        list of DualBound or None
-            Mechanism that refutes each threshold; None where no proof is found.
-        """
+        """Refute scaled λ for many partial labellings, see `PartialLabellingBounds.refute_all`."""
         count = len(labellings)
         with self._counting:
             self.solves += count
@@ -157,47 +124,38 @@ class Relaxation:
             answers = self._batch.solve(labellings, undecided=undecided, thresholds=thresholds, vectors=True)
             # Skip labellings whose forces carry more than the threshold. Unchecked forces suffice: skipping proves
             # nothing false.
-            told = np.flatnonzero(answers.verdict != CARRIES)
-            self._weigh_all(answers.velocities[told], told, labellings, undecided, thresholds, found)
+            candidates = np.flatnonzero(answers.verdict != CARRIES)
+            self._add_refutations(answers.velocities[candidates], candidates, labellings, undecided, thresholds, found)
             # Between abutments the batch solver reports bounds that the exact work balance cannot confirm.
             low = (answers.verdict == OPEN) | (answers.verdict == FALLS) | (answers.high < thresholds)
-            left = np.array([k for k in told.tolist() if found[k] is None and low[k]], dtype=int)
+            left = np.array([k for k in candidates.tolist() if found[k] is None and low[k]], dtype=int)
             if thorough is not None:
                 left = left[thorough[left]]
         if len(left):
-            others = self._by_route(labellings[left], undecided[left], thresholds[left])
+            others = self._refute_by_solver(labellings[left], undecided[left], thresholds[left])
             for k, one in zip(left.tolist(), others, strict=True):
                 found[k] = one
         return found
 
-    def minimize_conflicts(self, asked: ConflictRequest) -> list[MinimizedConflict]:
-        """Reduce the decided faces of labellings as far as λ stays below their thresholds.
+    def minimize_conflicts(self, request: ConflictRequest) -> list[MinimizedConflict]:
+        """Minimise conflicts under one load, see `PartialLabellingBounds.minimize_conflicts`.
 
-        Neighbours of the labellings are treated as well. Needs the batch solver (`many`). The work balance of every
-        refutation is evaluated again here.
-
-        Parameters
-        ----------
-        asked : ConflictRequest
-            Labellings and scaled thresholds.
-
-        Returns
-        -------
-        list of MinimizedConflict
-            One entry for each labelling or neighbour that was begun.
+        Raises RuntimeError without the batch solver.
         """
         if self._batch is None:
-            raise RuntimeError("conflicts are minimised by the batch solver alone; ask `many` first")
-        raw = self._batch.minimize_conflicts(asked)
+            raise RuntimeError("conflicts are minimised by the batch solver alone; ask `batched` first")
+        raw = self._batch.minimize_conflicts(request)
         with self._counting:
             self.solves += int(raw.relaxations.sum())
         begun = np.flatnonzero(raw.relaxations)
         of = raw.labelling[begun]
         left = np.arange(len(begun))[raw.fate[begun] == REFUTED]
-        open_ = asked.free & ~raw.decided[begun]
+        open_ = request.free & ~raw.decided[begun]
         found: list[DualBound | None] = [None] * len(begun)
-        self._weigh_all(raw.velocity[begun[left]], left, asked.labellings[of], open_, asked.thresholds[of], found)
-        drawn = begun % (1 + asked.how.neighbours) == 0
+        self._add_refutations(
+            raw.velocity[begun[left]], left, request.labellings[of], open_, request.thresholds[of], found
+        )
+        drawn = begun % (1 + request.how.neighbours) == 0
         rows = zip(of.tolist(), drawn.tolist(), raw.decided[begun], found, raw.fate[begun].tolist(), strict=True)
         return [
             MinimizedConflict(k, own, faces, None, fate == CARRIED)
@@ -206,31 +164,8 @@ class Relaxation:
             for k, own, faces, one, fate in rows
         ]
 
-    def weigh(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
-        """Evaluate the work balance of known mechanisms, without solving a program.
-
-        Parameters
-        ----------
-        case : int
-            Index of the load case; a single load has only case 0.
-        velocities : (k, q·free) float array
-            Mechanisms, scaled.
-        labellings : (k, m) bool array
-            Labels, True = dry; ignored where undecided.
-        undecided : (k, m) bool array
-            Faces that may have either label.
-
-        Returns
-        -------
-        (k,) float array
-            Scaled λ that no labelling exceeds that agrees where decided; −inf where none is admissible at any λ, inf
-            where the mechanism proves nothing.
-
-        Raises
-        ------
-        ValueError
-            If the load case does not exist.
-        """
+    def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
+        """Evaluate mechanisms under one load, see `PartialLabellingBounds.evaluate_mechanisms`."""
         if case != 0:
             raise ValueError(f"case: there is one load, and no load case {case}")
         balance = self._balances.balance(velocities, labellings, undecided)
@@ -240,7 +175,7 @@ class Relaxation:
         bound[~balance.sound] = np.inf
         return bound
 
-    def _weigh_all(
+    def _add_refutations(
         self,
         velocities: Floats,
         which: Ints,
@@ -249,10 +184,11 @@ class Relaxation:
         thresholds: Floats,
         found: list[DualBound | None],
     ) -> None:
-        """Write the bounds of velocities (j, q·free) into `found`.
+        """Write the refutations that velocities prove into the list `found`.
 
-        Where a bound is missing, a small opening motion is added.
-        which: (j,) index of the labelling that each mechanism belongs to.
+        velocities: (j, q·free) one mechanism for each of some labellings. which: (j,) index of the labelling that each
+        mechanism belongs to. labellings, undecided: (k, m). thresholds: (k,) scaled λ. Where a mechanism proves
+        nothing, a small opening motion is added.
         """
         fine = np.isfinite(velocities).all(axis=1)
         which, velocities = which[fine], velocities[fine]
@@ -267,65 +203,42 @@ class Relaxation:
                 velocities = velocities + 1e-9 / float(abs(opening.velocity).max()) * opening.velocity
             if not len(which):
                 return
-            answers = self._weigh(velocities, labellings[which], undecided[which], thresholds[which])
+            answers = self._refutations(velocities, labellings[which], undecided[which], thresholds[which])
             for k, answer in zip(which.tolist(), answers, strict=True):
                 found[k] = answer
             lacking = np.array([answer is None for answer in answers])
             which, velocities = which[lacking], velocities[lacking]
 
-    def bound(self, labels: Bits, undecided: Bools) -> float:
-        """Return an upper bound on λ of a partial labelling.
-
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry; ignored where undecided.
-        undecided : (m,) bool array
-            Faces that may have either label.
-
-        Returns
-        -------
-        float
-            Scaled λ that no labelling exceeds that agrees where decided; inf where no bound was found.
-        """
-        found = self.least_bound(labels, undecided)
-        return np.inf if found is None else found.bound
-
     def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
-        """Return the mechanism with the least bound found for a partial labelling.
-
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry; ignored where undecided.
-        undecided : (m,) bool array
-            Faces that may have either label.
-
-        Returns
-        -------
-        DualBound or None
-            Mechanism with its bound, scaled; None where no bound was found.
-        """
+        """Return the mechanism of least scaled λ, see `PartialLabellingBounds.least_bound`."""
         found = self.refute_all(labels[None], undecided[None], np.array([_ANY]))
         if self._shared is not None and self._batch is not None:
             # The rows of the batch solver enclose the hull of crushing joints; the exact hull gives a slightly lower
             # bound.
-            found += self._by_route(labels[None], undecided[None], np.array([_ANY]))
+            found += self._refute_by_solver(labels[None], undecided[None], np.array([_ANY]))
         return min((one for one in found if one is not None), key=lambda one: one.bound, default=None)
 
-    def _by_route(self, labellings: Bits, undecided: Bools, thresholds: Floats) -> list[DualBound | None]:
-        """Refute λ for partial labellings one after the other, by the interior-point solver."""
+    def _refute_by_solver(self, labellings: Bits, undecided: Bools, thresholds: Floats) -> list[DualBound | None]:
+        """Refute scaled λ for partial labellings one by one, by the interior-point solver.
+
+        labellings, undecided: (k, m). thresholds: (k,).
+        """
         rows, found = self.template.matrix.shape[0], []
         for pair in zip(labellings, undecided, strict=True):
             checkpoint()
             with self._solving:
-                found.append(self._route.solve(self.program(*pair)).dual[:rows])
+                found.append(self._solver.solve(self.program(*pair)).dual[:rows])
         answers: list[DualBound | None] = [None] * len(labellings)
-        self._weigh_all(np.array(found), np.arange(len(labellings)), labellings, undecided, thresholds, answers)
+        self._add_refutations(np.array(found), np.arange(len(labellings)), labellings, undecided, thresholds, answers)
         return answers
 
-    def _weigh(self, velocities: Floats, labels: Bits, undecided: Bools, thresholds: Floats) -> list[DualBound | None]:
-        """Return the refutations of labellings (k, m) by velocities (k, q·free) of order one."""
+    def _refutations(
+        self, velocities: Floats, labels: Bits, undecided: Bools, thresholds: Floats
+    ) -> list[DualBound | None]:
+        """Return what velocities prove about partial labellings; None where it is no refutation.
+
+        velocities: (k, q·free) of order one. labels, undecided: (k, m). thresholds: (k,) scaled λ.
+        """
         balance = self._balances.balance(velocities, labels, undecided)
         work, total = balance.work, balance.total
         excess = thresholds * work - total

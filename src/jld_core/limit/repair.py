@@ -13,14 +13,14 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.limit.admissible import Motion, State
 from jld_core.limit.auxiliary_programs import (
+    largest_slack_program,
     largest_support,
-    most_slack,
-    of_columns,
-    on_faces,
+    maximise_slacks,
     polygonal_support,
-    snapped,
-    tips_of,
-    with_slack,
+    project_onto_faces,
+    restrict_columns,
+    slack_rows,
+    without_small_components,
 )
 from jld_core.limit.bounds import Prover
 from jld_core.limit.equilibrium import usable
@@ -28,7 +28,7 @@ from jld_core.limit.facial_reduction import FacialReduction
 from jld_core.limit.opening_motions import OpeningMotions
 from jld_core.limit.self_stress import SelfStress
 from jld_core.program import Structure, Template
-from jld_core.solvers import RawSolution, auxiliary, is_large
+from jld_core.solvers import RawSolution, is_large, solve_auxiliary
 
 _DENSE = 4000  # Number of velocities up to which equations are solved by dense algebra.
 _LEAST_SLACK = 1e-5  # Slack, scaled, that every row can have at once if it can have any.
@@ -54,8 +54,8 @@ class Repair:
     def __init__(self, template: Template, prover: Prover) -> None:
         self.template, self.prover = template, prover
         self._openings = OpeningMotions(template, prover)
-        self._deepest_key: bytes | None = None
-        self._deepest: RawSolution | None = None
+        self._largest_slack_key: bytes | None = None
+        self._largest_slack: RawSolution | None = None
         self._magnitudes = abs(template.matrix)
 
     # --- states -----------------------------------------------------------------------------------------
@@ -73,7 +73,7 @@ class Repair:
         State or None
             State of largest slack; None where it is not admissible.
         """
-        state = self.prover.state(self._deepest_answer(labels).point[: self.template.columns], labels, passes=3)
+        state = self.prover.state(self._largest_slack_solution(labels).point[: self.template.columns], labels, passes=3)
         return state if state.admissible else None
 
     def stands(self, labels: Bits) -> bool | None:
@@ -89,30 +89,33 @@ class Repair:
         bool or None
             True with an admissible state, False with a motion that gains energy, None if neither is found.
         """
-        program = with_slack(self.template.program(labels), load_fixed=True)
+        program = largest_slack_program(self.template.program(labels), load_fixed=True)
         # A coarse solve suffices where the structure stands or fails by a margin; on large scenes it saves time.
         for gap in (1e-2, 1e-8) if is_large(program.structure) else (1e-8,):
-            found = self._settled(auxiliary(program, gap), labels)
+            found = self._settled(solve_auxiliary(program, gap), labels)
             if found is not None:
                 break
         return found
 
     def _settled(self, raw: RawSolution, labels: Bits) -> bool | None:
-        """Return what a point of largest slack at λ = 0 and its multipliers prove."""
+        """Return whether λ = 0 is admissible, as far as one solver answer proves it.
+
+        raw: answer of the program of largest slack at λ = 0. labels: (m,) True = dry. The result is None if undecided.
+        """
         point = np.append(raw.point[: self.template.columns - 1], 0.0)
         if self.prover.state(point, labels, passes=3, held=True).admissible:
             return True
         motion = self.prover.motion(raw.dual, labels, normalise=False)
         opening = self.opening()
         if motion.margin < 0.0 and opening is not None:
-            motion = self.prover.open_up(motion, opening, labels)
+            motion = self.prover.add_opening(motion, opening, labels)
         if motion.margin < 0.0:
             motion = self.reduced(motion, labels, normalise=False) or motion
         if motion.margin >= 0.0 and motion.bound < -max(tolerances.ROUNDING, motion.noise):
             return False
-        return True if self.edge_state(raw.point, labels, load_fixed=True) is not None else None
+        return True if self.boundary_state(raw.point, labels, load_fixed=True) is not None else None
 
-    def fall(self, labels: Bits) -> Floats:
+    def instability_velocities(self, labels: Bits) -> Floats:
         """Find velocities that gain energy.
 
         They exist where the largest slack at any λ is negative.
@@ -127,17 +130,20 @@ class Repair:
         (≥ q·free,) float array
             Raw multipliers of the program of largest slack; the velocities come first.
         """
-        return self._deepest_answer(labels).dual
+        return self._largest_slack_solution(labels).dual
 
-    def _deepest_answer(self, labels: Bits) -> RawSolution:
-        """Return the solution of largest slack at any λ; the last one is cached."""
+    def _largest_slack_solution(self, labels: Bits) -> RawSolution:
+        """Return the raw solution of largest slack at any λ; the last one is cached.
+
+        labels: (m,) True = dry.
+        """
         key = np.packbits(labels).tobytes()
-        if self._deepest is None or key != self._deepest_key:
-            self._deepest = auxiliary(with_slack(self.template.program(labels)), 1e-4)
-            self._deepest_key = key
-        return self._deepest
+        if self._largest_slack is None or key != self._largest_slack_key:
+            self._largest_slack = solve_auxiliary(largest_slack_program(self.template.program(labels)), 1e-4)
+            self._largest_slack_key = key
+        return self._largest_slack
 
-    def edge_state(self, point: Floats | None, labels: Bits, load_fixed: bool = False) -> State | None:
+    def boundary_state(self, point: Floats | None, labels: Bits, load_fixed: bool = False) -> State | None:
         """Find an admissible state where some yield rows are tight for all admissible forces.
 
         The point is projected onto equilibrium and the equations of the tight rows together. It is then blended with a
@@ -162,7 +168,7 @@ class Repair:
         if s.shape[1] > _DENSE:
             return None
         columns = s.shape[1] - int(load_fixed)
-        answer, slack = most_slack(program, program.rhs, columns, cap=_LEAST_SLACK)
+        answer, slack = maximise_slacks(program, program.rhs, columns, cap=_LEAST_SLACK)
         tight = slack < 1e-3 * _LEAST_SLACK
         values = program.rhs - program.matrix[:, :columns] @ answer.point[:columns]
         balance = sp.csr_array(sp.eye_array(s.equalities, s.shape[0]))
@@ -179,23 +185,23 @@ class Repair:
             return None
         inside = project(answer.point[:columns])
         start = project(point[:columns]) if point is not None and usable(point) else inside
-        faces = self.template.yield_set.pattern.row_face[tips_of(s)[tight] - s.equalities - 1]
+        faces = self.template.yield_set.pattern.row_face[slack_rows(s)[tight] - s.equalities - 1]
         edge = np.isin(np.arange(len(labels)), faces)
         for share in (0.0, *np.logspace(-13.0, -3.0, 11), 1.0):
             y = (1.0 - share) * start + share * inside
-            state = self._state_at_edge(y, labels, edge, 0.0 if load_fixed else float(y[-1]))
+            state = self._state_on_boundary(y, labels, edge, 0.0 if load_fixed else float(y[-1]))
             if state is not None:
                 return state
         return None
 
     def _equations(self, s: Structure, tight: Bools, values: Floats) -> list[sp.csr_array]:
-        """Return combinations (k, rows) of rows that are zero where tips are tight.
+        """Return equations that hold where yield rows are tight: combinations (k, rows) of rows.
 
         On the boundary of a cone away from its tip, the tail is a fixed direction times the head. At the tip all rows
-        of the cone are zero. A crushing face without force lies on the boundary of its cones away from their tips.
-        values: (rows,) r − M y of a point there.
+        of the cone are zero. A crushing face without force lies on the boundary of its cones away from their tips. s:
+        structure of the program. tight: True for tight rows of `slack_rows`. values: (rows,) slacks of a point.
         """
-        tips, linear = tips_of(s), s.linear - 1
+        tips, linear = slack_rows(s), s.linear - 1
         first = tips[:linear][tight[:linear]]
         found = [sp.csr_array((np.ones(len(first)), (np.arange(len(first)), first)), shape=(len(first), s.shape[0]))]
         for start, size, at in zip(s.heads, s.cones, tight[linear:], strict=True):
@@ -206,14 +212,15 @@ class Repair:
             rows[np.arange(size), start + np.arange(size)] = 1.0
             if head > _NO_FORCE and float(np.linalg.norm(tail)) > 0.5 * head:
                 rows = rows[1:]
-                rows[:, start] = -snapped(tail / np.linalg.norm(tail), _SNAP)[:, None]
+                rows[:, start] = -without_small_components(tail / np.linalg.norm(tail), _SNAP)[:, None]
             found.append(rows.tocsr())
         return found
 
-    def _state_at_edge(self, y: Floats, labels: Bits, edge: Bools, load: float) -> State | None:
-        """Return the state of a projected point; None where it is not admissible.
+    def _state_on_boundary(self, y: Floats, labels: Bits, edge: Bools, load: float) -> State | None:
+        """Return the state of a point on the boundary of yield sets; None if inadmissible.
 
-        Violations within rounding are accepted.
+        y: point, forces first. labels: (m,) True = dry. edge: (m,) faces with tight rows, where violations within
+        rounding are accepted. load: scaled λ.
         """
         template, sets = self.template, self.template.yield_set
         forces = y[: template.matrix.shape[1]].reshape(len(labels), -1)
@@ -224,15 +231,15 @@ class Repair:
         dead, live = template.dead, load * template.live
         left = template.matrix @ forces.ravel() + dead + live
         met = self._magnitudes @ abs(forces.ravel()) + abs(dead) + abs(live)
-        room = sets.slack(forces, labels)
+        slack = sets.slack(forces, labels)
         nothing = np.finfo(float).eps * max(1.0, float(largest.max()))  # Last digit of the projected values.
         noise = tolerances.ROUNDING * abs(forces[edge]).max(axis=1) + nothing
-        room[edge] = np.where(abs(room[edge]) <= noise, np.inf, room[edge])
-        if np.any(abs(left) > tolerances.ROUNDING * met + nothing) or room.min() < 0.0:
+        slack[edge] = np.where(abs(slack[edge]) <= noise, np.inf, slack[edge])
+        if np.any(abs(left) > tolerances.ROUNDING * met + nothing) or slack.min() < 0.0:
             return None
-        return State(forces, load, float(room.min()), 0.0)
+        return State(forces, load, float(slack.min()), 0.0)
 
-    def leaning(self, labels: Bits) -> list[State]:
+    def self_stress_states(self, labels: Bits) -> list[State]:
         """Find states that rely on a self-stress at the boundary of the friction cones.
 
         Parameters
@@ -245,7 +252,7 @@ class Repair:
         list of State
             States found, not necessarily admissible, see `FacialReduction.states`.
         """
-        inside = self._deepest_answer(labels).point[: self.template.columns]
+        inside = self._largest_slack_solution(labels).point[: self.template.columns]
         return [
             *FacialReduction(self.template, self.prover).states(labels),
             *SelfStress(self.prover, labels).states(inside),
@@ -271,12 +278,12 @@ class Repair:
         # Faces that crush carry no ray. Drop their columns and with them their cones, which solvers satisfy only to a
         # residual.
         program = self.template.program(labels)
-        bears = self.template.yield_set.recession_active(labels).ravel()
-        if not bears.any():
+        active = self.template.yield_set.recession_active(labels).ravel()
+        if not active.any():
             return None
         kept = np.ones(program.structure.shape[1], dtype=bool)
-        kept[: len(bears)] = bears
-        program = of_columns(program, kept)
+        kept[: len(active)] = active
+        program = restrict_columns(program, kept)
         target = -self.template.live
         columns = program.structure.shape[1] - 1
         # Rows that no ray leaves slack are equations, which a solver satisfies only to a residual. The size of that
@@ -284,15 +291,17 @@ class Repair:
         for largest, least in _RAYS:
             found = polygonal_support(program, columns, target) if not largest else None
             found = found or largest_support(program, columns, target, largest or np.inf)
-            point = on_faces(program, found, target, _SNAP, least) if least and columns <= _DENSE else found.point
-            whole = np.zeros(len(bears))
-            whole[bears] = point[: int(bears.sum())]
+            point = (
+                project_onto_faces(program, found, target, _SNAP, least) if least and columns <= _DENSE else found.point
+            )
+            whole = np.zeros(len(active))
+            whole[active] = point[: int(active.sum())]
             ray = self.prover.ray(np.append(whole, 1.0), labels)
             if self.prover.is_ray(ray):
                 return ray
         return None
 
-    def ray_beside_self_stress(self, labels: Bits) -> State | None:
+    def ray_with_self_stress(self, labels: Bits) -> State | None:
         """Find a ray that is admissible together with a self-stress that grows faster.
 
         Parameters

@@ -261,9 +261,9 @@ class LimitAnalysisResult(NotebookRepr):
 
 
 def _faces(assembly: Assembly, labels: Bits) -> list[dict[str, Any]]:
-    """Return every face with its local frame, scene units.
+    """Return the JSON entries of all faces: elements, label, local frame and size.
 
-    These values suffice to check equilibrium and yield by hand.
+    Values are in scene units. They suffice to check equilibrium and yield by hand.
     """
     faces, ids = assembly.interfaces, assembly.elements.ids
     planar = assembly.dimension == 2

@@ -10,7 +10,7 @@ import numpy as np
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.limit.brackets import load_scale, relative_width
-from jld_core.limit.governing import Known, governing
+from jld_core.limit.governing import CaseBounds, governing
 from jld_core.limit.options import SolveOptions
 from jld_core.limit.proof import Proof
 from jld_core.limit.result import LimitAnalysisResult
@@ -44,12 +44,12 @@ def result_of(
         The result, scene units.
     """
     scaling, (low, high), status = template.scaling, proof.bracket, proof.status
-    floor = load_scale(template.assembly) / scaling.load
+    scale = load_scale(template.assembly) / scaling.load
     held, motion = proof.found or proof.state, proof.motion
     forces = None if held is None or status is Status.UNSTABLE else held.forces * scaling.face
     moves = motion is not None and status not in (Status.UNSTABLE, Status.LOCKED)
     mechanism = element_velocities(template, motion.velocity) if motion is not None and moves else None
-    width = relative_width(low, high, floor)
+    width = relative_width(low, high, scale)
     nothing = status in (Status.UNSTABLE, Status.LOCKED)
     return LimitAnalysisResult(
         assembly=template.assembly,
@@ -62,7 +62,7 @@ def result_of(
         forces=forces,
         mechanism=mechanism,
         iterations=proof.solves,
-        solve_log=tuple(proof.route),
+        solve_log=tuple(proof.solve_log),
         seconds={"assemble": assemble, "solve": proof.seconds, "total": assemble + elapsed},
         model=options,
         facts=proof.extra,
@@ -73,9 +73,10 @@ def result_of(
 
 
 def _instability_mechanism(template: Template, proof: Proof) -> Floats | None:
-    """Return the velocities (n, q) that prove an instability.
+    """Return the velocities (n, q) that prove an instability, scaled to a largest value of 1.
 
-    The largest displacement, or without any the largest rotation, is 1.
+    That value is the largest displacement, or the largest rotation if nothing is displaced. The result is None if the
+    proof has no such velocities.
     """
     motion = proof.collapse_below_zero or proof.motion
     if proof.status is not Status.UNSTABLE or motion is None:
@@ -102,11 +103,11 @@ def governing_result(assembly: Assembly, cases: dict[str, LimitAnalysisResult]) 
         Governing factor with its bracket; forces and mechanism are those of the governing case.
     """
     found = list(cases.values())
-    known = [Known(one.status, *one.bracket, one.load_factor) for one in found]
+    known = [CaseBounds(one.status, *one.bracket, one.load_factor) for one in found]
     decided = governing(known, assembly.required.tolist())
     first = found[decided.case]
-    floor = max(1e-300, load_scale(first.assembly) / float(assembly.required[decided.case]))
-    width = relative_width(decided.low, decided.high, floor)
+    scale = max(1e-300, load_scale(first.assembly) / float(assembly.required[decided.case]))
+    width = relative_width(decided.low, decided.high, scale)
     stands = [one.stands_at_zero for one in found]
     return replace(
         first,

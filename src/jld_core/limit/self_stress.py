@@ -21,7 +21,7 @@ import numpy as np
 
 from jld_core.arrays import Bits, Floats
 from jld_core.limit.admissible import State
-from jld_core.limit.auxiliary_programs import largest_support, on_faces, polygonal_support
+from jld_core.limit.auxiliary_programs import largest_support, polygonal_support, project_onto_faces
 from jld_core.limit.bounds import Prover
 from jld_core.limit.equilibrium import usable
 from jld_core.limit.facial_reduction import DENSE, SEARCHES
@@ -43,7 +43,10 @@ _RAYS: Final = ((0.0, 1e-5), (0.0, 0.0), (1e3, 1e-5), (1e2, 1e-4))
 
 @dataclass(frozen=True)
 class _Stage:
-    """Self-stresses found so far, (columns,) each, the rows of each before it, and the rows that are left."""
+    """Self-stresses found so far, and the rows that they leave.
+
+    stresses: each (columns,). before: rows in which each was found. left: rows left by all of them.
+    """
 
     stresses: tuple[Floats, ...]
     before: tuple[Reduced, ...]
@@ -51,8 +54,12 @@ class _Stage:
 
 
 @dataclass(frozen=True)
-class _Room:
-    """Position of a vector in rows: slack (k,) of linear ones, heads (c,) and tails (c, 2) of cones."""
+class _RowPosition:
+    """Slacks of a vector in a set of yield rows.
+
+    linear: (k,) slacks of the linear rows. head: (c,) value of the first row of each cone. tail: (c, 2) values of its
+    other rows.
+    """
 
     linear: Floats
     head: Floats
@@ -60,17 +67,17 @@ class _Room:
 
     @property
     def inside(self) -> Floats:
-        """Slack (c,) of each cone."""
+        """Return the slack (c,) of each cone: its first row minus the norm of the others."""
         return np.asarray(self.head - np.linalg.norm(self.tail, axis=1))
 
     @property
     def least(self) -> float:
-        """Least slack of all rows."""
+        """Return the least slack of all linear rows and cones."""
         return float(min(self.linear.min(initial=np.inf), self.inside.min(initial=np.inf)))
 
 
 class SelfStress:
-    """Rays and states of one labelling beside large self-stresses.
+    """Rays and states of one labelling that are admissible beside large self-stresses.
 
     Parameters
     ----------
@@ -108,10 +115,12 @@ class SelfStress:
                 )
                 if found is None:
                     continue
-                ray = _cleared(on_faces(left, found, target, _SNAP, least) if least else found.point)
+                ray = _without_last_digits(
+                    project_onto_faces(left, found, target, _SNAP, least) if least else found.point
+                )
                 size = min(1.0, float(abs(ray).max()) or 1.0)
                 forces = ray[: self.template.matrix.shape[1]]
-                slack = min(0.0, _room(left, ray).least) / size
+                slack = min(0.0, _row_position(left, ray).least) / size
                 state = State(self._table(forces), 1.0, slack, self.prover.imbalance(forces, self.template.live))
                 if self.prover.is_ray(state):
                     return state
@@ -145,7 +154,11 @@ class SelfStress:
                 yield State(self._table(forces[:resultants]), float(point[-1]), 2.0 * error, error)
 
     def _balanced(self, point: Floats) -> tuple[Floats, float] | None:
-        """Project forces onto equilibrium, further variables left as they are; return them with the error left."""
+        """Project forces onto equilibrium, and return them with the error left.
+
+        point: (columns + 1,) forces, further variables, and λ. The further variables stay as they are. The result is
+        None if the point is unusable.
+        """
         if not usable(point):
             return None
         resultants = self.template.matrix.shape[1]
@@ -153,16 +166,20 @@ class SelfStress:
         return np.concatenate([state.forces.ravel(), point[resultants : self.columns], [state.load]]), state.error
 
     def _table(self, forces: Floats) -> Floats:
-        """Return resultants (m, q) from (q·m,)."""
+        """Return scaled resultants (q·m,) as a table (m, q)."""
         return forces.reshape(len(self.labels), -1)
 
     def _with_stresses(self, point: Floats, stage: _Stage) -> Floats | None:
-        """Add each self-stress, the last first, so large that the rows before it hold; None if none is large enough."""
+        """Add self-stresses to a point until it is admissible in all rows; None on failure.
+
+        Each self-stress of the stage is added so large, the last first, that the rows before it hold. point: (columns +
+        1,).
+        """
         for stress, before in zip(stage.stresses[::-1], stage.before[::-1], strict=True):
             rows = program_of_rows(self.program, before, right=True)
             for times in _TIMES:
                 tried = point + times * np.append(stress, 0.0)
-                if _room(rows, tried).least >= -_LAST_DIGITS * float(abs(tried).max()):
+                if _row_position(rows, tried).least >= -_LAST_DIGITS * float(abs(tried).max()):
                     point = tried
                     break
             else:
@@ -170,7 +187,7 @@ class SelfStress:
         return point
 
     def _reduced(self) -> Iterator[_Stage]:
-        """Reduce the rows by one self-stress after the other; yield what is left each time."""
+        """Reduce the rows by one self-stress after the other; yield the stage reached each time."""
         stage = _Stage((), (), kept_rows(self.program))
         for _ in range(_ROUNDS):
             for search in SEARCHES[:2]:
@@ -178,8 +195,10 @@ class SelfStress:
                 support = search(left, self.columns)
                 if support is None:
                     continue
-                stress = _cleared(on_faces(left, support, np.zeros(left.structure.equalities), _SNAP))
-                after = self._left_by(stress, left, stage.left)
+                stress = _without_last_digits(
+                    project_onto_faces(left, support, np.zeros(left.structure.equalities), _SNAP)
+                )
+                after = self._remaining_rows(stress, left, stage.left)
                 if after is not None:
                     stage = _Stage((*stage.stresses, stress), (*stage.before, stage.left), after)
                     if after.rays:
@@ -188,20 +207,23 @@ class SelfStress:
             else:
                 return
 
-    def _left_by(self, stress: Floats, left: ConicProgram, reduced: Reduced) -> Reduced | None:
-        """Return the rows that a self-stress leaves; None if it is none, or leaves all."""
-        room, size = _room(left, stress), float(abs(stress).max())
+    def _remaining_rows(self, stress: Floats, left: ConicProgram, reduced: Reduced) -> Reduced | None:
+        """Return the rows that a self-stress leaves; None if it is invalid or leaves all.
+
+        stress: (columns,) to be checked. left: program of the rows so far, which `reduced` lists.
+        """
+        position, size = _row_position(left, stress), float(abs(stress).max())
         exact = self.prover.exact * max(1.0, size)
         balance = self.prover.imbalance(stress[: self.template.matrix.shape[1]], np.zeros_like(self.template.live))
-        if balance > self.prover.exact * max(1.0, size) or room.least < -exact:
+        if balance > self.prover.exact * max(1.0, size) or position.least < -exact:
             return None
         strict = _STRICT * size
         count = len(reduced.linear)
-        kept = reduced.linear[room.linear[:count] <= strict]
-        tight = room.linear[count:] <= strict
+        kept = reduced.linear[position.linear[:count] <= strict]
+        tight = position.linear[count:] <= strict
         rays = {cone: way for (cone, way), holds in zip(reduced.rays.items(), tight, strict=True) if holds}
         cones = []
-        for cone, head, tail, slack in zip(reduced.cones, room.head, room.tail, room.inside, strict=True):
+        for cone, head, tail, slack in zip(reduced.cones, position.head, position.tail, position.inside, strict=True):
             if head > strict and slack <= strict:
                 rays[cone] = tail / np.linalg.norm(tail)
             elif head <= strict:
@@ -211,23 +233,33 @@ class SelfStress:
         return Reduced(kept, tuple(cones), rays)
 
 
-def _cleared(point: Floats) -> Floats:
-    """Set entries to zero that are last digits of the largest one, as in elements that bear nothing."""
+def _without_last_digits(point: Floats) -> Floats:
+    """Set entries of a vector to zero that are rounding errors of its largest entry.
+
+    Elements that carry nothing have such entries.
+    """
     return np.where(abs(point) <= _LAST_DIGITS * abs(point).max(initial=0.0), 0.0, point)
 
 
 def _blended(rows: ConicProgram, outer: Floats, inner: Floats) -> Floats | None:
-    """Move a point towards an inner one until all rows have the slack `_LEFT`; None if the inner one has less."""
-    out, within = _room(rows, outer).least, _room(rows, inner).least
+    """Move a point towards an inner one until all rows have the slack `_LEFT`.
+
+    The result is None if the inner point has less slack. rows: program of the rows. outer, inner: (columns + 1,)
+    points.
+    """
+    out, within = _row_position(rows, outer).least, _row_position(rows, inner).least
     if within <= _LEFT:
         return None
     share = max(0.0, (_LEFT - out) / (within - out))
     return (1.0 - share) * outer + share * inner
 
 
-def _room(program: ConicProgram, point: Floats) -> _Room:
-    """Return the position of a vector in all rows but that of λ; a shorter vector: without its last columns."""
+def _row_position(program: ConicProgram, point: Floats) -> _RowPosition:
+    """Return the slacks and cone values of a vector in all rows but that of λ.
+
+    point: (columns,); if it is shorter, its last columns are zero.
+    """
     s = program.structure
     values = program.rhs - program.matrix.tocsr()[:, : len(point)] @ point
     tails = [values[s.heads + k] for k in (1, 2)] if s.cones else [np.zeros(0)] * 2
-    return _Room(values[s.equalities + 1 : s.equalities + s.linear], values[s.heads], np.column_stack(tails))
+    return _RowPosition(values[s.equalities + 1 : s.equalities + s.linear], values[s.heads], np.column_stack(tails))

@@ -195,15 +195,19 @@ def reactions(assembly: Assembly, forces: Floats, elements: Floats) -> Floats:
 
 
 def _support_rows(assembly: Assembly, moving: Any) -> tuple[Any, Any]:
-    """Return the equilibrium matrix with some supports set free, and the elements of its rows."""
+    """Return the equilibrium matrix with some supports set free, and the elements of its rows.
+
+    moving: (n,) True for supports to set free.
+    """
     elements = replace(assembly.elements, support=assembly.elements.support & ~moving)
     return equilibrium_matrix(replace(assembly, elements=elements)), elements.free
 
 
 def _end(assembly: Assembly, settlement: Settlement, labels: Bits, gap: float, sign: float) -> Thrust:
-    """Compute the least (sign −1) or the greatest (+1) reaction.
+    """Compute the least or the greatest thrust after a support movement.
 
-    The movement is scaled to speed 1 for the solve.
+    The movement is scaled to speed 1 for the solve. labels: (m,) True = dry. gap: relative width of the bracket up to
+    which the end counts as certified. sign: −1 for the least, +1 for the greatest.
     """
     speed = float(np.linalg.norm(settlement.velocity[:, : assembly.dimension], axis=1).max()) or (
         assembly.size * float(abs(settlement.velocity).max())
@@ -219,7 +223,11 @@ def _end(assembly: Assembly, settlement: Settlement, labels: Bits, gap: float, s
 
 
 def _analysis(assembly: Assembly, velocity: Floats, gap: float, sign: float, origin: float) -> LimitAnalysis:
-    """Create the analysis that maximises λ subject to R(F) = origin + sign λ."""
+    """Create the analysis that maximises λ where the thrust is R(F) = origin + sign λ.
+
+    velocity: (n, q) of the supports, with speed 1. gap: as in `settle`. sign, origin: see the equation; origin in scene
+    units.
+    """
     scaling = scaling_of(assembly)
     # Here λ is a force times a speed, scaled like a force.
     scaling = Scaling(scaling.force, scaling.face, scaling.row, scaling.force)
@@ -229,7 +237,7 @@ def _analysis(assembly: Assembly, velocity: Floats, gap: float, sign: float, ori
     beside = Beside(row=row, dead=-origin / scaling.force, live=-sign)
     template = Template(assembly, scaling, yield_set(assembly, scaling, "uncoupled"), beside)
     analysis = LimitAnalysis(assembly, template=template, gap=gap, solver="clarabel")
-    analysis.floor = tolerances.GAP_FLOOR * reference_load(assembly) / scaling.force
+    analysis.load_scale = tolerances.GAP_FLOOR * reference_load(assembly) / scaling.force
     return analysis
 
 
@@ -243,7 +251,10 @@ def _thrust(
     origin: float,
     speed: float,
 ) -> Thrust:
-    """Convert a proof about scaled λ to an end of the range of R."""
+    """Convert a proof about scaled λ to an end of the range of thrust.
+
+    labels: (m,) True = dry. gap: as in `settle`. sign, origin: as in `_analysis`. speed: of the movement, scene units.
+    """
     assembly, scaling = analysis.assembly, analysis.template.scaling
     if proof.status is Status.LOCKED:
         return Thrust(math.nan, (math.nan, math.nan), math.nan, "unbounded", None)
@@ -271,7 +282,7 @@ def _thrust(
         forces=state.forces * scaling.face,
         mechanism=mechanism,
         iterations=proof.solves,
-        solve_log=tuple(proof.route),
+        solve_log=tuple(proof.solve_log),
         seconds={"assemble": analysis.seconds, "solve": proof.seconds, "total": analysis.seconds + proof.seconds},
         model=SolveOptions(gap=gap),
     )

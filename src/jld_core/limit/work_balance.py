@@ -1,4 +1,4 @@
-"""Balance the work of mechanisms for all labellings that agree on the decided faces."""
+"""Work balances of mechanisms, for all labellings that agree on the decided faces."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ _TINY: Final = 1e-6
 class WorkBalance:
     """Work balance of k mechanisms: λ · work ≤ total for every labelling that agrees.
 
-    velocities: (k, q·free), with the opening that rounding required. work: (k,) of the live load.
-    total: (k,) dissipation minus dead work, plus possible rounding. sound: (k,) whether the dissipation is finite.
-    own, either: (k, m) dissipation of each face under its own label, and the larger of both labels.
+    velocities: (k, q·free), with the opening that rounding required. work: (k,) of the live load. total: (k,)
+    dissipation minus dead work, plus possible rounding. sound: (k,) True where the dissipation is finite. own, either:
+    (k, m) dissipation of each face under its own label, and the larger of both labels.
     """
 
     velocities: Floats
@@ -51,8 +51,9 @@ class WorkBalances:
         self.template, self._prover, self._repair = template, prover, repair
 
     def balance(self, velocities: Floats, labels: Bits, undecided: Bools) -> WorkBalance:
-        """Compute the work balance of mechanisms (k, q·free) for labellings (k, m).
+        """Compute the work balances of k mechanisms, each for one partial labelling.
 
+        velocities: (k, q·free) mechanisms. labels, undecided: (k, m) labels, and faces that may have either label.
         Possible rounding is added to the total.
         """
         velocities, jumps, finite = self._opened(velocities)
@@ -73,7 +74,7 @@ class WorkBalances:
     def _measured(self, jumps: Floats, *, margins: bool) -> Floats:
         """Return margins or dissipation (2, k, m) of jumps (k, m, q).
 
-        The first entry is for dry faces, the second for inner faces.
+        The first entry is for dry faces, the second for inner faces. margins: True for margins, False for dissipation.
         """
         sets, faces = self.template.yield_set, jumps.shape[1]
         measure = sets.margin if margins else sets.dissipation
@@ -84,9 +85,9 @@ class WorkBalances:
         return np.array(each).reshape(2, *jumps.shape[:2])
 
     def _opened(self, velocities: Floats) -> tuple[Floats, Floats, Floats]:
-        """Add an opening motion where margins are violated by rounding.
+        """Add an opening motion to velocities whose margins are violated by rounding.
 
-        Returns velocities, jumps and margins.
+        velocities: (k, q·free). The results are velocities, jumps (k, m, q) and margins (2, k, m).
         """
         jumps = self._prover.jumps(velocities)
         finite = self._measured(jumps, margins=True)

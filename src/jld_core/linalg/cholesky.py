@@ -76,7 +76,11 @@ class Fronts:
         self._place_entries(self.place[rows], self.place[columns])
 
     def _lay_out(self, start: Ints, parent: Ints, a: Ints, b: Ints, offset: Ints) -> None:
-        """Build the fronts and the ranges to which the updates of child fronts are added."""
+        """Build the fronts of the elimination, and the row ranges that receive their updates.
+
+        start, parent: parts of the dissection. a, b: ends of the edges between unknowns. offset: first unknown of each
+        node.
+        """
         later, sooner = np.maximum(a, b), np.minimum(a, b)
         by_sooner = np.argsort(sooner, kind="stable")
         later, sooner = later[by_sooner], sooner[by_sooner]
@@ -103,7 +107,10 @@ class Fronts:
                 children[parent[part]].append(part)
 
     def _place_entries(self, rows: Ints, columns: Ints) -> None:
-        """Assign each entry a position in its front: in the pivot matrix or the panel below."""
+        """Assign each matrix entry a position in the arrays of its front.
+
+        The arrays are the pivot matrix and the panel below it. rows, columns: (e,) positions in the matrix.
+        """
         row, column = np.maximum(rows, columns), np.minimum(rows, columns)
         front = np.searchsorted(self.bounds, column, side="right") - 1
         own = self.bounds[front + 1] - self.bounds[front]
@@ -172,7 +179,11 @@ class Fronts:
 
 
 def _runs(places: Ints, first: int, own: bool) -> list[_Run]:
-    """Split ascending positions into ranges of consecutive ones, numbered from `first`."""
+    """Split ascending positions into ranges of consecutive ones.
+
+    places: ascending positions in the parent front. first: number of the first position in the child's update matrix.
+    own: True if the positions count in the parent's pivot unknowns.
+    """
     if not len(places):
         return []
     cuts = [0, *(np.flatnonzero(np.diff(places) != 1) + 1).tolist(), len(places)]
@@ -180,9 +191,11 @@ def _runs(places: Ints, first: int, own: bool) -> list[_Run]:
 
 
 def _extend(table: Floats, runs: list[_Run], pivot: Floats, panel: Floats, target: Floats) -> None:
-    """Add the update matrix of a child (upper triangle) to the matrices of its parent.
+    """Add the update matrix of a child front to the matrices of its parent.
 
-    Separators are numbered along their length, so ranges are few and long, and slices replace index arrays.
+    table: (n, n) update matrix, its upper triangle. runs: ranges of its rows in the parent. pivot, panel, target: pivot
+    matrix, panel and update matrix of the parent. Separators are numbered along their length, so ranges are few and
+    long, and slices replace index arrays.
     """
     for i, row in enumerate(runs):
         rows = slice(row.place, row.place + row.last - row.first)
@@ -198,7 +211,10 @@ def _extend(table: Floats, runs: list[_Run], pivot: Floats, panel: Floats, targe
 
 
 def _expand(nodes: Ints, offset: Ints) -> Ints:
-    """Return the unknowns of nodes, one node after another."""
+    """Return the unknowns of graph nodes, one node after another.
+
+    offset: first unknown of each node.
+    """
     count = offset[nodes + 1] - offset[nodes]
     ends = np.cumsum(count)
     onward = np.arange(int(ends[-1]) if len(ends) else 0)

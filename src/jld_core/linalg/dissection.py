@@ -89,9 +89,10 @@ def nested_dissection(rows: Ints, columns: Ints, count: int, leaf: int, places: 
 
 
 def _bisect(nodes: Ints, a: Ints, b: Ints, places: Floats, side: np.ndarray) -> tuple[Ints, Ints, Ints]:
-    """Return both halves of a part and the smallest separator of two cuts.
+    """Split a part of a graph into two halves and a separator, the smaller one of two cuts.
 
-    Each of the two longest directions gives a cut; the separator is the smaller of the two sets of nodes along it.
+    nodes: of the part. a, b: ends of the edges. places: (n, d) coordinates of all nodes. side: work array (n,). Each of
+    the two longest directions gives a cut; the separator is the smaller of the two sets of nodes along it.
     """
     middle = places[nodes] - places[nodes].mean(axis=0)
     axes = np.linalg.eigh(middle.T @ middle)[1][:, ::-1]
@@ -113,7 +114,10 @@ def _bisect(nodes: Ints, a: Ints, b: Ints, places: Floats, side: np.ndarray) -> 
 
 
 def _along(nodes: Ints, places: Floats) -> Ints:
-    """Sort nodes along their longest direction, so that neighbours get neighbouring numbers."""
+    """Sort nodes along their longest direction, so that neighbours get near numbers.
+
+    places: (n, d) coordinates of all nodes.
+    """
     if len(nodes) < 3:
         return nodes
     middle = places[nodes] - places[nodes].mean(axis=0)
@@ -145,7 +149,10 @@ def graph_places(rows: Ints, columns: Ints, count: int) -> Floats:
 
 
 def _distances(graph: sp.csr_array, root: int) -> Floats:
-    """Return the number of edges (n,) from a root to each node, 0 for nodes out of reach."""
+    """Return the number of edges (n,) from a root to each node of a graph.
+
+    It is 0 for nodes out of reach.
+    """
     order, before = breadth_first_order(graph, root, directed=False)
     distance = np.zeros(graph.shape[0])
     for node in order[1:].tolist():

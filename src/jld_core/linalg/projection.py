@@ -32,12 +32,12 @@ class Projector:
     matrix : sparse array
         Matrix A.
     rows : sparse or dense array
-        A in a form for fast products with vectors (see `quick`).
+        A in a form for fast products with vectors (see `dense_if_small`).
     """
 
     def __init__(self, matrix: sp.csc_array, places: Floats | None = None) -> None:
         self.matrix = matrix
-        self.rows = quick(sp.csr_array(matrix))
+        self.rows = dense_if_small(sp.csr_array(matrix))
         self._dense: Floats | None = None
         if matrix.shape[0] <= _DENSE:
             self._dense = _right_inverse(matrix.toarray())
@@ -64,9 +64,9 @@ class Projector:
 
 
 def _cholesky(normal: sp.csc_array, places: Floats | None) -> Callable[[Floats], Floats] | None:
-    """Return a solver by multifrontal Cholesky, or None if that is impossible.
+    """Return a solver of A Aᵀ x = r by multifrontal Cholesky, or None if impossible.
 
-    It needs known places and a positive definite matrix.
+    It needs known places and a positive definite matrix. normal: A Aᵀ. places: (rows, d) coordinates of the rows.
     """
     if places is None:
         return None
@@ -82,14 +82,17 @@ def _cholesky(normal: sp.csc_array, places: Floats | None) -> Callable[[Floats],
 
 
 def _lu(normal: sp.csc_array) -> Callable[[Floats], Floats]:
-    """Return a solver by sparse LU."""
+    """Return a solver of A Aᵀ x = r by sparse LU factors of `normal`, the matrix A Aᵀ."""
     # Rows are of order one. A shift as small as rounding admits dependent rows (no friction anywhere).
     shifted = normal + 1e-15 * sp.eye_array(normal.shape[0], format="csc")
     return spla.splu(shifted, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve
 
 
 def _right_inverse(matrix: Floats) -> Floats:
-    """Return Aᵀ(A Aᵀ)⁻¹, or the pseudo-inverse if rows are linearly dependent."""
+    """Return the right inverse Aᵀ(A Aᵀ)⁻¹ of a matrix A, or its pseudo-inverse.
+
+    The pseudo-inverse serves linearly dependent rows.
+    """
     try:
         factor = np.linalg.cholesky(matrix @ matrix.T)
     except np.linalg.LinAlgError:
@@ -100,8 +103,8 @@ def _right_inverse(matrix: Floats) -> Floats:
     return la.cho_solve((factor, True), matrix).T
 
 
-def quick(matrix: Any) -> Any:
-    """Return a small sparse matrix as a dense one, for faster products with vectors.
+def dense_if_small(matrix: Any) -> Any:
+    """Return a small sparse matrix as a dense one, which multiplies vectors faster.
 
     Parameters
     ----------

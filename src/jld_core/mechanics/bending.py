@@ -52,11 +52,14 @@ class Bending:
 
     @property
     def face(self) -> Ints:
-        """Face (rows,) of each row."""
+        """Return the face (rows,) to which each row belongs."""
         return np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
 
     def most(self, rows: Floats, pair: Floats) -> Floats:
-        """Return the largest c·x (m,) over the rows of each face, for x = pair (m, 2)."""
+        """Return the largest value of c·x (m,) over the rows c of each face.
+
+        rows: (rows, 2) coefficients c. pair: (m, 2) one vector x per face.
+        """
         product = np.einsum("ej,ej->e", rows, pair[self.face])
         return np.asarray(np.maximum.reduceat(product, self.start[:-1]))
 
@@ -70,7 +73,12 @@ _TIPS = np.array([[0.0, 1.0], [-1.0, 0.0], [0.0, -1.0], [1.0, 0.0]])
 
 
 def bending_of(faces: Interfaces, point: Bools, inner_bending: InnerBending, crushed: Bools) -> Bending:
-    """Compute the bending rows: 1 for a point, 4 for a rectangle, else 1 per hull edge."""
+    """Compute the bending rows of all faces.
+
+    A point has 1 row, a rectangle 4, any other face 1 per edge of its hull. faces: all m faces. point: (m,) True for
+    faces that are points. inner_bending: see `InnerBending`. crushed: (m,) True for faces whose inner set has a
+    compressive strength.
+    """
     rectangle = faces.rectangle & ~point
     count = np.where(point, 1, 4)
     general = np.flatnonzero(~rectangle & ~point)
@@ -110,7 +118,7 @@ def bending_of(faces: Interfaces, point: Bools, inner_bending: InnerBending, cru
 
 
 def _local(faces: Interfaces, face: int) -> Floats:
-    """Return the polygon (k, 2) of a face in its own frame."""
+    """Return the corners (k, 2) of one face in its own frame, scene units."""
     return np.asarray((faces.polygon[face] - faces.origin[face]) @ np.array([faces.e1[face], faces.e2[face]]).T)
 
 
@@ -135,28 +143,39 @@ def local_hulls(faces: Interfaces, which: Ints) -> list[Floats]:
 
 
 def _kern(faces: Interfaces, face: int, outline: Floats) -> Floats:
-    """Return the kern rows of a face from its hull, area and second moments."""
+    """Return the kern rows (h, 2) of one face, scaled, from its hull, area and second moments.
+
+    outline: (h, 2) corners of the hull of the face in its own frame.
+    """
     moments = polygons.second_moments(_local(faces, face)[None])[0]
     return polygons.kern_rows(outline, float(faces.area[face]), moments)
 
 
 def _between(rows: Floats) -> Floats:
-    """Return the corners (h, 2) of {c·m ≤ 1}, each between a row and the next by angle."""
+    """Return the corners (h, 2) of the polygon {c·m ≤ 1} of rows c (h, 2).
+
+    Each corner lies between a row and the next by angle.
+    """
     onward = np.roll(rows, -1, axis=0)
     cross = rows[:, 0] * onward[:, 1] - rows[:, 1] * onward[:, 0]
     return np.column_stack([onward[:, 1] - rows[:, 1], rows[:, 0] - onward[:, 0]]) / cross[:, None]
 
 
 def _rectangle_solid(corners: Floats) -> Floats:
-    """Return the corners (ν, m) of a double pyramid: its two tips and its middle section."""
+    """Return the corners (ν, m1, m2) of the solid of an inner rectangle that crushes.
+
+    They are two tips and the corners of the middle section. corners: (4, 2) of the middle section. For ν see
+    `Bending.crush_corners`.
+    """
     middle = np.column_stack([np.full(len(corners), 0.5), 0.5 * corners])
     return np.concatenate([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], middle])
 
 
 def _solid(rows: Floats) -> Floats:
-    """Return the corners (ν, m) of {c·m ≤ ν, c·m ≥ ν − 1}.
+    """Return the corners (ν, m1, m2) of the solid {c·m ≤ ν, c·m ≥ ν − 1}.
 
-    Where the hull is not symmetric the solid is no double pyramid.
+    c are the rows (h, 2) of an inner face that crushes. Where the hull is not symmetric, the solid is no double
+    pyramid. For ν see `Bending.crush_corners`.
     """
     one = np.ones(len(rows))
     lower = np.column_stack([-one, rows, 0.0 * one])

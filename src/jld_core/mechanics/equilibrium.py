@@ -93,9 +93,10 @@ def load_vectors(assembly: Assembly) -> tuple[Floats, Floats]:
 
 
 def _cleared(block: Floats, force: Floats, moment: Floats) -> Floats:
-    """Set forces and moments (k, q) to zero where they are rounding of a force.
+    """Set entries of forces and moments (k, q) to zero where they are rounding errors.
 
-    force: (k,) size of the force. moment: (k,) moment below which the moment of that force is rounding.
+    block: (k, q) forces and moments. force: (k,) size of the force. moment: (k,) moment below which the moment of that
+    force is rounding.
     """
     d = 2 if block.shape[1] == 3 else 3
     least = np.repeat(np.column_stack([tolerances.ROUNDING * force, moment]), [d, block.shape[1] - d], axis=1)
@@ -103,9 +104,10 @@ def _cleared(block: Floats, force: Floats, moment: Floats) -> Floats:
 
 
 def _least_arm(assembly: Assembly, element: Ints) -> Floats:
-    """Return the arm (k,) below which a lever arm about the centroid of an element is rounding.
+    """Return the lever arm (k,) of each element below which an arm is a rounding error.
 
-    It is `ROUNDING` times the radius of the element, or the last digits of its coordinates if those are larger.
+    Arms are those about the centroid. The limit is `ROUNDING` times the radius of the element, or the last digits of
+    its coordinates if those are larger.
     """
     lower, upper = assembly.elements.lower[element], assembly.elements.upper[element]
     radius = 0.5 * np.linalg.norm(upper - lower, axis=1)

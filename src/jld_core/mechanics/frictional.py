@@ -40,68 +40,83 @@ class Frictional(Strengths):
     pattern: RowPattern
 
     @cached_property
-    def rough(self) -> bool:
-        """Whether any inner face has friction; without it those terms are skipped."""
+    def has_inner_friction(self) -> bool:
+        """Return True if any inner face has friction; without it those terms are skipped."""
         return bool((self.inner_friction > 0.0).any())
 
     @cached_property
-    def cohesive(self) -> bool:
-        """Whether any dry face has cohesion."""
+    def has_dry_cohesion(self) -> bool:
+        """Return True if any dry face has cohesion."""
         return bool((self.cohesion > 0.0).any())
 
     @property
     def associative(self) -> Self:
-        """Set with associative friction, which is this set itself."""
+        """Return the set with associative friction, which is this set itself."""
         return self
 
     def is_dry(self, labels: Bits) -> Bools:
-        """Return True (m,) for faces with the strengths of a dry face."""
+        """Return a mask (m,), True for faces that have the strengths of a dry face.
+
+        labels: (m,) True = dry.
+        """
         return labels
 
     def friction_of(self, labels: Bits) -> Floats:
-        """Return μ (m,) under the labels."""
+        """Return the friction coefficient μ (m,) of each face under these labels (m,), True = dry."""
         return np.where(self.is_dry(labels), self.friction, self.inner_friction)
 
     def cohesion_of(self, labels: Bits) -> Floats:
-        """Return the scaled shear capacity at N = 0 (m,) under the labels."""
+        """Return the scaled shear capacity (m,) of each face at N = 0.
+
+        labels: (m,) True = dry.
+        """
         return np.where(self.is_dry(labels), self.cohesion, self.shear)
 
     def _holds(self, labels: Bits) -> Bools:
-        """Return True (m,) for faces that resist shear; V is dropped from the others."""
+        """Return a mask (m,), True for faces that resist shear.
+
+        V is left out of the program at all others. labels: (m,) True = dry.
+        """
         dry, inner = self.friction, self.shear
-        if self.cohesive:
+        if self.has_dry_cohesion:
             dry = dry + self.cohesion
-        if self.rough:
+        if self.has_inner_friction:
             inner = inner + self.inner_friction
         return np.where(self.is_dry(labels), dry, inner) > 0.0
 
     def _capacity(self, normal: Floats) -> tuple[Floats, Floats]:
-        """Return c + μN of all faces (m,) as dry and as inner, inf where V is dropped."""
-        if self.cohesive:
+        """Return the shear capacity c + μN (m,) of all faces as dry, and as inner.
+
+        It is inf where V is left out of the program. normal: (m,) scaled normal forces N.
+        """
+        if self.has_dry_cohesion:
             dry = np.where(self.friction + self.cohesion > 0.0, self.cohesion + self.friction * normal, np.inf)
         else:
             dry = np.where(self.friction > 0.0, self.friction * normal, np.inf)
-        if self.rough:
+        if self.has_inner_friction:
             inner = np.where(self.shear + self.inner_friction > 0.0, self.shear + self.inner_friction * normal, np.inf)
         else:
             inner = np.where(self.shear > 0.0, self.shear, np.inf)
         return dry, inner
 
     def with_friction(self, share: float) -> Self:
-        """Return the set with a share of all friction; `pattern` stays the same."""
+        """Return a copy of the set with all friction coefficients multiplied by `share`.
+
+        The rows in `pattern` stay the same.
+        """
         return replace(self, friction=share * self.friction, inner_friction=share * self.inner_friction)
 
-    def bending_alone(self) -> Self:
-        """Return the set without any limit on shear; `pattern` stays the same."""
+    def without_shear_limit(self) -> Self:
+        """Return a copy of the set without any limit on shear; `pattern` stays the same."""
         none = np.zeros(len(self.friction))
         return replace(self, friction=none, inner_friction=none, cohesion=none, shear=none)
 
 
 def scaled_strengths(strengths: Strengths, unit: Floats) -> Strengths:
-    """Scale strengths as `Frictional` has them; unit: (m,) area over the force scale.
+    """Divide strengths by the force scale, after multiplication with the areas of their faces.
 
-    A material that the scene does not name gives a face without strength. `require_materials` refuses the labellings
-    that need such a material.
+    unit: (m,) area of each face over the force scale. A material that the scene does not name gives a face without
+    strength. `require_materials` refuses the labellings that need such a material.
     """
     return Strengths(
         friction=np.nan_to_num(strengths.friction, nan=0.0),
@@ -115,6 +130,10 @@ def scaled_strengths(strengths: Strengths, unit: Floats) -> Strengths:
 
 
 def _bounded(strength: Floats, unit: Floats) -> Floats:
-    """Scale compressive strengths (m,); inf where none is given or the area is zero."""
+    """Return scaled compressive strengths (m,); inf where none is given.
+
+    They are inf also where a face has no area. strength: (m,) compressive strengths, scene units. unit: (m,) area of
+    each face over the force scale.
+    """
     given = np.isfinite(strength) & (unit > 0.0)
     return np.asarray(np.where(given, np.where(given, strength, 0.0) * unit, np.inf))

@@ -18,14 +18,14 @@ from jld_core.mechanics.frictional import Frictional
 from jld_core.mechanics.yield_set import ParabolicBending, RowPattern
 
 _STEPS: Final = 257
-"""Number of points on a parabola at which `_meeting` evaluates tangent planes."""
+"""Number of points on a parabola at which `_interaction_planes` evaluates tangent planes."""
 
 
 def hull_rows(sets: Frictional, *, freedoms: int, shear: int, parabolas: bool) -> RowPattern:
-    """Return the pattern with the numbers of undecided faces in place of those of dry faces.
+    """Return a row pattern with the numbers of undecided faces in place of dry ones.
 
-    freedoms: resultants per face. shear: resultant in the linear rows that limit shear. parabolas: True if the cones
-    are those of crushing.
+    sets: yield sets of all faces. freedoms: number of resultants per face. shear: index of the resultant in the linear
+    rows that limit shear. parabolas: True if the cones of the pattern are those of crushing.
     """
     pattern = sets.pattern
     data, rhs = pattern.dry.copy(), pattern.h_dry.copy()
@@ -52,19 +52,19 @@ def hull_rows(sets: Frictional, *, freedoms: int, shear: int, parabolas: bool) -
     return replace(pattern, dry=data, h_dry=rhs)
 
 
-def bow_of_hull(sets: Frictional, crushed: Ints) -> ParabolicBending | None:
-    """Return sets that enclose either label of planar faces (k,) that crush.
+def parabolic_hull(sets: Frictional, crushed: Ints) -> ParabolicBending | None:
+    """Return sets that enclose the yield sets of both labels, for planar faces that crush.
 
-    The result is None where an inner face carries more N than the dry one. Write T = σtA.
+    crushed: (k,) indices of these faces. The result is None where an inner face carries more N than the dry one.
 
-    In N and m the set is the hull of two sets. One is the parabola N − N²/N_c. The other is the triangle of the inner
-    set with its foot (−T, 0) and its top ((C − T)/2, (C + T)/6), where C is the σcA of the inner face. The boundary has
-    three pieces: the parabola from n₀ on, the tangent at n₀ through the top, and the line from the foot to the top. If
-    the tangent through the foot passes above the top, it replaces the last two. The tangent from a point (x, y) touches
-    at n₀ = x + √(x² − N_c (x − y)).
+    Write T = σtA. In N and m the set is the hull of two sets. One is the parabola N − N²/N_c. The other is the triangle
+    of the inner set with its foot (−T, 0) and its top ((C − T)/2, (C + T)/6), where C is the σcA of the inner face. The
+    boundary has three pieces: the parabola from n₀ on, the tangent at n₀ through the top, and the line from the foot to
+    the top. If the tangent through the foot passes above the top, it replaces the last two. The tangent from a point
+    (x, y) touches at n₀ = x + √(x² − N_c (x − y)).
 
     In N and V the bound is the line through (−T, τA − μ_inner T) above all corners. For the interaction of V and M see
-    `_meeting`.
+    `_interaction_planes`.
     """
     tension, limit, inner_limit = sets.tension[crushed], sets.crush_dry[crushed], sets.crush_inner[crushed]
     if not np.all(inner_limit <= limit):
@@ -91,23 +91,26 @@ def bow_of_hull(sets: Frictional, crushed: Ints) -> ParabolicBending | None:
     holds = (sets.shear + sets.inner_friction + sets.friction + sets.cohesion)[crushed] > 0.0
     rows[~holds, 1] = (0.0, 1.0, 1.0)
     strengths = np.column_stack([limit, dry, sets.cohesion[crushed], tension, inner_limit, sets.shear[crushed], inner])
-    meeting = _meeting(strengths)
-    meeting[~holds] = 0.0
-    return ParabolicBending(crushed, np.column_stack([1.0 / limit, knee]), rows, np.column_stack([meeting, strengths]))
+    interaction = _interaction_planes(strengths)
+    interaction[~holds] = 0.0
+    return ParabolicBending(
+        crushed, np.column_stack([1.0 / limit, knee]), rows, np.column_stack([interaction, strengths])
+    )
 
 
-def _meeting(strengths: Floats) -> Floats:
-    """Return the planes (k, 5) that bound V and M together, for undecided faces that crush.
+def _interaction_planes(strengths: Floats) -> Floats:
+    """Return what defines planes that bound V and M together, for faces that may crush.
 
-    Columns 0 and 1 are N and m of an inner corner; column 2 is how far its shear is above the dry line. Columns 3 and 4
-    are the first and last N₁ of the parabola between which planes that touch corner and parabola enclose either label.
-    A row is zero where there are none. strengths: (k, 7), as `ParabolicBending.meeting` has them.
+    The result (k, 5) has one row per face: N and m of a corner of the inner set; how far the shear of this corner is
+    above that of the dry set; and the first and last value N₁ of an interval. For every N₁ in it, the plane that
+    touches the corner, and the parabola of the dry set at N₁, encloses the sets of both labels. A row is zero where
+    there is no such plane. strengths: (k, 7), as the last columns of `ParabolicBending.interaction`.
 
     Shear beyond c + μN requires a share w of inner corners, mostly of (−T, 0). The hull therefore bulges between a
     corner (n, m) and the parabola. Planes a N − b|V| − |m| + h ≥ 0 tangent to it at N₁ have a = 1 + μb − 2N₁/N_c. The
     one with b = −(m − n (1 − 2N₁/N_c) − N₁²/N_c) / (shear above) touches the corner too. It is a plane of the hull
     where the other corners do not pass it. The corner is (−T, 0) where that has such planes, else the one with the
-    longest range of N₁. Where planes of all directions meet, at the top, a single plane bounds little.
+    longest interval of N₁. Where planes of all directions meet, at the top, a single plane bounds little.
     """
     limit, friction, cohesion, tension, inner_limit, shear, inner_friction = strengths.T
     top = 0.5 * (inner_limit - tension)
@@ -136,9 +139,10 @@ def _meeting(strengths: Floats) -> Floats:
 
 
 def _widen_crushing(sets: Frictional, data: Floats, rhs: Floats) -> None:
-    """Widen the parabola |m| ≤ N (1 − N/C) about N = −σtA until it holds both sets.
+    """Widen the parabolas of crushing in a row pattern until they enclose both labels.
 
-    Without inner σc it is dropped.
+    The parabola |m| ≤ N (1 − N/C) stands about N = −σtA. Without a compressive strength of the inner face it is
+    dropped. data, rhs: numbers of the pattern, changed in place.
 
     With N' = N + σtA and C = max(N_c dry, N_c inner) + σtA: N'(1 − N'/C) − N (1 − N/N_c) ≥ σtA (1 − N/C')² ≥ 0, so the
     dry set is inside. N'(C − N')/C ≥ min(N', C − N')/2 is more than the third that an inner face may take.

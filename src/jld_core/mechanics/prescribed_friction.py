@@ -67,12 +67,12 @@ class PrescribedFriction:
 
     @property
     def associative(self) -> FrictionSet:
-        """Set with associative friction, which is `base`."""
+        """Return the set with associative friction, which is `base`."""
         return self.base
 
     @cached_property
     def pattern(self) -> RowPattern:
-        """Rows of the base with other numbers in the rows that limit shear.
+        """Return the rows of `base` with the prescribed friction in the rows that limit shear.
 
         With effective areas, V enters the torsion rows of dry faces too.
         """
@@ -91,18 +91,25 @@ class PrescribedFriction:
 
     @cached_property
     def _previous(self) -> tuple[Floats, Floats]:
-        """N_prev (m,) of all faces as dry and as inner."""
+        """Return N_prev (m,) of all faces as dry, and as inner.
+
+        Each value is raised to the least N that the face can carry.
+        """
         return np.maximum(self.previous, 0.0), np.maximum(self.previous, -self.base.tension)
 
     def _frozen(self, labels: Bits) -> Floats:
-        """Return (1 − α) μ N_prev (m,)."""
+        """Return the part (1 − α) μ N_prev (m,) of the shear capacity.
+
+        It does not depend on the present N.
+        """
         previous = np.where(self.base.is_dry(labels), *self._previous)
         return np.asarray((1.0 - self.alpha) * self.base.friction_of(labels) * previous)
 
     def _with_areas(self, pattern: RowPattern, areas: EffectiveAreas) -> RowPattern:
-        """Replace the torsion rows by t ± e ≤ capacity, divided by ρ.
+        """Return a row pattern with torsion about effective areas.
 
-        The division keeps coefficients of order one.
+        The torsion rows become t ± e ≤ capacity, divided by ρ, which keeps coefficients of order one. pattern: with
+        torsion about whole faces. areas: the effective areas.
         """
         p, own = pattern, 6 * len(self.previous)
         twist = np.flatnonzero((p.column < own) & (p.column % 6 == 5) & (p.dry != 0.0))
@@ -124,58 +131,66 @@ class PrescribedFriction:
 
     @cached_property
     def _smooth(self) -> FrictionSet:
-        """Base with bending only, without any limit on shear."""
-        return self.base.bending_alone()
+        """Return the base yield set without any limit on shear, for its limits in bending."""
+        return self.base.without_shear_limit()
 
     @cached_property
     def _associated(self) -> FrictionSet:
-        """Base yield set with friction αμ: the part of friction that depends on the present N, not on N_prev."""
+        """Return the base yield set with friction αμ, the part that depends on the present N."""
         return self.base.with_friction(self.alpha)
 
-    def rubs(self, labels: Bits) -> Bools:
-        """Return True (m,) for faces with friction."""
+    def has_friction(self, labels: Bits) -> Bools:
+        """Return a mask (m,), True for faces with friction under these labels (m,), True = dry."""
         return np.asarray(self.base.friction_of(labels) > 0.0)
 
     def slides(self, labels: Bits) -> Bools:
-        """Return True (m,) for faces that may slide without opening: dry, or inner with friction."""
-        return np.asarray(self.base.is_dry(labels) | self.rubs(labels))
+        """Return a mask (m,), True for faces that may slide without opening.
+
+        They are the dry ones, and the inner ones with friction. labels: (m,) True = dry.
+        """
+        return np.asarray(self.base.is_dry(labels) | self.has_friction(labels))
 
     def shear(self, forces: Floats, labels: Bits) -> Floats:
-        """Return the demand |V| + |e| (m,) to compare with the shear capacity.
+        """Return the shear demand (m,) of forces, to compare with the shear capacity.
 
-        forces: (m, q) scaled resultants.
+        Torsion is taken about the effective areas. forces: (m, q) scaled resultants. labels: (m,) True = dry.
         """
         return self.base.shear_of(self._forces_about(forces, labels))
 
     def slip(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return max(|s|, c_T,e |ω|) (m,), the work rate per unit of shear capacity.
+        """Return the work max(|s|, c_T,e |ω|) (m,) of jumps per unit of shear capacity.
 
-        c_T,e is the torsion length of the effective area.
+        s is the slip, ω the spin about the normal, and c_T,e the torsion length of the effective area. jumps: (m, q)
+        scaled. labels: (m,) True = dry.
         """
         return self.base.slip(self._jumps_about(jumps, labels))
 
     def price(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return μ times slip (m,), the work of friction per unit of N without dilation."""
+        """Return the work of friction (m,) per unit of N in a slip without dilation: μ times `slip`.
+
+        jumps: (m, q) scaled. labels: (m,) True = dry.
+        """
         return np.asarray(self.base.friction_of(labels) * self.slip(jumps, labels))
 
     def excess(self, forces: Floats, labels: Bits) -> Floats:
-        """Return by how much shear exceeds c + μN (m,) of the present N.
+        """Return the shear demand of each face minus its capacity c + μN (m,).
 
-        Negative values mean that shear stays within its capacity; faces without friction have −inf.
+        N is the present normal force. Negative values mean that shear stays within its capacity; faces without friction
+        have −inf. forces: (m, q) scaled resultants. labels: (m,) True = dry.
         """
         capacity = self.base.cohesion_of(labels) + self.base.friction_of(labels) * forces[:, 0]
-        return np.where(self.rubs(labels), self.shear(forces, labels) - capacity, -np.inf)
+        return np.where(self.has_friction(labels), self.shear(forces, labels) - capacity, -np.inf)
 
     def dilation(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return the opening δ (m,) beyond that of bending, docs/method.md (4.5).
+        """Return the opening (m,) of each face beyond that by bending, docs/method.md (4.5).
 
-        The value is 0 for faces that cannot slide or that crush.
+        The value is 0 for faces that cannot slide or that crush. jumps: (m, q) scaled. labels: (m,) True = dry.
         """
         beyond = self._smooth.margin(self._jumps_about(jumps, labels), labels)
         return np.where(self.slides(labels) & np.isfinite(beyond), beyond, 0.0)
 
     def _forces_about(self, forces: Floats, labels: Bits) -> Floats:
-        """Return the resultants with torsion e about the effective areas of dry faces."""
+        """Return resultants (m, q) with torsion taken about the effective areas of dry faces."""
         if self.areas is None:
             return forces
         about = forces.copy()
@@ -184,7 +199,10 @@ class PrescribedFriction:
         return about
 
     def _jumps_about(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return the jumps dual to (V, e): slip at the centre of pressure, rotation over ρ."""
+        """Return the jumps (m, q) that do the same work on the resultants of `_forces_about`.
+
+        They have the slip at the centre of pressure, and the spin divided by the ratio ρ.
+        """
         if self.areas is None:
             return jumps
         about, dry = jumps.copy(), self.base.is_dry(labels)
@@ -196,50 +214,59 @@ class PrescribedFriction:
     # --- methods of the protocol YieldSet ----------------------------------------------------------------
 
     def active(self, labels: Bits) -> Bools:
-        """Return a mask (m, q), False where a resultant is zero in every admissible state."""
+        """Return a mask (m, q), False where a resultant is zero in every admissible state.
+
+        labels: (m,) True = dry, see `Rows.active`.
+        """
         return self.base.active(labels)
 
     def slack(self, forces: Floats, labels: Bits) -> Floats:
-        """Return the least distance (m,) of forces to the boundary, negative outside."""
+        """Return the slack (m,) of scaled forces (m, q) under labels (m,), see `YieldSet.slack`."""
         follows = self.base.friction_of(labels) * self.alpha * forces[:, 0]
-        room = self.base.cohesion_of(labels) + follows + self._frozen(labels) - self.shear(forces, labels)
+        spare = self.base.cohesion_of(labels) + follows + self._frozen(labels) - self.shear(forces, labels)
         if self.areas is not None:
             # A unit change of the resultants changes e by up to ρ (1 + |a|).
             steep = self.areas.ratio * (1.0 + np.abs(self.areas.arm).sum(axis=1))
-            room = np.where(self.base.is_dry(labels), room / steep, room)
+            spare = np.where(self.base.is_dry(labels), spare / steep, spare)
         holds = self.base.friction_of(labels) + self.base.cohesion_of(labels) > 0.0
-        return np.minimum(self._smooth.slack(forces, labels), np.where(holds, room, np.inf))
+        return np.minimum(self._smooth.slack(forces, labels), np.where(holds, spare, np.inf))
 
     def recession_slack(self, forces: Floats, labels: Bits) -> Floats:
-        """Return the least distance (m,) to the boundary of the recession cone."""
+        """Return the slack (m,) of scaled forces (m, q) in the recession cones.
+
+        labels: (m,) True = dry, see `YieldSet.recession_slack`.
+        """
         return self._associated.recession_slack(self._forces_about(forces, labels), labels)
 
     def recession_active(self, labels: Bits) -> Bools:
-        """Return a mask (m, q), False where a resultant is bounded."""
+        """Return a mask (m, q), True where a resultant may be non-zero in the recession cone."""
         return self._associated.recession_active(labels)
 
     def dissipation(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return D(J) = sup −F·J (m,) of scaled jumps with `margin` ≥ 0."""
+        """Return the dissipation (m,) of scaled jumps (m, q) whose `margin` is ≥ 0.
+
+        labels: (m,) True = dry, see `YieldSet.dissipation`.
+        """
         frozen = self._frozen(labels) * self.slip(jumps, labels)
         return np.asarray(self._associated.dissipation(self._jumps_about(jumps, labels), labels) + frozen)
 
     def margin(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return the least slack (m,) of the conditions for a finite D(J), +inf if none."""
+        """Return the slack (m,) of the conditions for finite dissipation of jumps (m, q)."""
         return self._associated.margin(self._jumps_about(jumps, labels), labels)
 
     def utilisation(self, forces: Floats, labels: Bits) -> Floats | None:
-        """Return None: the shear capacity belongs to N_prev, not to the forces given."""
+        """Return None: the shear capacity depends on N_prev, not on the forces given."""
         return None
 
     def hull(self) -> Rows | None:
         """Return None: rows of undecided faces are not available for prescribed friction."""
         return None
 
-    def bow(self, *, undecided: bool) -> ParabolicBending | None:
+    def parabolic_bending(self, *, undecided: bool) -> ParabolicBending | None:
         """Return None: parabolic sets are not available for prescribed friction."""
         return None
 
-    def wedge(self, dry: bool) -> CoulombWedge | None:
+    def coulomb_wedge(self, dry: bool) -> CoulombWedge | None:
         """Return None: wedges are not available for prescribed friction."""
         return None
 

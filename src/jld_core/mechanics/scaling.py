@@ -72,9 +72,9 @@ def scaling_of(assembly: Assembly) -> Scaling:
 
 
 def _force_scale(assembly: Assembly) -> float:
-    """Compute the weight of a pile of elements from the supports up, docs/method.md (8.2).
+    """Return the force scale of an assembly: the weight of a pile of its elements.
 
-    Without weight the result is that of `reference_load`.
+    The pile stands on a support, docs/method.md (8.2). Without weight the result is that of `reference_load`.
     """
     elements, faces = assembly.elements, assembly.interfaces
     free = elements.free
@@ -121,6 +121,9 @@ def reference_load(assembly: Assembly) -> float:
 
 
 def _usable(assembly: Assembly, *strengths: Floats) -> Floats:
-    """Return the finite strengths (m,) above zero, times the area of their faces."""
+    """Return all finite strengths above zero, each times the area of its face.
+
+    strengths: arrays (m,), scene units.
+    """
     capacity = np.concatenate(strengths) * np.tile(assembly.interfaces.area, len(strengths))
     return np.asarray(capacity[np.isfinite(capacity) & (capacity > 0.0)])

@@ -15,7 +15,7 @@ import numpy as np
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly, Strengths
 from jld_core.mechanics.frictional import Frictional, scaled_strengths
-from jld_core.mechanics.hull import bow_of_hull, hull_rows
+from jld_core.mechanics.hull import hull_rows, parabolic_hull
 from jld_core.mechanics.scaling import Scaling
 from jld_core.mechanics.yield_set import CoulombWedge, Hull, ParabolicBending, RowPattern, Rows, used
 
@@ -25,7 +25,8 @@ class PlanarYield(Frictional):
     """Planar yield sets of m faces, scaled by `Scaling.face`.
 
     Dry: |m| ≤ N(1 − N/N_c), |V| ≤ c + μN. Inner: |m| ≤ (N + σtA)/3, |m| ≤ (N_c − N)/3, |V| ≤ τA + μN, with the μ of
-    inner faces. With friction, a jump (δ, s, θ) dissipates like (δ − μ|s|, θ) in bending, plus c|s|.
+    inner faces. A jump has opening δ, slip s and rotation θ. With friction it dissipates c|s|, and in bending as much
+    as the jump (δ − μ|s|, θ).
 
     `dissipation` and `margin` also take jumps (k, m, 3) of k mechanisms and then return (k, m).
 
@@ -49,19 +50,22 @@ class PlanarYield(Frictional):
 
     @cached_property
     def _endless(self) -> bool:
-        """True if no face has a compressive strength under either label."""
+        """Return True if no face has a compressive strength under either label."""
         return bool(
             np.isinf(self.crush_dry).all() and np.isinf(self.crush_inner).all() and np.isfinite(self.shear).all()
         )
 
     def active(self, labels: Bits) -> Bools:
-        """Return a mask (m, q), False where a resultant is zero in every admissible state."""
+        """Return a mask (m, q), False where a resultant is zero in every admissible state.
+
+        labels: (m,) True = dry, see `Rows.active`.
+        """
         mask = np.ones((len(labels), 3), dtype=bool)
         mask[:, 1] = self._holds(labels)
         return mask
 
     def facets(self, labels: Bits) -> tuple[Floats, Floats] | None:
-        """Return the rows C F + d ≥ 0, or None if a face can crush under its label.
+        """Return the linear yield rows C F + d ≥ 0 of each face, or None if a face can crush.
 
         Dry: N ∓ m and c + μN ∓ V. Inner: N + σtA ∓ 3m and τA + μN ∓ V. Every coefficient is a given number or a small
         integer.
@@ -79,7 +83,7 @@ class PlanarYield(Frictional):
         return rows, constants
 
     def slack(self, forces: Floats, labels: Bits) -> Floats:
-        """Return the least distance (m,) of forces to the boundary, negative outside."""
+        """Return the slack (m,) of scaled forces (m, q) under labels (m,), see `YieldSet.slack`."""
         n, v, m = forces[:, 0], abs(forces[:, 1]), abs(forces[:, 2])
         slide, hold = self._capacity(n)
         dry = np.minimum(n - n * n / self.crush_dry - m, slide - v)
@@ -87,37 +91,43 @@ class PlanarYield(Frictional):
         return np.where(labels, dry, np.minimum(rest, hold - v))
 
     def recession_slack(self, forces: Floats, labels: Bits) -> Floats:
-        """Return the least distance (m,) to the boundary of the recession cone."""
+        """Return the slack (m,) of scaled forces (m, q) in the recession cones.
+
+        labels: (m,) True = dry, see `YieldSet.recession_slack`.
+        """
         n, v, m = forces[:, 0], abs(forces[:, 1]), abs(forces[:, 2])
         slide = np.where(self.friction > 0.0, self.friction * n, np.inf)
         dry = np.where(np.isfinite(self.crush_dry), np.inf, np.minimum(n - m, slide - v))
         lean = n / 3.0 - m
-        if self.rough:
+        if self.has_inner_friction:
             lean = np.minimum(lean, np.where(self.inner_friction > 0.0, self.inner_friction * n, np.inf) - v)
         inner = np.where(np.isfinite(self.crush_inner), np.inf, lean)
         return np.where(labels, dry, inner)
 
     def recession_active(self, labels: Bits) -> Bools:
-        """Return a mask (m, q), False where a resultant is bounded."""
+        """Return a mask (m, q), True where a resultant may be non-zero in the recession cone."""
         mask = np.ones((len(labels), 3), dtype=bool)
         mask[:, 1] = self.friction_of(labels) > 0.0
         mask[np.isfinite(np.where(labels, self.crush_dry, self.crush_inner))] = False
         return mask
 
     def dissipation(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return D(J) = sup −F·J (m,) of scaled jumps with `margin` ≥ 0."""
+        """Return the dissipation (m,) of scaled jumps (m, q) whose `margin` is ≥ 0.
+
+        labels: (m,) True = dry, see `YieldSet.dissipation`.
+        """
         opening, slip, turn = jumps[..., 0], abs(jumps[..., 1]), abs(jumps[..., 2])
-        cracked = opening - self.inner_friction * slip if self.rough else opening
-        stuck: Floats | float = self.cohesion * slip if self.cohesive else 0.0
+        cracked = opening - self.inner_friction * slip if self.has_inner_friction else opening
+        cohesive: Floats | float = self.cohesion * slip if self.has_dry_cohesion else 0.0
         if self._endless:
-            return np.where(labels, stuck, self.tension * cracked + self.shear * slip)
+            return np.where(labels, cohesive, self.tension * cracked + self.shear * slip)
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             p = turn + self.friction * slip - opening
             q = turn / self.crush_dry
             crushed = np.where(
                 p < 2.0 * q * self.crush_dry, p * p / (4.0 * q), self.crush_dry * (p - q * self.crush_dry)
             )
-            dry = np.where((p <= 0.0) | np.isinf(self.crush_dry), 0.0, crushed) + stuck
+            dry = np.where((p <= 0.0) | np.isinf(self.crush_dry), 0.0, crushed) + cohesive
             corner = 0.5 * (self.tension - self.crush_inner) * cracked + (self.crush_inner + self.tension) * turn / 6.0
             bent = np.maximum(-self.crush_inner * cracked, corner)
             normal = np.where(np.isinf(self.crush_inner), -np.inf, bent)
@@ -125,23 +135,26 @@ class PlanarYield(Frictional):
         return np.where(labels, dry, inner)
 
     def margin(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return the least slack (m,) of the conditions for a finite D(J), +inf if none."""
+        """Return the slack (m,) of the conditions for finite dissipation of jumps (m, q)."""
         opening, slip, turn = jumps[..., 0], abs(jumps[..., 1]), abs(jumps[..., 2])
         dry = np.where(np.isinf(self.crush_dry), opening - turn - self.friction * slip, np.inf)
-        cracked = opening - self.inner_friction * slip if self.rough else opening
+        cracked = opening - self.inner_friction * slip if self.has_inner_friction else opening
         inner = np.where(np.isinf(self.crush_inner), cracked - turn / 3.0, np.inf)
         return np.where(labels, dry, inner)
 
     def shear_of(self, forces: Floats) -> Floats:
-        """Return |V| (m,) of scaled resultants."""
+        """Return the shear demand |V| (m,) of scaled resultants (m, q)."""
         return np.abs(forces[:, 1])
 
     def slip(self, jumps: Floats) -> Floats:
-        """Return |s| (m,) of scaled jumps."""
+        """Return the slip |s| (m,) of scaled jumps (m, q): the work per unit of shear capacity."""
         return np.abs(jumps[:, 1])
 
     def utilisation(self, forces: Floats, labels: Bits) -> Floats:
-        """Return the share of its strength (m,) that each face uses, from 0 to 1."""
+        """Return the share of its strength (m,) that each face uses, from 0 to 1.
+
+        forces: (m, q) scaled resultants. labels: (m,) True = dry.
+        """
         n, v, m = forces[:, 0], abs(forces[:, 1]), abs(forces[:, 2])
         least = 1e-6 * max(float(abs(n).max(initial=0.0)), float(v.max(initial=0.0)), 1e-300)
         capacity = self.cohesion_of(labels) + self.friction_of(labels) * n
@@ -153,22 +166,22 @@ class PlanarYield(Frictional):
         return np.asarray(np.clip(np.max(shares, axis=0), 0.0, 1.0))
 
     def hull(self) -> Rows:
-        """Return rows that enclose the sets of both labels."""
+        """Return yield rows that enclose the sets of both labels of each face, see `hull_rows`."""
         every = np.ones(len(self.friction), dtype=bool)
         either = self.active(every) | self.active(~every)
         return Hull(hull_rows(self, freedoms=3, shear=1, parabolas=True), np.asarray(either))
 
-    def bow(self, *, undecided: bool) -> ParabolicBending | None:
-        """Return the yield sets of faces with finite crushing strength: |m| ≤ N − N²/N_c, |V| ≤ c + μN.
+    def parabolic_bending(self, *, undecided: bool) -> ParabolicBending | None:
+        """Return the yield sets |m| ≤ N − N²/N_c, |V| ≤ c + μN of the faces whose dry joints crush.
 
-        With `undecided`, return sets that contain the yield sets of both labels, or None if no such set is known.
+        With `undecided`, return sets that contain the yield sets of both labels, or None if no such sets are known.
         """
         crushed = np.flatnonzero(np.isfinite(self.crush_dry))
         one = np.ones(len(crushed))
         limit = self.crush_dry[crushed]
         friction, cohesion = self.friction[crushed], self.cohesion[crushed]
         if undecided:
-            return bow_of_hull(self, crushed)
+            return parabolic_hull(self, crushed)
         none = 0.0 * one
         size = np.maximum(np.maximum(one, friction), cohesion)
         slide = [friction / size, one / size, cohesion / size]
@@ -177,8 +190,11 @@ class PlanarYield(Frictional):
         rows[friction + cohesion == 0.0, 1] = (0.0, 1.0, 1.0)
         return ParabolicBending(crushed, np.column_stack([1.0 / limit, none]), rows)
 
-    def wedge(self, dry: bool) -> CoulombWedge | None:
-        """Return the sets of one label, or None if any face has a compressive strength."""
+    def coulomb_wedge(self, dry: bool) -> CoulombWedge | None:
+        """Return the yield sets of all faces under one label as wedges.
+
+        The result is None if any face has a compressive strength. dry: True for the dry label.
+        """
         if not (np.isinf(self.crush_dry).all() and np.isinf(self.crush_inner).all()):
             return None
         if dry:
@@ -187,7 +203,7 @@ class PlanarYield(Frictional):
 
 
 def planar_yield(assembly: Assembly, scaling: Scaling) -> PlanarYield:
-    """Make the planar yield sets of all faces of an assembly and their row pattern."""
+    """Make the planar yield sets of all faces of an assembly, scaled by `scaling`."""
     sets = scaled_strengths(assembly.strengths, assembly.interfaces.area / scaling.force)
     return PlanarYield(**vars(sets), pattern=_planar_rows(sets))
 
@@ -197,7 +213,7 @@ _Rows = tuple[Ints, list[tuple[int, Floats, Floats]], Floats, Floats]
 
 
 def _planar_rows(sets: Strengths) -> RowPattern:
-    """Build the rows of planar faces, linear rows first.
+    """Build the rows of planar faces with scaled strengths `sets`, linear rows first.
 
     Each face has ±m against N and ±V against N; with an inner σc also ±m against σc; with a dry σc the cones N² ≤ N_c
     (N ∓ m).
@@ -243,9 +259,9 @@ def _planar_rows(sets: Strengths) -> RowPattern:
 
 
 def _linear_rows(sets: Strengths) -> list[_Rows]:
-    """Return the linear rows of planar faces by kind.
+    """Return the linear rows of planar faces, one entry per kind of row.
 
-    Each kind: faces, two (resultant, dry coefficient, inner coefficient), dry and inner right-hand side.
+    An entry has the faces, two terms (resultant, dry coefficient, inner coefficient), and both right-hand sides.
     """
     friction, tension, shear, cohesion = sets.friction, sets.tension, sets.shear, sets.cohesion
     crush_inner, inner_friction = sets.crush_inner, sets.inner_friction

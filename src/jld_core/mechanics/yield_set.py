@@ -55,7 +55,7 @@ class Rows(Protocol):
 
     @property
     def pattern(self) -> RowPattern:
-        """Rows of the program."""
+        """Return the sparsity and numbers of the yield rows of all faces."""
 
     def active(self, labels: Bits) -> Bools:
         """Return a mask (m, q), False where a resultant is zero in every admissible state.
@@ -80,7 +80,7 @@ class Hull:
     either: Bools
 
     def active(self, labels: Bits) -> Bools:
-        """Return the mask `either` (m, q), whatever the labels."""
+        """Return the mask `either` (m, q); the labels have no effect."""
         return self.either
 
 
@@ -95,21 +95,21 @@ class ParabolicBending:
     ----------
     crushed : (k,) int array
         Faces.
-    bow : (k, 2) array
+    parabola : (k, 2) array
         c and n₀.
     rows : (k, 3, 3) array
         a, b, h of bending; of −a N ± b V ≤ h; and of a line −a N ± b M ≤ h that also bounds bending, with a = b = 0
         where there is none.
-    meeting : (k, 12) array or None
+    interaction : (k, 12) array or None
         Interaction of V and M: N and m of a corner of the inner set; how far its shear is above the dry line (0: no
         interaction); the first and last N₁/(1 − w); N_c, μ and c of dry faces; σtA, N_c, shear strength and μ of inner
         faces. None if the label is decided.
     """
 
     crushed: Ints
-    bow: Floats
+    parabola: Floats
     rows: Floats
-    meeting: Floats | None = None
+    interaction: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -133,22 +133,29 @@ class CoulombWedge:
     cohesion: Floats
 
     def margin(self, jumps: Floats, faces: Ints) -> Floats:
-        """Return δ − μ|s| − |θ|/bending (k,) of jumps (k, 3) at faces (k,).
+        """Return the margin δ − μ|s| − |θ|/bending (k,) of scaled jumps (δ, s, θ).
 
-        D is finite where the margin is ≥ 0.
+        The dissipation of a jump is finite where its margin is ≥ 0. jumps: (k, 3). faces: (k,) index of the face of
+        each jump.
         """
         slip, turn = abs(jumps[:, 1]), abs(jumps[:, 2])
         return np.asarray(jumps[:, 0] - turn / self.bending - self.friction[faces] * slip)
 
     def dissipation(self, jumps: Floats, faces: Ints) -> Floats:
-        """Return D = σt (δ − μ|s|) + c|s| (k,) of jumps (k, 3) at faces (k,) with margin ≥ 0."""
+        """Return the dissipation σt (δ − μ|s|) + c|s| (k,) of scaled jumps (δ, s, θ).
+
+        The value holds where `margin` is ≥ 0. jumps: (k, 3). faces: (k,) index of the face of each jump.
+        """
         slip = abs(jumps[:, 1])
         return np.asarray(
             self.tension[faces] * (jumps[:, 0] - self.friction[faces] * slip) + self.cohesion[faces] * slip
         )
 
     def strength(self, faces: Ints) -> Floats:
-        """Return σt + c (k,) of faces (k,), the largest growth of D per unit size of a jump."""
+        """Return the sum of tensile strength and cohesion (k,) of faces (k,).
+
+        It is the largest dissipation of a jump of size 1.
+        """
         return np.asarray(self.tension[faces] + self.cohesion[faces])
 
 
@@ -156,65 +163,80 @@ class YieldSet(Rows, Protocol):
     """Interface of a yield set, as proofs use it.
 
     Methods take forces (m, q), scaled resultants; jumps (m, q), scaled jumps; and labels (m,), True = dry.
-    `utilisation`, `hull`, `bow`, `wedge` and `facets` may return None: the set does not offer that result, and callers
-    must do without it.
+    `utilisation`, `hull`, `parabolic_bending`, `coulomb_wedge` and `facets` may return None. The set then has no such
+    result, and callers must do without it.
     """
 
     def slack(self, forces: Floats, labels: Bits) -> Floats:
-        """Return the least distance (m,) of forces to the boundary, negative outside.
+        """Return the least distance (m,) of the forces of each face to its yield boundary.
 
-        forces: (m, q) scaled resultants. labels: (m,) True = dry.
+        The slack is negative outside the set. forces: (m, q) scaled resultants. labels: (m,) True = dry.
         """
 
     def recession_slack(self, forces: Floats, labels: Bits) -> Floats:
-        """Return the least distance (m,) to the boundary of the recession cone, negative outside.
+        """Return the slack (m,) of forces in the recession cone of each face.
 
         The recession cone holds the directions in which a face can be loaded without limit. Resultants outside
-        `recession_active` count as zero.
+        `recession_active` count as zero. forces: (m, q) scaled resultants. labels: (m,) True = dry.
         """
 
     def recession_active(self, labels: Bits) -> Bools:
-        """Return a mask (m, q), False where a resultant is bounded.
+        """Return a mask (m, q), True where a resultant may be non-zero in the recession cone.
 
-        A bounded resultant is zero in every recession direction.
+        A resultant that is bounded, whatever the others are, is zero in every recession direction. labels: (m,) True =
+        dry.
         """
 
     def dissipation(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return D(J) = sup −F·J (m,) of scaled jumps (m, q) with `margin` ≥ 0."""
+        """Return the dissipation D(J) = sup −F·J (m,) of the jump J of each face.
+
+        F are the forces in the yield set of the face. The value holds where `margin` is ≥ 0. jumps: (m, q) scaled
+        velocity jumps. labels: (m,) True = dry.
+        """
 
     def margin(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return the least slack (m,) of the conditions for a finite D(J).
+        """Return the least slack (m,) of the conditions for finite dissipation of a jump.
 
-        The value is +inf where D is always finite.
+        The dissipation is finite where the margin is ≥ 0. The margin is +inf where the dissipation is finite for every
+        jump. jumps: (m, q) scaled velocity jumps. labels: (m,) True = dry.
         """
 
     def utilisation(self, forces: Floats, labels: Bits) -> Floats | None:
-        """Return the share of its strength (m,) that each face uses: 1 on the boundary.
+        """Return the share of its strength (m,) that each face uses, or None if unknown.
 
-        forces: (m, q) scaled resultants.
+        The share is 0 without force and 1 on the boundary of the yield set. forces: (m, q) scaled resultants. labels:
+        (m,) True = dry.
         """
 
     def hull(self) -> Rows | None:
-        """Return rows that enclose the sets of both labels, with the sparsity of `pattern`."""
+        """Return yield rows that enclose the sets of both labels of each face.
 
-    def bow(self, *, undecided: bool) -> ParabolicBending | None:
-        """Return the sets of planar faces that crush when dry, or None where they are unknown.
-
-        undecided: True for sets that enclose either label.
+        They have the sparsity of `pattern`. The result is None if no such rows are known.
         """
 
-    def wedge(self, dry: bool) -> CoulombWedge | None:
-        """Return the sets of all faces under one label, for recession directions."""
+    def parabolic_bending(self, *, undecided: bool) -> ParabolicBending | None:
+        """Return the parabolic yield sets of planar faces whose dry joints crush.
+
+        undecided: True for sets that enclose the yield sets of both labels, False for those of the dry label. The
+        result is None where the sets are unknown.
+        """
+
+    def coulomb_wedge(self, dry: bool) -> CoulombWedge | None:
+        """Return the yield sets of all faces under one label as wedges.
+
+        dry: True for the dry label, False for the inner one. The result is None if a face has a compressive strength.
+        """
 
     def facets(self, labels: Bits) -> tuple[Floats, Floats] | None:
-        """Return rows C F + d ≥ 0 of each face, (m, 4, 3) and (m, 4).
+        """Return the linear yield rows C F + d ≥ 0 of each face: C (m, 4, 3) and d (m, 4).
 
-        The first two rows limit bending, the last two shear.
+        F are the scaled resultants (N, V, m) of the face. The first two rows limit bending, the last two shear. The
+        result is None if a face has other rows. labels: (m,) True = dry.
         """
 
     @property
     def associative(self) -> FrictionSet:
-        """The set with associative friction that this set is, or was made from.
+        """Return the set with associative friction from which this set was made, or this set itself.
 
         Raises TypeError if there is none.
         """
@@ -225,43 +247,59 @@ class FrictionSet(YieldSet, Protocol):
 
     @property
     def tension(self) -> Floats:
-        """σtA of inner faces (m,), scaled."""
+        """Return the scaled tensile strength σtA (m,) of each face under the inner label."""
 
     @property
-    def rough(self) -> bool:
-        """Whether any inner face has friction."""
+    def has_inner_friction(self) -> bool:
+        """Return True if any inner face has friction."""
 
     @property
-    def cohesive(self) -> bool:
-        """Whether any dry face has cohesion."""
+    def has_dry_cohesion(self) -> bool:
+        """Return True if any dry face has cohesion."""
 
     def is_dry(self, labels: Bits) -> Bools:
-        """Return True (m,) for faces with the strengths of a dry face."""
+        """Return a mask (m,), True for faces that have the strengths of a dry face.
+
+        labels: (m,) True = dry.
+        """
 
     def friction_of(self, labels: Bits) -> Floats:
-        """Return μ (m,) under the labels."""
+        """Return the friction coefficient μ (m,) of each face under labels (m,), True = dry."""
 
     def cohesion_of(self, labels: Bits) -> Floats:
-        """Return the scaled shear capacity at N = 0 (m,) under the labels."""
+        """Return the scaled shear capacity (m,) of each face at N = 0.
+
+        labels: (m,) True = dry.
+        """
 
     def shear_of(self, forces: Floats) -> Floats:
-        """Return the shear demand (m,) of scaled resultants, to compare with c + μN.
+        """Return the shear demand (m,) of scaled resultants (m, q).
 
-        The demand is |V| in the plane and |V| + |mT| in space.
+        It is compared with the shear capacity c + μN: |V| in the plane and |V| + |mT| in space.
         """
 
     def slip(self, jumps: Floats) -> Floats:
-        """Return the work rate of shear (m,) per unit of shear capacity."""
+        """Return the work (m,) that scaled jumps (m, q) do on shear, per unit of shear capacity."""
 
     def with_friction(self, share: float) -> FrictionSet:
-        """Return the set with a share of all friction, for proofs: `pattern` stays the same."""
+        """Return a copy of the set with all friction coefficients multiplied by `share`.
 
-    def bending_alone(self) -> FrictionSet:
-        """Return the set without any limit on shear, for proofs: `pattern` stays the same."""
+        It serves proofs only: the rows in `pattern` stay those of the original set.
+        """
+
+    def without_shear_limit(self) -> FrictionSet:
+        """Return a copy of the set without any limit on shear.
+
+        It serves proofs only: the rows in `pattern` stay those of the original set.
+        """
 
 
 def used(demand: Floats, capacity: Floats, least: float) -> Floats:
-    """Return demand / capacity: 0 for demands up to `least`, 1 without positive capacity."""
+    """Return the ratio demand / capacity of each face.
+
+    It is 0 for demands up to `least`, and 1 without positive capacity. demand, capacity: (m,) scaled forces. least:
+    scaled force up to which a demand counts as zero.
+    """
     safe = np.where(capacity > 0.0, capacity, 1.0)
     return np.where(demand <= least, 0.0, np.where(capacity > 0.0, demand / safe, 1.0))
 

@@ -56,14 +56,17 @@ class SpatialYield(Frictional):
     bending: Bending
 
     def active(self, labels: Bits) -> Bools:
-        """Return a mask (m, q), False where a resultant is zero in every admissible state."""
+        """Return a mask (m, q), False where a resultant is zero in every admissible state.
+
+        labels: (m,) True = dry, see `Rows.active`.
+        """
         mask = np.ones((len(labels), 6), dtype=bool)
         mask[:, [1, 2, 5]] = self._holds(labels)[:, None]
         mask[:, 3:] &= ~self.point[:, None]
         return mask
 
     def slack(self, forces: Floats, labels: Bits) -> Floats:
-        """Return the least distance (m,) of forces to the boundary, negative outside."""
+        """Return the slack (m,) of scaled forces (m, q) under labels (m,), see `YieldSet.slack`."""
         n, shear = forces[:, 0], self.shear_of(forces)
         slide, hold = self._capacity(n)
         dry = np.minimum(n - self.bending.most(self.bending.dry, forces[:, 3:5]), slide - shear)
@@ -76,19 +79,22 @@ class SpatialYield(Frictional):
         return np.where(self.is_dry(labels), dry, np.minimum(rest, hold - shear))
 
     def recession_slack(self, forces: Floats, labels: Bits) -> Floats:
-        """Return the least distance (m,) to the boundary of the recession cone."""
+        """Return the slack (m,) of scaled forces (m, q) in the recession cones.
+
+        labels: (m,) True = dry, see `YieldSet.recession_slack`.
+        """
         n, shear = forces[:, 0], self.shear_of(forces)
         slide = np.where(self.friction > 0.0, self.friction * n, np.inf)
         dry = np.minimum(n - self.bending.most(self.bending.dry, forces[:, 3:5]), slide - shear)
         inner = (n - self.bending.most(self.bending.inner, forces[:, 3:5])) / 3.0
-        if self.rough:
+        if self.has_inner_friction:
             inner = np.minimum(inner, np.where(self.inner_friction > 0.0, self.inner_friction * n, np.inf) - shear)
         dry = np.where(np.isfinite(self.crush_dry), np.inf, dry)
         inner = np.where(np.isfinite(self.crush_inner), np.inf, inner)
         return np.where(self.is_dry(labels), dry, inner)
 
     def recession_active(self, labels: Bits) -> Bools:
-        """Return a mask (m, q), False where a resultant is bounded."""
+        """Return a mask (m, q), True where a resultant may be non-zero in the recession cone."""
         mask, dry = np.ones((len(labels), 6), dtype=bool), self.is_dry(labels)
         mask[:, [1, 2, 5]] = (self.friction_of(labels) > 0.0)[:, None]
         mask[:, 3:] &= ~self.point[:, None]
@@ -96,9 +102,12 @@ class SpatialYield(Frictional):
         return mask
 
     def dissipation(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return D(J) = sup −F·J (m,) of scaled jumps with `margin` ≥ 0."""
+        """Return the dissipation (m,) of scaled jumps (m, q) whose `margin` is ≥ 0.
+
+        labels: (m,) True = dry, see `YieldSet.dissipation`.
+        """
         opening, slip = jumps[:, 0], self.slip(jumps)
-        dry = self.cohesion * slip if self.cohesive else np.zeros(len(jumps))
+        dry = self.cohesion * slip if self.has_dry_cohesion else np.zeros(len(jumps))
         crushed = np.flatnonzero(np.isfinite(self.crush_dry))
         if crushed.size:
             dry[crushed] += _crush_dissipation(
@@ -106,7 +115,7 @@ class SpatialYield(Frictional):
                 jumps[crushed],
                 self.crush_dry[crushed],
             )
-        cracked = opening - self.inner_friction * slip if self.rough else opening
+        cracked = opening - self.inner_friction * slip if self.has_inner_friction else opening
         inner = self.tension * cracked + self.shear * slip
         crushed = self.bending.crushed
         if crushed.size:
@@ -118,35 +127,38 @@ class SpatialYield(Frictional):
         return np.where(self.is_dry(labels), dry, inner)
 
     def margin(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return the least slack (m,) of the conditions for a finite D(J), +inf if none."""
+        """Return the slack (m,) of the conditions for finite dissipation of jumps (m, q)."""
         opening, turn, slip = jumps[:, 0], -jumps[:, 3:5], self.slip(jumps)
         dry = opening - self.bending.most(self.bending.dry_corners, turn) - self.friction * slip
         inner = opening - self.bending.most(self.bending.inner_corners, turn)
-        if self.rough:
+        if self.has_inner_friction:
             inner = inner - self.inner_friction * slip
         dry = np.where(np.isfinite(self.crush_dry), np.inf, dry)
         inner = np.where(np.isfinite(self.crush_inner), np.inf, inner)
         return np.where(self.is_dry(labels), dry, inner)
 
     def is_dry(self, labels: Bits) -> Bools:
-        """Return True (m,) for dry faces and for points."""
+        """Return a mask (m,), True for dry faces and for points, which are always dry."""
         return np.asarray(labels | self.point)
 
     def shear_of(self, forces: Floats) -> Floats:
-        """Return |V| + |mT| (m,) of scaled resultants; |V| at points."""
+        """Return the shear demand (m,) of scaled resultants (m, 6): |V| + |mT|, and |V| at points."""
         twist = np.where(self.point, 0.0, np.abs(forces[:, 5]))
         return np.asarray(np.hypot(forces[:, 1], forces[:, 2]) + twist)
 
     def slip(self, jumps: Floats) -> Floats:
-        """Return max(|s|, c_T |ω|) (m,), the work rate per unit of shear capacity.
+        """Return the work max(|s|, c_T |ω|) (m,) of jumps (m, 6) per unit of shear capacity.
 
-        It is the support function of |V| + |mT| ≤ 1.
+        s is the slip, ω the spin about the normal. The value is the support function of |V| + |mT| ≤ 1.
         """
         turn = np.where(self.point, 0.0, np.abs(jumps[:, 5]))
         return np.asarray(np.maximum(np.hypot(jumps[:, 1], jumps[:, 2]), turn))
 
     def utilisation(self, forces: Floats, labels: Bits) -> Floats:
-        """Return the share of its strength (m,) that each face uses, from 0 to 1."""
+        """Return the share of its strength (m,) that each face uses, from 0 to 1.
+
+        forces: (m, 6) scaled resultants. labels: (m,) True = dry.
+        """
         n, shear, dry = forces[:, 0], self.shear_of(forces), self.is_dry(labels)
         least = 1e-6 * max(float(abs(n).max(initial=0.0)), float(shear.max(initial=0.0)), 1e-300)
         capacity = self.cohesion_of(labels) + self.friction_of(labels) * n
@@ -161,7 +173,7 @@ class SpatialYield(Frictional):
         return np.asarray(np.clip(np.max([bent, used(shear, capacity, least), pulled, pressed], axis=0), 0.0, 1.0))
 
     def hull(self) -> Rows | None:
-        """Return rows that enclose the sets of both labels.
+        """Return yield rows that enclose the sets of both labels of each face, see `hull_rows`.
 
         Where dry faces crush, the rows are wider than the convex hull: bending without crushing, and a limit on N.
         """
@@ -171,11 +183,11 @@ class SpatialYield(Frictional):
             sets = replace(self, pattern=without_crushing(self.pattern, self, self.point, self.bending))
         return Hull(hull_rows(sets, freedoms=6, shear=5, parabolas=False), either)
 
-    def bow(self, *, undecided: bool) -> ParabolicBending | None:
+    def parabolic_bending(self, *, undecided: bool) -> ParabolicBending | None:
         """Return None: parabolic sets exist in the plane only."""
         return None
 
-    def wedge(self, dry: bool) -> CoulombWedge | None:
+    def coulomb_wedge(self, dry: bool) -> CoulombWedge | None:
         """Return None: wedges exist in the plane only."""
         return None
 
@@ -185,9 +197,10 @@ class SpatialYield(Frictional):
 
 
 def _crush_use(forces: Floats, crush: Floats, least: float) -> Floats:
-    """Return 1/q (k,), q the factor on moments at which a dry rectangle crushes.
+    """Return the share of strength 1/q (k,) that forces use in dry rectangles that crush.
 
-    q is the smallest root of N³ = N_c (N − q|m1|)(N − q|m2|).
+    q is the factor on moments at which the rectangle crushes: the smallest root of N³ = N_c (N − q|m1|)(N − q|m2|).
+    forces: (k, 6) scaled resultants. crush: (k,) N_c. least: scaled force up to which a demand counts as zero.
     """
     n, one, two = forces[:, 0], np.abs(forces[:, 3]), np.abs(forces[:, 4])
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -198,11 +211,11 @@ def _crush_use(forces: Floats, crush: Floats, least: float) -> Floats:
 
 
 def _crush_slack(forces: Floats, crush: Floats) -> Floats:
-    """Return the slack t (k,) of dry rectangles with compressive strength.
+    """Return the slack t (k,) of scaled forces (k, 6) in dry rectangles that crush.
 
     t is the largest value with (N + t)³ ≤ N_c (N − |m1| − t)(N − |m2| − t) and both factors ≥ 0, computed by bisection.
     It is concave and never changes faster than its three arguments. The plain difference of both sides would change
-    faster near the apex of the set.
+    faster near the apex of the set. crush: (k,) N_c.
     """
     n, p, q = forces[:, 0], forces[:, 0] - np.abs(forces[:, 3]), forces[:, 0] - np.abs(forces[:, 4])
     high = np.minimum(p, q)
@@ -215,12 +228,13 @@ def _crush_slack(forces: Floats, crush: Floats) -> Floats:
 
 
 def _crush_dissipation(drive: Floats, jumps: Floats, crush: Floats) -> Floats:
-    """Return the exact support function (k,) of a dry rectangle that crushes, (3.8).
+    """Return the dissipation (k,) of dry rectangles that crush, docs/method.md (3.8).
 
-    drive: μ max(|s|, c_T|ω|) − δ. With u = 1 − |m1|/N, v = 1 − |m2|/N and ν = N/N_c ≤ uv, the work is N_c ν (drive + a1
-    + a2 − a1 u − a2 v), where a = |θ|. For given ν the best u, v cost 2√(a1 a2 ν) while both stay ≤ 1, that is for ν ≤
-    least a / greatest a. Beyond they cost least a + greatest a · ν. The work is concave in ν, and both slopes agree at
-    the transition.
+    drive: (k,) friction work minus opening, μ max(|s|, c_T|ω|) − δ. jumps: (k, 6) scaled. crush: (k,) N_c.
+
+    With u = 1 − |m1|/N, v = 1 − |m2|/N and ν = N/N_c ≤ uv, the work is N_c ν (drive + a1 + a2 − a1 u − a2 v), where a =
+    |θ|. For given ν the best u, v cost 2√(a1 a2 ν) while both stay ≤ 1, that is for ν ≤ least a / greatest a. Beyond
+    they cost least a + greatest a · ν. The work is concave in ν, and both slopes agree at the transition.
     """
     turn = np.abs(jumps[:, 3:5])
     less, more = turn.min(axis=1), turn.max(axis=1)

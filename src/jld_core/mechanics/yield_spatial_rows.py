@@ -20,8 +20,13 @@ Coefficient = tuple[Ints, Floats, Floats]
 
 
 @dataclass
-class _Sheet:
-    """Collector of families of rows, each with one row per entry of an array of faces."""
+class _RowCollector:
+    """Collector of families of yield rows, from which a `RowPattern` is built.
+
+    faces: number m of faces. rows, extra: numbers of rows and of columns beyond the resultants so far. entries: rows,
+    columns, faces and both coefficients of each family. sides: right-hand sides with their rows and faces. length:
+    number of entries so far. capacity: entries that hold −μ.
+    """
 
     faces: int
     rows: int = 0
@@ -32,10 +37,10 @@ class _Sheet:
     capacity: list[Ints] = field(default_factory=list)
 
     def column(self, face: Ints, resultant: int) -> Ints:
-        """Return the columns of one resultant of faces."""
+        """Return the columns of one resultant of the faces (k,)."""
         return 6 * face + resultant
 
-    def fresh(self, count: int) -> Ints:
+    def new_columns(self, count: int) -> Ints:
         """Return the columns of `count` new variables beyond the resultants."""
         columns = 6 * self.faces + self.extra + np.arange(count)
         self.extra += count
@@ -51,9 +56,11 @@ class _Sheet:
         *,
         limits_shear: bool = False,
     ) -> None:
-        """Add the rows of one family at the positions `place`, by default at the end.
+        """Add one family of rows, one row per face.
 
-        limits_shear: the first of the coefficients is −μ.
+        face: (k,) faces. coefficients: columns with their dry and inner coefficients. h_dry, h_inner: (k,) right-hand
+        sides. place: (k,) positions of the rows, by default after the present ones. limits_shear: True if the first of
+        the coefficients is −μ.
         """
         if place is None:
             place = self.rows + np.arange(len(face))
@@ -69,9 +76,10 @@ class _Sheet:
     def cones(
         self, face: Ints, rows: list[tuple[list[Coefficient], Floats, Floats]], *, limits_shear: bool = False
     ) -> int:
-        """Add one cone per face, with one row per entry of `rows`, and return the number of cones.
+        """Add one second-order cone per face, and return the number of cones.
 
-        limits_shear: the first row of the cone is μN.
+        face: (k,) faces. rows: coefficients and both right-hand sides of each row of a cone. limits_shear: True if the
+        first row of the cone is μN.
         """
         size = len(rows)
         for offset, (coefficients, h_dry, h_inner) in enumerate(rows):
@@ -81,7 +89,10 @@ class _Sheet:
         return len(face)
 
     def pattern(self, linear: int, cones: tuple[int, ...]) -> RowPattern:
-        """Return the rows collected as a pattern."""
+        """Return the collected rows as a pattern.
+
+        linear: number of linear rows, which come first. cones: sizes of the cones after them.
+        """
         row, column, face, dry, inner = (np.concatenate(part) for part in zip(*self.entries, strict=True))
         sides = np.concatenate([side for side, _, _ in self.sides])
         order = np.argsort(np.concatenate([place for _, place, _ in self.sides]))
@@ -113,14 +124,14 @@ def spatial_rows(sets: Strengths, point: Bools, bending: Bending) -> RowPattern:
     Cones: |V| ≤ t (or μN at a point); a² ≤ pq, b² ≤ N, N² ≤ √N_c a b, which together mean N³ ≤ N_c p q. Source:
     docs/method.md (2.8), (2.12).
     """
-    sheet = _Sheet(len(sets.friction))
+    sheet = _RowCollector(len(sets.friction))
     crushed = np.flatnonzero(np.isfinite(sets.crush_dry))
     _bending_rows(sheet, sets.tension, sets.crush_dry, point, bending)
     plane, points = np.flatnonzero(~point), np.flatnonzero(point)
-    bound = sheet.fresh(len(plane))
+    bound = sheet.new_columns(len(plane))
     _torsion_rows(sheet, plane, bound, (sets.friction, sets.cohesion), (sets.inner_friction, sets.shear))
     _inner_crush_rows(sheet, sets.crush_inner, bending)
-    some = _Crush(crushed, *(sheet.fresh(crushed.size) for _ in range(4)))
+    some = _Crush(crushed, *(sheet.new_columns(crushed.size) for _ in range(4)))
     _effective_rows(sheet, some)
     linear = sheet.rows
     shearing = sets.shear + sets.inner_friction
@@ -129,11 +140,12 @@ def spatial_rows(sets: Strengths, point: Bools, bending: Bending) -> RowPattern:
 
 
 def without_crushing(pattern: RowPattern, sets: Strengths, point: Bools, bending: Bending) -> RowPattern:
-    """Return the rows without crushing of dry faces, with a limit on N of either label.
+    """Return the rows of spatial faces without crushing of dry faces.
 
-    The limit encloses both labels once `hull_rows` has moved N by −σtA. Bending is limited by the rows that the
-    effective rectangle implies; the variables of that rectangle keep their inner rows. N ≤ max(N_c, σcA) stands in the
-    rows of inner σc, where a face has those.
+    A limit on N takes its place. It encloses both labels once `hull_rows` has moved N by −σtA. Bending is limited by
+    the rows that the effective rectangle implies; the variables of that rectangle keep their inner rows. N ≤ max(N_c,
+    σcA) stands in the rows of inner σc, where a face has those. pattern: with crushing. sets, point, bending: as in
+    `spatial_rows`.
     """
     crushed = np.isfinite(sets.crush_dry)
     data, rhs = pattern.dry.copy(), pattern.h_dry.copy()
@@ -163,7 +175,7 @@ def without_crushing(pattern: RowPattern, sets: Strengths, point: Bools, bending
 
 @dataclass(frozen=True)
 class _Crush:
-    """Columns of the extra variables of faces with a dry compressive strength."""
+    """Columns of the variables p, q, a, b of faces (k,) that crush, see `spatial_rows`."""
 
     face: Ints
     p: Ints
@@ -172,8 +184,11 @@ class _Crush:
     b: Ints
 
 
-def _bending_rows(sheet: _Sheet, tension: Floats, crush_dry: Floats, point: Bools, bending: Bending) -> None:
-    """Add the bending rows c·m ≤ N and c·m ≤ N + σtA of all hull edges."""
+def _bending_rows(sheet: _RowCollector, tension: Floats, crush_dry: Floats, point: Bools, bending: Bending) -> None:
+    """Add the bending rows c·m ≤ N and c·m ≤ N + σtA of all hull edges.
+
+    sheet: receives the rows. tension, crush_dry: (m,) scaled strengths. point, bending: as in `spatial_rows`.
+    """
     face = bending.face
     size = np.maximum(1.0, tension / 3.0)[face]
     # The effective rectangle of a crushed face implies these rows. A point is dry under either label.
@@ -185,14 +200,18 @@ def _bending_rows(sheet: _Sheet, tension: Floats, crush_dry: Floats, point: Bool
 
 
 def _torsion_rows(
-    sheet: _Sheet, face: Ints, bound: Ints, of_dry: tuple[Floats, Floats], of_inner: tuple[Floats, Floats]
+    sheet: _RowCollector, face: Ints, bound: Ints, of_dry: tuple[Floats, Floats], of_inner: tuple[Floats, Floats]
 ) -> None:
-    """Add t ± mT ≤ c + μN; of_dry, of_inner: friction and cohesion of either label."""
-    (mu, stuck), (inner_mu, cap) = ((friction[face], cohesion[face]) for friction, cohesion in (of_dry, of_inner))
-    size_v, size_s = np.maximum(np.maximum(1.0, mu), stuck), np.maximum(np.maximum(1.0, cap), inner_mu)
+    """Add the rows t ± mT ≤ c + μN, which limit torsion, for faces (k,).
+
+    bound: (k,) columns of t, the bound on shear. of_dry, of_inner: friction and cohesion of all faces under either
+    label. sheet: receives the rows.
+    """
+    (mu, cohesive), (inner_mu, cap) = ((friction[face], cohesion[face]) for friction, cohesion in (of_dry, of_inner))
+    size_v, size_s = np.maximum(np.maximum(1.0, mu), cohesive), np.maximum(np.maximum(1.0, cap), inner_mu)
     # Where a label has no shear resistance V and MT are dropped from equilibrium; these rows then only bound
     # the variables.
-    h_dry = np.where(mu + stuck > 0.0, stuck / size_v, 1.0)
+    h_dry = np.where(mu + cohesive > 0.0, cohesive / size_v, 1.0)
     h_inner = np.where(cap + inner_mu > 0.0, cap / size_s, 1.0)
     for sign in (1.0, -1.0):
         coefficients = [
@@ -203,8 +222,11 @@ def _torsion_rows(
         sheet.add(face, coefficients, h_dry, h_inner, limits_shear=True)
 
 
-def _inner_crush_rows(sheet: _Sheet, crush: Floats, bending: Bending) -> None:
-    """Add the bending rows of inner faces with a compressive strength, against σcA − N."""
+def _inner_crush_rows(sheet: _RowCollector, crush: Floats, bending: Bending) -> None:
+    """Add the bending rows c·m ≤ σcA − N of inner faces with a compressive strength σc.
+
+    sheet: receives the rows. crush: (m,) scaled σcA. bending: rows c of all faces.
+    """
     rows = np.flatnonzero(np.isin(bending.face, bending.crushed))
     face = bending.face[rows]
     nothing = np.zeros(len(rows))
@@ -214,8 +236,11 @@ def _inner_crush_rows(sheet: _Sheet, crush: Floats, bending: Bending) -> None:
     sheet.add(face, coefficients, np.ones(len(rows)), crush[face] * third)
 
 
-def _effective_rows(sheet: _Sheet, crush: _Crush) -> None:
-    """Add p ≤ N ∓ m1 and q ≤ N ∓ m2 of dry faces that crush."""
+def _effective_rows(sheet: _RowCollector, crush: _Crush) -> None:
+    """Add the rows p ≤ N ∓ m1 and q ≤ N ∓ m2 of dry faces that crush.
+
+    p and q bound the sides of the effective rectangle. sheet: receives the rows. crush: columns of these faces.
+    """
     one, nothing = np.ones(len(crush.face)), np.zeros(len(crush.face))
     for variable, moment in ((crush.p, 3), (crush.q, 4)):
         for sign in (1.0, -1.0):
@@ -228,11 +253,12 @@ def _effective_rows(sheet: _Sheet, crush: _Crush) -> None:
 
 
 def _shear_cones(
-    sheet: _Sheet, plane: Ints, bound: Ints, points: Ints, friction: Floats, cohesion: Floats, inner: Floats
+    sheet: _RowCollector, plane: Ints, bound: Ints, points: Ints, friction: Floats, cohesion: Floats, inner: Floats
 ) -> int:
-    """Add the shear cones |V| ≤ t, at points |V| ≤ μN, and return their number.
+    """Add the shear cones |V| ≤ t, at points |V| ≤ μN, and return the number of cones.
 
-    inner: (m,) positive where an inner face resists shear.
+    plane: faces with moments. bound: their columns of t. points: faces that are points. friction, cohesion: (m,) of dry
+    faces. inner: (m,) positive where an inner face resists shear. sheet: receives the rows.
     """
     one, nothing = np.ones(len(plane)), np.zeros(len(plane))
     held = friction[plane] + cohesion[plane]
@@ -248,10 +274,11 @@ def _shear_cones(
     return count + sheet.cones(points, rows, limits_shear=True)
 
 
-def _crush_cones(sheet: _Sheet, crush: _Crush, crush_dry: Floats) -> int:
-    """Add the cones (2.12) of dry faces that crush, and return their number.
+def _crush_cones(sheet: _RowCollector, crush: _Crush, crush_dry: Floats) -> int:
+    """Add the cones (2.12) of docs/method.md for dry faces that crush; return their number.
 
     x² ≤ y z is written as ‖(2x, y − z)‖ ≤ y + z. Under inner, N has no entries in them, and p, q, b are bounded by one.
+    sheet: receives the rows. crush: columns of these faces. crush_dry: (m,) scaled N_c.
     """
     face = crush.face
     one, nothing = np.ones(len(face)), np.zeros(len(face))

@@ -16,8 +16,9 @@ from __future__ import annotations
 from jld_core.limit import SolveOptions
 from jld_core.models.by_fields import solve_by_fields
 from jld_core.models.costs import cost_estimate, require_memory
+from jld_core.models.labelling import limit_analysis, require_model, solve_labelling
 from jld_core.models.sensitivity import sensitivities
-from jld_core.models.solve import limit_analysis, require_model, solve, solve_labelling
+from jld_core.models.solve import solve
 
 __all__ = [
     "SolveOptions",

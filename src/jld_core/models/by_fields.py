@@ -15,7 +15,7 @@ from jld_core.errors import InputError, ParameterError
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import FieldBounds, FieldStatus
 from jld_core.fields.requirements import require_fields
-from jld_core.limit import Known, SolveOptions, Status, governing, number
+from jld_core.limit import CaseBounds, SolveOptions, Status, governing, number
 from jld_core.limit.governing import Governing
 from jld_core.scene import Scene
 from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_in_words, cracks_to_json
@@ -51,14 +51,20 @@ class FieldResult:
 
     @property
     def governing(self) -> Governing:
-        """Governing factor, the least over cases of λ / required; its value is the lower bound."""
-        known = [known_of(bounds) for bounds in self.cases.values()]
+        """Return the governing factor, the least over load cases of λ / required.
+
+        Its value is the lower bound.
+        """
+        known = [case_bounds_of(bounds) for bounds in self.cases.values()]
         found = governing(known, self.assembly.required.tolist())
         return Governing(found.status, found.low, found.high, found.low, found.case)
 
     @property
     def status(self) -> Status:
-        """Collapse where the gap is reached, unstable where an upper bound is below 0, else uncertified."""
+        """Return the outcome of the bounds by fields.
+
+        It is collapse where the gap is reached, unstable where an upper bound is below 0, else uncertified.
+        """
         return self.governing.status
 
     def to_json(self) -> dict[str, Any]:
@@ -132,7 +138,7 @@ class FieldResult:
         return facts
 
     def _reason(self) -> str:
-        """Say why the gap was not reached, in one sentence."""
+        """Return one sentence on why the gap was not reached."""
         bounds = list(self.cases.values())[self.governing.case]
         words = {
             FieldStatus.NO_LOWER: "no stress field was found: the blocks may be too weak for their own weight",
@@ -142,7 +148,7 @@ class FieldResult:
         return words.get(bounds.status, f"{limit}; a larger gap or more --seconds may settle it")
 
 
-def known_of(bounds: FieldBounds) -> Known:
+def case_bounds_of(bounds: FieldBounds) -> CaseBounds:
     """Return status and bounds of one load case.
 
     Parameters
@@ -152,15 +158,15 @@ def known_of(bounds: FieldBounds) -> Known:
 
     Returns
     -------
-    Known
+    CaseBounds
         Its value is the lower bound; NaN where a bound is missing.
     """
     if bounds.upper < 0.0:
-        return Known(Status.UNSTABLE, math.nan, math.nan, math.nan)
+        return CaseBounds(Status.UNSTABLE, math.nan, math.nan, math.nan)
     low = bounds.lower if math.isfinite(bounds.lower) else math.nan
     high = bounds.upper if math.isfinite(bounds.upper) else math.nan
     status = Status.COLLAPSE if bounds.status is FieldStatus.CLOSED else Status.UNCERTIFIED
-    return Known(status, low, high, low)
+    return CaseBounds(status, low, high, low)
 
 
 @one_thread()
@@ -237,7 +243,10 @@ def require_cracks(
 
 
 def _require_cells(scene: Scene, cell: float, where: str) -> None:
-    """Raise InputError unless cells of a size divide the grid; of general elements any size is accepted here."""
+    """Raise InputError unless cells of size `cell` divide the grid of a scene.
+
+    Of general elements any size is accepted here. where: key or option of the size, for the message.
+    """
     if scene.grid is None:
         return
     for name, length in zip(("width", "height"), scene.grid.cell, strict=True):
@@ -256,7 +265,7 @@ _DIVIDES: Final = 1e-9
 
 def _bounds_to_json(bounds: FieldBounds) -> dict[str, Any]:
     """Return the bounds of one load case as plain numbers."""
-    known = known_of(bounds)
+    known = case_bounds_of(bounds)
     return {
         "load_factor": number(known.low),
         "bracket": [number(known.low), number(known.high)],
@@ -276,11 +285,12 @@ def _width(low: float, high: float) -> float:
 
 
 def _stands(found: Governing) -> bool | None:
-    """Return whether λ = 0 is admissible, None where undecided."""
+    """Return True if λ = 0 is admissible, False if not, None where undecided."""
     if found.status is Status.UNSTABLE:
         return False
     return True if found.low >= 0.0 else None
 
 
 def _shown(value: float) -> str:
+    """Return a number in at most nine digits, or "none" if it is not finite."""
     return f"{value:.9g}" if math.isfinite(value) else "none"

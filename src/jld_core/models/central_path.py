@@ -76,13 +76,13 @@ class PathPoint:
 
     @property
     def load(self) -> float:
-        """Scaled λ."""
+        """Return the scaled λ, the last entry of `y`."""
         return float(self.y[-1])
 
 
 @dataclass
 class CentralPath:
-    """Central path of a program whose rows follow its own solution.
+    """Central path of a program whose rows depend on its own solution.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ class CentralPath:
     weights : (rows,) array
         Weight of the barrier of each row; a cone has the weight of its first row.
     size : float
-        Normal forces, slacks and multipliers of order `size` are the first iterate.
+        Size of normal forces, slacks and multipliers in the first iterate, scaled.
     most : int
         Largest number of steps.
     steps : int
@@ -105,7 +105,7 @@ class CentralPath:
     steps: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
-        """Give all rows of a cone one weight, and the weights the mean one."""
+        """Give all rows of a cone the same weight, and divide all weights by their mean."""
         linear = self.rows.linear
         heads = self.weights[linear::3]
         mean = float(np.concatenate([self.weights[:linear], heads]).mean())
@@ -113,11 +113,13 @@ class CentralPath:
 
     @property
     def _degree(self) -> int:
-        """Number of linear rows and cones."""
+        """Return the number of linear rows and cones."""
         return self.rows.linear + (len(self.rows.rhs) - self.rows.linear) // 3
 
     def points(self) -> Iterator[PathPoint]:
-        """Follow the path and yield each iterate until it ends, stalls or λ grows without limit.
+        """Follow the central path, and yield each iterate until it ends.
+
+        It ends where it converges, stalls, or λ grows without limit.
 
         Yields
         ------
@@ -145,7 +147,7 @@ class CentralPath:
             step = self._step(point, target, (dual, balance, primal), matrix, slopes)
             if step is None:
                 return
-            share = min(1.0, _BOUNDARY * min(self._room(point.s, step.s), self._room(point.z, step.z)))
+            share = min(1.0, _BOUNDARY * min(self._largest_step(point.s, step.s), self._largest_step(point.z, step.z)))
             if not off:
                 least, _, largest = _REDUCTIONS
                 reduction = max(least, 0.6 * reduction) if share > 0.7 else reduction
@@ -167,13 +169,19 @@ class CentralPath:
         return PathPoint(y, np.zeros(len(rows.load)), s, self.size * self.weights * self._inverse(s))
 
     def _inverse(self, s: Floats) -> Floats:
-        """Return the inverse of s in the Jordan algebra of the cones: the gradient of the barrier, negative."""
+        """Return the inverse of slacks s in the Jordan algebra of the cones.
+
+        It is minus the gradient of the barrier.
+        """
         linear, cones = s[: self.rows.linear], s[self.rows.linear :].reshape(-1, 3)
         form = (cones**2 @ _FLIP)[:, None]
         return np.concatenate([1.0 / linear, (cones * _FLIP / form).ravel()])
 
     def _distance(self, point: PathPoint, parameter: float) -> float:
-        """Return the norm of s∘z − weight · parameter, relative to the parameter."""
+        """Return the distance of a point from the central path at one parameter.
+
+        It is the norm of s∘z − weight · parameter, relative to the parameter, where s are slacks and z multipliers.
+        """
         first = self.rows.linear
         s, z = point.s[first:].reshape(-1, 3), point.z[first:].reshape(-1, 3)
         linear = point.s[:first] * point.z[:first] - parameter * self.weights[:first]
@@ -181,8 +189,11 @@ class CentralPath:
         tails = s[:, :1] * z[:, 1:] + z[:, :1] * s[:, 1:]
         return float(np.linalg.norm(np.concatenate([linear, heads, tails.ravel()]))) / parameter
 
-    def _room(self, start: Floats, way: Floats) -> float:
-        """Return the largest share of a step, up to 3, after which a point is still in the cones."""
+    def _largest_step(self, start: Floats, way: Floats) -> float:
+        """Return the largest share of a step, up to 3, after which a point is in the cones.
+
+        start: (rows,) slacks or multipliers. way: (rows,) the step.
+        """
         first, share = self.rows.linear, 3.0
         down = way[:first] < 0.0
         share = min(share, float((start[:first][down] / -way[:first][down]).min(initial=share)))
@@ -216,7 +227,11 @@ class CentralPath:
         matrix: sp.csr_array,
         slopes: Floats,
     ) -> PathPoint | None:
-        """Solve the linearised conditions for parameter `target`; None if they are singular."""
+        """Return the point after one Newton step towards a path parameter; None if singular.
+
+        point: present iterate. target: path parameter. residuals: of stationarity, equilibrium and rows. matrix: rows
+        at the point. slopes: derivatives of the parameters of torsion rows, see `MovingRows.parameters`.
+        """
         rows, n, e = self.rows, self.rows.size, len(self.rows.load)
         dual, balance, primal = residuals
         values, _ = rows.parameters(point.y)
@@ -250,7 +265,10 @@ class CentralPath:
         return PathPoint(y, u, -primal - matrix @ y - leaning, z)
 
     def _scaling(self, point: PathPoint) -> tuple[Ints, Ints, Floats]:
-        """Return rows, columns and values of W² with W² z = s, after Nesterov and Todd."""
+        """Return rows, columns and values of the squared scaling W², for which W² z = s.
+
+        s are slacks and z multipliers of the point. Source: Nesterov and Todd.
+        """
         first = self.rows.linear
         s, z = point.s[first:].reshape(-1, 3), point.z[first:].reshape(-1, 3)
         length_s, length_z = (np.sqrt(np.maximum(v**2 @ _FLIP, 1e-300))[:, None] for v in (s, z))

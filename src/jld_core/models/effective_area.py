@@ -26,7 +26,7 @@ from jld_core.models.moving_rows import areas_under, frozen_areas
 from jld_core.solvers import ClarabelSolver
 
 _STEPS = 5
-"""Number of steps towards larger λ before the forces are held by the proximal term `HOLD`."""
+"""Number of steps towards larger λ before the forces are held by the proximal term `HOLDING_WEIGHT`."""
 
 _SLACK = 1e-8
 """Limit of the scaled slack requested of the next state; the limit grows to five times this value."""
@@ -43,25 +43,28 @@ _OPENINGS = (1e-9, 1e-6, 1e-3)
 _SAME = 1e-12
 """Largest change of the effective areas that the last projection of a ray may cause, relative."""
 
-HOLD: Final = 30.0
+HOLDING_WEIGHT: Final = 30.0
 """Weight of the proximal term that holds the forces while effective areas converge."""
 
 
 def require_rectangles(assembly: Assembly, labels: Bits) -> None:
-    """Raise InputError for a planar scene, dry faces without any rectangle, or dry cohesion."""
+    """Raise InputError if effective areas do not apply to a labelling.
+
+    They apply to spatial scenes with a dry rectangle and without cohesion of dry faces. labels: (m,) True = dry.
+    """
     if assembly.dimension == 2:
         raise ParameterError("effective_area", "the scene is planar", "a spatial scene")
     odd = np.flatnonzero(labels & ~assembly.interfaces.rectangle)
     if odd.size and odd.size == np.count_nonzero(labels):
         problem = f"dry face {assembly.pair(odd[0])} is no rectangle, nor is any other"
         raise ParameterError("effective_area", problem, "a scene with dry rectangles")
-    stuck = np.flatnonzero(labels & (assembly.strengths.cohesion > 0.0))
-    if stuck.size:
-        problem = f"dry face {assembly.pair(stuck[0])} has cohesion"
+    cohesive = np.flatnonzero(labels & (assembly.strengths.cohesion > 0.0))
+    if cohesive.size:
+        problem = f"dry face {assembly.pair(cohesive[0])} has cohesion"
         raise ParameterError("effective_area", problem, "friction alone, which acts where N does")
 
 
-def change(old: EffectiveAreas, new: EffectiveAreas) -> float:
+def largest_area_change(old: EffectiveAreas, new: EffectiveAreas) -> float:
     """Compute the largest change of effective areas between two iterates.
 
     Parameters
@@ -80,16 +83,19 @@ def change(old: EffectiveAreas, new: EffectiveAreas) -> float:
 
 
 def _changes(old: EffectiveAreas, new: EffectiveAreas) -> Floats:
-    """Return the change (m,) of c_T,e / c_T or of a = x / c_T of each face, whichever is larger."""
+    """Return the largest change (m,) of the effective area of each face between two iterates.
+
+    It is the change of c_T,e / c_T or of a = x / c_T, whichever is larger. old, new: the iterates.
+    """
     ratio = np.abs(1.0 / old.ratio - 1.0 / new.ratio)
     return np.asarray(np.maximum(ratio, np.abs(old.arm - new.arm).max(axis=1)))
 
 
-def slack_to_ask(own: State, margin: float, tries: int) -> float:
-    """Compute the slack to request of the next state, after a state of insufficient slack.
+def slack_to_request(own: State, margin: float, tries: int) -> float:
+    """Return the slack to request of the next state, after one of insufficient slack.
 
-    own: the state under the effective areas of its own forces. margin: least slack. tries: number of states so far; the
-    limit of the slack grows with this number. The result is twice the violation, within these limits.
+    The result is twice the violation of `own`, the state under the effective areas of its own forces. It is at least
+    `margin` and at most a limit that grows with `tries`, the number of states so far.
     """
     return min(max(margin, -2.0 * own.slack), _SLACK * min(1 + tries // 5, 5))
 
@@ -142,7 +148,7 @@ def prove_effective_area(
         notes=[*proof.notes, *_notes(analysis, labels, plain, proof)],
         stands=plain.stands,
         solves=plain.solves + proof.solves,
-        route=[*plain.route, *route],
+        solve_log=[*plain.solve_log, *route],
         seconds=time.perf_counter() - start,
         extra={
             "effective_area": facts,
@@ -152,9 +158,13 @@ def prove_effective_area(
 
 
 def _proof_of(analysis: LimitAnalysis, labels: Bits, found: FixedPoint) -> Proof:
-    """Return the bracket of forces within their own areas and of the mechanism of the frozen problem."""
+    """Return the proof that a fixed point supports.
+
+    Its lower bound are the forces within their own areas, its upper bound the mechanism of the frozen problem. labels:
+    (m,) True = dry. found: the fixed point.
+    """
     proof = Proof(state=found.state, motion=found.motion)
-    proof.status = analysis.under(found.prover.template, labels).judge(proof)
+    proof.status = analysis.with_template(found.prover.template, labels).status_of(proof)
     if proof.status is not Status.COLLAPSE:
         # other areas may hold what these do not: without forces above zero nothing is proven
         proof.status = Status.UNCERTIFIED
@@ -162,7 +172,11 @@ def _proof_of(analysis: LimitAnalysis, labels: Bits, found: FixedPoint) -> Proof
 
 
 def _locked(analysis: LimitAnalysis, labels: Bits, plain: Proof) -> Proof | None:
-    """Return a proof that λ grows without limit: a ray and forces along it, both within their own areas."""
+    """Return a proof that λ grows without limit; None if none is found.
+
+    It consists of a ray, and forces along it, both within their own effective areas. labels: (m,) True = dry. plain:
+    proof with whole faces.
+    """
     ray = ray_under_own_areas(analysis, labels, plain.ray) if plain.status is Status.LOCKED else None
     if ray is None or plain.state is None:
         return None
@@ -178,7 +192,7 @@ def _locked(analysis: LimitAnalysis, labels: Bits, plain: Proof) -> Proof | None
 def _proof_of_iteration(
     analysis: LimitAnalysis, labels: Bits, forces: Floats, most: int, weight: float
 ) -> tuple[Proof, dict[str, Any]]:
-    """Prove the load factor by proximal iteration.
+    """Prove the load factor by the proximal iteration on forces and effective areas.
 
     Return the proof, and facts on what is missing: the face whose area still changes, or how far the bound is above.
     """
@@ -188,7 +202,7 @@ def _proof_of_iteration(
     facts: dict[str, Any] = {"fixed_point": moved}
     if settled:
         proof.state = state
-        width = relative_width(proof.low, proof.high, analysis.floor)
+        width = relative_width(proof.low, proof.high, analysis.load_scale)
         if proof.status is Status.COLLAPSE and width > analysis.gap:
             facts["above"] = width
     elif moved > tolerances.FIXED_POINT:
@@ -206,7 +220,10 @@ def _proof_of_iteration(
 
 
 def _falls(analysis: LimitAnalysis, labels: Bits, motion: Motion) -> bool:
-    """Test for an instability whatever areas are pressed: a motion, or that and a little opening of all joints."""
+    """Return True if a motion proves an instability whatever areas are pressed.
+
+    A small opening of all joints may be added to the motion. labels: (m,) True = dry.
+    """
     opening = analysis.repair.opening()
     for share in (0.0, *_OPENINGS):
         tried = motion
@@ -227,11 +244,12 @@ def _falls(analysis: LimitAnalysis, labels: Bits, motion: Motion) -> bool:
 
 
 def falls_for_any_areas(analysis: LimitAnalysis, labels: Bits, motion: Motion) -> bool:
-    """Return True if the jumps of a motion have finite dissipation wherever dry rectangles are pressed.
+    """Return True if the jumps of a motion have finite dissipation under any areas.
 
-    With N at x a face opens by δ + θ·x and slips by s + ω × x there, and no effective area twists about more than c_T:
-    δ_x ≥ μ max(|s_x|, c_T |ω|) is convex in x and holds everywhere if it holds at the corners. Faces that crush count
-    as they do under whole areas only if they do not twist.
+    That is, wherever dry rectangles are pressed. With N at x a face opens by δ + θ·x and slips by s + ω × x there, and
+    no effective area twists about more than c_T: δ_x ≥ μ max(|s_x|, c_T |ω|) is convex in x and holds everywhere if it
+    holds at the corners. Faces that crush count as they do under whole areas only if they do not twist. labels: (m,)
+    True = dry.
     """
     faces, jumps = analysis.assembly.interfaces, motion.jumps
     friction = analysis.template.yield_set.associative.friction_of(labels)
@@ -250,31 +268,42 @@ def falls_for_any_areas(analysis: LimitAnalysis, labels: Bits, motion: Motion) -
 
 
 def ray_under_own_areas(analysis: LimitAnalysis, labels: Bits, ray: State | None) -> State | None:
-    """Find forces that carry ever more live load within the effective areas they ask for; None if none is found.
+    """Find a ray of forces within the effective areas that these forces require.
 
-    analysis: of whole faces. labels: (m,) True dry. ray: to begin with, under any areas.
+    Along it the live load grows without limit. analysis: of whole faces. labels: (m,) True = dry. ray: to begin with,
+    under any areas. The result is None if no such ray is found.
     """
     for _ in range(_RAYS):
         if ray is None:
             return None
         areas = areas_under(analysis.assembly, ray.forces, labels)
-        frozen = analysis.under(frozen_areas(analysis.template, areas), labels)
+        frozen = analysis.with_template(frozen_areas(analysis.template, areas), labels)
         own = frozen.prover.ray(np.append(ray.forces.ravel(), 1.0), labels)
-        if analysis.prover.is_ray(own) and change(areas, areas_under(analysis.assembly, own.forces, labels)) <= _SAME:
+        if (
+            analysis.prover.is_ray(own)
+            and largest_area_change(areas, areas_under(analysis.assembly, own.forces, labels)) <= _SAME
+        ):
             return own
         ray = frozen.repair.ray(labels)
     return None
 
 
 def _notes(analysis: LimitAnalysis, labels: Bits, plain: Proof, proof: Proof) -> list[str]:
-    """Write sentences on faces that keep their whole area, and on the increase of λ."""
+    """Return sentences on faces that keep their whole area, and on an increase of λ.
+
+    plain: proof with whole faces. proof: proof with effective areas. labels: (m,) True = dry.
+    """
     found = []
     odd = int(np.count_nonzero(labels & ~analysis.assembly.interfaces.rectangle))
     if odd:
         found.append(f"{odd} of {int(labels.sum())} dry faces are no rectangles and keep their whole area in torsion")
     whole, own = plain.load_factor, proof.load_factor
-    if math.isfinite(whole) and math.isfinite(own) and own - whole > analysis.gap * max(abs(whole), analysis.floor):
-        more = (own - whole) / max(abs(whole), analysis.floor)
+    if (
+        math.isfinite(whole)
+        and math.isfinite(own)
+        and own - whole > analysis.gap * max(abs(whole), analysis.load_scale)
+    ):
+        more = (own - whole) / max(abs(whole), analysis.load_scale)
         found.append(
             f"λ with effective areas is {more:.1%} above that of whole faces: "
             "shear at the centre of pressure, not at the centroid, is what twists a face"
@@ -285,15 +314,17 @@ def _notes(analysis: LimitAnalysis, labels: Bits, plain: Proof, proof: Proof) ->
 def _iterate(
     analysis: LimitAnalysis, labels: Bits, forces: Floats, most: int, weight: float
 ) -> tuple[State, Proof, Floats, int]:
-    """Iterate on forces and areas until they agree: `_STEPS` free steps, then held steps.
+    """Iterate on forces and effective areas until they agree.
 
-    Return a state, the proof with the areas frozen, the change (m,) of areas that is left, and the number of programs.
+    `_STEPS` free steps come first, then steps that hold the forces. labels: (m,) True = dry. forces: (m, q) scaled
+    start. most, weight: as in `prove_effective_area`. The results are a state, the proof with the areas frozen, the
+    change (m,) of areas that is left, and the number of programs.
     """
     template, count = analysis.template, analysis.template.matrix.shape[1]
     margin, residual = template.precision.margin, template.precision.residual
-    stepping, holding = (ClarabelSolver(residual, proximal=(count, w)) for w in (weight, HOLD))
+    stepping, holding = (ClarabelSolver(residual, proximal=(count, w)) for w in (weight, HOLDING_WEIGHT))
     areas = areas_under(analysis.assembly, forces.reshape(-1, 6), labels)
-    prover = analysis.prover.under(frozen_areas(template, areas))
+    prover = analysis.prover.with_template(frozen_areas(template, areas))
     solves, steps, slack = 0, 0, margin
     while True:
         route = stepping if steps < _STEPS else holding
@@ -303,10 +334,10 @@ def _iterate(
         own, asked, prover = under_own_areas(prover, state, labels)
         moves, areas = _changes(areas, asked), asked
         forces = state.forces.ravel()
-        slack = slack_to_ask(own, margin, steps)
+        slack = slack_to_request(own, margin, steps)
         settled = own.admissible and (moves.max(initial=0.0) <= tolerances.FIXED_POINT or steps > _STEPS)
         if settled or solves >= most:
-            proof = analysis.under(prover.template, labels).prove(labels)
+            proof = analysis.with_template(prover.template, labels).prove(labels)
             solves += proof.solves
             if not settled:
                 return own, proof, moves, solves

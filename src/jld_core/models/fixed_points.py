@@ -86,11 +86,11 @@ class FixedPoint:
 def under_own_areas(prover: Prover, state: State, labels: Bits) -> tuple[State, EffectiveAreas, Prover]:
     """Evaluate a state under the effective areas of its own forces.
 
-    prover: of any template of the assembly. Return the state, the effective areas, and a prover with these areas
-    frozen.
+    prover: of any template of the assembly. state: forces. labels: (m,) True = dry. The results are the state under
+    these areas, the areas, and a prover with the areas frozen.
     """
     areas = areas_under(prover.template.assembly, state.forces, labels)
-    frozen = prover.under(frozen_areas(prover.template, areas))
+    frozen = prover.with_template(frozen_areas(prover.template, areas))
     return frozen.state(np.append(state.forces.ravel(), state.load), labels, passes=1), areas, frozen
 
 
@@ -126,7 +126,7 @@ def find_fixed_point(analysis: LimitAnalysis, labels: Bits, starts: int = STARTS
         path = CentralPath(rows, barrier_weights(analysis.assembly, rows, start), _SIZES[start // 2 % len(_SIZES)])
         asked, more = np.inf, _REFINEMENTS
         for point in path.points():
-            size = max(abs(point.load), analysis.floor)
+            size = max(abs(point.load), analysis.load_scale)
             if point.gap <= min(_CLOSE * size, asked) and point.residual <= _BALANCED:
                 asked = point.gap if point.gap < 4.0 * analysis.gap * size else 0.1 * point.gap
                 found = _checked(analysis, labels, point, start + 1)
@@ -149,26 +149,36 @@ def find_fixed_point(analysis: LimitAnalysis, labels: Bits, starts: int = STARTS
 
 
 def _checked(analysis: LimitAnalysis, labels: Bits, point: PathPoint, starts: int) -> FixedPoint:
-    """Compute the bracket of the problem frozen at the areas of an iterate."""
+    """Return the fixed point at an iterate of a central path, with its proven bracket.
+
+    The bracket is that of the problem frozen at the areas of the iterate. labels: (m,) True = dry. starts: number of
+    paths followed.
+    """
     state, areas, frozen = under_own_areas(analysis.prover, analysis.prover.state(point.y, labels), labels)
     if not state.admissible and state.slack > -_EDGE:
         # faces that bear nothing have no slack at all
-        at_edge = analysis.under(frozen.template, labels).repair.edge_state(point.y, labels)
+        at_edge = analysis.with_template(frozen.template, labels).repair.boundary_state(point.y, labels)
         state = at_edge or state
     motion = frozen.motion(point.u, labels)
     opening = None if motion.margin >= 0.0 else analysis.repair.opening()
     if opening is not None:
-        motion = frozen.open_up(motion, opening, labels)
+        motion = frozen.add_opening(motion, opening, labels)
     finite = motion.margin >= 0.0 and motion.work > 0.0
     low, high = state.load if state.admissible else -np.inf, motion.bound if finite else np.inf
-    width = relative_width(low, high, analysis.floor)
+    width = relative_width(low, high, analysis.load_scale)
     return FixedPoint(state, areas, frozen, motion if finite else None, width, starts)
 
 
 def _with_frozen_mechanism(analysis: LimitAnalysis, labels: Bits, found: FixedPoint) -> FixedPoint:
-    """Solve the problem frozen at the areas found: its mechanism is more exact than multipliers of an iterate."""
-    proof = analysis.under(found.prover.template, labels).prove(labels)
-    width = np.inf if proof.motion is None else relative_width(found.state.load, proof.motion.bound, analysis.floor)
+    """Solve the problem frozen at the areas of a fixed point, for a better mechanism.
+
+    Its mechanism is more accurate than the multipliers of an iterate. The narrower bracket is kept. labels: (m,) True =
+    dry.
+    """
+    proof = analysis.with_template(found.prover.template, labels).prove(labels)
+    width = (
+        np.inf if proof.motion is None else relative_width(found.state.load, proof.motion.bound, analysis.load_scale)
+    )
     return replace(found, motion=proof.motion, width=width) if width < found.width else found
 
 

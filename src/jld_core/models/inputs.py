@@ -1,4 +1,4 @@
-"""Conversion of what a caller gives to an assembly and labels, with one clear error for anything else."""
+"""Convert what a caller gives to an assembly and labels, or raise one clear error."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def labellings_of(assembly: Assembly, labellings: ArrayLike | Iterable[Labels]) 
 
 
 def _values(labels: Labels) -> NDArray[np.generic]:
-    """Return labels as an array of numbers, truth values or letters, not checked yet."""
+    """Return labels as an array of numbers, truth values or letters, without any check."""
     if isinstance(labels, str):
         return np.array(list(labels), dtype="U1")
     try:
@@ -123,7 +123,10 @@ def _values(labels: Labels) -> NDArray[np.generic]:
 
 
 def _checked(values: NDArray[np.generic], faces: int, parameter: str) -> Bits:
-    """Return labels as truth values; raise InputError for a wrong number or value."""
+    """Return labels as truth values (m,); raise InputError for a wrong number or value.
+
+    values: labels as given. faces: m. parameter: name of the parameter, for the message.
+    """
     expected = f"{faces} labels, one per interface: True, 1 or d = dry; False, 0 or i = inner"
     if values.ndim != 1 or len(values) != faces:
         found = f"{len(values)} labels are given" if values.ndim == 1 else f"an array of shape {values.shape} is given"

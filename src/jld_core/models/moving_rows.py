@@ -106,7 +106,10 @@ def area_derivatives(assembly: Assembly, forces: Floats, labels: Bits) -> tuple[
 
 
 def _torsion_length_slope(one: Floats, other: Floats) -> Floats:
-    """Return the derivative (n,) of c_T of rectangles with respect to side `one`."""
+    """Return the derivative (n,) of the torsion length c_T of rectangles by side `one`.
+
+    one, other: (n,) sides.
+    """
     diagonal = np.hypot(one, other)
     ends = one / (6.0 * other) * np.arcsinh(other / one) - other**2 / (12.0 * one**2) * np.arcsinh(one / other)
     return np.asarray(one / (12.0 * diagonal) + other**2 / (12.0 * one * diagonal) + ends)
@@ -135,8 +138,8 @@ def frozen_areas(template: Template, areas: EffectiveAreas) -> Template:
 class MovingRows:
     """Conic program of one labelling whose torsion rows follow the effective areas of the forces.
 
-    minimise q·y  subject to  E y = e,  G(y) y + s = r,  s in a cone. E y = e is equilibrium. G depends on y through
-    the parameters ρ, ρ a1, ρ a2 of each dry rectangle.
+    The program is: minimise q·y subject to E y = e, G(y) y + s = r, s in a cone. E y = e is equilibrium. G depends on y
+    through the parameters ρ, ρ a1, ρ a2 of each dry rectangle, see `EffectiveAreas`.
 
     Parameters
     ----------
@@ -148,11 +151,11 @@ class MovingRows:
     Attributes
     ----------
     objective : (n,) array
-        q.
+        Objective q.
     balance, load : sparse array, array
-        E and e.
+        Matrix E and right-hand side e of equilibrium.
     rows, rhs : sparse array, array
-        G of whole faces, and r.
+        Matrix G for whole faces, and right-hand side r of the rows.
     linear : int
         Number of linear rows; the rows after them are second-order cones of size three.
     face : (rows,) int array
@@ -180,7 +183,7 @@ class MovingRows:
         self._coefficients = self._torsion_coefficients(template)
 
     def _torsion_coefficients(self, template: Template) -> Floats:
-        """Return the coefficients (3, k) of ρ, ρ a1, ρ a2 in the torsion rows."""
+        """Return the coefficients (3, k) of the parameters ρ, ρ a1, ρ a2 in the torsion rows."""
         labels, first = self.labels, self.balance.shape[0]
         shifted = [self._matrix(template, labels, 1.0, arm)[first:] - self.rows for arm in ((1.0, 0.0), (0.0, 1.0))]
         parts = [self.rows, *shifted]
@@ -191,7 +194,10 @@ class MovingRows:
         )
 
     def _matrix(self, template: Template, labels: Bits, ratio: float, arm: tuple[float, float]) -> sp.csr_array:
-        """Return the matrix of the program with the same areas at all faces."""
+        """Return the matrix of the program if all faces have the same effective area.
+
+        ratio: c_T / c_T,e. arm: (2,) x / c_T.
+        """
         count = len(labels)
         areas = EffectiveAreas(np.full(count, ratio), np.tile(np.array(arm), (count, 1)))
         program = frozen_areas(template, areas).program(labels)
@@ -200,17 +206,17 @@ class MovingRows:
 
     @property
     def size(self) -> int:
-        """Number of columns."""
+        """Return the number of columns of the program."""
         return len(self.objective)
 
     @cached_property
     def _columns(self) -> Ints:
-        """Columns (3, k) of mT, V1, V2 of the faces of the torsion rows."""
+        """Return the columns (3, k) of mT, V1, V2 of the faces of the torsion rows."""
         return np.asarray(6 * self.face[self.torsion][None] + np.array(_TWISTING)[:, None])
 
     @cached_property
     def own(self) -> Ints:
-        """Columns (3, k) of N, m1, m2 of the faces of the torsion rows."""
+        """Return the columns (3, k) of N, m1, m2 of the faces of the torsion rows."""
         return np.asarray(6 * self.face[self.torsion][None] + np.array(_OWN)[:, None])
 
     def parameters(self, y: Floats) -> tuple[Floats, Floats]:
@@ -237,23 +243,32 @@ class MovingRows:
         return values, np.concatenate([of_ratio[face].T[None], slopes.transpose(1, 2, 0)])
 
     def entries(self, values: Floats) -> tuple[Ints, Ints, Floats]:
-        """Return rows, columns and values of the difference between G and `rows`."""
+        """Return rows, columns and values of G minus the rows G of whole faces.
+
+        values: (3, k) parameters of the torsion rows.
+        """
         coefficients = self._coefficients * (values - np.array([1.0, 0.0, 0.0])[:, None])
         return np.tile(self.torsion, 3), self._columns.ravel(), coefficients.ravel()
 
     def matrix(self, values: Floats) -> sp.csr_array:
-        """Return G under given parameters (3, k)."""
+        """Return the matrix G for given parameters (3, k) of the torsion rows."""
         row, column, data = self.entries(values)
         return self.rows + sp.csr_array((data, (row, column)), shape=self.rows.shape)
 
     def row_slopes(self, y: Floats, slopes: Floats) -> tuple[Ints, Ints, Floats]:
-        """Return rows, columns and values of ∂(G v)/∂y at v = y, where v is held fixed."""
+        """Return rows, columns and values of the derivative of G(y) v by y, at v = y.
+
+        v is held fixed. slopes: (3, 3, k) from `parameters`.
+        """
         work = self._coefficients * y[self._columns]
         data = np.einsum("kr,kjr->jr", work, slopes)
         return np.tile(self.torsion, 3), self.own.ravel(), data.ravel()
 
     def column_slopes(self, z: Floats, slopes: Floats) -> tuple[Ints, Ints, Floats]:
-        """Return rows, columns and values of ∂(Gᵀ z)/∂y, where z is held fixed."""
+        """Return rows, columns and values of the derivative of G(y)ᵀ z by y.
+
+        z: (rows,) multipliers, held fixed. slopes: (3, 3, k) from `parameters`.
+        """
         work = self._coefficients * z[self.torsion]
         data = work[:, None] * slopes
         row = np.broadcast_to(self._columns[:, None], data.shape)

@@ -48,9 +48,9 @@ def point_contact_assembly(assembly: Assembly, labels: Bits) -> tuple[Assembly, 
     if hard.size:
         problem = f"dry face {assembly.pair(hard[0])} has a compressive strength"
         raise ParameterError("contact", problem, "convex contact there")
-    stuck = np.flatnonzero(labels & (assembly.strengths.cohesion > 0.0))
-    if stuck.size:
-        raise ParameterError("contact", f"dry face {assembly.pair(stuck[0])} has cohesion", "convex contact there")
+    cohesive = np.flatnonzero(labels & (assembly.strengths.cohesion > 0.0))
+    if cohesive.size:
+        raise ParameterError("contact", f"dry face {assembly.pair(cohesive[0])} has cohesion", "convex contact there")
     points: list[Floats] = [faces.polygon[face].mean(axis=0)[None] for face in range(len(faces))]
     dry = np.flatnonzero(labels)
     for face, outline in zip(dry.tolist(), local_hulls(faces, dry), strict=True):
@@ -122,7 +122,11 @@ def proof_of_faces(full: LimitAnalysis, points: LimitAnalysis, parent: Ints, pro
 
 
 def resultants_of_faces(assembly: Assembly, points: Assembly, parent: Ints, forces: Floats) -> Floats:
-    """Compute the resultants (m, 6) of whole faces about their centroids from point forces."""
+    """Compute the resultants (m, 6) of whole faces about their centroids from point forces.
+
+    assembly: with m whole faces. points: its assembly of m' point contacts. parent: (m',) whole face of each point.
+    forces: (m', 6) resultants of the points, scene units.
+    """
     faces = assembly.interfaces
     arm = points.interfaces.origin - faces.origin[parent]
     x1 = np.einsum("ij,ij->i", arm, faces.e1[parent])

@@ -110,7 +110,11 @@ def rigid_blocks(assembly: Assembly, labels: Bits, apart: Ints) -> RigidBlocks:
 
 
 def _joined(assembly: Assembly, labels: Bits, group: Ints, support: Bits, kept: Ints) -> Assembly:
-    """Build the condensed assembly: sum loads and weights per block, keep given interfaces."""
+    """Build the condensed assembly: sum loads and weights per block, keep some interfaces.
+
+    labels: (m,) True = dry. group: (n,) block of each element. support: (blocks,) True for supports. kept: interfaces
+    that stay.
+    """
     elements, faces, s, d = assembly.elements, assembly.interfaces, assembly.strengths, assembly.dimension
     number = len(support)
     size = np.bincount(group, minlength=number)
@@ -194,10 +198,10 @@ def prove_condensed(full: LimitAnalysis, labels: Bits) -> Proof | None:
         )
         proof, scaling = inner.prove(given), inner.template.scaling
         solves += proof.solves
-        route += [f"rigid: {step}" for step in proof.route]
+        route += [f"rigid: {step}" for step in proof.solve_log]
         if proof.status is Status.UNSTABLE:
             # If the assembly of rigid blocks is unstable, the full model is too: cracks only add mechanisms.
-            return Proof(status=Status.UNSTABLE, route=route, solves=solves)
+            return Proof(status=Status.UNSTABLE, solve_log=route, solves=solves)
         if proof.status is not Status.COLLAPSE or proof.state is None or proof.motion is None:
             return None
         boundary = proof.state.forces * scaling.face
@@ -211,10 +215,10 @@ def prove_condensed(full: LimitAnalysis, labels: Bits) -> Proof | None:
             checked = full.prover.state(np.append(state.ravel(), load / scale.load), labels)
             if not checked.admissible:
                 checked = full.unloaded(labels) or checked
-            lifted = Proof(route=route, solves=solves, extra={"rigid_blocks": len(rigid.assembly.elements.free)})
+            lifted = Proof(solve_log=route, solves=solves, extra={"rigid_blocks": len(rigid.assembly.elements.free)})
             lifted.offer_state(checked)
             lifted.offer_motion(_of_elements(full, rigid, inner, proof.motion))
-            lifted.status = full.judge(lifted)
+            lifted.status = full.status_of(lifted)
             return lifted if lifted.status is Status.COLLAPSE else None
         route.append(f"{failing.size} blocks taken apart")
         apart = np.union1d(apart, np.flatnonzero(np.isin(rigid.group, failing)))
@@ -226,9 +230,9 @@ def _inner_forces(
 ) -> tuple[Floats, Ints] | None:
     """Compute scaled forces on all faces, and the blocks without admissible inner forces.
 
-    boundary: (m', q) forces on the faces between blocks, scene units. load: λ, scene units. Blocks are independent
-    of each other once boundary forces and λ are given: each maximises its own least slack. Return None where the
-    solver returns no finite forces.
+    labels: (m,) True = dry. boundary: (m', q) forces on the faces between blocks, scene units. load: λ, scene units.
+    Blocks are independent of each other once boundary forces and λ are given: each maximises its own least slack. The
+    result is None where the solver returns no finite forces. rigid: the condensed assembly.
     """
     scale, q, sets = template.scaling, template.assembly.freedoms, template.yield_set
     count = len(labels)
@@ -276,12 +280,15 @@ def _inner_forces(
     if not np.all(np.isfinite(own)):
         return None
     forces[inside] = np.where(sets.active(labels)[inside], own, 0.0)
-    room = sets.slack(forces, labels)[inside]
-    return forces, names[np.unique(position[room < 1e-9])]
+    slacks = sets.slack(forces, labels)[inside]
+    return forces, names[np.unique(position[slacks < 1e-9])]
 
 
 def _cone_faces(row_face: Ints, linear: int, cones: tuple[int, ...]) -> Ints:
-    """Return the face of each second-order cone."""
+    """Return the face of each second-order cone of a row pattern.
+
+    row_face: (rows,) face of each row. linear: number of linear rows. cones: sizes of the cones.
+    """
     return np.asarray(row_face[linear + beginnings(cones)])
 
 

@@ -128,7 +128,7 @@ def sensitivities(result: LimitAnalysisResult) -> dict[str, Sensitivity]:
             for name, s in one.items()
         }
     model = result.model
-    plain = model.modular and model.inner_bending == "uncoupled"
+    plain = model.supports_bounds_over_labellings and model.inner_bending == "uncoupled"
     if result.status is not Status.COLLAPSE or not plain:
         return {}
     analysis = LimitAnalysis(result.assembly)
@@ -143,7 +143,7 @@ def sensitivities(result: LimitAnalysisResult) -> dict[str, Sensitivity]:
 
 @dataclass(frozen=True)
 class _Change:
-    """One parameter of an assembly.
+    """Change of one parameter of an assembly.
 
     size: scale of the parameter, to which steps are relative: the least strength, or 1 for weight. strength: name of
     the strength, empty for weight.
@@ -153,7 +153,7 @@ class _Change:
     strength: str = ""
 
     def of(self, assembly: Assembly, step: float) -> Assembly:
-        """Return the assembly with the parameter increased by a step."""
+        """Return an assembly with the parameter increased by a step."""
         if self.strength:
             values = getattr(assembly.strengths, self.strength) + step
             return replace(assembly, strengths=replace(assembly.strengths, **{self.strength: values}))
@@ -198,7 +198,10 @@ class _Base:
         self._held: Bools = held
 
     def sensitivity(self, change: _Change, unit: str) -> Sensitivity:
-        """Compute the rate of λ with one parameter, in scene units."""
+        """Compute the rate of λ with one parameter, in scene units.
+
+        change: the parameter. unit: its unit, for the result.
+        """
         step = _STEP * change.size
         more, less = self._moved(change, step), self._moved(change, -step)
         matrix = sp.csr_array((more.matrix - less.matrix) / (2.0 * step))
@@ -229,15 +232,19 @@ class _Base:
         return Sensitivity(math.nan, left, right, unit) if unknown else Sensitivity(value, value, value, unit)
 
     def _moved(self, change: _Change, step: float) -> ConicProgram:
-        """Build the program with the parameter changed by a step, in the original scaling."""
+        """Build the program with a parameter changed by a step, in the original scaling.
+
+        change: the parameter. step: increase of its value.
+        """
         assembly = change.of(self._template.assembly, step)
         return Template(assembly, self._template.scaling).program(self._labels)
 
     def _by_steps(self, change: _Change) -> tuple[float, float, float, float]:
-        """Compute left and right rates from chords at two steps, the size of the kink, and the rounding.
+        """Compute the left and the right rate of −λ from chords at two steps to either side.
 
-        The size of the kink excludes curvature, which vanishes as steps shrink, and rounding, which is estimated from
-        the difference of primal and dual values.
+        The results are both rates, the size of the kink, and the rounding error. The size of the kink excludes
+        curvature, which vanishes as steps shrink, and rounding, which is estimated from the difference of primal and
+        dual values. change: the parameter.
         """
         here, noise = self._value(self.program)
         chords, kinks, noises = [], [], []
@@ -254,7 +261,10 @@ class _Base:
         return left + share * (left - far_left), right + share * (right - far_right), bent, min(noises)
 
     def _value(self, program: ConicProgram) -> tuple[float, float]:
-        """Solve a program; return its λ, and the difference of its primal and dual λ; NaN if it has none."""
+        """Return λ of a program and the difference of its primal and dual λ, scaled.
+
+        Both are NaN if the program has no solution.
+        """
         raw = self._solver.solve(program)
         if raw.status not in (RawStatus.OPTIMAL, RawStatus.ALMOST):
             return math.nan, math.nan
@@ -262,9 +272,9 @@ class _Base:
         return 0.5 * (primal + dual), abs(primal - dual)
 
     def _side(self, matrix: sp.csr_array, rhs: Floats) -> float:
-        """Compute the rate of −λ to one side, scaled; NaN where the linear program has no optimum.
+        """Compute the rate of −λ to one side of the parameter; NaN without an optimum.
 
-        matrix, rhs: rates of change of the program data.
+        matrix, rhs: rates of change of the program data, scaled.
         """
         equal = np.arange(self._first)
         held = np.flatnonzero(self._held)

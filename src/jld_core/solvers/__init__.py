@@ -9,11 +9,11 @@ Every solution is a hint: bounds on λ are proven elsewhere, whatever a solver r
 - `RawSolution`: unverified solution of a conic program
 - `RawStatus`: status that a solver reports
 - `Solver`: interface of a solver
-- `auxiliary`: solve a program other than that of a labelling
 - `installed_solvers`: return the names of the solvers whose libraries are installed
 - `is_large`: test whether `auto` chooses `schur` for a structure
 - `make_solver`: make a solver by its name
 - `require_solver`: refuse an unknown solver, or one that is not installed
+- `solve_auxiliary`: solve a program other than that of a labelling
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ def installed_solvers() -> tuple[str, ...]:
     return tuple(name for name in SOLVERS if name != "cvxpy" or find_spec(name) is not None)
 
 
-def auxiliary(program: ConicProgram, gap: float = 1e-8) -> RawSolution:
+def solve_auxiliary(program: ConicProgram, gap: float = 1e-8) -> RawSolution:
     """Solve a program other than that of a labelling: by schur if large, else clarabel.
 
     Clarabel also solves large programs on which schur fails.
@@ -161,9 +161,9 @@ __all__ = [
     "RawSolution",
     "RawStatus",
     "Solver",
-    "auxiliary",
     "installed_solvers",
     "is_large",
     "make_solver",
     "require_solver",
+    "solve_auxiliary",
 ]

@@ -14,7 +14,7 @@ from jld_core.program import ConicProgram, Structure
 class RawStatus(StrEnum):
     """Status that a solver reports of its own solution, a hint and never a proof.
 
-    It orders the attempts at a proof.
+    It decides which solution methods are tried next.
     """
 
     OPTIMAL = "optimal"
@@ -90,7 +90,7 @@ class Solver(ABC):
     def require(self, structure: Structure) -> None:
         """Raise SolverError if the solver does not support programs of this structure.
 
-        Callers ask this before any work begins.
+        Callers check this before any work begins.
         """
         return
 

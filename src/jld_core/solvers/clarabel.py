@@ -89,7 +89,7 @@ class ClarabelSolver(Solver):
         self.updates = self.rebuilds = 0
 
     def prepare(self, structure: Structure, reference: Callable[[], ConicProgram]) -> None:
-        """Set up on the reference program if the structure is new."""
+        """Set up the solver on the reference program of a structure, if that structure is new."""
         if self._structure is not structure:
             program = reference().rounded
             self._set_up(program, program.objective)
@@ -124,7 +124,7 @@ class ClarabelSolver(Solver):
         return _raw_solution(self._solver.solve(), start)
 
     def _set_up(self, program: ConicProgram, objective: Floats) -> None:
-        """Make a new Clarabel instance for the structure of a program."""
+        """Make a new Clarabel instance for the structure of a program, with this objective."""
         self.rebuilds += 1
         s = program.structure
         usual = tolerances.CRUSHING if s.cones else tolerances.LINEAR
@@ -146,7 +146,10 @@ def _cones(structure: Structure) -> list[Any]:
 
 
 def _raw_solution(answer: Any, start: float) -> RawSolution:
-    """Convert Clarabel's solution; start: clock reading when the solve began, s."""
+    """Convert an answer of Clarabel to a raw solution.
+
+    start: clock reading when the solve began, s.
+    """
     name = str(answer.status)
     return RawSolution(
         status=_STATUS.get(name, RawStatus.FAILED),

@@ -131,5 +131,5 @@ def highs_of(
 
 
 def highs_ends(values: Floats) -> Floats:
-    """Replace infinite bounds by HiGHS' own infinity."""
+    """Return bounds with infinite values replaced by the infinity of HiGHS."""
     return np.clip(values, -highspy.kHighsInf, highspy.kHighsInf)

@@ -140,7 +140,7 @@ def interior_point(
 
 
 def _run(highs: Any) -> LinearAnswer:
-    """Run HiGHS and collect its solution."""
+    """Run a HiGHS instance, and return its unverified solution."""
     highs.run()
     solution = highs.getSolution()
     found = highs.getModelStatus() == highspy.HighsModelStatus.kOptimal

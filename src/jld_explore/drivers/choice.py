@@ -63,7 +63,13 @@ def driver_for(
         return make_driver("enumeration", space, seed, **options)
     given = {key for key, value in options.items() if value is not None}
     own = all(DRIVERS["exact"] in owners(key) for key in given)
-    if space.void is None and own and not many and model.modular and int(space.candidates.sum()) <= REACH:
+    if (
+        space.void is None
+        and own
+        and not many
+        and model.supports_bounds_over_labellings
+        and int(space.candidates.sum()) <= REACH
+    ):
         exact = make_driver("exact", space, seed, **options)
         if not exact.exhaustive:  # otherwise it has no bounds for this scene and would enumerate
             return exact
@@ -90,7 +96,7 @@ def bound_of_all(space: SearchSpace, model: SolveOptions) -> float | None:
     """
     assembly = space.assembly
     dilating = replace(model, friction="associative", range=False, floor_seconds=FLOOR_SECONDS)
-    if space.void is not None or not dilating.modular or len(assembly.interfaces) > BOUNDED:
+    if space.void is not None or not dilating.supports_bounds_over_labellings or len(assembly.interfaces) > BOUNDED:
         return None
     relaxation = relaxation_of(assembly)
     if relaxation is None:
@@ -140,7 +146,7 @@ def what_would_prove(
         return f"--resume goes on to a proof{left}"
     if space.void is not None:
         return "where cells may be left out, --driver enumeration proves, where it comes to its end"
-    if not model.modular:
+    if not model.supports_bounds_over_labellings:
         return "the exact driver has no bounds for this model: --driver enumeration proves, where it comes to its end"
     if by_exact:
         return None  # the exact driver cannot prove more

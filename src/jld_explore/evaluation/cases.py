@@ -12,7 +12,7 @@ import numpy as np
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline
-from jld_core.limit import Known, LimitAnalysis, Status, governing
+from jld_core.limit import CaseBounds, LimitAnalysis, Status, governing
 from jld_explore.evaluation.evaluation import BOUND, SOLVE, Evaluation
 from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings
 
@@ -140,7 +140,7 @@ class CasesEvaluator:
 
     def _together(self, cases: list[Evaluation]) -> Evaluation:
         """Combine the evaluations of all load cases of one labelling into one."""
-        known = [Known(one.status, one.low, one.high, one.load_factor) for one in cases]
+        known = [CaseBounds(one.status, one.low, one.high, one.load_factor) for one in cases]
         decided = governing(known, self._required)
         seconds = sum(one.seconds for one in cases)
         values = tuple(one.load_factor for one in cases)

@@ -11,7 +11,7 @@ from functools import cached_property
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline, DeadlinePassed
-from jld_core.limit import Batch, LimitAnalysis, Proof, SolveOptions, Status
+from jld_core.limit import BatchAnalysis, LimitAnalysis, Proof, SolveOptions, Status
 from jld_core.models import limit_analysis, solve_labelling
 from jld_explore.evaluation.evaluation import BOUND, SOLVE, Evaluation
 
@@ -34,7 +34,7 @@ class EvaluatorSettings:
     @property
     def batched(self) -> bool:
         """True if bounds on λ of many labellings suffice, so that the batch solver can be used."""
-        return self.many and self.model.modular
+        return self.many and self.model.supports_bounds_over_labellings
 
 
 class Evaluator:
@@ -55,11 +55,11 @@ class Evaluator:
 
     def __init__(self, assembly: Assembly, settings: EvaluatorSettings, like: Evaluator | None = None) -> None:
         self.assembly, self.settings = assembly, settings
-        self._batch: Batch | None
+        self._batch: BatchAnalysis | None
         if like is not None:
             self._batch = like._batch
         else:
-            self._batch = Batch.of(self._analysis) if settings.batched else None
+            self._batch = BatchAnalysis.of(self._analysis) if settings.batched else None
 
     @cached_property
     def _analysis(self) -> LimitAnalysis:
@@ -73,7 +73,7 @@ class Evaluator:
     @property
     def settles(self) -> bool:
         """True if the batch solver settles nearly all labellings, so that one process is enough."""
-        return self._batch is not None and self._batch.worthwhile
+        return self._batch is not None and self._batch.settles_most
 
     def evaluate_all(
         self,
@@ -164,7 +164,7 @@ class Evaluator:
         """Convert the proof of a limit analysis to an evaluation in scene units."""
         scale = self._analysis.template.scaling.load
         (low, high), load = proof.bracket, proof.load_factor
-        if self.settings.model.by_floor and not proof.outbid and proof.status is Status.COLLAPSE:
+        if self.settings.model.ranks_by_lower_bound and not proof.outbid and proof.status is Status.COLLAPSE:
             return self._floor(proof, scale, start)
         dilates = self.settings.model.friction == "associative"
         return Evaluation(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import threading
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -11,20 +10,17 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 
-from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.files import write_text
-from jld_core.limit import LimitAnalysisResult, governing_result, result_of
-from jld_core.mechanics import require_materials
-from jld_core.models import SolveOptions, limit_analysis, solve_labelling
+from jld_core.models.case_analysis import CaseAnalysis
 from jld_core.scene import Scene
 from jld_core.views import facts_of_assembly, facts_of_result
 from jld_explore.report import words
 from jld_explore.report.exploration import Exploration
 from jld_explore.report.page import page
 from jld_explore.report.page_contract import PageData, Solution
-from jld_explore.report.page_data import cases_of, page_data, solution_of, within
+from jld_explore.report.page_data import page_data, solution_of, within
 from jld_explore.report.page_table import chosen_rows, curve_of, facts_of_summary, table_of
 from jld_explore.report.reading import history_of
 from jld_explore.space import search_space
@@ -84,7 +80,7 @@ def scene_page(scene: Scene, assembly: Assembly) -> str:
     str
         HTML.
     """
-    found = CaseSolver(assembly).solve(assembly.labels, stands=True)
+    found = CaseAnalysis(assembly).solve(assembly.labels, stands=True)
     facts = {**facts_of_assembly(assembly), **facts_of_result(found)}
     candidates = assembly.free_faces
     return page(
@@ -148,56 +144,6 @@ def study_data(
     )
 
 
-class CaseSolver:
-    """Solver of labellings of one assembly under each of its load cases.
-
-    Templates are built once. Threads may share the solver; they solve one at a time.
-
-    Parameters
-    ----------
-    assembly : Assembly
-        Structure.
-    model : SolveOptions, optional
-        Model. Default: associative friction, as in `solve`.
-    """
-
-    def __init__(self, assembly: Assembly, model: SolveOptions | None = None) -> None:
-        """Build the limit analyses of all load cases."""
-        self.assembly, self.model = assembly, model or SolveOptions()
-        self._turn = threading.Lock()  # A limit analysis may be used by one thread at a time.
-        self._analyses = [limit_analysis(case, self.model, reference=assembly.labels) for case in assembly.by_case]
-
-    def solve(self, labels: Bits, stands: bool = False) -> LimitAnalysisResult:
-        """Solve one labelling.
-
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry.
-        stands : bool
-            Also decide whether the structure stands without live load.
-
-        Returns
-        -------
-        LimitAnalysisResult
-            Result, with load cases that of the governing case.
-
-        Raises
-        ------
-        InputError
-            If a required material is missing.
-        """
-        require_materials(self.assembly, labels, ~labels)
-        found: dict[str, LimitAnalysisResult] = {}
-        with self._turn:
-            for name, analysis in zip(cases_of(self.assembly), self._analyses, strict=True):
-                start = time.perf_counter()
-                proof = solve_labelling(analysis, labels, self.model, stands=stands)
-                elapsed = time.perf_counter() - start
-                found[name] = result_of(analysis.template, labels, self.model, proof, elapsed=elapsed)
-        return governing_result(self.assembly, found) if self.assembly.cases else next(iter(found.values()))
-
-
 def _solutions(rows: pd.DataFrame, done: Exploration, patience: float, dear: float) -> dict[int, Solution]:
     """Solve rows in order of importance until time runs out; return data by position.
 
@@ -205,7 +151,7 @@ def _solutions(rows: pd.DataFrame, done: Exploration, patience: float, dear: flo
     """
     start, latest = time.perf_counter(), Deadline(dear)
     found: dict[int, Solution] = {}
-    solver = CaseSolver(done.assembly, done.model)
+    solver = CaseAnalysis(done.assembly, done.model)
     for place in _worth(rows, done.front):
         if (found and time.perf_counter() - start > patience) or float(rows["seconds"].iloc[place]) > dear:
             break
@@ -214,7 +160,7 @@ def _solutions(rows: pd.DataFrame, done: Exploration, patience: float, dear: flo
         whole = rest is done.assembly
         try:
             with latest.enforced():
-                result = (solver if whole else CaseSolver(rest, done.model)).solve(labels)
+                result = (solver if whole else CaseAnalysis(rest, done.model)).solve(labels)
         except DeadlinePassed:
             break
         found[place] = solution_of(result) if whole else within(solution_of(result), done.assembly, text)

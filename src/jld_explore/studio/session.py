@@ -17,9 +17,9 @@ from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.build.assemble import build_geometry
 from jld_core.errors import InputError
+from jld_core.models.case_analysis import CaseAnalysis
 from jld_core.scene import Scene, parse_scene
 from jld_explore.report.page_data import loads_of, solution_of
-from jld_explore.report.page_of_study import CaseSolver
 from jld_explore.space import LETTERS, SearchSpace, from_string, search_space
 from jld_explore.space.reasons import reasons_against
 
@@ -42,14 +42,14 @@ class ScenarioCache:
         Its assembly.
     space : SearchSpace or None
         Its search space, None if the scene cannot be searched.
-    solver : CaseSolver
+    solver : CaseAnalysis
         Its solver.
     """
 
     scene: Scene
     assembly: Assembly
     space: SearchSpace | None
-    solver: CaseSolver
+    solver: CaseAnalysis
 
 
 class StudioSession:
@@ -82,7 +82,9 @@ class StudioSession:
                 return self._kept[name]
             scene = parse_scene({**self.document, **changes}) if changes else self.scene
             assembly = build_assembly(scene, self._geometry)
-            made = self._kept[name] = ScenarioCache(scene, assembly, self._space(scene, assembly), CaseSolver(assembly))
+            made = self._kept[name] = ScenarioCache(
+                scene, assembly, self._space(scene, assembly), CaseAnalysis(assembly)
+            )
             while len(self._kept) > KEPT:
                 self._kept.popitem(last=False)
             return made

@@ -23,7 +23,7 @@ class BinaryFractions:
 
     @staticmethod
     def of(table: Floats) -> BinaryFractions:
-        """Convert a matrix of doubles to fractions, exactly."""
+        """Convert a matrix of doubles to binary fractions, exactly."""
         part, power = np.frexp(table)
         used = table != 0.0
         least = int(power[used].min(initial=0))
@@ -35,11 +35,11 @@ class BinaryFractions:
         return BinaryFractions(self.values.T, self.scale)
 
     def rows(self, chosen: Any) -> BinaryFractions:
-        """Return a matrix of the chosen rows."""
+        """Return the matrix of the chosen rows."""
         return BinaryFractions(self.values[chosen], self.scale)
 
     def times(self, factor: float) -> BinaryFractions:
-        """Multiply every entry by one double, exactly."""
+        """Multiply every entry by the double `factor`, exactly."""
         by = BinaryFractions.of(np.array([[factor]]))
         return BinaryFractions(self.values * by.values[0, 0], self.scale + by.scale)
 
@@ -63,7 +63,7 @@ class BinaryFractions:
         return BinaryFractions(out, self.scale + other.scale)
 
     def floats(self) -> Floats:
-        """Convert to doubles, correct to about 15 digits."""
+        """Convert the entries to doubles, correct to about 15 digits."""
         drop = max(self.scale - 300, 0)
         doubles = [
             math.ldexp(float(v >> drop if v >= 0 else -(-v >> drop)), drop - self.scale) for v in self.values.flat
@@ -73,5 +73,5 @@ class BinaryFractions:
 
 
 def round_to_bits(table: Floats, bits: int = BITS) -> Floats:
-    """Round numbers to multiples of 2^−bits."""
+    """Round the entries of a matrix to multiples of 2^−bits."""
     return np.asarray(np.ldexp(np.rint(np.ldexp(table, bits)), -bits))

@@ -26,10 +26,10 @@ from scipy.linalg import lapack
 from jld_core.arrays import Bools, Floats
 from jld_core.deadline import checkpoint
 from jld_core.models.zero_dilation.binary_fractions import BITS, BinaryFractions, round_to_bits
+from jld_core.models.zero_dilation.bounded_modes import BoundedModes, Region
 from jld_core.models.zero_dilation.modes import Modes
 from jld_core.models.zero_dilation.rlt_relaxation import (
     Multipliers,
-    Region,
     null_space,
     product_rows,
     region_forms,
@@ -76,15 +76,16 @@ _NIL: Final = 1e-60
 class Certifier:
     """Certifier of one planar region: makes multipliers exact and checks the bound they prove.
 
-    slack: σ, decrease of λ per unit of cost. force_bounds: see `Statics.force_bounds`. velocity_bounds: see
-    `bound_velocities`.
+    bounded: complementarity problem with bounds on forces and velocities; both must be proven. region: part of the
+    solutions. slack: σ, decrease of λ per unit of cost. Raises ValueError if velocities are not bounded.
     """
 
-    def __init__(
-        self, modes: Modes, region: Region, slack: float, force_bounds: Floats, velocity_bounds: Floats
-    ) -> None:
-        self.modes, self.region, self.slack = modes, region, slack
-        self.force_bounds, self.velocity_bounds = force_bounds, velocity_bounds
+    def __init__(self, bounded: BoundedModes, region: Region, slack: float) -> None:
+        if bounded.velocity_bounds is None:
+            raise ValueError("velocities are not bounded: no certificate is possible")
+        self.modes, self.region, self.slack = bounded.modes, region, slack
+        self.force_bounds, self.velocity_bounds = bounded.force_bounds, bounded.velocity_bounds
+        modes, force_bounds, velocity_bounds = self.modes, self.force_bounds, self.velocity_bounds
         self.facts = region_forms(modes, region)
         self.states = force_bounds[:, None] * null_space(modes.statics * force_bounds)
         self.motions = null_space(modes.rates[region.closed])
@@ -108,9 +109,10 @@ class Certifier:
         self.prices = self.largest[:-1]
 
     def bound(self, multipliers: Multipliers, sufficient_bound: float = math.inf) -> float:
-        """Correct multipliers until they prove a bound, and return it; −inf if unproven.
+        """Correct multipliers until they prove a lower bound on λ, and return that bound.
 
-        sufficient_bound: bound at which refinement of the certificate ends.
+        The result is scaled, and −inf if nothing is proven. sufficient_bound: bound at which refinement of the
+        certificate ends.
         """
         of_products = BinaryFractions.of(round_to_bits(multipliers.products))
         live_work = BinaryFractions.of(round_to_bits(multipliers.live_work[:, None]))
@@ -154,11 +156,12 @@ class Certifier:
         return proven
 
     def _correction(self, of_products: Floats, price: Floats) -> Any:
-        """Return a function from the residual R to the change of multipliers that reduces R.
+        """Return a function that computes changes of the multipliers from a residual R.
 
-        Forces are scaled by their upper bounds, and rows by their largest entries, so that all numbers compared are of
-        order one. Small multipliers change in proportion to their size. The changes are returned as fractions.
-        of_products, price: multipliers of products, and of rows times b_λ·u.
+        The changes reduce R, the part of the identity in the module docstring that is not yet zero. Forces are scaled
+        by their upper bounds, and rows by their largest entries, so that all numbers compared are of order one. Small
+        multipliers change in proportion to their size. The changes are returned as fractions. of_products, price:
+        multipliers of products, and of rows times b_λ·u.
         """
         largest = self.largest
         facts, rates = (
@@ -179,7 +182,7 @@ class Certifier:
         scales = 1.0 / np.concatenate([largest[i], largest[last]])
 
         def change(rest: Floats) -> tuple[BinaryFractions, BinaryFractions, BinaryFractions]:
-            """Return the changes of products, live work and bound for a residual R."""
+            """Return the changes of products, live work and bound for the residual R in `rest`."""
             residual_size = float(abs(rest).max(initial=0.0)) or 1.0
             found = solve((self.states.T @ (rest / residual_size) @ self.motions).ravel()) * residual_size * scales
             more, paid = np.zeros(of_products.shape), np.zeros((len(price), 1))
@@ -196,14 +199,21 @@ class Certifier:
     def _residual(
         self, of_products: BinaryFractions, live_work: BinaryFractions, bound: BinaryFractions, slack: float
     ) -> Floats:
-        """Return the residual R (3m + 2, 3n + m) of the identity, after reduction by Q and Ψ."""
+        """Return the residual R (3m + 2, 3n + m) of the identity in the module docstring.
+
+        It is reduced by multiples of equilibrium and of closed modes. of_products, live_work, bound: multipliers M, g
+        and p. slack: σ.
+        """
         lacking = self._identity_difference(of_products, live_work, bound, slack)
         return reduce_residual(
             lacking, self.modes.statics, self._forms.rows(self.closed_forms), self.unbalanced, self._equilibrium
         )
 
     def _loop_charge(self, of_products: BinaryFractions) -> float:
-        """Return the charge for rounding errors in the identities of loops."""
+        """Return the amount by which rounding in the identities of loops may lower the proof.
+
+        of_products: multipliers of products.
+        """
         of_loops = BinaryFractions(
             of_products.values[:, len(of_products.values[0]) - len(self.loop_errors) :], of_products.scale
         ).floats()
@@ -212,7 +222,11 @@ class Certifier:
     def _identity_difference(
         self, of_products: BinaryFractions, live_work: BinaryFractions, bound: BinaryFractions, slack: float
     ) -> BinaryFractions:
-        """Return the left minus the right side of the identity without R, Q and Ψ, exactly."""
+        """Return the left minus the right side of the certificate's identity, without rounding.
+
+        The identity stands in the module docstring; its terms with R, Q and Ψ are left out. of_products, live_work,
+        bound: multipliers M, g and p. slack: σ.
+        """
         modes, columns, rates = self.modes, self.facts.shape[1], self._forms.rows(slice(len(self.modes.rows)))
         facts, unit = BinaryFractions.of(self.facts), np.eye(columns)
         load = BinaryFractions.of(unit[:, -2:-1]) - BinaryFractions.of(unit[:, -1:]) @ bound
@@ -234,11 +248,12 @@ def reduce_residual(
     unbalanced: Bools,
     equilibrium: Callable[[Floats], Floats] | None = None,
 ) -> Floats:
-    """Reduce a residual of the identity by multiples of equilibrium and of zero velocities.
+    """Reduce a residual of the certificate's identity by forms that vanish in solutions.
 
-    lacking: (q + 2, w) form in Φ and w. statics: K, with K Φ = 0. zero_forms: (e, w) forms of w that are zero.
-    unbalanced: (w,) velocities to which no multiple of equilibrium is applied. equilibrium: function from a residual to
-    the multipliers of K that reduce the residual most; None: least squares.
+    They are multiples of equilibrium and of velocities that are zero. lacking: (q + 2, w) form in Φ and w. statics:
+    matrix K with K Φ = 0. zero_forms: (e, w) forms of w that are zero. unbalanced: (w,) velocities to which no multiple
+    of equilibrium is applied. equilibrium: function from a residual to the multipliers of K that reduce the residual
+    most; None: least squares.
     """
     exact = BinaryFractions.of(statics)
     if equilibrium is None:
@@ -286,10 +301,11 @@ def least_change_solver(rows: Any, share: Floats) -> Any:
 
 
 def _factor(normal: Any, shift: float) -> Any:
-    """Return a solver of (normal + shift) x = rhs, with a dense factor where memory allows.
+    """Return a function that solves (normal + shift) x = rhs by Cholesky or LU factors.
 
-    Products that no multiplier touches are rows of zeros, and all others fill in completely. A dense factor of these is
-    three times as fast as a sparse one.
+    A dense factor is used where memory allows. Products that no multiplier touches are rows of zeros, and all others
+    fill in completely. A dense factor of these is three times as fast as a sparse one. normal: sparse. shift: added to
+    the diagonal.
     """
     used = np.flatnonzero(np.diff(normal.indptr))
     if len(used) <= _IN_FULL:
@@ -310,7 +326,10 @@ def _factor(normal: Any, shift: float) -> Any:
 
 
 def _exact_rates(modes: Modes) -> BinaryFractions:
-    """Return the mode matrix H from the numbers of A exactly, without the rounding of βδ ∓ θ."""
+    """Return the matrix of mode rates z = H (u, t) as fractions, without rounding.
+
+    It is formed from the numbers of the equilibrium matrix, see `modes`.
+    """
     jumps = BinaryFractions.of(modes.matrix.T.copy())
     values = jumps.values.reshape(modes.faces, 3, -1)
     beta = np.array([int(b) for b in modes.rows.reshape(modes.faces, 4, -1, 3).sum(axis=2)[:, 1, 2]], dtype=object)

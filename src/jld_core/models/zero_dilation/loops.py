@@ -33,10 +33,11 @@ Loop = tuple[int, ...]
 
 
 def loops_of(assembly: Assembly, rates: Floats) -> Floats:
-    """Return coefficients (2e, 4m) of sums of z around loops that are ≥ 0, two per face and loop.
+    """Return sums of mode rates around loops of faces that are ≥ 0 in solutions.
 
-    The forms are ≥ 0 if one slide of each face is zero. rates: (4m, w) of modes. A pair consists of the forms for s⁺
-    and s⁻ of one face in one loop. Its difference is the identity of the loop, which is zero up to rounding.
+    The result (2e, 4m) holds their coefficients, two rows for each face of each loop. They bound the slides s⁺ and s⁻
+    of the face by the modes of the other faces, provided one slide of each face is zero. The difference of both rows is
+    the identity of the loop, which is zero up to rounding. rates: (4m, w) modes as forms of velocities.
     """
     jumps = _jumps(rates)
     rows = []
@@ -82,7 +83,10 @@ def _rank(rows: Iterable[int]) -> int:
 
 
 def _between(assembly: Assembly) -> list[tuple[int, int]]:
-    """Return the two element numbers of each face, the lower first; all supports are number 0."""
+    """Return the numbers of both elements of each face, the lower first.
+
+    All supports have number 0.
+    """
     number = np.where(assembly.elements.support, 0, 1 + np.arange(len(assembly.elements)))
     sides = np.sort(np.column_stack([number[assembly.interfaces.a], number[assembly.interfaces.b]]), axis=1)
     return [(a, b) for a, b in sides.tolist()]
@@ -115,6 +119,9 @@ def _rings(near: dict[int, set[int]]) -> Iterator[tuple[int, ...]]:
 
 
 def _jumps(rates: Floats) -> Floats:
-    """Return both hinge rates and the slip s of each face as forms (m, 3, w) of velocities."""
+    """Return both hinge rates and the slip of each face as forms (m, 3, w) of velocities.
+
+    rates: (4m, w) of modes, four per face.
+    """
     of_face = rates.reshape(len(rates) // 4, 4, -1)
     return np.stack([of_face[:, 0], of_face[:, 1], of_face[:, 3] - of_face[:, 2]], axis=1)

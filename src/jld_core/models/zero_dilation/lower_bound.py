@@ -17,13 +17,13 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools
 from jld_core.limit import LimitAnalysis
+from jld_core.models.zero_dilation.bounded_modes import BoundedModes, Region
 from jld_core.models.zero_dilation.certificate import Certifier
-from jld_core.models.zero_dilation.frozen import frozen_friction_bound
+from jld_core.models.zero_dilation.frozen_friction import frozen_friction_bound
 from jld_core.models.zero_dilation.loops import has_opening
 from jld_core.models.zero_dilation.lower_bound_problem import LowerBound, LowerBoundProblem
 from jld_core.models.zero_dilation.modes import Modes
-from jld_core.models.zero_dilation.rlt_relaxation import Region, RltSolution, solve_rlt
-from jld_core.models.zero_dilation.statics import Statics, bound_velocities
+from jld_core.models.zero_dilation.rlt_relaxation import RltOptions, RltSolution, solve_rlt
 from jld_core.models.zero_dilation.sweep import BlockSweep
 
 FACES: Final = 60
@@ -56,44 +56,47 @@ _DEPTH: Final = 6
 
 @dataclass(frozen=True)
 class _Bounds:
-    """Lower bounds on λ of one region: `proven` by certificates, `believed` from the solver."""
+    """Lower bounds on λ of one region of solutions, scaled.
+
+    proven: by certificates. believed: the highest one, which may rely on the solver.
+    """
 
     proven: float
     believed: float
 
     def with_(self, proven: float, believed: float) -> _Bounds:
-        """Return a copy with each bound raised to the given value if that is higher."""
+        """Return a copy with each bound raised to the given value, if that is higher."""
         return _Bounds(max(self.proven, proven), max(self.believed, believed, proven))
 
     def least(self, other: _Bounds) -> _Bounds:
-        """Return the lower bounds that hold for the union of this region and another."""
+        """Return the lower bounds of the union of two regions: the lower one of each kind."""
         return _Bounds(min(self.proven, other.proven), min(self.believed, other.believed))
 
 
 class LowerBoundSearch:
     """Search for a lower bound on λ over all non-dilatant solutions of one planar labelling.
 
-    labels: (m,) True = dry. modes: complementarity problem of these labels. problem: incumbent, time budget and log.
+    labels: (m,) True = dry. modes: complementarity problem of these labels. problem: lowest solution found, time budget
+    and log.
     """
 
     def __init__(self, analysis: LimitAnalysis, labels: Bits, modes: Modes, problem: LowerBoundProblem) -> None:
         self.analysis, self.labels, self.modes, self.problem = analysis, labels, modes, problem
-        none = np.zeros(len(modes.rows), dtype=bool)
-        everywhere = Statics(modes, 0.0, problem.interval_end(0.0), none)
-        self._force_bounds, self._velocity_bounds = everywhere.force_bounds, bound_velocities(everywhere)
+        self._bounded = BoundedModes.up_to(modes, problem.interval_end(0.0))
 
     def search(self) -> LowerBound:
-        """Compute the lower bound: frozen friction, then RLT relaxations, then branches."""
+        """Compute the lower bound: by frozen friction, then RLT relaxations, then branches."""
         modes, problem, none = self.modes, self.problem, np.zeros(len(self.modes.rows), dtype=bool)
-        if self._velocity_bounds is None:
+        force_bounds, velocity_bounds = self._bounded.force_bounds, self._bounded.velocity_bounds
+        if velocity_bounds is None:
             problem.record("no certificate: velocities are not bounded")
         normals = np.arange(0, modes.matrix.shape[1], 3)
-        low = frozen_friction_bound(self.analysis, self.labels, modes, normals, self._force_bounds, problem)
+        low = frozen_friction_bound(self.analysis, self.labels, modes, normals, force_bounds, problem)
         bounds = _Bounds(low, low)
-        if problem.allows_products(modes.faces, FACES, self._force_bounds):
-            if self._velocity_bounds is not None and modes.faces >= _BLOCKS and not problem.closes_gap(low):
+        if problem.allows_products(modes.faces, FACES, force_bounds):
+            if velocity_bounds is not None and modes.faces >= _BLOCKS and not problem.closes_gap(low):
                 # Programs by matrix blocks count only if proven; walls usually end here.
-                steps = BlockSweep(modes, self._force_bounds, self._velocity_bounds, problem)
+                steps = BlockSweep(self._bounded, problem)
                 # Around openings, products with hinges alone prove nothing.
                 stage = len(steps.stages) - 1 if has_opening(modes.assembly) else 0
                 if modes.faces <= _AT_ONCE and stage == 0:
@@ -109,20 +112,20 @@ class LowerBoundSearch:
     def _sweep(self, bounds: _Bounds, closed: Bools, held: Bools, pairs: Bools, depth: int) -> _Bounds:
         """Solve relaxations of one region, each from the last bound; branch where they stall.
 
-        closed, held: (4m,) modes with z = 0, and with y = 0. pairs: mask of product rows. depth: of branching, 0 at the
-        root.
+        bounds: known of the region. closed, held: (4m,) modes with z = 0, and with y = 0. pairs: mask of product rows.
+        depth: of branching, 0 at the root.
         """
         name, slack, problem = "products" if depth == 0 else f"branch {depth}", _SLACK, self.problem
         while not problem.closes_gap(bounds.believed) and problem.seconds_left > 0.0:
             low = bounds.believed
-            statics = Statics(self.modes, low, problem.interval_end(low), held, self._force_bounds)
-            region = Region(low, problem.interval_end(low), closed | statics.closed_modes(), held)
-            earned = problem.scaled_slack(slack) if self._velocity_bounds is not None else 0.0
-            relaxed = solve_rlt(self.modes, region, self._force_bounds, pairs, earned, max(problem.seconds_left, 1.0))
+            region = self._bounded.region(low, problem.interval_end(low), closed, held)
+            bounded = self._bounded.velocity_bounds is not None
+            earned = problem.scaled_slack(slack) if bounded else 0.0
+            relaxed = solve_rlt(self._bounded, region, RltOptions(pairs, earned, max(problem.seconds_left, 1.0)))
             problem.record(name if relaxed is not None else f"{name}: no answer", 1)
             if relaxed is None:
                 return bounds
-            certifies = self._velocity_bounds is not None and bounds.proven >= low * (1.0 - tolerances.GAP)
+            certifies = bounded and bounds.proven >= low * (1.0 - tolerances.GAP)
             if certifies and slack < _MORE and relaxed.multipliers.bound < problem.load_below(_FAR):
                 # Another step follows in any case, so its certificate may use more slack.
                 slack = _MORE
@@ -144,8 +147,8 @@ class LowerBoundSearch:
                 slack = max(slack * _FINER, _SLACK)
                 problem.record("less slack")
                 continue
-            fresh = relaxed.violated & ~pairs
-            if fresh.any():
+            fresh = None if relaxed.violated is None else relaxed.violated & ~pairs
+            if fresh is not None and fresh.any():
                 pairs = pairs | fresh
                 problem.record("rows added")
                 continue
@@ -157,11 +160,11 @@ class LowerBoundSearch:
         return bounds
 
     def _proven(self, region: Region, relaxed: RltSolution, slack: float) -> float:
-        """Return the lower bound that a certificate proves for one relaxation, −inf if none."""
-        assert self._velocity_bounds is not None
+        """Return the lower bound that a certificate proves for one relaxation; −inf if none.
+
+        region: of the relaxation. relaxed: its solution. slack: σ, relative.
+        """
         # With more than the least slack another step follows, so the first valid certificate is sufficient.
         sufficient_bound = self.problem.load_below(_ENOUGH) if slack == _SLACK else -math.inf
-        check = Certifier(
-            self.modes, region, self.problem.scaled_slack(slack), self._force_bounds, self._velocity_bounds
-        )
+        check = Certifier(self._bounded, region, self.problem.scaled_slack(slack))
         return check.bound(relaxed.multipliers, sufficient_bound)

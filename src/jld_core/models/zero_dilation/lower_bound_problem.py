@@ -38,7 +38,7 @@ class LowerBound:
 
     proven: bound by certificates only. bound: the highest bound, valid within the relative `tolerance`, which is 0 if
     `bound` equals `proven`, and otherwise covers the solver. closed: True if `bound` meets the lowest solution found.
-    programs: number solved. seconds: of processor time. route: steps in order.
+    programs: number solved. seconds: of processor time. solve_log: steps in order.
     """
 
     proven: float
@@ -47,7 +47,7 @@ class LowerBound:
     closed: bool
     programs: int
     seconds: float
-    route: tuple[str, ...]
+    solve_log: tuple[str, ...]
 
 
 class LowerBoundProblem:
@@ -60,12 +60,12 @@ class LowerBoundProblem:
 
     def __init__(self, load: float, seconds: float, offer: Callable[[Floats], float] | None = None) -> None:
         self.load = load
-        self.programs, self.route = 0, list[str]()
+        self.programs, self.solve_log = 0, list[str]()
         self._start, self._seconds, self._offer = time.process_time(), seconds, offer
 
     def record(self, step: str, programs: int = 0) -> None:
-        """Append a step to the log and add its number of programs."""
-        self.route.append(step)
+        """Append a step to the log, and add its number of programs to the count."""
+        self.solve_log.append(step)
         self.programs += programs
 
     @property
@@ -80,15 +80,21 @@ class LowerBoundProblem:
 
     @property
     def load_unit(self) -> float:
-        """Return the load to which relative distances of λ refer."""
+        """Return the scaled load to which relative distances of λ refer."""
         return max(abs(self.load), _LEAST)
 
     def scaled_slack(self, slack: float) -> float:
-        """Return the slack σ in λ per unit of cost, from a slack relative to max(|λ|, 1)."""
+        """Convert a relative slack σ to scaled λ per unit of cost.
+
+        slack: σ relative to max(|λ|, 1), where λ is that of the lowest solution found.
+        """
         return slack * max(abs(self.load), 1.0)
 
     def interval_end(self, low: float) -> float:
-        """Return the upper end of the next interval of λ to exclude, which begins at `low`."""
+        """Return the upper end of the next interval of λ to exclude, which begins at `low`.
+
+        It lies a little above the lowest solution found.
+        """
         return self.load + _ROOM * (self.load - low) + _LEAST_ROOM * self.load_unit
 
     def load_below(self, share: float) -> float:
@@ -130,7 +136,10 @@ class LowerBoundProblem:
         return False
 
     def result(self, proven: float, believed: float) -> LowerBound:
-        """Build the result of the search from the proven bound and the bound of the solver."""
+        """Build the result of the search from the proven bound and the believed one.
+
+        proven: by certificates. believed: may rely on the solver. Both are scaled.
+        """
         sure = proven >= believed - tolerances.GAP * self.load_unit
         bound = proven if sure else believed
         return LowerBound(
@@ -140,5 +149,5 @@ class LowerBoundProblem:
             closed=self.closes_gap(bound),
             programs=self.programs,
             seconds=self.seconds_used,
-            route=tuple(self.route),
+            solve_log=tuple(self.solve_log),
         )

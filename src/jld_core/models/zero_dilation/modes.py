@@ -48,17 +48,17 @@ class LinearModes:
 
     @property
     def live(self) -> Floats:
-        """Return the live load b_λ."""
+        """Return the scaled live load b_λ."""
         return self.live_rate[: len(self.dead)]
 
     @property
     def statics(self) -> Floats:
-        """Return the matrix K (·, q + 2) of equilibrium, K (F, λ, 1) = 0."""
+        """Return the equilibrium matrix K (·, q + 2), with K (F, λ, 1) = 0 for forces F."""
         return np.column_stack([self.matrix, self.live, self.dead])
 
     @property
     def slacks(self) -> Floats:
-        """Return the matrix (k, q + 2) that maps (F, λ, 1) to the slacks y of the yield rows."""
+        """Return the matrix (k, q + 2) that maps (F, λ, 1) to the slacks of the yield rows."""
         return np.column_stack([self.rows, np.zeros(len(self.rows)), self.constants])
 
 
@@ -73,12 +73,18 @@ class Modes(LinearModes):
 
     @cached_property
     def loops(self) -> Floats:
-        """Return coefficients (2e, 4m) of sums of z that are ≥ 0 in every solution; see `loops_of`."""
+        """Return sums of mode rates that are ≥ 0 in every solution, as coefficients (2e, 4m).
+
+        See `loops_of`.
+        """
         return loops_of(self.assembly, self.rates)
 
     @cached_property
     def forms(self) -> Floats:
-        """Return the forms (4m + 2e, 3n + m) of w that are ≥ 0 in every solution: z, then loop sums."""
+        """Return the forms of velocities (4m + 2e, 3n + m) that are ≥ 0 in every solution.
+
+        They are the mode rates z, then the sums around loops.
+        """
         return np.vstack([self.rates, self.loops @ self.rates])
 
     @property
@@ -88,9 +94,9 @@ class Modes(LinearModes):
 
     @property
     def near_pairs(self) -> Bools:
-        """Return a mask (4m, 4m + 2e) of pairs of slacks and forms of w whose faces are near.
+        """Return a mask (4m, 4m + 2e) of the slacks and forms whose faces are near each other.
 
-        Two faces are near if they meet at an element, or if some face meets both of them.
+        Two faces are near if they meet at an element, or if some face meets both of them. Forms are those of `forms`.
         """
         near = self.adjacent.astype(int)
         used = np.vstack([np.eye(len(self.rows)), self.loops]).reshape(-1, self.faces, 4).any(axis=2)
@@ -102,7 +108,10 @@ class Modes(LinearModes):
 
 
 def modes_of(template: Template, labels: Bits) -> Modes | None:
-    """Build the complementarity problem of a planar labelling; None if spatial or with crushing."""
+    """Build the complementarity problem of a planar labelling.
+
+    labels: (m,) True = dry. The result is None for spatial assemblies and with crushing.
+    """
     facets = template.yield_set.associative.facets(labels)
     if facets is None:
         return None

@@ -28,13 +28,15 @@ Point = tuple[Floats, Floats]
 
 @dataclass(frozen=True)
 class ProductSpace:
-    """Linear map from unknowns (Z, T) to the products y_k z_l of slacks and mode rates.
+    """Linear map from unknowns (Z, T) to products of yield slacks y_k and mode rates z_l.
+
+    Z are coefficients of states by velocities. T are the products of slides t of lone faces with the forces of the face
+    and 1. A lone face has a t that occurs nowhere else; its two slides, modes 4f + 2 and 4f + 3, are t and t + s.
 
     facts: (r, p) slacks and other forms of Φ, the last of them 1. rates: (forms, w) of z and of loops over free
-    velocities. bases: (p, k) bases of the states that velocities multiply; `of` (w,) is the basis of each velocity, and
-    Z has as many rows as the widest basis. lone: (f,) faces whose two slides, modes 4f + 2 and 4f + 3, are t and t + s
-    with a t that occurs nowhere else. T holds the products of t with the forces of the face and 1. `at` (f, 4) are the
-    places of these in Φ, and `own` (f, 5, 4) maps them to the slacks of the face and 1. live: (w,) b_λ·u.
+    velocities. bases: (p, k) bases of the states that velocities multiply. of: (w,) basis of each velocity; Z has as
+    many rows as the widest basis. lone: (f,) lone faces. own: (f, 5, 4) maps the products of a lone face to its slacks
+    and 1. at: (f, 4) places of its forces and 1 in Φ. live: (w,) b_λ·u.
     """
 
     facts: Floats
@@ -47,21 +49,21 @@ class ProductSpace:
     live: Floats
 
     def expand(self, z: Floats) -> Floats:
-        """Return the products X (p, w) of basis coefficients Z (k, w)."""
+        """Return the products X (p, w) that belong to basis coefficients Z (k, w)."""
         x = np.zeros((self.facts.shape[1], len(self.of)))
         for basis, columns in zip(self.bases, self._columns, strict=True):
             x[:, columns] = basis @ z[: basis.shape[1], columns]
         return x
 
     def gather(self, form: Floats) -> Floats:
-        """Return a linear form (p, w) of X as a form (k, w) of the basis coefficients Z."""
+        """Convert a linear form (p, w) of X to a form (k, w) of the basis coefficients Z."""
         out = np.zeros((max(basis.shape[1] for basis in self.bases), len(self.of)))
         for basis, columns in zip(self.bases, self._columns, strict=True):
             out[: basis.shape[1], columns] = basis.T @ form[:, columns]
         return out
 
     def values(self, point: Point) -> Floats:
-        """Return the values (r, forms) of the products y_k z_l at a point (Z, T).
+        """Return the products y_k z_l (r, forms) of slacks and mode rates at a point (Z, T).
 
         For slides of lone faces, only the products with their own slacks and 1 are valid.
         """
@@ -73,7 +75,10 @@ class ProductSpace:
         return out
 
     def adjoint(self, table: Floats) -> Point:
-        """Return the weighted sum of all y_k z_l, with weights (r, forms), as a form of (Z, T)."""
+        """Return the weighted sum of all products y_k z_l as a form of (Z, T).
+
+        table: (r, forms) weights.
+        """
         slides = self.ones * (4 * self.lone)
         both = table[self.rows, slides + 2] + table[self.rows, slides + 3]
         return self.gather(self.facts.T @ (table @ self.rates)), np.einsum("frc,rf->fc", self.own, both)
@@ -85,12 +90,12 @@ class ProductSpace:
 
     @cached_property
     def rows(self) -> Ints:
-        """Return indices (5, f) in `facts`: four slacks of each lone face, and the constant 1."""
+        """Return indices (5, f) in `facts` of the four slacks of each lone face, and of 1."""
         return np.vstack([4 * self.lone + k for k in range(4)] + [np.full(len(self.lone), len(self.facts) - 1)])
 
     @property
     def ones(self) -> Ints:
-        """Return a column (5, 1) of ones, which repeats mode numbers for each row of `rows`."""
+        """Return a column (5, 1) of ones, which repeats mode numbers for each of the `rows`."""
         return np.ones((5, 1), dtype=np.int64)
 
     @cached_property
@@ -100,11 +105,13 @@ class ProductSpace:
 
 
 class LocalProductSpace:
-    """Elements and faces whose forces are multiplied with each velocity of a region.
+    """Sets of elements whose forces are multiplied with each velocity of a region.
 
-    distance: number of faces up to which forces are included, None for all elements. Velocities tied by closed modes
-    share the same set of elements. basis: (3n + m, w) of the velocities that closed modes leave free. forms: (4m + 2e,
-    w) over these, of which rates are the first. groups: (w,) number of the element of each velocity.
+    Velocities tied by closed modes share the same set of elements.
+
+    distance: number of faces up to which forces are included, None for all elements. closed: (4m,) modes that do not
+    move. basis: (3n + m, w) of the velocities that closed modes leave free. forms: (4m + 2e, w) non-negative forms of
+    these velocities, the mode rates first. groups: (w,) number of the element of each velocity.
     """
 
     def __init__(self, modes: Modes, closed: Bools, distance: int | None) -> None:
@@ -121,7 +128,10 @@ class LocalProductSpace:
         self.of = self._of[first]
 
     def _sets(self, distance: int | None) -> tuple[list[Bools], Ints]:
-        """Return the distinct sets (n,) of elements, and the set number (3n + m,) of each velocity."""
+        """Return the distinct sets (n,) of elements, and the set number (3n + m,) of velocities.
+
+        distance: as in the class.
+        """
         count, faces = self.touches.shape
         if distance is None:
             return [np.ones(count, dtype=bool)], np.zeros(3 * count + faces, dtype=np.int64)
@@ -194,7 +204,10 @@ class LocalProductSpace:
         return out
 
     def _inverse(self, number: int, statics: Floats) -> Floats:
-        """Return the pseudo-inverse of the transposed equilibrium of one set, from the cache."""
+        """Return the pseudo-inverse of the transposed equilibrium of one set of elements.
+
+        number: of the set. statics: (3n, 3m + 2) equations of equilibrium. Results are cached.
+        """
         if number not in self._inverses:
             rows, places = self.forces(number)
             self._inverses[number] = np.asarray(np.linalg.pinv(statics[np.ix_(rows, places)].T, rcond=1e-12))
@@ -234,7 +247,7 @@ class Velocities:
 
 
 def velocities_of(local_space: LocalProductSpace, facts: Floats, statics: Floats, lone: Bools) -> Velocities:
-    """Build the free velocities and the product space of a region.
+    """Build the product space and the free velocities of a region.
 
     local_space: elements and forces for each velocity. facts: (4m + 3, 3m + 2) from `region_forms`. statics: (3n, 3m +
     2) equilibrium. Both act on scaled Φ. lone: (m,) mask of faces from `lone_faces`.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from jld_core.limit import LimitAnalysis, Proof, Status, number, relative_width
-from jld_core.models.zero_dilation.search import PrimalDualPair
+from jld_core.models.zero_dilation.primal_dual_pair import PrimalDualPair
 
 
 def pair_proof(associative: Proof, analysis: LimitAnalysis, pair: PrimalDualPair | None, solves: int) -> Proof:
@@ -17,14 +17,14 @@ def pair_proof(associative: Proof, analysis: LimitAnalysis, pair: PrimalDualPair
         stands=associative.stands,
         associative=associative.load_factor,
         solves=solves + associative.solves,
-        route=[*associative.route, f"zero dilation ({solves})"],
+        solve_log=[*associative.solve_log, f"zero dilation ({solves})"],
     )
     if pair is not None:
         proof.status, proof.motion, proof.found = Status.UNCERTIFIED, pair.motion, pair.state
         proof.offer_state(pair.state)
         if pair.locked:
             proof.status = Status.LOCKED
-        elif converged and relative_width(*proof.bracket, analysis.floor) <= analysis.gap:
+        elif converged and relative_width(*proof.bracket, analysis.load_scale) <= analysis.gap:
             proof.status = Status.COLLAPSE
     proof.extra = {
         "associative_load_factor": number(associative.load_factor * analysis.template.scaling.load),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -14,11 +14,11 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.deadline import DeadlinePassed
 from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Proof, Status, number, result_of
-from jld_core.models.zero_dilation.found import MultiStartSearch
+from jld_core.models.zero_dilation.fixed_point_search import ProximalOptions
 from jld_core.models.zero_dilation.lower_bound import LowerBoundSearch
 from jld_core.models.zero_dilation.lower_bound_problem import LowerBound, LowerBoundProblem
+from jld_core.models.zero_dilation.multi_start_search import MultiStartSearch
 from jld_core.models.zero_dilation.proof import pair_proof
-from jld_core.models.zero_dilation.search import ProximalOptions
 
 _TRIED: Final = 3
 """Number of states of a relaxation from which the search for solutions continues."""
@@ -27,14 +27,27 @@ BoundSearch = Callable[[LimitAnalysis, Bits, MultiStartSearch, float], LowerBoun
 """Search for a lower bound: analysis, labels, solutions found so far, processor time in seconds; None without one."""
 
 
+@dataclass(frozen=True)
+class RangeOptions:
+    """Parameters of the search for the range of collapse loads without dilation.
+
+    Attributes
+    ----------
+    seconds : float
+        Processor time in seconds after which no further step of the lower bound begins; 0 omits the bound.
+    sufficient_load : float
+        λ in scene units. The search ends once a solution at or below this value is found.
+    bound : callable or None
+        Search for the lower bound; None: that of planar scenes, spatial ones then have no bound.
+    """
+
+    seconds: float
+    sufficient_load: float = -math.inf
+    bound: BoundSearch | None = None
+
+
 def load_range(
-    analysis: LimitAnalysis,
-    labels: Bits,
-    options: ProximalOptions,
-    associative: Proof,
-    seconds: float,
-    sufficient_load: float = -math.inf,
-    bound: BoundSearch | None = None,
+    analysis: LimitAnalysis, labels: Bits, proximal: ProximalOptions, associative: Proof, options: RangeOptions
 ) -> Proof:
     """Find the lowest and the highest certified solution, and a lower bound on all solutions.
 
@@ -46,16 +59,12 @@ def load_range(
         As for `prove_zero_dilation`.
     labels : (m,) bool array
         Labels, True = dry.
-    options : ProximalOptions
+    proximal : ProximalOptions
         Parameters of the fixed-point search.
     associative : Proof
         Associative proof for these labels.
-    seconds : float
-        Processor time in seconds after which no further step of the bound begins; 0 omits the bound.
-    sufficient_load : float, optional
-        λ in scene units. The search ends once a solution at or below this value is found.
-    bound : callable, optional
-        Search for the lower bound. Default: that of planar scenes; spatial ones have none.
+    options : RangeOptions
+        Time of the lower bound, and when the search ends.
 
     Returns
     -------
@@ -79,18 +88,19 @@ def load_range(
     if associative.status is Status.UNSTABLE:
         return _proof_without_solution(pair_proof(associative, analysis, None, 0))
     if associative.status is Status.LOCKED:
-        options = replace(options, alpha=0.0)
-    search = MultiStartSearch(analysis, labels, options, associative)
+        proximal = replace(proximal, alpha=0.0)
+    search = MultiStartSearch(analysis, labels, proximal, associative)
     unit = analysis.template.scaling.load
+    sufficient = options.sufficient_load / unit
     found, lower_bound = search.found, None
     with suppress(DeadlinePassed):  # Keep the solutions found before the deadline.
-        search.search(sufficient_load=sufficient_load / unit)
+        search.search(sufficient_load=sufficient)
         lower_bound = _lower_bound(
             analysis,
             labels,
             search,
-            seconds if found.lowest_load > sufficient_load / unit else 0.0,
-            bound or _planar_bound,
+            options.seconds if found.lowest_load > sufficient else 0.0,
+            options.bound or _planar_bound,
         )
     lowest, highest = found.lowest, found.highest
     if lowest is None or highest is None:
@@ -99,7 +109,7 @@ def load_range(
         return none if found.best is not None else replace(none, status=Status.UNCERTIFIED)
     proof = pair_proof(associative, analysis, lowest, search.fixed_point.solves)
     above = pair_proof(associative, analysis, highest, search.fixed_point.solves)
-    solve_options = replace(analysis.options, friction="zero-dilation", effective_area=options.effective_area)
+    solve_options = replace(analysis.options, friction="zero-dilation", effective_area=proximal.effective_area)
     ends = {
         "lowest_found": number(proof.load_factor * unit),
         "highest_found": number(above.load_factor * unit),
@@ -121,15 +131,18 @@ def _lower_bound(
     found = search.found
     if found.lowest is None or not seconds > 0.0 or search.fixed_point.options.effective_area:
         return None
-    if search.fixed_point.base.rough or search.fixed_point.base.cohesive:
+    if search.fixed_point.base.has_inner_friction or search.fixed_point.base.has_dry_cohesion:
         return None  # The certificates require friction of dry faces only.
     if found.lowest_load <= tolerances.GAP * search.fixed_point.load_scale:
-        return LowerBound(0.0, 0.0, 0.0, closed=True, programs=0, seconds=0.0, route=("a solution at zero",))
+        return LowerBound(0.0, 0.0, 0.0, closed=True, programs=0, seconds=0.0, solve_log=("a solution at zero",))
     return bound(analysis, labels, search, seconds)
 
 
 def _planar_bound(analysis: LimitAnalysis, labels: Bits, search: MultiStartSearch, seconds: float) -> LowerBound | None:
-    """Compute the lower bound of a planar scene; None for spatial scenes and crushing."""
+    """Compute the lower bound of a planar scene; None for spatial scenes and with crushing.
+
+    labels: (m,) True = dry. search: solutions found so far. seconds: of processor time.
+    """
     found, modes = search.found, search.modes
     if modes is None:
         return None
@@ -144,7 +157,10 @@ def _planar_bound(analysis: LimitAnalysis, labels: Bits, search: MultiStartSearc
 
 
 def _bound_entries(lower_bound: LowerBound | None, load: float) -> dict[str, Any]:
-    """Return the entries of `extra` about the lower bound; load: scale of λ in scene units."""
+    """Return the entries of a proof's `extra` about the lower bound.
+
+    lower_bound: None without one. load: λ in scene units per scaled λ.
+    """
     if lower_bound is None:
         none: dict[str, Any] = dict.fromkeys(("lowest_proven", "lowest_bound", "bound_tolerance"))
         return {**none, "proven": False, "closed": False, "floor_route": [], "floor_programs": 0, "floor_seconds": 0.0}
@@ -155,7 +171,7 @@ def _bound_entries(lower_bound: LowerBound | None, load: float) -> dict[str, Any
         "bound_tolerance": lower_bound.tolerance,
         "proven": lower_bound.proven > 0.0 and lower_bound.tolerance == 0.0,
         "closed": lower_bound.closed,
-        "floor_route": list(lower_bound.route),
+        "floor_route": list(lower_bound.solve_log),
         "floor_programs": lower_bound.programs,
         "floor_seconds": lower_bound.seconds,
     }
@@ -168,7 +184,7 @@ def _proof_without_solution(proof: Proof) -> Proof:
 
 
 def _evidence(result: LimitAnalysisResult) -> dict[str, Any]:
-    """Return the entries of a result, in JSON form, that document one solution."""
+    """Return the entries of a result, in JSON form, that document its solution."""
     printed = result.to_json()
     keys = (
         "load_factor",

@@ -10,13 +10,14 @@ Source: reformulation-linearisation technique of Sherali & Adams; docs/method.md
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 import scipy.sparse as sp
 
 from jld_core.arrays import Bools, Floats, Ints
+from jld_core.models.zero_dilation.bounded_modes import BoundedModes, Region
 from jld_core.models.zero_dilation.modes import LinearModes, Modes
 from jld_core.solvers.linear import LinearAnswer, interior_point
 
@@ -35,10 +36,11 @@ _VIOLATED: Final = 1e-7
 
 @dataclass(frozen=True)
 class Multipliers:
-    """Multipliers of the rows of the RLT program; a certificate turns them into a proven bound.
+    """Multipliers of the rows of an RLT program; a certificate turns them into a bound.
 
-    products: (4m + 3, 4m + 2e) of (y, λ − L, U − λ, 1) times forms of w; ≥ 0 except for y_l z_l and held rows.
-    live_work: (4m + 2,) of (y, λ − L, U − λ) times b_λ·u; ≥ 0 except for held rows. bound: scaled λ.
+    products: (4m + 3, 4m + 2e) of the forms (y, λ − L, U − λ, 1) of forces times forms of velocities; ≥ 0 except for
+    y_l z_l and held rows. L and U are the ends of the region. live_work: (4m + 2,) of (y, λ − L, U − λ) times b_λ·u; ≥
+    0 except for held rows. bound: scaled λ.
     """
 
     products: Floats
@@ -50,49 +52,48 @@ class Multipliers:
 class RltSolution:
     """Solution of the RLT relaxation: multipliers, and states and mean values computed from X.
 
-    states: (k, 3m + 1) forces and λ that X combines. rates, slacks: (4m,) mean z and mean y. violated: (4m, 4m + 2e)
-    mask of omitted rows that X violates. accurate: True if the solver reports an optimum; otherwise the multipliers may
-    still prove a bound.
+    multipliers: of the rows. states: (k, 3m + 1) forces and λ that X combines. rates, slacks: (4m,) mean z and mean y.
+    violated: (4m, 4m + 2e) mask of omitted rows that X violates, None if unknown. accurate: True if the solver reports
+    an optimum; otherwise the multipliers may still prove a bound.
     """
 
     multipliers: Multipliers
     states: Floats
     rates: Floats
     slacks: Floats
-    violated: Bools
-    accurate: bool
+    violated: Bools | None = None
+    accurate: bool = True
 
 
 @dataclass(frozen=True)
-class Region:
-    """Part of the solutions on which a bound is proven: an interval of λ, closed and held modes.
+class RltOptions:
+    """Parameters of one RLT program.
 
-    low ≤ λ ≤ high. closed: (4m,) modes with z = 0. held: (4m,) modes with y = 0.
+    Attributes
+    ----------
+    pairs : (4m, 4m + 2e) bool array
+        Rows y_k h_l ≥ 0 to include: slacks y of yield rows times forms h of velocities.
+    slack : float
+        σ, decrease of the objective per unit of `cost_form`. It gives the multipliers the margin that a proof needs.
+    seconds : float
+        Time limit: wall-clock time of HiGHS, processor time of the solver by matrix blocks.
+    distance : int or None
+        Number of faces within which a velocity is multiplied with forces and equilibrium; None: all of them. Used by
+        the solver by matrix blocks only.
+    tolerance : float or None
+        Residual and complementarity of the solver by matrix blocks; None: its default. With a large tolerance
+        multipliers are larger and easier to make exact.
     """
 
-    low: float
-    high: float
-    closed: Bools
-    held: Bools
-
-    def split(self, rates: Floats, slacks: Floats) -> tuple[Region, Region] | None:
-        """Split the region at the mode that most violates y z = 0; None if no mode violates it.
-
-        The measure of a mode is min(z, 1) y. In one part, the mode does not move. In the other part, its slack is zero;
-        if the mode is a slide, the other slide of the face is then zero. rates, slacks: (4m,) mean z and mean y.
-        """
-        apart = np.where(self.closed | self.held, 0.0, np.minimum(rates, 1.0) * slacks)
-        if not apart.max() > 0.0:
-            return None
-        mode = int(np.argmax(apart))
-        number = np.arange(len(apart))
-        one = number == mode
-        other = (number == mode ^ 1) & (mode % 4 > 1)
-        return replace(self, closed=self.closed | one), replace(self, closed=self.closed | other, held=self.held | one)
+    pairs: Bools
+    slack: float
+    seconds: float = np.inf
+    distance: int | None = None
+    tolerance: float | None = None
 
 
 def null_space(rows: Floats) -> Floats:
-    """Return a sparse basis (n, k) of the null space of a matrix (r, n).
+    """Return a sparse basis (n, k) of the null space of a matrix `rows` (r, n).
 
     Gaussian elimination prefers pivots in columns with few entries.
     """
@@ -139,7 +140,7 @@ def product_rows(first: Any, second: Any, i: Ints, j: Ints) -> Any:
 def cost_form(modes: Modes) -> Floats:
     """Return the cost of a mechanism as a bilinear form (3m + 2, 3n + m) of Φ and w.
 
-    The cost is Σ_hinges z + Σ_faces capacity (z₊ + z₋).
+    The cost is Σ_hinges z + Σ_faces capacity (z₊ + z₋), where z₊ and z₋ are the slides of a face.
     """
     one = np.zeros(modes.matrix.shape[1] + 2)
     one[-1] = 1.0
@@ -148,27 +149,24 @@ def cost_form(modes: Modes) -> Floats:
 
 
 def region_forms(modes: LinearModes, region: Region) -> Floats:
-    """Return the forms of Φ that are ≥ 0 in a region: slacks y, λ − low, high − λ and 1.
+    """Return the forms of (F, λ, 1) that are ≥ 0 in a region, (k + 3, q + 2).
 
-    The shape is (k + 3, q + 2), with Φ = (F, λ, 1).
+    They are the k slacks of yield rows, λ − low, high − λ and 1.
     """
     last = np.zeros((3, modes.matrix.shape[1] + 2))
     last[0, -2:], last[1, -2:], last[2, -1] = (1.0, -region.low), (-1.0, region.high), 1.0
     return np.vstack([modes.slacks, last])
 
 
-def solve_rlt(
-    modes: Modes, region: Region, force_bounds: Floats, pairs: Bools, slack: float, seconds: float = np.inf
-) -> RltSolution | None:
-    """Solve the RLT relaxation of one region; None if the solver fails.
+def solve_rlt(bounded: BoundedModes, region: Region, options: RltOptions) -> RltSolution | None:
+    """Solve the RLT relaxation of one region as one linear program; None if the solver fails.
 
-    force_bounds: (3m + 2,) bounds on Φ, see `Statics.force_bounds`. The program scales forces by these, and λ by the
-    width of the region. Every row and the objective (λ − low) b_λ·u are of order one, so that narrow regions keep their
-    accuracy. pairs: (4m, 4m + 2e) mask of the rows y_k h_l ≥ 0 to include, slacks times forms of w.
-
-    slack: decrease of the objective per unit of `cost_form`, which gives the multipliers the margin that the proof
-    needs. seconds: time limit. The bound never exceeds region.high, since the equation b_λ·u = 1 is elastic.
+    bounded: complementarity problem with bounds on forces and velocities. region: part of the solutions. options:
+    products, slack and time limit. The program scales forces by their bounds, and λ by the width of the region. Every
+    row and the objective (λ − low) b_λ·u are of order one, so that narrow regions keep their accuracy. The bound never
+    exceeds region.high, since the equation b_λ·u = 1 is elastic.
     """
+    modes, force_bounds, pairs, slack = bounded.modes, bounded.force_bounds, options.pairs, options.slack
     count, columns = len(modes.rows), modes.matrix.shape[1] + 2
     basis = null_space(modes.rates[region.closed])
     forms = modes.forms @ basis
@@ -181,10 +179,10 @@ def solve_rlt(
     unit, wide = scaling_matrix(region, force_bounds), region.high - region.low
     facts, largest, statics = scaled_forms(modes, region, unit)
     held = np.flatnonzero(region.held)
-    asked = pairs & used
-    asked[np.arange(count), np.arange(count)] = False
-    asked[held] = False
-    row, form = np.nonzero(asked)
+    included = pairs & used
+    included[np.arange(count), np.arange(count)] = False
+    included[held] = False
+    row, form = np.nonzero(included)
     zero_k, zero_l = zero_product_pairs(held, moving)
     by_live = live[None]
     none = np.zeros(len(facts) - 1, dtype=np.int64)
@@ -202,7 +200,7 @@ def solve_rlt(
     above = np.zeros(columns)
     above[-2:] = 1.0, -region.low
     objective = unit.T @ (np.outer(above, live) - slack * (cost_form(modes) @ basis)) / wide
-    answer = solve_products(objective, sp.vstack(blocks, format="csr"), high, seconds)
+    answer = solve_products(objective, sp.vstack(blocks, format="csr"), high, options.seconds)
     if answer is None:
         return None
     dual = np.split(wide * answer.dual[:-1], np.cumsum(sizes)[:-1])
@@ -214,7 +212,7 @@ def solve_rlt(
     by_live_ = np.where(sign_free, dual[4], np.maximum(dual[4], 0.0))
     multipliers = Multipliers(over / largest[:, None], by_live_ / largest[:-1], region.low + float(dual[5][0]))
     x = unit @ answer.point[:-1].reshape(columns, width)
-    states, z, y, violated = _read(modes, region, x, forms, live, asked)
+    states, z, y, violated = _read(modes, region, x, forms, live, included)
     return RltSolution(multipliers, states, z, y, violated, answer.found)
 
 
@@ -240,9 +238,10 @@ def solve_products(
 
 
 def scaled_forms(modes: LinearModes, region: Region, unit: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return the scaled `region_forms`, the divisors of their rows, and scaled equilibrium.
+    """Return the forms of a region and its equilibrium, scaled to entries of order one.
 
-    unit: matrix that maps scaled Φ to Φ. Each row is divided by its largest entry.
+    unit: matrix that maps scaled Φ to Φ. The results are `region_forms` with each row divided by its largest entry,
+    these divisors, and the equilibrium rows.
     """
     facts, statics = region_forms(modes, region) @ unit, modes.statics @ unit
     largest = row_maxima(facts)
@@ -259,9 +258,10 @@ def row_maxima(rows: Floats) -> Floats:
 
 
 def scaling_matrix(region: Region, force_bounds: Floats) -> Floats:
-    """Return the matrix (3m + 2, 3m + 2) that maps scaled Φ to Φ.
+    """Return the matrix (3m + 2, 3m + 2) that maps scaled (F, λ, 1) to unscaled ones.
 
-    Forces are scaled by their bounds, λ by the width of the region from its lower end.
+    Forces are scaled by their bounds, λ by the width of the region from its lower end. force_bounds: (3m + 2,), see
+    `Statics.force_bounds`.
     """
     unit = np.diag(force_bounds)
     unit[-2, -2:] = region.high - region.low, region.low
@@ -269,11 +269,14 @@ def scaling_matrix(region: Region, force_bounds: Floats) -> Floats:
 
 
 def _read(
-    modes: Modes, region: Region, x: Floats, forms: Floats, live: Floats, asked: Bools
+    modes: Modes, region: Region, x: Floats, forms: Floats, live: Floats, included: Bools
 ) -> tuple[Floats, Floats, Floats, Bools]:
-    """Compute states, mean z, mean y and violated rows from X."""
+    """Compute states, mean rates, mean slacks and violated rows from the products X.
+
+    x: X. forms: of w over the columns of X. live: form b_λ·u over them. included: rows of the program.
+    """
     seen, count = x @ forms.T, len(modes.rows)
-    violated = (modes.slacks @ seen < -_VIOLATED) & ~asked & moving_forms(forms, region) & ~region.held[:, None]
+    violated = (modes.slacks @ seen < -_VIOLATED) & ~included & moving_forms(forms, region) & ~region.held[:, None]
     violated[np.arange(count), np.arange(count)] = False
     return combined_states(x, live, forms[:count]), seen[-1, :count], modes.slacks @ x @ live, violated
 
@@ -286,7 +289,7 @@ def moving_forms(forms: Floats, region: Region) -> Bools:
 
 
 def combined_states(x: Floats, live: Floats, rates: Floats) -> Floats:
-    """Return states of forces and λ (k, q + 1) that X combines.
+    """Return states of forces and λ (k, q + 1) of which the products X are a combination.
 
     The first is the mean state, the others belong to the modes of largest rate. x: products X. live: form b_λ·u over
     the columns of X. rates: (4m, columns of X).
@@ -298,13 +301,20 @@ def combined_states(x: Floats, live: Floats, rates: Floats) -> Floats:
 
 
 def zero_product_pairs(held: Ints, moving: Ints) -> tuple[Ints, Ints]:
-    """Return index pairs (k, l) with y_k z_l = 0: k = l, and every held k with every moving l."""
+    """Return the indices (k, l) of slacks and modes whose product y_k z_l is zero.
+
+    They are k = l, and every held k with every moving l. held, moving: indices of modes.
+    """
     both = np.isin(moving, held)
     k = np.concatenate([moving[~both], np.repeat(held, len(moving))])
     return k, np.concatenate([moving[~both], np.tile(moving, len(held))])
 
 
 def _all(first: int, second: int, start: int = 0, chosen: Ints | None = None) -> tuple[Ints, Ints]:
-    """Return index pairs of every row of one matrix with every (chosen) row of another."""
+    """Return index pairs of every row of one matrix with every row of another.
+
+    first, second: numbers of rows. start: index of the first row of the first matrix. chosen: rows of the second
+    matrix; None: all.
+    """
     other = np.arange(second) if chosen is None else chosen
     return np.repeat(np.arange(first) + start, len(other)), np.tile(other, first)

@@ -26,10 +26,10 @@ from jld_core.arrays import Bits
 from jld_core.errors import ParameterError
 from jld_core.limit import LimitAnalysis, Proof, Status
 from jld_core.models.effective_area import require_rectangles
-from jld_core.models.zero_dilation.found import MultiStartSearch
+from jld_core.models.zero_dilation.fixed_point_search import FixedPointSearch, ProximalOptions
+from jld_core.models.zero_dilation.multi_start_search import MultiStartSearch
 from jld_core.models.zero_dilation.proof import pair_proof
-from jld_core.models.zero_dilation.range import load_range
-from jld_core.models.zero_dilation.search import FixedPointSearch, ProximalOptions
+from jld_core.models.zero_dilation.range import RangeOptions, load_range
 from jld_core.models.zero_dilation.starts import initial_forces
 
 _SEVERAL: Final = 1000
@@ -101,7 +101,7 @@ def prove_zero_dilation(
         known = associative.load_factor
         return replace(associative, status=Status.UNCERTIFIED, state=None, associative=known, outbid=True)
     if range is not None:
-        proof = load_range(analysis, labels, options, associative, range, pruning_threshold)
+        proof = load_range(analysis, labels, options, associative, RangeOptions(range, pruning_threshold))
     elif associative.status is Status.UNSTABLE or associative.state is None:
         proof = pair_proof(associative, analysis, None, 0)
     else:

@@ -12,7 +12,8 @@ import numpy as np
 
 from jld_core.arrays import Floats
 from jld_core.limit import Proof, State, Status
-from jld_core.models.zero_dilation.search import FixedPointSearch, PrimalDualPair
+from jld_core.models.zero_dilation.fixed_point_search import FixedPointSearch
+from jld_core.models.zero_dilation.primal_dual_pair import PrimalDualPair
 from jld_core.program import ConicProgram
 from jld_core.solvers import ClarabelSolver, HighsSolver, RawSolution, RawStatus
 
@@ -94,15 +95,19 @@ def forces_along_load_path(search: FixedPointSearch, gravity: Floats, most: floa
 
 
 def _nearest(search: FixedPointSearch, forces: Floats, load: float) -> RawSolution:
-    """Find the state at a given scaled λ that is nearest to given forces (q·m,)."""
+    """Find the state of equilibrium at one scaled λ that is nearest to given forces.
+
+    forces: (q·m,) scaled. load: the scaled λ. search: supplies labelling and program.
+    """
     near = ClarabelSolver(search.analysis.template.precision.residual, proximal=(search.count, 1.0))
     return near.solve(_at_load(search, load), forces)
 
 
 def _at_load(search: FixedPointSearch, load: float) -> ConicProgram:
-    """Build the program of all states at a given scaled λ; its objective is λ alone.
+    """Build the program of all admissible states at one scaled λ.
 
-    λ moves from the unknowns of equilibrium to its right-hand side.
+    Its objective is λ alone. λ moves from the unknowns of equilibrium to its right-hand side. load: the scaled λ.
+    search: supplies labelling and program, and counts it.
     """
     template = search.analysis.template
     program = template.program(search.labels, search.margin)
@@ -164,7 +169,7 @@ def low_compression_states(search: FixedPointSearch, load: float, rng: np.random
 
 
 def repair_and_evaluate(search: FixedPointSearch, point: Floats) -> PrimalDualPair:
-    """Move a point (q·m + 1,) into the true friction cone and evaluate it as a pair."""
+    """Move a point (q·m + 1,) into the true friction cone, and evaluate it as a pair."""
     areas = search.areas(point)
     state: State = search.repaired_state(point, search.analysis.template, areas)
     return search.evaluate_pair(state, areas)

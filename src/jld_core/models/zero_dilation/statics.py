@@ -86,12 +86,12 @@ class Statics:
         """Return a mask (4m,) of modes that cannot move, since their slack y > 0 in every state."""
         return self.proven_positive(self.modes.slacks, ~self.held)
 
-    def proven_positive(self, forms: Floats, asked: Bools) -> Bools:
+    def proven_positive(self, forms: Floats, tested: Bools) -> Bools:
         """Return a mask (k,) of linear forms that are proven positive in every state.
 
-        forms: (k, 3m + 2) of (F, λ, 1). asked: (k,) forms to test; the others are False.
+        forms: (k, 3m + 2) of (F, λ, 1). tested: (k,) True for forms to test; the others are False.
         """
-        found, seen = np.zeros(len(forms), dtype=bool), np.where(asked, np.inf, 0.0)
+        found, seen = np.zeros(len(forms), dtype=bool), np.where(tested, np.inf, 0.0)
         for row in range(len(forms)):
             if seen[row] > _SEEN:
                 answer = self._rows.minimise(forms[row, :-1])
@@ -100,9 +100,10 @@ class Statics:
         return found
 
     def _bound(self, objective: Floats) -> tuple[float, Floats]:
-        """Minimise an objective; return a value and residuals r (3m,) that bound it from below.
+        """Minimise a linear objective; return a value and residuals that bound it from below.
 
-        Every state satisfies objective ≥ value − r·|F|. The value is −inf if the solver fails.
+        Every state satisfies objective ≥ value − r·|F| with the residuals r (3m,). The value is −inf if the solver
+        fails. objective: (3m + 2,) coefficients of (F, λ, 1).
         """
         modes = self.modes
         answer = self._rows.minimise(objective[:-1])
@@ -121,11 +122,11 @@ class Statics:
 
 
 def bound_velocities(statics: Statics) -> Floats | None:
-    """Bound |u| and t (3n + m,) of any mechanism per unit of its cost; None if not proven.
+    """Bound velocities |u| and slides t (3n + m,) of any mechanism per unit of its cost.
 
-    The cost is Σ_hinges z + Σ_faces capacity · |s|, docs/method.md (4.8). Hinges bound openings and rotations, and
-    these bound velocities except for a few ways to slide without opening. Such a way is bounded if the faces that slide
-    together carry some friction in every state.
+    The result is None if no bound is proven. The cost is Σ_hinges z + Σ_faces capacity · |s|, docs/method.md (4.8).
+    Hinges bound openings and rotations, and these bound velocities except for a few ways to slide without opening. Such
+    a way is bounded if the faces that slide together carry some friction in every state.
     """
     modes, m = statics.modes, statics.modes.faces
     width = len(modes.dead)
@@ -176,5 +177,8 @@ def bound_velocities(statics: Statics) -> Floats | None:
 
 
 def _by_weight(ways: Floats) -> list[int]:
-    """Return the faces in decreasing order of their slip in motions without opening."""
+    """Return the faces in decreasing order of their slip in motions without opening.
+
+    ways: (m, k) slip of each face in k such motions.
+    """
     return [int(face) for face in np.argsort(-np.linalg.norm(ways, axis=1), kind="stable")]

@@ -12,12 +12,11 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.arrays import Bools, Floats
-from jld_core.models.zero_dilation.blocks import BlockCertifier, BlockRltSolution, solve_rlt_by_matrix_blocks
+from jld_core.arrays import Bools
+from jld_core.models.zero_dilation.bounded_modes import BoundedModes, Region
 from jld_core.models.zero_dilation.lower_bound_problem import LowerBoundProblem
-from jld_core.models.zero_dilation.modes import Modes
-from jld_core.models.zero_dilation.rlt_relaxation import Region
-from jld_core.models.zero_dilation.statics import Statics
+from jld_core.models.zero_dilation.matrix_blocks import BlockCertifier, solve_rlt_by_matrix_blocks
+from jld_core.models.zero_dilation.rlt_relaxation import RltOptions, RltSolution
 
 _ENOUGH: Final = 4e-7
 """Distance from the lowest solution found, relative, below which a certificate is not refined further."""
@@ -66,26 +65,26 @@ _DEPTH: Final = 12
 
 
 class BlockSweep:
-    """Sequence of RLT programs for one planar labelling, each solved by matrix blocks and certified.
+    """Search for a lower bound of one planar labelling by a sequence of certified programs.
 
-    force_bounds: see `Statics.force_bounds`. velocity_bounds: see `bound_velocities`. problem: incumbent, time budget
-    and log.
+    Each program is an RLT relaxation, solved by matrix blocks, that begins where the last certificate ended. bounded:
+    complementarity problem with bounds on forces and velocities; both must be proven. problem: lowest solution found,
+    time budget and log.
     """
 
-    def __init__(self, modes: Modes, force_bounds: Floats, velocity_bounds: Floats, problem: LowerBoundProblem) -> None:
-        self.modes, self.force_bounds, self.velocity_bounds, self.problem = (
-            modes,
-            force_bounds,
-            velocity_bounds,
-            problem,
-        )
+    def __init__(self, bounded: BoundedModes, problem: LowerBoundProblem) -> None:
+        self.bounded, self.problem = bounded, problem
+        self.modes = modes = bounded.modes
         own = np.kron(np.eye(modes.faces, dtype=bool), np.ones((4, 4), dtype=bool))
         few = np.hstack([modes.hinges | own, np.zeros((len(own), len(modes.loops)), dtype=bool)])
         self.near_pairs = modes.near_pairs & few
         self.stages = (("all hinges", few), ("all products", np.ones_like(few)))
 
     def near_hinge_bound(self, low: float) -> float:
-        """Prove a bound with products of near hinges only, solved to full accuracy."""
+        """Prove a bound with products of near hinges only, solved to full accuracy.
+
+        low: scaled λ up to which no solution exists.
+        """
         none = np.zeros(len(self.modes.rows), dtype=bool)
         return self._step("near hinges", self._region(low, none, none), self.near_pairs, _FINE, None)[1]
 
@@ -141,38 +140,46 @@ class BlockSweep:
     # --- pieces -------------------------------------------------------------------------------------------
 
     def _slack(self, low: float) -> float:
-        """Return the initial slack σ, relative, for a step from a bound `low`."""
+        """Return the slack σ, relative to max(|λ|, 1), with which a step from `low` begins."""
         return float(np.clip(_SHARE * (self.problem.load - low) / self.problem.load_unit, _FINE, _COARSE))
 
     def _region(self, low: float, closed: Bools, held: Bools, high: float | None = None) -> Region:
-        """Return the region from `low` to `high`, with all modes closed that cannot move there."""
-        high = self.problem.interval_end(low) if high is None else high
-        return Region(low, high, closed | Statics(self.modes, low, high, held, self.force_bounds).closed_modes(), held)
+        """Return the region of solutions from `low` to `high`; see `BoundedModes.region`.
+
+        Without `high` it reaches beyond the lowest solution found.
+        """
+        return self.bounded.region(low, self.problem.interval_end(low) if high is None else high, closed, held)
 
     def _step(
         self, name: str, region: Region, pairs: Bools, slack: float, tolerance: float | None
-    ) -> tuple[BlockRltSolution | None, float]:
-        """Solve one program of a region; return its solution and the bound that is proven."""
+    ) -> tuple[RltSolution | None, float]:
+        """Solve one program of a region; return its solution and the bound that it proves.
+
+        name: for the log. pairs: products of the program. slack: σ, relative. tolerance: of the solver, None: its
+        default. The solution is None, and the bound −inf, on failure.
+        """
         problem, earned = self.problem, self.problem.scaled_slack(slack)
         problem.record(name, 1)
         left = max(problem.seconds_left, 1.0)
-        answer = solve_rlt_by_matrix_blocks(
-            self.modes, region, self.force_bounds, pairs, earned, left, tolerance=tolerance
-        )
+        options = RltOptions(pairs, earned, left, tolerance=tolerance)
+        answer = solve_rlt_by_matrix_blocks(self.bounded, region, options)
         if answer is None:
             return None, -math.inf
         if not self._worth_certifying(region, answer):
             return answer, -math.inf
-        check = BlockCertifier(self.modes, region, earned, self.force_bounds, self.velocity_bounds)
+        check = BlockCertifier(self.bounded, region, earned)
         near = answer.multipliers.bound >= problem.load_below(_NEAR)
         return answer, check.bound(answer.multipliers, problem.load_below(_ENOUGH) if near else -math.inf)
 
-    def _worth_certifying(self, region: Region, answer: BlockRltSolution | None) -> bool:
-        """Return True if the solver's bound gains enough to be worth a certificate."""
+    def _worth_certifying(self, region: Region, answer: RltSolution | None) -> bool:
+        """Return True if the solver's bound of a region gains enough to be worth a certificate."""
         return answer is not None and self.problem.gains_enough(region.low, answer.multipliers.bound)
 
-    def _branch(self, low: float, region: Region, answer: BlockRltSolution, stage: int, depth: int) -> float:
-        """Split the region at one mode and return the lower of the bounds of both parts."""
+    def _branch(self, low: float, region: Region, answer: RltSolution, stage: int, depth: int) -> float:
+        """Split a region at one mode, and return the lower of the bounds of both parts.
+
+        low: bound of the region so far. answer: solution whose mode violates y z = 0 most. stage, depth: as in `sweep`.
+        """
         halves = region.split(answer.rates, answer.slacks)
         if halves is None:
             return low

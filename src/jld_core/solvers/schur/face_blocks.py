@@ -134,7 +134,7 @@ def face_blocks(structure: Structure) -> FaceBlocks:
 
 
 class _Layout:
-    """Local numbers of columns, yield rows and equations within their faces."""
+    """Local numbers of columns, yield rows and equations within the faces they belong to."""
 
     def __init__(
         self, face_column: Ints, column_face: Ints, row_face: Ints, equalities: int, first: int, columns: int
@@ -151,7 +151,11 @@ class _Layout:
     def families(
         self, row: Ints, column: Ints, data: Ints, yields: Bools, apart: Bools, border_index: Ints, size: int
     ) -> tuple[Family, ...]:
-        """Group the faces by their sizes and locate the data of each family."""
+        """Group the faces by their sizes, and locate the program data of each family.
+
+        row, column, data: entries of the program's matrix. yields: True for entries of yield rows. apart: True for
+        border columns. border_index: number of each border column. size: rows per cone.
+        """
         in_a = ~yields & (self.face_of_column[column] >= 0)
         in_g = yields & (self.face_of_column[column] >= 0)
         in_edge = yields & apart[column] & (self.face_of_row[row] >= 0)
@@ -189,9 +193,10 @@ class _Layout:
 
 
 def _numbered(owner: Ints, count: int) -> tuple[tuple[Ints, Ints], Ints]:
-    """Group members by owner and number them within their group.
+    """Group members by owner, and number them within their group.
 
-    Returns (members, start), with members in ascending order, and the number (n,) of each member in its group.
+    owner: (n,) group of each member. count: number of groups. The results are (members, start), with members in
+    ascending order, and the number (n,) of each member in its group.
     """
     members = np.argsort(owner, kind="stable")
     members = members[np.searchsorted(owner[members], 0) :]
@@ -202,7 +207,10 @@ def _numbered(owner: Ints, count: int) -> tuple[tuple[Ints, Ints], Ints]:
 
 
 def filled(shape: tuple[int, ...], entries: tuple[Ints, Ints], data: Floats) -> Floats:
-    """Return an array of this shape with data entries at flat positions, and zeros elsewhere."""
+    """Return an array of a given shape with data at flat positions, and zeros elsewhere.
+
+    entries: indices into `data`, and the flat positions of these values.
+    """
     array = np.zeros(shape)
     array.ravel()[entries[1]] = data[entries[0]]
     return array

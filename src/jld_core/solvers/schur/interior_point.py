@@ -26,7 +26,11 @@ _SETTLED = 1e-3  # κ/τ below which the program counts as solvable and iteratio
 
 @dataclass
 class _Iterate:
-    """Iterate x, u, s, v of the embedding with its scalars τ and κ."""
+    """Iterate of the homogeneous self-dual embedding of a program.
+
+    x: values of the columns. u: multipliers of the equations. s, v: slacks and multipliers of the yield rows. tau,
+    kappa: the scalars τ and κ of the embedding.
+    """
 
     x: Floats
     u: Floats
@@ -77,7 +81,7 @@ class SchurSolver(Solver):
 
 
 class _Iteration:
-    """State of one solve."""
+    """State of the interior-point iterations for one program."""
 
     def __init__(self, program: ConicProgram, system: SchurSystem, tolerance: float, gap: float) -> None:
         edge = program.structure.equalities
@@ -88,9 +92,9 @@ class _Iteration:
         self.note = ""
 
     def to_the_end(self, most: int) -> tuple[RawStatus, _Iterate, int]:
-        """Iterate to the tolerance, a ray, or stagnation; return status, iterate and count.
+        """Iterate until convergence, a ray or stagnation; return status, iterate and count.
 
-        Without convergence the best iterate is returned.
+        Without convergence the best iterate is returned. most: largest number of iterations.
         """
         try:
             now = self._start()
@@ -100,7 +104,7 @@ class _Iteration:
             return RawStatus.FAILED, nothing, 0
         best, least, stalled = now, np.inf, 0
         for iteration in range(most):
-            status, merit = self._judge(now)
+            status, merit = self._status_of(now)
             if status is not None:
                 return status, now, iteration
             stalled = 0 if merit < 0.9 * least else stalled + 1
@@ -120,7 +124,7 @@ class _Iteration:
         return RawStatus.LIMIT, best, most
 
     def answer(self, status: RawStatus, it: _Iterate) -> tuple[Floats, Floats]:
-        """Return point and multipliers, or the ray that belongs to the status."""
+        """Return point and multipliers of an iterate, or the ray that its status states."""
         dual = np.concatenate([it.u, it.v])
         if status is RawStatus.INFEASIBLE:
             return it.x, dual / -(self.r @ it.u + self.h @ it.v)
@@ -129,7 +133,7 @@ class _Iteration:
         return it.x / it.tau, dual / it.tau
 
     def _start(self) -> _Iterate:
-        """Compute least-squares points, shifted into the cones."""
+        """Return the first iterate: least-squares points, shifted into the cones."""
         system, nothing = self.system, np.zeros(len(self.q))
         system.factor(NesterovTodd(self.cones, self.unit, self.unit))
         x, _, minus_s = system.solve(nothing, self.r, self.h)
@@ -141,8 +145,11 @@ class _Iteration:
                 vector += (1.0 - slack) * self.unit
         return _Iterate(x, u, s, v)
 
-    def _judge(self, it: _Iterate) -> tuple[RawStatus | None, float]:
-        """Return the final status, or None to continue, and the error relative to the tolerances."""
+    def _status_of(self, it: _Iterate) -> tuple[RawStatus | None, float]:
+        """Return the final status of an iterate, or None to continue, and its error.
+
+        The error is relative to the tolerances.
+        """
         system, q, r, h = self.system, self.q, self.r, self.h
         gradient = system.transposed(it.u, it.v)
         left_u, left_v = system.equations(it.x), system.yields(it.x) + it.s
@@ -162,7 +169,7 @@ class _Iteration:
         return None, merit
 
     def _advance(self, it: _Iterate) -> _Iterate | None:
-        """Return the iterate after one predictor–corrector step, or None if no step is possible."""
+        """Take one predictor–corrector step; None if no step is possible."""
         system, cones = self.system, self.cones
         scaling = NesterovTodd(cones, it.s, it.v)
         system.factor(scaling)
@@ -182,7 +189,11 @@ class _Iteration:
             slope = float(self.q @ x1 + self.r @ u1 + self.h @ v1) - it.kappa / it.tau
 
         def direction(eta: float, ds: Floats, dk: float) -> tuple[Floats, Floats, Floats, Floats, float, float]:
-            """Return dx, du, W⁻¹ds, W dv, dτ and dκ; `eta` is the share of the residuals to remove."""
+            """Return one search direction: dx, du, W⁻¹ds, W dv, dτ and dκ.
+
+            eta: share of the residuals to remove. ds, dk: right-hand sides of the complementarity of s and v, and of τ
+            and κ.
+            """
             comp = cones.quotient(lam, ds)
             x2, u2, wv2 = system.solve(-eta * res_x, -eta * res_u, -eta * res_v - scaling.times(comp))
             if not embedded:
@@ -194,7 +205,10 @@ class _Iteration:
             return x2 + dt * x1, u2 + dt * u1, comp - wv, wv, dt, (dk - it.kappa * dt) / it.tau
 
         def longest(ws: Floats, wv: Floats, dt: float, dk: float) -> float:
-            """Return the largest step that keeps slacks, multipliers, τ and κ in their cones."""
+            """Return the largest step that keeps slacks, multipliers, τ and κ in their cones.
+
+            ws, wv: scaled directions W⁻¹ds and W dv. dt, dk: directions of τ and κ.
+            """
             alpha = min(cones.step(lam, ws), cones.step(lam, wv))
             for value, change in ((it.tau, dt), (it.kappa, dk)):
                 if change < 0.0:

@@ -24,15 +24,15 @@ class Cones:
 
     @property
     def degree(self) -> int:
-        """Barrier parameter, one per half-line and per cone."""
+        """Return the barrier parameter of the cones: one per half-line and one per cone."""
         return self.linear + self.count
 
     def parts(self, vector: Floats) -> tuple[Floats, Floats]:
-        """Return views (linear,) and (count, size) of a vector."""
+        """Return views of a vector: its numbers on half-lines (linear,), its cones (count, size)."""
         return vector[: self.linear], vector[self.linear :].reshape(self.count, self.size)
 
     def join(self, linear: Floats, cones: Floats) -> Floats:
-        """Return the vector of these parts."""
+        """Return the vector with these numbers on half-lines (linear,) and cones (count, size)."""
         return np.concatenate([linear, cones.ravel()])
 
     def unit(self) -> Floats:
@@ -42,14 +42,14 @@ class Cones:
         return self.join(np.ones(self.linear), cones)
 
     def product(self, u: Floats, v: Floats) -> Floats:
-        """Return the Jordan product u ∘ v."""
+        """Return the Jordan product u ∘ v of two vectors of the cones."""
         (ul, uc), (vl, vc) = self.parts(u), self.parts(v)
         out = uc[:, :1] * vc + vc[:, :1] * uc
         out[:, :1] = np.einsum("ij,ij->i", uc, vc)[:, None]
         return self.join(ul * vl, out)
 
     def quotient(self, u: Floats, v: Floats) -> Floats:
-        """Return w with u ∘ w = v, for u inside the cones."""
+        """Return the vector w with Jordan product u ∘ w = v, for u inside the cones."""
         (ul, uc), (vl, vc) = self.parts(u), self.parts(v)
         u0, u1, v0, v1 = uc[:, 0], uc[:, 1:], vc[:, 0], vc[:, 1:]
         cross = np.einsum("ij,ij->i", u1, v1)
@@ -80,7 +80,10 @@ class Cones:
 
 
 def _determinant(cones: Floats) -> Floats:
-    """Return v₀² − ‖v₁‖² of each row, computed as a product to keep digits near the boundary."""
+    """Return v₀² − ‖v₁‖² of each cone (k, size), where v₀ is its first number.
+
+    It is computed as a product, which keeps digits near the boundary of the cone.
+    """
     norm = np.sqrt(np.einsum("ij,ij->i", cones[:, 1:], cones[:, 1:]))
     return np.asarray(np.maximum((cones[:, 0] - norm) * (cones[:, 0] + norm), 1e-300))
 
@@ -115,18 +118,21 @@ class NesterovTodd:
         self.point = self.times(z)
 
     def times(self, vector: Floats) -> Floats:
-        """Return W v."""
+        """Return the product W v of the scaling with a vector of the cones."""
         linear, cones = self.cones.parts(vector)
         return self.cones.join(self.linear * linear, np.einsum("nij,nj->ni", self.blocks, cones))
 
     def divide(self, vector: Floats) -> Floats:
-        """Return W⁻¹ v."""
+        """Return the product W⁻¹ v of the inverse scaling with a vector of the cones."""
         linear, cones = self.cones.parts(vector)
         return self.cones.join(linear / self.linear, np.einsum("nij,nj->ni", self.inverse, cones))
 
 
 def _blocks(w: Floats) -> Floats:
-    """Return matrices [w₀, w₁ᵀ; w₁, I + w₁ w₁ᵀ / (1 + w₀)] of hyperbolic unit vectors w."""
+    """Return the symmetric square-root matrices (k, size, size) of unit vectors w (k, size).
+
+    They are [w₀, w₁ᵀ; w₁, I + w₁ w₁ᵀ / (1 + w₀)], where w₀² − ‖w₁‖² = 1.
+    """
     count, size = w.shape
     blocks = np.zeros((count, size, size))
     if size:

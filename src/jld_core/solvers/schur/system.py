@@ -43,7 +43,10 @@ class SchurSystem:
         self._side: list[Floats] = []
 
     def _lay_out(self, size: int, places: Floats | None) -> None:
-        """Analyse the pattern of the Schur complement and where the entries of each family add up."""
+        """Analyse the pattern of the Schur complement, and where the entries of faces add up.
+
+        size: number of equations. places: (size, d) coordinates of the equations, None where unknown.
+        """
         keys, cover = [np.arange(size) * (size + 1)], np.zeros(size)
         rng = np.random.default_rng(0)
         for family in self.blocks.families:
@@ -91,19 +94,19 @@ class SchurSystem:
             self._edge.append(filled((m, high, count), family.edge, data))
 
     def equations(self, x: Floats) -> Floats:
-        """Return E x."""
+        """Return the product E x of the equations with a vector x (columns,)."""
         return np.asarray(self._equations @ x)
 
     def yields(self, x: Floats) -> Floats:
-        """Return G x."""
+        """Return the product G x of the yield rows with a vector x (columns,)."""
         return np.asarray(self._yields @ x)
 
     def transposed(self, u: Floats, v: Floats) -> Floats:
-        """Return Eᵀu + Gᵀv."""
+        """Return Eᵀu + Gᵀv for multipliers u of the equations and v of the yield rows."""
         return np.asarray(self._equations_t @ u + self._yields_t @ v)
 
     def factor(self, scaling: NesterovTodd) -> None:
-        """Factor the system at a scaling.
+        """Factor the linear system for one scaling of the cones.
 
         Raises np.linalg.LinAlgError if the Schur complement stays indefinite under the largest shift.
         """
@@ -142,7 +145,10 @@ class SchurSystem:
             self._corner = corner + edges.T @ self._reach
 
     def _shifted(self, data: Floats) -> Factor:
-        """Factor the scaled Schur complement with the smallest diagonal shift that succeeds."""
+        """Factor the scaled Schur complement with the least diagonal shift that succeeds.
+
+        data: values of its entries.
+        """
         shift = _SHIFT
         for _ in range(_RETRIES):
             data[self._diagonal] = 1.0 + shift
@@ -153,11 +159,11 @@ class SchurSystem:
         raise np.linalg.LinAlgError("the Schur complement is not positive definite")
 
     def _scaled_loose(self, scaling: NesterovTodd) -> Floats:
-        """Return the rows of border columns alone, divided by the scaling."""
+        """Return the yield rows that border columns alone enter, divided by the scaling."""
         return self._loose[self._loose_rows] / scaling.linear[self._loose_rows, None]
 
     def _solve(self, rhs: Floats) -> Floats:
-        """Solve with the factored Schur complement."""
+        """Solve the factored Schur complement for one or several right-hand sides."""
         size = self._size if rhs.ndim == 1 else self._size[:, None]
         return size * self._factor.solve(size * rhs)
 
@@ -187,7 +193,10 @@ class SchurSystem:
         return best
 
     def _once(self, p: Floats, q: Floats, r: Floats) -> tuple[Floats, Floats, Floats]:
-        """Solve the system once, without refinement."""
+        """Solve the system of the module docstring once, without refinement.
+
+        p: (columns,), q: (equations,), r: (yield rows,). The results are x, u and W v.
+        """
         blocks, scaling = self.blocks, self._scaling
         rho = scaling.divide(r)
         c = p + np.asarray(self._yields_t @ scaling.divide(rho))
@@ -220,7 +229,7 @@ def _apply(matrices: Floats, vectors: Floats) -> Floats:
 
 
 def _divided(scaling: NesterovTodd, family: Family, rows: Floats) -> Floats:
-    """Apply W⁻¹ to the yield rows (m, rows, ·) of a family."""
+    """Return the yield rows (m, rows, ·) of a family, multiplied by the inverse scaling W⁻¹."""
     half, cones = family.linear, scaling.cones
     out = np.empty_like(rows)
     out[:, :half] = rows[:, :half] / scaling.linear[family.rows[:, :half], None]
@@ -233,7 +242,7 @@ def _divided(scaling: NesterovTodd, family: Family, rows: Floats) -> Floats:
 
 
 def _right_inverse_of_r(stack: Floats) -> Floats:
-    """Return R⁻¹ (m, k, k) of QR factorisations of matrices (m, rows, k).
+    """Return R⁻¹ (m, k, k) of the QR factorisations of m matrices (rows, k).
 
     The matrices have full column rank. Householder reflections treat all faces at once, with faces as the last axis.
     The product WᵀW would lose digits where the weights differ by more than half of the digits of a float; QR keeps

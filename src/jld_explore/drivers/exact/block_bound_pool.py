@@ -145,7 +145,7 @@ class BlockBoundPool:
     @property
     def many(self) -> bool:
         """Whether the batch solver solves many programs in one call."""
-        return self._here.many
+        return self._here.batched
 
     def bound_all(self, asked: Sequence[Asked]) -> list[Choice]:
         """Solve several block relaxations and return their results in the same order.
@@ -153,7 +153,7 @@ class BlockBoundPool:
         The batch solver uses a second thread where `set_workers` allows it. Without the batch solver the last program
         goes to the worker process if that process is ready.
         """
-        if self._here.many:
+        if self._here.batched:
             if self._helped and self._pool is None:
                 self._pool = ThreadPoolExecutor(1)
             return self._here.bound_all(asked, self._pool)

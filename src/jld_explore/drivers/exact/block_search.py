@@ -141,7 +141,7 @@ class BlockSearch:
         self._choices = BlockBoundPool(self._analyses, self._space, blocks)
         self._choices.set_workers(self._jobs)
         tree = BlockTree(self._choices, self._space, blocks, least, root)
-        near = self._relaxation.many and root - least <= _NEAR[self._choices.many] * abs(root)
+        near = self._relaxation.batched and root - least <= _NEAR[self._choices.many] * abs(root)
         quick = all(map(_has_wedges, self._analyses))
         if self._wanted == "on" or (quick and not near and root - tree.root.bound >= _CLOSER * (root - least)):
             self._tree = tree
@@ -237,4 +237,4 @@ def _has_wedges(analysis: LimitAnalysis) -> bool:
 
     A relaxation with cones is too slow for a tree.
     """
-    return analysis.template.yield_set.wedge(dry=True) is not None
+    return analysis.template.yield_set.coulomb_wedge(dry=True) is not None

@@ -92,7 +92,7 @@ def check_certifiable(driver: Driver, model: SolveOptions, scene: Scene) -> None
             raise ParameterError("certificate", f"search.{count.name} is no rule of it", "a search without that limit")
     if driver.aim != "best":
         raise ParameterError("certificate", "a whole front has none", '`aim="best"`')
-    if not model.modular or model.friction != "associative":
+    if not model.supports_bounds_over_labellings or model.friction != "associative":
         raise ParameterError("certificate", "it speaks of associative friction alone", '`objective="associative"`')
     for case in assembly.by_case:
         Balances(case)  # raises InputError for a face without a work balance

@@ -84,7 +84,7 @@ class ConflictGenerator:
     def __init__(self, relaxation: AnyRelaxation, free: Bools, seed: int) -> None:
         self._relaxation, self._free = relaxation, free
         self._rng = np.random.default_rng([seed, 2])
-        self._many = relaxation.many
+        self._many = relaxation.batched
         self._formula: Formula | None = None
         self._known: set[tuple[bytes, bytes]] = set()
         self._hear: Callable[[], None] = _nothing

@@ -90,7 +90,7 @@ class ConflictSources:
         """Set the number of worker processes; a connected cluster contributes all its workers."""
         self._jobs, self._away = jobs, client_of_cluster() is not None
         self._helped = jobs > 1 or self._away
-        if jobs > 1 and self._threads is None and self._relaxation.many:
+        if jobs > 1 and self._threads is None and self._relaxation.batched:
             recipe = self._relaxation, self._space, self._blocks, self._free, self._seed
             self._threads = ThreadedGenerator(*recipe, min(jobs, _THREADS), self._state)
 
@@ -182,8 +182,8 @@ class ConflictSources:
         """Return True if worker processes should start now."""
         if self._alone is not None:
             return self._relaxation.solves >= self._alone
-        others = self._away or self._jobs > _THREADS or not self._relaxation.many
-        return others and self._relaxation.solves >= SOLO_RELAXATIONS[not self._relaxation.many]
+        others = self._away or self._jobs > _THREADS or not self._relaxation.batched
+        return others and self._relaxation.solves >= SOLO_RELAXATIONS[not self._relaxation.batched]
 
     def close(self) -> None:
         """Stop threads and workers, and keep the results that arrive within `_LAST` seconds."""

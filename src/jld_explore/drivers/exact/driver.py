@@ -121,12 +121,12 @@ class Exact(ConflictDriver):
         self._tightening: BlockBoundTightening | None = None
         if self._relaxation is not None:
             self._by_blocks = BlockSearch(self._analyses, space, self._blocks, self._relaxation, by_blocks)
-            many, wanted = self._relaxation.many, by_blocks != "off"
+            many, wanted = self._relaxation.batched, by_blocks != "off"
             self._tightening = BlockBoundTightening(self._analyses, space, self._blocks, many=many, wanted=wanted)
         self._search = Genetic(space, seed, aim=aim) if aim == "front" else Anneal(space, seed)
         self._left = search * int(space.candidates.sum())
         self._incumbents = Incumbents(space, self._count)
-        quick = self._relaxation is not None and self._relaxation.many
+        quick = self._relaxation is not None and self._relaxation.batched
         self._patience = step_after or _PATIENCE[not quick]
         self._schedule = TargetSchedule(self._patience)
         self._heuristics = HeuristicSchedule(quick=quick, never=search == 0)

@@ -170,7 +170,7 @@ class _Weighing:
             mine = [one for one in conflicts if one.mechanism is not None and one.mechanism.case == case]
             for some in _parts(mine):
                 velocities = np.array([one.mechanism.velocity for one in some if one.mechanism is not None])
-                found = self._relaxation.weigh(case, velocities, *self._partial(some))
+                found = self._relaxation.evaluate_mechanisms(case, velocities, *self._partial(some))
                 claimed = np.array([one.bound for one in some])
                 room = _WEIGHED_AGAIN * np.maximum(1.0, abs(np.where(np.isfinite(claimed), claimed, 0.0)))
                 wrong = np.flatnonzero(~(found <= claimed + room))

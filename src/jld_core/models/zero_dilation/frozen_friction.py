@@ -1,4 +1,4 @@
-"""Cheap lower bound without dilation: λ with friction frozen at the least N, iterated."""
+"""Cheap lower bound without dilation: λ under friction frozen at the least normal forces."""
 
 from __future__ import annotations
 
@@ -27,11 +27,13 @@ def frozen_friction_bound(
 ) -> float:
     """Prove a lower bound on λ by freezing friction at the least normal force of each face.
 
-    Every solution has the λ of its own frozen friction, which grows with N. Each iteration freezes friction at the
-    least N of states with λ above the last bound. Its bound is the proven lower end of a bracket.
+    A solution is the optimum of the problem whose friction is frozen at its own normal forces N, and this optimum grows
+    with N. Each iteration computes the least N of all states with λ above the last bound, freezes friction there, and
+    takes the proven lower bound on λ of that problem.
 
-    normals: (m,) columns of N in F. force_bounds: see `Statics.force_bounds`. problem: incumbent, time budget and log.
-    The result is scaled, and 0 if no bound is proven.
+    labels: (m,) True = dry. modes: complementarity problem. normals: (m,) columns of N in F. force_bounds: see
+    `Statics.force_bounds`. problem: lowest solution found, time budget and log. The result is scaled, and 0 if no bound
+    is proven.
     """
     base, bound, none = analysis.template.yield_set.associative, 0.0, np.zeros(len(modes.rows), dtype=bool)
     for turn in range(1, _ROUNDS + 1):

@@ -7,21 +7,21 @@ contains multipliers like those of `solve_rlt`; a certificate decides what they 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
-from jld_core.arrays import Bools, Floats
+from jld_core.arrays import Floats
 from jld_core.models.zero_dilation.binary_fractions import BITS, BinaryFractions, round_to_bits
+from jld_core.models.zero_dilation.bounded_modes import BoundedModes, Region
 from jld_core.models.zero_dilation.certificate import Certifier, drop_rounding
-from jld_core.models.zero_dilation.interior import ProductProgram, minimise_product_program
-from jld_core.models.zero_dilation.modes import Modes
-from jld_core.models.zero_dilation.normal import NormalEquations
+from jld_core.models.zero_dilation.interior_point import ProductProgram, minimise_product_program
+from jld_core.models.zero_dilation.normal_equations import NormalEquations
 from jld_core.models.zero_dilation.product_space import LocalProductSpace, lone_faces, velocities_of
 from jld_core.models.zero_dilation.rlt_relaxation import (
     Multipliers,
-    Region,
+    RltOptions,
+    RltSolution,
     combined_states,
     cost_form,
     moving_forms,
@@ -47,40 +47,18 @@ _EXACT: Final = 1e-9
 """Relative residual at which these steps end."""
 
 
-@dataclass(frozen=True)
-class BlockRltSolution:
-    """Solution of an RLT relaxation by matrix blocks: multipliers, states and mean values.
+def solve_rlt_by_matrix_blocks(bounded: BoundedModes, region: Region, options: RltOptions) -> RltSolution | None:
+    """Solve the RLT relaxation of one region by matrix blocks; None without convergence.
 
-    states: (k, 3m + 1) forces and λ that X combines. rates, slacks: (4m,) mean z and mean y.
+    It is the program of `solve_rlt`. bounded: complementarity problem with bounds on forces. region: part of the
+    solutions. options: products, slack, time limit, distance and tolerance.
     """
-
-    multipliers: Multipliers
-    states: Floats
-    rates: Floats
-    slacks: Floats
-
-
-def solve_rlt_by_matrix_blocks(
-    modes: Modes,
-    region: Region,
-    force_bounds: Floats,
-    pairs: Bools,
-    slack: float,
-    seconds: float,
-    distance: int | None = None,
-    tolerance: float | None = None,
-) -> BlockRltSolution | None:
-    """Solve the program of `solve_rlt` by matrix blocks; None if not converged.
-
-    Parameters as for `solve_rlt`. distance: number of faces within which a velocity is multiplied with forces and
-    equilibrium, None: all of them. tolerance: as for `minimise_product_program`. With a large tolerance multipliers are
-    larger and easier to make exact.
-    """
+    modes, force_bounds, pairs, slack = bounded.modes, bounded.force_bounds, options.pairs, options.slack
     count = len(modes.rows)
     unit, wide = scaling_matrix(region, force_bounds), region.high - region.low
     facts = region_forms(modes, region) @ unit
     largest = row_maxima(facts)
-    local_space = LocalProductSpace(modes, region.closed, distance)
+    local_space = LocalProductSpace(modes, region.closed, options.distance)
     held, moving = np.flatnonzero(region.held), np.flatnonzero(~region.closed)
     equal, positive = np.zeros((2, len(facts), len(local_space.forms)), dtype=bool)
     equal[zero_product_pairs(held, moving)] = True
@@ -101,7 +79,7 @@ def solve_rlt_by_matrix_blocks(
         velocities.split(goal),
         velocities.groups,
     )
-    answer = minimise_product_program(program, seconds, tolerance)
+    answer = minimise_product_program(program, options.seconds, options.tolerance)
     if answer is None or not answer.accurate:
         return None
     multipliers = Multipliers(
@@ -110,34 +88,27 @@ def solve_rlt_by_matrix_blocks(
     x = unit @ velocities.assemble(answer.point)
     live = modes.live_rate @ local_space.basis
     whole = local_space.rates * (modes.hinges | ~np.repeat(lone, 4))[:, None]
-    return BlockRltSolution(
+    return RltSolution(
         multipliers, combined_states(x, live, whole), x[-1] @ local_space.rates.T, modes.slacks @ x @ live
     )
 
 
 class BlockCertifier(Certifier):
-    """Certifier whose corrections of multipliers are computed by matrix blocks.
+    """Certifier whose corrections of multipliers are computed by small matrix blocks.
 
-    The proof is that of `Certifier`. distance: as given to `solve_rlt_by_matrix_blocks`.
+    The proof is that of `Certifier`. distance: as in the `RltOptions` of the program.
     """
 
-    def __init__(
-        self,
-        modes: Modes,
-        region: Region,
-        slack: float,
-        force_bounds: Floats,
-        velocity_bounds: Floats,
-        distance: int | None = None,
-    ) -> None:
-        super().__init__(modes, region, slack, force_bounds, velocity_bounds)
-        self.local_space = LocalProductSpace(modes, region.closed, distance)
-        self._equilibrium = lambda rest: self.local_space.equilibrium(modes.statics, rest)
+    def __init__(self, bounded: BoundedModes, region: Region, slack: float, distance: int | None = None) -> None:
+        super().__init__(bounded, region, slack)
+        self.local_space = LocalProductSpace(self.modes, region.closed, distance)
+        self._equilibrium = lambda rest: self.local_space.equilibrium(self.modes.statics, rest)
 
     def bound(self, multipliers: Multipliers, sufficient_bound: float = math.inf) -> float:
-        """Correct multipliers until they prove a bound, and return it; −inf if unproven.
+        """Correct multipliers until they prove a lower bound on λ, and return that bound.
 
-        sufficient_bound: bound at which refinement of the certificate ends.
+        The result is scaled, and −inf if nothing is proven. sufficient_bound: bound at which refinement of the
+        certificate ends.
         """
         found = -math.inf
         lone = lone_faces(multipliers.products != 0.0, self.region.closed, self.modes.loops)
@@ -149,9 +120,10 @@ class BlockCertifier(Certifier):
         return found
 
     def _correction(self, of_products: Floats, price: Floats) -> Any:
-        """Return a function from the residual R to the change of multipliers that reduces R.
+        """Return a function that computes changes of the multipliers from a residual R.
 
-        of_products, price: multipliers of products, and of rows times b_λ·u.
+        The changes reduce R, the part of the identity in `certificate` that is not yet zero. of_products, price:
+        multipliers of products, and of rows times b_λ·u.
         """
         largest = self.largest
         share = np.where(self.free, 1.0, np.minimum(of_products * largest[:, None] / self.least_free, 1.0))
@@ -165,7 +137,7 @@ class BlockCertifier(Certifier):
         solved = NormalEquations(space, share > 0.0, velocities.groups).factor(weights, 1.0, _SHIFT)
 
         def change(rest: Floats) -> tuple[BinaryFractions, BinaryFractions, BinaryFractions]:
-            """Return the changes of products, live work and bound for a residual R."""
+            """Return the changes of products, live work and bound for the residual R in `rest`."""
             residual_size = float(abs(rest).max(initial=0.0)) or 1.0
             left = velocities.split(self.force_bounds[:, None] * (rest / residual_size) @ velocities.basis)
             point = solved(left, _EXACT, _REFINED)

@@ -13,11 +13,12 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.deadline import checkpoint
 from jld_core.errors import InputError, ParameterError
-from jld_core.limit import LimitAnalysis, Motion, Prover, State, Status, load_scale
+from jld_core.limit import LimitAnalysis, Prover, State, Status, load_scale
 from jld_core.mechanics.prescribed_friction import EffectiveAreas, PrescribedFriction
-from jld_core.models.effective_area import HOLD, change, slack_to_ask
+from jld_core.models.effective_area import HOLDING_WEIGHT, largest_area_change, slack_to_request
 from jld_core.models.fixed_points import under_own_areas
 from jld_core.models.moving_rows import areas_under
+from jld_core.models.zero_dilation.primal_dual_pair import PrimalDualPair, rank
 from jld_core.program import ConicProgram, Template
 from jld_core.solvers import ClarabelSolver, RawSolution, RawStatus
 
@@ -101,67 +102,6 @@ class ProximalOptions:
             raise InputError("damping, anchor, block, most", "not positive", "positive numbers")
 
 
-@dataclass(frozen=True)
-class PrimalDualPair:
-    """Forces and velocities evaluated as one candidate solution, scaled.
-
-    state: in equilibrium, and inside the true friction cone as far as repairs achieved this.
-    motion: mechanism of the problem frozen at N of the state, None if none has finite dissipation.
-    locked: True if the frozen problem has no finite λ.
-    violation: excess of friction (|V| − μN)⁺ over the largest N. dilation: of pressed faces over the largest slip.
-    gap: complementarity gap Γ, see `solve`. dissipation: Σ D_N(J). area_change: change of effective areas that the
-    forces require. load_scale: scaled λ below which λ counts as zero.
-    settled: True if λ of the last two programs agree: minimisation of Γ, and problem frozen at its N.
-    """
-
-    state: State
-    motion: Motion | None
-    locked: bool
-    violation: float
-    dilation: float
-    gap: float
-    dissipation: float
-    area_change: float
-    load_scale: float
-    settled: bool
-
-    @property
-    def relative_gap(self) -> float:
-        """Return the complementarity gap relative to the dissipation; inf without a mechanism.
-
-        Where nothing dissipates, as in pure rocking, the gap is relative to the work of the loads.
-        """
-        if self.motion is None:
-            return math.inf
-        work = max(abs(self.state.load), abs(self.motion.bound), self.load_scale)
-        size = self.dissipation if self.dissipation > 1e-6 * work else work
-        return abs(self.gap) / size if size > 0.0 else math.inf
-
-    def bracket_within(self, width: float) -> bool:
-        """Return True if λ of the forces and of the velocities agree within a relative width."""
-        if self.motion is None:
-            return False
-        size = max(abs(self.state.load), abs(self.motion.bound), self.load_scale)
-        return abs(self.motion.bound - self.state.load) <= width * size
-
-    def is_solution(self, width: float) -> bool:
-        """Return True if the pair is an admissible, converged solution within a relative width."""
-        return not self.locked and self.state.admissible and self.converged and self.bracket_within(width)
-
-    @property
-    def converged(self) -> bool:
-        """Return True if the pair meets all tolerances of a solution, docs/method.md (4.3), (4.5)."""
-        if self.motion is None:
-            return False
-        return (
-            self.violation <= tolerances.VIOLATION
-            and self.dilation <= tolerances.DILATION
-            and self.relative_gap <= tolerances.COMPLEMENTARITY
-            and self.settled
-            and self.area_change <= tolerances.FIXED_POINT
-        )
-
-
 class FixedPointSearch:
     """Fixed-point search for a solution of one labelling from given forces.
 
@@ -179,7 +119,7 @@ class FixedPointSearch:
         # Quadratic programs converge less tightly than linear ones; only the last of them must be exact.
         self.step_solver = ClarabelSolver(max(_STEP, residual), proximal=(self.count, options.damping))
         self.gap_solver = ClarabelSolver(max(_GAP, residual), proximal=(self.count, options.anchor))
-        self.holding_solver = ClarabelSolver(max(_GAP, residual), proximal=(self.count, HOLD))
+        self.holding_solver = ClarabelSolver(max(_GAP, residual), proximal=(self.count, HOLDING_WEIGHT))
         self.solver = ClarabelSolver(residual)
         self.shared: Template = template
         self.load_scale = load_scale(template.assembly) / template.scaling.load
@@ -189,21 +129,22 @@ class FixedPointSearch:
     # --- frozen problems ----------------------------------------------------------------------------------
 
     def areas(self, forces: Floats) -> EffectiveAreas | None:
-        """Return the effective areas of the faces under scaled forces; None if not used."""
+        """Return the effective areas of the faces under scaled forces (q·m,); None if not used."""
         if not self.options.effective_area:
             return None
         return areas_under(self.analysis.assembly, self.table(forces), self.labels)
 
     def prover(self, template: Template) -> Prover:
-        """Return the prover of the analysis, applied to another template."""
-        return self.analysis.prover.under(template)
+        """Return the analysis' prover for another template of the same equilibrium matrix."""
+        return self.analysis.prover.with_template(template)
 
     def freeze_friction(
         self, alpha: float, previous: Floats, areas: EffectiveAreas | None
     ) -> tuple[Template, PrescribedFriction]:
-        """Build the template and yield sets with friction μ(αN + (1 − α)N_prev).
+        """Return the template and yield sets whose friction is μ(αN + (1 − α)N_prev).
 
-        alpha: share of the present N in friction. previous: (m,) N_prev, scaled.
+        alpha: α, share of the present N in friction. previous: (m,) N_prev, scaled. areas: effective areas, None if not
+        used.
         """
         sets = PrescribedFriction(self.base, alpha, previous, areas)
         self.shared = self.shared.renumbered(sets)
@@ -220,7 +161,10 @@ class FixedPointSearch:
     # --- the two steps ------------------------------------------------------------------------------------
 
     def step_from(self, forces: Floats, alpha: float) -> RawSolution:
-        """Solve one proximal step: the problem frozen at N of given forces (q·m,)."""
+        """Solve one proximal step: the problem with friction frozen at N of given forces.
+
+        forces: (q·m,) scaled. alpha: share of the present N in friction.
+        """
         centre = forces[: self.count]
         for _ in range(_BACK):
             template, _ = self.freeze_friction(alpha, self.normals(centre), self.areas(centre))
@@ -239,7 +183,7 @@ class FixedPointSearch:
         """Minimise the complementarity gap Γ over forces, for given velocities.
 
         The result is the state of true friction nearest to `forces`. dual: multipliers whose first entries are the
-        velocities. held: if given, hold the forces with the larger weight `HOLD`, and require this slack.
+        velocities. held: if given, hold the forces with the larger weight `HOLDING_WEIGHT`, and require this slack.
         """
         template, program = self._gap_program(forces, dual, areas, self.margin if held is None else held)
         solver = self.gap_solver if held is None else self.holding_solver
@@ -262,7 +206,9 @@ class FixedPointSearch:
     ) -> tuple[Template, ConicProgram]:
         """Build the program that minimises the gap Γ over forces, for given velocities.
 
-        Friction is that of the true cone. Terms that are constant for given velocities are omitted.
+        Friction is that of the true cone. Terms that are constant for given velocities are omitted. forces: (q·m,)
+        scaled, whose N is the first guess. dual: multipliers whose first entries are the velocities. areas: effective
+        areas, None if not used. margin: slack of every yield row.
         """
         template, sets = self.freeze_friction(1.0, self.normals(forces), areas)
         velocity = dual[: template.matrix.shape[0]]
@@ -291,19 +237,22 @@ class FixedPointSearch:
         return self.solver.solve(ConicProgram(s, program.data, rhs, program.objective))
 
     def repaired_state(self, point: Floats, template: Template, areas: EffectiveAreas | None) -> State:
-        """Move a raw point into equilibrium, and into the true friction cone where possible."""
+        """Move a raw point into equilibrium, and into the true friction cone where possible.
+
+        point: forces first, λ last. template: of the program. areas: effective areas, None if not used.
+        """
         labels, prover = self.labels, self.prover(template)
         state = prover.state(point, labels, passes=3)
         if state.admissible:
             return state
-        analysis = self.analysis if areas is None else self.analysis.under(template, labels)
+        analysis = self.analysis if areas is None else self.analysis.with_template(template, labels)
         inside = analysis.repair.state(labels)
         self.solves += 1
         if inside is not None:
             state = prover.blend(state, inside, labels)
         if not state.admissible:
             self.solves += 1
-            state = analysis.repair.edge_state(point, labels) or state
+            state = analysis.repair.boundary_state(point, labels) or state
         return state
 
     def evaluate_pair(self, state: State, areas: EffectiveAreas | None) -> PrimalDualPair:
@@ -319,12 +268,12 @@ class FixedPointSearch:
         motion = prover.motion(raw.dual, labels)
         opening = None if motion.margin >= 0.0 else self.analysis.repair.opening()
         if opening is not None:
-            motion = prover.open_up(motion, opening, labels)
+            motion = prover.add_opening(motion, opening, labels)
         locked = False
         finite = motion.margin >= 0.0 and motion.work > 0.0
         size = max(abs(motion.bound), abs(state.load), self.load_scale)
         if not finite or raw.status is RawStatus.UNBOUNDED or motion.bound - state.load > tolerances.GAP * size:
-            proof = self.analysis.under(template, labels).prove(labels)
+            proof = self.analysis.with_template(template, labels).prove(labels)
             self.solves += proof.solves
             locked = proof.status is Status.LOCKED
             if proof.motion is not None and (motion.margin < 0.0 or proof.motion.bound < motion.bound):
@@ -341,7 +290,11 @@ class FixedPointSearch:
         dilation = float(sets.dilation(jumps, labels)[pressed].max(initial=0.0)) / float(widest or 1.0)
         dissipation = float(sets.dissipation(jumps, labels).sum())
         gap = motion.bound - state.load
-        area_change = 0.0 if areas is None else change(areas, areas_under(self.analysis.assembly, state.forces, labels))
+        area_change = (
+            0.0
+            if areas is None
+            else largest_area_change(areas, areas_under(self.analysis.assembly, state.forces, labels))
+        )
         size = max(abs(motion.bound), abs(state.load), self.load_scale)
         settled = abs(gap) <= tolerances.SETTLED * size
         return PrimalDualPair(
@@ -354,7 +307,7 @@ class FixedPointSearch:
         """Search from scaled forces (q·m,) and return the best pair of all attempts."""
         best: PrimalDualPair | None = None
         for pair in self.attempts(forces):
-            if best is None or pair.locked or _better(pair, best):
+            if best is None or pair.locked or rank(pair) > rank(best):
                 best = pair
         assert best is not None
         return best
@@ -401,7 +354,11 @@ class FixedPointSearch:
                 held, dual = self.margin, pair.motion.velocity
 
     def settle_areas(self, state: State, dual: Floats, areas: EffectiveAreas) -> tuple[State, EffectiveAreas]:
-        """Minimise Γ for the same velocities until the state fits its own effective areas."""
+        """Minimise the gap Γ for the same velocities until the state fits its own areas.
+
+        dual: multipliers whose first entries are the velocities. areas: effective areas so far. The results are the
+        state and its areas.
+        """
         tries = 0
         while self.solves < self.program_limit - 2:
             checkpoint()
@@ -409,16 +366,6 @@ class FixedPointSearch:
             own, areas, _ = under_own_areas(self.prover(self.shared), state, self.labels)
             if own.admissible:
                 return own, areas
-            slack = slack_to_ask(own, self.margin, tries)
+            slack = slack_to_request(own, self.margin, tries)
             state = self.minimise_gap(state.forces.ravel(), dual, areas, slack)
         return state, areas
-
-
-def _better(one: PrimalDualPair, other: PrimalDualPair) -> bool:
-    """Return True if the first pair ranks above the second, see `_rank`."""
-    return _rank(one) > _rank(other)
-
-
-def _rank(pair: PrimalDualPair) -> tuple[bool, bool, float]:
-    """Return the sort key of a pair: solution first, then admissible, then small gap Γ."""
-    return pair.is_solution(tolerances.GAP), pair.state.admissible, -pair.gap

@@ -69,18 +69,20 @@ class AlternatingPrograms:
         self._motions = LinearRows(unit, np.append(np.zeros(count), 1.0), ends, -free, free)
 
     def mechanism(self, closed: Bools, weights: Floats) -> Floats | None:
-        """Return the mechanism z (4m,) ≥ 0 of least weighted sum with b_λ·u = 1; None if none exists.
+        """Return the mechanism z (4m,) ≥ 0 of least weighted sum with live work 1.
 
-        closed: (4m,) modes whose slack is zero; only these may move. weights: (4m,).
+        closed: (4m,) modes whose slack is zero; only these may move. weights: (4m,). The result is None if no mechanism
+        exists.
         """
         self._motions.bound(slice(0, len(closed)), np.zeros(len(closed)), np.where(closed, np.inf, 0.0))
         answer = self._motions.minimise(weights @ self.modes.rates)
         return self.modes.rates @ answer.point if answer.found else None
 
     def forces(self, moving: Bools, objective: Floats) -> Floats | None:
-        """Return the state (F, λ) that minimises an objective for one mechanism; None if none exists.
+        """Return the state (F, λ) that minimises an objective and completes one mechanism.
 
-        moving: (4m,) modes that move, whose slack y is zero. objective: (3m + 1,) of (F, λ).
+        moving: (4m,) modes that move, whose slack y is zero. objective: (3m + 1,) of (F, λ). The result is None if no
+        state exists.
         """
         d = self.modes.constants
         self._statics.bound(slice(self._first, self._first + len(d)), -d, np.where(moving, -d, np.inf))
@@ -88,10 +90,10 @@ class AlternatingPrograms:
         return answer.point if answer.found else None
 
     def close_gap(self, point: Floats, seed: int) -> Floats | None:
-        """Reduce the gap Σ yz from a point to zero; return the solution (F, λ), None on failure.
+        """Find a solution by reducing the gap Σ y z from a point to zero.
 
         Mechanism and forces are updated in turn. point: (3m + 1,) scaled forces and λ, of any kind. seed: of the random
-        weights.
+        weights. The result is (F, λ), or None on failure.
         """
         rng, count, last = np.random.default_rng(seed), len(self.modes.constants), np.inf
         every, none = np.ones(count, dtype=bool), np.zeros(count, dtype=bool)
@@ -115,9 +117,10 @@ class AlternatingPrograms:
         return None
 
     def mix_with_low_compression(self, point: Floats, share: float, rng: np.random.Generator) -> Floats | None:
-        """Mix a point with a state of low compression on random faces; None without a state.
+        """Mix a point with a state of low compression on random faces.
 
-        share: weight of that state, from 0 to 1.
+        point: (3m + 1,) scaled forces and λ. share: weight of that state, from 0 to 1. The result is None if no state
+        exists.
         """
         objective = np.zeros(len(point))
         objective[:-1:3] = rng.exponential(size=self.modes.faces)
@@ -207,7 +210,7 @@ class AlternatingPrograms:
     def _start(self, point: Floats, rng: np.random.Generator) -> Bools | None:
         """Return the modes (4m,) that may move at a point, with the least tolerance on y = 0.
 
-        None if no mechanism exists for any tolerance.
+        The result is None if no mechanism exists for any tolerance. point: (3m + 1,) scaled forces and λ.
         """
         slack = self.modes.slacks_of(point[:-1])
         for allowance in _CLOSED:

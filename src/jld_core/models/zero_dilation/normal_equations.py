@@ -37,14 +37,15 @@ _AWAY: Final = 1e3
 class NormalEquations:
     """Normal equations of an interior-point step over products, factored repeatedly.
 
-    The matrix is Σ d_kl (y_k z_l)(y_k z_l)ᵀ + d (b_λ·u)(b_λ·u)ᵀ + shift.
+    For weights d_kl of the products y_k z_l and a weight d of the live work, the matrix is Σ d_kl (y_k z_l)(y_k z_l)ᵀ +
+    d (b_λ·u)(b_λ·u)ᵀ + shift. It acts on points (Z, T), see `ProductSpace`.
     """
 
     def __init__(self, space: ProductSpace, used: Bools, groups: Ints) -> None:
-        """Prepare the elimination order and the tables for one space.
+        """Prepare the elimination order and the tables of one product space.
 
-        used: (r, modes) mask of weights that may be positive; for slides of lone faces, on their own slacks and 1 only.
-        groups: (w,) number of the group in which each velocity is eliminated.
+        used: (r, modes) mask of weights that may be positive. Slides of lone faces, see `ProductSpace`, may have
+        weights on their own slacks and 1 only. groups: (w,) number of the group in which each velocity is eliminated.
         """
         self.space = space
         slides = np.concatenate([4 * space.lone + 2, 4 * space.lone + 3])
@@ -58,24 +59,25 @@ class NormalEquations:
         self._shift = 0.0
 
     def factor(self, weights: Floats, live: float, shift: float, plain: bool = False) -> Solve:
-        """Factor the matrix for given weights and return its solver.
+        """Factor the matrix for given weights, and return the function that solves with it.
 
-        weights: (r, modes) d_kl ≥ 0. live: d. shift: added to the diagonal. Refinement compensates for the shift and
-        for rounding. By default it uses conjugate gradients with the factor as preconditioner. plain: use simple
-        corrections, which leave directions of tiny curvature unchanged.
+        weights: (r, modes) weights d_kl ≥ 0 of the products. live: weight d of the live work. shift: added to the
+        diagonal. Refinement compensates for the shift and for rounding. By default it uses conjugate gradients with the
+        factor as preconditioner. plain: use simple corrections, which leave directions of tiny curvature unchanged.
         """
         once = self._once(weights, live, shift)
         space = self.space
 
         def applied(x: Point) -> Point:
-            """Multiply the matrix, without shift, by a point (Z, T)."""
+            """Return the product of the unshifted matrix with a point (Z, T), see `ProductSpace`."""
             z, t = space.adjoint(weights * space.values(x))
             return z + live * float((space.unit * x[0]).sum()) * space.unit, t
 
         def solve(rhs: Point, exact: float, most: int) -> Point:
             """Solve for one right-hand side with refinement; return the point of least residual.
 
-            exact: relative residual at which refinement ends. most: maximum number of corrections.
+            rhs: right-hand side (Z, T), see `ProductSpace`. exact: relative residual at which refinement ends. most:
+            largest number of corrections.
             """
             x = direction = old = (np.zeros_like(rhs[0]), np.zeros_like(rhs[1]))
             rest, goal = rhs, exact * length(rhs)
@@ -104,7 +106,10 @@ class NormalEquations:
         return solve
 
     def _once(self, weights: Floats, live: float, shift: float) -> Callable[[Point], Point]:
-        """Factor the shifted matrix and return its solver without refinement."""
+        """Factor the shifted matrix, and return a function that solves without refinement.
+
+        weights, live, shift: as in `factor`.
+        """
         space, shift = self.space, max(shift, self._shift)
         slides = space.ones * (4 * space.lone)
         first, second = (weights[space.rows, slides + slide].T[:, :, None] for slide in (2, 3))
@@ -128,7 +133,7 @@ class NormalEquations:
         price = live / (1.0 + live * float((unit * along).sum()))
 
         def solve(rhs: Point) -> Point:
-            """Solve the shifted equations once."""
+            """Solve the shifted equations once, without refinement, for a right-hand side (Z, T)."""
             t = np.einsum("fab,fb->fa", back, rhs[1])
             pulled = np.zeros((space.facts.shape[1], len(space.of)))
             for places, part, form in zip(space.at, np.einsum("fab,fb->fa", slips, t), forms, strict=True):
@@ -143,7 +148,8 @@ class NormalEquations:
     def _tables(self, weights: Floats, lone: Floats) -> dict[tuple[int, int], Floats]:
         """Compute the matrix blocks Cᵀ diag(d_l) C of each form, for every two coupled bases.
 
-        The result maps two basis numbers to a table (forms, k, k′). lone: (f, 4, 4) matrix block of each lone face.
+        weights: (r, modes) d_kl. lone: (f, 4, 4) matrix block of each lone face. The result maps two basis numbers to a
+        table (forms, k, k′).
         """
         space, out = self.space, {}
         for (one, other), forms in self._tree.couplings.items():
@@ -161,12 +167,12 @@ class NormalEquations:
 
 
 def length(point: Point) -> float:
-    """Return the norm of (Z, T) as one vector."""
+    """Return the norm of a point (Z, T), see `ProductSpace`, taken as one vector."""
     return float(np.hypot(np.linalg.norm(point[0]), np.linalg.norm(point[1])))
 
 
 def _dot(one: Point, other: Point) -> float:
-    """Return the scalar product of two points (Z, T)."""
+    """Return the scalar product of two points (Z, T), see `ProductSpace`."""
     return float((one[0] * other[0]).sum() + (one[1] * other[1]).sum())
 
 
@@ -178,10 +184,10 @@ class _EliminationTree:
     """
 
     def __init__(self, forms: Floats, groups: Ints, of: Ints, sizes: Ints) -> None:
-        """Compute the elimination order and the fronts.
+        """Compute the elimination order, and the fronts of matrix blocks.
 
-        forms: (modes, w). groups: (w,) number of the group in which a column is eliminated, from 0. of: (w,) basis of
-        each column. sizes: number of states of each basis.
+        forms: (modes, w) coefficients of each mode in the w columns. groups: (w,) number of the group in which a column
+        is eliminated, from 0. of: (w,) basis of each column. sizes: number of states of each basis.
         """
         touches = np.zeros((len(forms), int(groups.max(initial=-1)) + 1))
         np.maximum.at(touches.T, groups, (forms != 0.0).T.astype(float))
@@ -211,9 +217,9 @@ class _EliminationTree:
         self.couplings, self._parts = self._couplings(forms[:, order])
 
     def _couplings(self, forms: Floats) -> tuple[dict[tuple[int, int], list[int]], list[list[_Part]]]:
-        """Return the coupling forms per pair of bases, and the matrix blocks of each front.
+        """Return the forms that couple each pair of bases, and the matrix blocks of each front.
 
-        Each matrix block is a weighted sum of tables of those forms.
+        Each matrix block is a weighted sum of tables of those forms. forms: (modes, w), columns in elimination order.
         """
         found: list[dict[tuple[int, int], dict[tuple[int, int], dict[int, float]]]] = []
         wanted: dict[tuple[int, int], dict[int, int]] = {}
@@ -246,9 +252,10 @@ class _EliminationTree:
         return {key: list(number) for key, number in wanted.items()}, parts
 
     def factor(self, tables: dict[tuple[int, int], Floats], shift: float) -> Callable[[Floats], Floats] | None:
-        """Factor the matrix and return its solver; None if it is not positive definite.
+        """Factor the matrix, and return its solver; None if it is not positive definite.
 
-        tables: (forms, k, k′) for each pair of bases. The solver maps a right-hand side (k, w) to the solution.
+        tables: (forms, k, k′) for each pair of bases. shift: added to the diagonal. The solver maps a right-hand side
+        (k, w) to the solution.
         """
         flat = {key: table.reshape(len(table), -1) for key, table in tables.items()}
         updates: list[list[tuple[list[int], Floats, Ints]]] = [[] for _ in self._nodes]
@@ -277,7 +284,10 @@ class _EliminationTree:
         return lambda rhs: self._solve(out, rhs)
 
     def _solve(self, held: list[tuple[Floats, Floats]], rhs: Floats) -> Floats:
-        """Solve for a right-hand side (k, w) by forward and backward substitution."""
+        """Solve for a right-hand side (k, w) by forward and backward substitution.
+
+        held: factors of the fronts, from `factor`.
+        """
         rows = np.arange(len(rhs))
         used = rows[None, :] < self._sizes[:, None]
         x = rhs.T[self._order][used]
@@ -335,7 +345,7 @@ def _extend_add(front: Floats, update: Floats, places: list[int], at: Ints, its:
 
 
 def _minimum_degree_order(meets: Bools) -> tuple[Ints, list[list[int]]]:
-    """Return a minimum-degree elimination order of a graph, and the later neighbours.
+    """Return a minimum-degree elimination order of a graph, and later neighbours.
 
     meets: (w, w) mask of connected columns. The second result lists, for each column, the neighbours eliminated later.
     """

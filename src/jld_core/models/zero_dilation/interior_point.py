@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bools, Floats, Ints
-from jld_core.models.zero_dilation.normal import NormalEquations
+from jld_core.models.zero_dilation.normal_equations import NormalEquations
 from jld_core.models.zero_dilation.product_space import Point, ProductSpace
 
 _STEPS: Final = 120
@@ -80,10 +80,10 @@ _GAINS: Final = 0.9
 
 @dataclass(frozen=True)
 class ProductProgram:
-    """Program over products (Z, T): min cost·(Z, T) + (1 − b_λ·u)⁺ with signs of products.
+    """Program over products of forces and velocities: min cost·(Z, T) + (1 − b_λ·u)⁺.
 
-    equal, positive: (r, modes) masks of products y_k z_l that are zero, and that are not negative. groups: (w,) number
-    of the element of each velocity.
+    space: unknowns (Z, T) and the products y_k z_l. equal, positive: (r, modes) masks of the products that are zero,
+    and that are not negative. cost: (Z, T). groups: (w,) number of the element of each velocity.
     """
 
     space: ProductSpace
@@ -125,7 +125,7 @@ def minimise_product_program(
 
 
 class _InteriorPointMethod:
-    """State of the interior-point method for one program."""
+    """State of the interior-point iterations for one program over products."""
 
     def __init__(self, program: ProductProgram, tolerance: float) -> None:
         self.tolerance = tolerance
@@ -142,18 +142,18 @@ class _InteriorPointMethod:
         self.q = np.zeros(len(self.ke))
 
     def rows(self, x: Point) -> tuple[Floats, Floats]:
-        """Return the values of the positive products and of the zero products at a point.
+        """Return the values of the positive and of the zero products y_k z_l at a point.
 
-        The last positive row is −b_λ·u, without its constant 1.
+        The last positive row is −b_λ·u, without its constant 1. x: point (Z, T), see `ProductSpace`.
         """
         table = self.space.values(x)
         last = -float((self.space.unit * x[0]).sum())
         return np.append(table[self.k, self.l], last), table[self.ke, self.le]
 
     def apply_transpose(self, v: Floats, q: Floats) -> Point:
-        """Return a weighted sum of the rows as a form of (Z, T), the transpose of `rows`.
+        """Return a weighted sum of the rows of the program as a form of (Z, T).
 
-        v, q: weights of positive and of zero products.
+        It is the transpose of `rows`. v, q: weights of positive and of zero products.
         """
         table = np.zeros(self.shape)
         table[self.k, self.l] = v[:-1]
@@ -162,7 +162,10 @@ class _InteriorPointMethod:
         return z - v[-1] * self.space.unit, t
 
     def run(self, seconds: float) -> ProductSolution:
-        """Take steps until the tolerance is met or progress ends; return the best iterate."""
+        """Take steps until the tolerance is met or progress ends; return the best iterate.
+
+        seconds: processor time after which the iterations end.
+        """
         end, best, idle = time.process_time() + seconds, None, 0
         for step in range(_STEPS):
             g, e = self.rows(self.x)
@@ -205,7 +208,10 @@ class _InteriorPointMethod:
         solve = self.normal.factor(weights, float(d[-1]), _SHIFT, plain=True)
 
         def direction(rc: Floats, times: int = _REFINED) -> tuple[Point, Floats, Floats, Floats]:
-            """Return the changes of x, s, v and q for complementarity residuals rc."""
+            """Return the changes of point, slacks, and both kinds of multipliers in one direction.
+
+            rc: residuals of complementarity to remove. times: largest number of refinements of the linear solution.
+            """
             z, t = self.apply_transpose(d * (rp + rc / self.v), re / _EQUAL)
             dx = solve((z - rd[0], t - rd[1]), tolerance, times)
             g, e = self.rows(dx)
@@ -237,11 +243,14 @@ class _InteriorPointMethod:
 
 
 def _step_length(at: Floats, step: Floats) -> float:
-    """Return the fraction of a step that keeps all entries positive, at most 1 / _BACK."""
+    """Return the fraction of a step that keeps all entries of a vector positive.
+
+    It is at most 1 / _BACK. at: present entries. step: their changes.
+    """
     falls = step < 0.0
     return min(1.0 / _BACK, float((-at[falls] / step[falls]).min(initial=np.inf)))
 
 
 def _largest(point: Point) -> float:
-    """Return the largest absolute entry of (Z, T)."""
+    """Return the largest absolute entry of a point (Z, T), see `ProductSpace`."""
     return max(float(abs(point[0]).max(initial=0.0)), float(abs(point[1]).max(initial=0.0)))

@@ -14,11 +14,11 @@ from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.limit import (
     FLOOR_SECONDS,
-    Batch,
+    BatchAnalysis,
+    CaseBounds,
     Condense,
     Contacts,
     Friction,
-    Known,
     LimitAnalysisResult,
     SolveOptions,
     Status,
@@ -26,7 +26,8 @@ from jld_core.limit import (
 )
 from jld_core.mechanics import InnerBending, require_materials
 from jld_core.models.inputs import Labels, Structure, assembly_of, labellings_of
-from jld_core.models.solve import limit_analysis, solve, solve_labelling
+from jld_core.models.labelling import limit_analysis, solve_labelling
+from jld_core.models.solve import solve
 from jld_core.solvers import Solver
 from jld_core.threads import one_thread
 
@@ -77,7 +78,7 @@ class BatchResult:
 
     @property
     def best(self) -> int | None:
-        """Return the number of the labelling with the largest λ, from 0; None if no labelling has a λ."""
+        """Return the index of the labelling with the largest λ; None if no labelling has a λ."""
         return None if np.isnan(self.load_factor).all() else int(np.nanargmax(self.load_factor))
 
     def result(self, number: int) -> LimitAnalysisResult:
@@ -174,13 +175,16 @@ def solve_many(
 
 
 def _solve_many(assembly: Assembly, labels: Bits, model: SolveOptions) -> BatchResult:
-    """Solve labellings (k, m) under one load, by the batch solver where it settles them."""
+    """Solve k labellings under one load, by the batch solver where it settles them.
+
+    labels: (k, m) True = dry. model: model and solver options.
+    """
     require_materials(assembly, np.asarray(labels.any(axis=0)), np.asarray(~labels.all(axis=0)))
     analysis = limit_analysis(assembly, model)
     scale, count = analysis.template.scaling.load, len(labels)
     load_factor, low, high = (np.full(count, np.nan) for _ in "123")
     status: list[Status | None] = [None] * count
-    batch = Batch.of(analysis) if model.modular and count else None
+    batch = BatchAnalysis.of(analysis) if model.supports_bounds_over_labellings and count else None
     if batch is not None:
         found = batch.prove(labels)
         low, high = scale * found.low, scale * found.high
@@ -195,11 +199,14 @@ def _solve_many(assembly: Assembly, labels: Bits, model: SolveOptions) -> BatchR
 
 
 def _governing(assembly: Assembly, labels: Bits, model: SolveOptions, cases: dict[str, BatchResult]) -> BatchResult:
-    """Combine the results of load cases: the least λ / required of each labelling."""
+    """Combine the results of load cases into the least λ / required of each labelling.
+
+    labels: (k, m) True = dry. cases: results by the names of the load cases.
+    """
     required, names = assembly.required.tolist(), list(cases)
     decided = [
         governing(
-            [Known(one.status[k], one.low[k], one.high[k], one.load_factor[k]) for one in cases.values()], required
+            [CaseBounds(one.status[k], one.low[k], one.high[k], one.load_factor[k]) for one in cases.values()], required
         )
         for k in np.arange(len(labels)).tolist()
     ]

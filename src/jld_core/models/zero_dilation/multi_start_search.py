@@ -15,9 +15,10 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.limit import LimitAnalysis, Proof
+from jld_core.models.zero_dilation.alternating_programs import AlternatingPrograms
+from jld_core.models.zero_dilation.fixed_point_search import FixedPointSearch, ProximalOptions
 from jld_core.models.zero_dilation.modes import Modes, modes_of
-from jld_core.models.zero_dilation.pivots import AlternatingPrograms
-from jld_core.models.zero_dilation.search import FixedPointSearch, PrimalDualPair, ProximalOptions
+from jld_core.models.zero_dilation.primal_dual_pair import PrimalDualPair
 from jld_core.models.zero_dilation.starts import low_compression_states, repair_and_evaluate, starts
 
 _DRAWS: Final = 8
@@ -81,7 +82,10 @@ class Found:
         return math.inf if self.lowest is None else self.lowest.state.load
 
     def offer(self, pair: PrimalDualPair) -> bool:
-        """Store a pair if it is a new best, lowest or highest solution; return True if a solution."""
+        """Store a pair if it is a new best, lowest or highest solution.
+
+        The result is True if the pair is a certified solution.
+        """
         if self.best is None or (pair.state.admissible, -pair.gap) > (self.best.state.admissible, -self.best.gap):
             self.best = pair
         if not pair.is_solution(self.width):
@@ -95,7 +99,7 @@ class Found:
         return True
 
     def _order(self, load: float) -> tuple[bool, float]:
-        """Return the sort key that puts λ ≥ 0 before λ < 0."""
+        """Return the sort key of a scaled λ that puts λ ≥ 0 before λ < 0."""
         return load < -self.zero_load, load
 
 
@@ -118,9 +122,10 @@ class MultiStartSearch:
         self._ends = list[float]()  # Scaled λ at the end of each descent.
 
     def search(self, thorough: bool = True, sufficient_load: float = -math.inf) -> Found:
-        """Search from all starts and return the solutions found.
+        """Search for solutions from all starts, and return the solutions found.
 
-        sufficient_load: scaled λ; the search stops once a solution at or below this value is certified.
+        thorough: use all starts and directions. sufficient_load: scaled λ; the search stops once a solution at or below
+        this value is certified.
         """
         for forces in starts(self.fixed_point, self.associative, thorough):
             self.search_from(forces)
@@ -135,7 +140,7 @@ class MultiStartSearch:
         return self.found
 
     def search_first_solution(self) -> None:
-        """Search from states of low compression until the first solution is found."""
+        """Search from states of low compression until one solution is found."""
         rng, nothing = np.random.default_rng(0), np.zeros(self.fixed_point.count + 1)
         for _ in range(_LITTLE if self.alternation is not None else 0):
             if self.found.lowest is not None:
@@ -145,7 +150,7 @@ class MultiStartSearch:
                 self.improve(closed)
 
     def search_random_mechanisms(self) -> None:
-        """Search for solutions whose mechanism is random, planar scenes only.
+        """Search for solutions whose mechanism is drawn at random, in planar scenes only.
 
         Proximal steps miss solutions whose compressed faces differ from those of every start.
         """
@@ -166,7 +171,8 @@ class MultiStartSearch:
         """Descend from mixtures of the lowest solution with states of low compression.
 
         Only run if earlier descents ended at different λ, and stop after `_IDLE` mixtures without gain. If all descents
-        end at the same λ, hundreds of mixtures found nothing lower on walls of 83 to 141 faces.
+        end at the same λ, hundreds of mixtures found nothing lower on walls of 83 to 141 faces. sufficient_load: as in
+        `search`.
         """
         apart = max(self._ends, default=0.0) - min(self._ends, default=0.0)
         if self.alternation is None or apart <= _LOWER * max(self._ends, default=0.0):
@@ -183,13 +189,17 @@ class MultiStartSearch:
             idle = 0 if self.found.lowest_load < low - _LOWER * abs(low) else idle + 1
 
     def _mixed(self, point: Floats, share: float, rng: np.random.Generator) -> Floats | None:
-        """Mix a point with a random state of low compression; None if no such state exists."""
+        """Mix a point with a random state of low compression; None if no such state exists.
+
+        point: (q·m + 1,) scaled forces and λ. share: weight of that state, from 0 to 1.
+        """
         return None if self.alternation is None else self.alternation.mix_with_low_compression(point, share, rng)
 
     def close_gap(self, point: Floats | None) -> Floats | None:
-        """Close the complementarity gap from a point, and return the lowest solution reached.
+        """Find a solution by closing the complementarity gap from a point.
 
-        None if no solution is reached, for `point` None, and in space.
+        The result is the lowest solution (F, λ) reached. It is None if no solution is reached, for `point` None, and in
+        space.
         """
         if self.alternation is None or point is None:
             return None
@@ -203,7 +213,7 @@ class MultiStartSearch:
 
         The states have a λ below the lowest solution. In the plane, the descent by linear programs finds the same
         solutions. In space, torsion reduces the friction of a joint, and the lowest solutions often have low
-        compression (studies/spatial_bound/scenes.py).
+        compression (studies/spatial_bound/scenes.py). sufficient_load: as in `search`.
         """
         rng, idle = np.random.default_rng(0), 0
         for _ in range(_LITTLE):
@@ -232,9 +242,9 @@ class MultiStartSearch:
         self.improve(point, 2 if thorough else 1, thorough)
 
     def improve(self, point: Floats, seeds: int = 2, ascend: bool = True) -> None:
-        """Search for lower and higher solutions by linear programs from one solution.
+        """Search for solutions of lower and higher λ by linear programs from one solution.
 
-        seeds: number of random seeds. ascend: also search for higher solutions.
+        point: (q·m + 1,) the solution. seeds: number of random seeds. ascend: also search for higher solutions.
         """
         if self.alternation is None:
             return

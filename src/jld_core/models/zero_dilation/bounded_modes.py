@@ -1,0 +1,75 @@
+"""Complementarity problem with bounds on its forces and velocities, and regions of its solutions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from jld_core.arrays import Bools, Floats
+from jld_core.models.zero_dilation.modes import Modes
+from jld_core.models.zero_dilation.statics import Statics, bound_velocities
+
+
+@dataclass(frozen=True)
+class Region:
+    """Part of the solutions on which a bound is proven: an interval of λ, closed and held modes.
+
+    low ≤ λ ≤ high. closed: (4m,) modes with z = 0. held: (4m,) modes with y = 0.
+    """
+
+    low: float
+    high: float
+    closed: Bools
+    held: Bools
+
+    def split(self, rates: Floats, slacks: Floats) -> tuple[Region, Region] | None:
+        """Split the region at the mode that most violates y z = 0; None if no mode violates it.
+
+        The measure of a mode is min(z, 1) y. In one part, the mode does not move. In the other part, its slack is zero;
+        if the mode is a slide, the other slide of the face is then zero. rates, slacks: (4m,) mean z and mean y.
+        """
+        apart = np.where(self.closed | self.held, 0.0, np.minimum(rates, 1.0) * slacks)
+        if not apart.max() > 0.0:
+            return None
+        mode = int(np.argmax(apart))
+        number = np.arange(len(apart))
+        one = number == mode
+        other = (number == mode ^ 1) & (mode % 4 > 1)
+        return replace(self, closed=self.closed | one), replace(self, closed=self.closed | other, held=self.held | one)
+
+
+@dataclass(frozen=True)
+class BoundedModes:
+    """Complementarity problem of a planar labelling, with bounds that all its solutions keep.
+
+    Every step of a lower-bound search takes this one description of the problem.
+
+    Attributes
+    ----------
+    modes : Modes
+        The complementarity problem.
+    force_bounds : (3m + 2,) float array
+        Upper bounds on |F|, |λ| and 1, see `Statics.force_bounds`.
+    velocity_bounds : (3n + m,) float array or None
+        Upper bounds on velocities and slides per unit of cost, see `bound_velocities`; None if not proven.
+    """
+
+    modes: Modes
+    force_bounds: Floats
+    velocity_bounds: Floats | None
+
+    @classmethod
+    def up_to(cls, modes: Modes, high: float) -> BoundedModes:
+        """Compute the bounds for all solutions with 0 ≤ λ ≤ high, scaled."""
+        statics = Statics(modes, 0.0, high, np.zeros(len(modes.rows), dtype=bool))
+        return cls(modes, statics.force_bounds, bound_velocities(statics))
+
+    def region(self, low: float, high: float, closed: Bools, held: Bools) -> Region:
+        """Return a region of solutions, with all modes closed that cannot move in it.
+
+        low, high: ends of the interval of scaled λ. closed, held: (4m,) modes that are given as closed (z = 0), and as
+        held (y = 0).
+        """
+        statics = Statics(self.modes, low, high, held, self.force_bounds)
+        return Region(low, high, closed | statics.closed_modes(), held)
