@@ -62,7 +62,7 @@ def test_a_pool_in_threads_and_a_pool_of_processes_leave_nothing_behind() -> Non
     threads = Workers(spec, 2, m, batch=True)
     assert sys.getswitchinterval() < before[0]
     threads.close()
-    processes, pool = Processes(1, hang=60.0), WorkerPool(1)
+    processes, pool = Processes(1, hang_seconds=60.0), WorkerPool(1)
     assert processes.submit(abs, (-1,)).result() == 1
     assert settings() != before
     processes.close()
@@ -78,11 +78,11 @@ def test_the_limit_of_memory_that_workers_lift_is_one_of_loky() -> None:
 def test_an_error_of_a_task_is_not_taken_for_a_lost_worker() -> None:
     """It was hidden: the program was solved again in this process, for ever."""
     pool = object.__new__(BlockBoundPool)
-    pool._seats = pool._seat = pool._ready = None
+    pool._workers = pool._worker = pool._ready = None
     lost: Future[Any] = Future()
     lost.set_exception(BrokenExecutor("a process was killed"))
-    assert pool._answer(lost) is None
+    assert pool._result(lost) is None
     wrong: Future[Any] = Future()
     wrong.set_exception(ValueError("a defect"))
     with pytest.raises(ValueError, match="a defect"):
-        pool._answer(wrong)
+        pool._result(wrong)

@@ -38,11 +38,11 @@ _ROWS: Final = 16384
 A frontier of this size stays in a cache level while a face is decided.
 """
 
-_NARROW: Final = 64
+_QUICK_ROWS: Final = 64
 """Number of rows of a frontier in a quick count of a space."""
-_GLANCE: Final = 150
+_QUICK_FRONTIERS: Final = 150
 """Number of frontiers in a quick count of a space."""
-_LOOKED: Final = 600_000
+_MOST_ELEMENTS_EXAMINED: Final = 600_000
 """Largest number of frontiers times elements in a count of a space.
 
 A count of 2 000 frontiers of 300 elements takes some 2 s.
@@ -152,11 +152,11 @@ class Enumeration(Driver):
         share = _BYTES // max(1, (2 * len(elements) + len(candidates)) * (len(candidates) + 1))
         self._rows = rows or int(np.clip(share, 64, _ROWS))
         # number of rows checked together where assembly sequences take long to find; 0 without such a check
-        self._slowly = 0 if space.laying is None else max(1, space.laying.counted // 4)
+        self._rows_per_check = 0 if space.laying is None else max(1, space.laying.counted // 4)
         self._deadline: Deadline | None = None
-        self._ended = self._cut = False
+        self._ended = self._interrupted = False
         self._portions = self.batches()
-        self._held = np.empty((0, len(space.fixed)), dtype=bool)
+        self._unreturned = np.empty((0, len(space.fixed)), dtype=bool)
 
     @property
     def exhaustive(self) -> bool:
@@ -166,22 +166,22 @@ class Enumeration(Driver):
     def ask(self, limit: int | None = None) -> Bits:
         """Return the next classes (k, m), at most `PORTION` so that evaluation can begin early."""
         wanted = PORTION if limit is None else min(limit, PORTION)
-        while len(self._held) < wanted and not self._cut:
+        while len(self._unreturned) < wanted and not self._interrupted:
             try:
                 portion = next(self._portions, None)
             except DeadlinePassed:
                 # a generator that raised cannot continue, so only the classes found before are returned
-                self._cut = True
+                self._interrupted = True
                 break
             self._ended = portion is None
             if portion is None:
                 break
-            self._held = np.concatenate([self._held, portion[0]])
-            if self._slowly and (len(self._held) or self._late):
+            self._unreturned = np.concatenate([self._unreturned, portion[0]])
+            if self._rows_per_check and (len(self._unreturned) or self._late):
                 break
-        if self._cut and not len(self._held):
+        if self._interrupted and not len(self._unreturned):
             raise DeadlinePassed
-        given, self._held = self._held[:wanted], self._held[wanted:]
+        given, self._unreturned = self._unreturned[:wanted], self._unreturned[wanted:]
         return given
 
     def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
@@ -206,8 +206,8 @@ class Enumeration(Driver):
         for rows in self._walk():
             if rows is not None:
                 kept, multiplicity = representatives(rows, self.space.group)
-                for low in range(0, len(kept), self._slowly or max(1, len(kept))):
-                    part = kept[low : low + (self._slowly or len(kept))]
+                for low in range(0, len(kept), self._rows_per_check or max(1, len(kept))):
+                    part = kept[low : low + (self._rows_per_check or len(kept))]
                     laid = self.space.can_be_laid(rows[part])
                     yield rows[part[laid]], multiplicity[low : low + len(part)][laid]
 
@@ -238,17 +238,17 @@ class Enumeration(Driver):
             many dead ends does not count as small.
         """
         # the time per frontier grows with the number of elements
-        work = min(work, _LOOKED // max(len(self._start), 1))
+        work = min(work, _MOST_ELEMENTS_EXAMINED // max(len(self._start), 1))
         if len(self._faces) >= work:  # the first labelling needs one frontier per face
             return None
         classes, found = 0, []
         if self.space.laying is not None:
             limit = min(limit, self.space.laying.counted)
-        for looked, rows in enumerate(self._walk()):
+        for frontiers, rows in enumerate(self._walk()):
             if rows is not None:
                 found.append(rows[representatives(rows, self.space.group)[0]])
                 classes += len(found[-1])
-            if classes > limit or looked >= work:
+            if classes > limit or frontiers >= work:
                 return None
         return sum(int(self.space.can_be_laid(rows).sum()) for rows in found)
 
@@ -387,5 +387,5 @@ def size_up_to(space: SearchSpace, limit: int, *, quick: bool = False) -> int | 
         Number of classes; None above `limit` or if the count takes too long.
     """
     if quick:
-        return Enumeration(space, rows=_NARROW).size_up_to(limit, work=_GLANCE)
+        return Enumeration(space, rows=_QUICK_ROWS).size_up_to(limit, work=_QUICK_FRONTIERS)
     return Enumeration(space).size_up_to(limit)

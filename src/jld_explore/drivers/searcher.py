@@ -130,8 +130,8 @@ class Searcher(Driver):
         self.rng = BufferedRandom(np.random.default_rng(seed))
         self.operators: Operators = operators(space)
         self.register = Register(space)
-        self._held = self._none
-        self._rest: Iterator[Bits] | None = None
+        self._unreturned = self._none
+        self._enumeration: Iterator[Bits] | None = None
 
     @property
     def exhaustive(self) -> bool:
@@ -147,20 +147,23 @@ class Searcher(Driver):
         """Return the next labellings (k, m): the rest of the last batch, or a new one."""
         if limit is not None and limit <= 0:
             return self._none
-        if not len(self._held):
-            self._held = self._batch()
-        given, self._held = self._held[:limit], self._held[len(self._held) if limit is None else limit :]
+        if not len(self._unreturned):
+            self._unreturned = self._batch()
+        given, self._unreturned = (
+            self._unreturned[:limit],
+            self._unreturned[len(self._unreturned) if limit is None else limit :],
+        )
         return given
 
     def _batch(self) -> Bits:
         """Return the next proposals, or enumerated classes once proposals have become rare."""
-        if self._rest is None:
+        if self._enumeration is None:
             rows = self.propose()
             if len(rows) < max(1, self.size // 8):
-                self._rest = self._remaining()
+                self._enumeration = self._remaining()
             if len(rows):
                 return rows
-        return next(self._rest, self._none) if self._rest is not None else self._none
+        return next(self._enumeration, self._none) if self._enumeration is not None else self._none
 
     @abstractmethod
     def propose(self) -> Bits:

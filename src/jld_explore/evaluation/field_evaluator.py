@@ -50,13 +50,13 @@ def field_evaluation(
     nan = math.nan
     low_end, high_end = (end if math.isfinite(end) else nan for end in (least, most))
     if most < 0.0:
-        status, low_end, high_end, value, how = Status.UNSTABLE, nan, nan, nan, SOLVE
+        status, low_end, high_end, value, settled = Status.UNSTABLE, nan, nan, nan, SOLVE
     elif least >= 0.0 and math.isfinite(most):
-        status, value, how = Status.COLLAPSE, least, SOLVE
+        status, value, settled = Status.COLLAPSE, least, SOLVE
     else:
         status, value = Status.UNCERTIFIED, nan
-        how = BOUND if math.isnan(low_end) and most < best else SOLVE
-    return Evaluation(status, low_end, high_end, value, settled=how, seconds=seconds, cases=cases, governing=case)
+        settled = BOUND if math.isnan(low_end) and most < best else SOLVE
+    return Evaluation(status, low_end, high_end, value, settled=settled, seconds=seconds, cases=cases, governing=case)
 
 
 class FieldEvaluator:
@@ -77,7 +77,7 @@ class FieldEvaluator:
     def evaluate_all(
         self,
         labellings: Bits,
-        floors: Floats | None = None,
+        pruning_thresholds: Floats | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
         """Evaluate labellings one by one.
@@ -86,7 +86,7 @@ class FieldEvaluator:
         ----------
         labellings : (k, m) bool array
             Labels, True = dry.
-        floors : (k,) float array, optional
+        pruning_thresholds : (k,) float array, optional
             Ignored: bounds by fields have no pruning threshold.
         deadline : Deadline, optional
             Time after which no further labelling is begun.
@@ -103,8 +103,8 @@ class FieldEvaluator:
             found.append(self.evaluate(labels))
         return found
 
-    def evaluate(self, labels: Bits, floor: float = -math.inf) -> Evaluation:
-        """Evaluate one labelling (m,); `floor` is ignored."""
+    def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
+        """Evaluate one labelling (m,); `pruning_threshold` is ignored."""
         start = time.perf_counter()
         low = np.array([coarse.lower(labels)[0] for coarse in self._coarse])
         high = np.array([coarse.upper(labels)[0] for coarse in self._coarse])
@@ -145,14 +145,14 @@ class CellEvaluator:
     def evaluate_all(
         self,
         labellings: Bits,
-        floors: Floats | None = None,
+        pruning_thresholds: Floats | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
         """Evaluate labellings (k, m) of the joint grid; see `Evaluator.evaluate_all`."""
-        found: list[Evaluation] = self._fine.evaluate_all(self._cells.labels(labellings), floors, deadline)
+        found: list[Evaluation] = self._fine.evaluate_all(self._cells.labels(labellings), pruning_thresholds, deadline)
         return found
 
-    def evaluate(self, labels: Bits, floor: float = -math.inf) -> Evaluation:
+    def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
         """Evaluate one labelling (m,) of the coarse elements on the finer cells; see `Evaluator.evaluate`."""
-        found: Evaluation = self._fine.evaluate(self._cells.labels(labels), floor)
+        found: Evaluation = self._fine.evaluate(self._cells.labels(labels), pruning_threshold)
         return found

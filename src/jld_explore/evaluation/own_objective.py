@@ -45,7 +45,7 @@ class OwnObjectiveEvaluator:
     def evaluate_all(
         self,
         labellings: Bits,
-        floors: Floats | None = None,
+        pruning_thresholds: Floats | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
         """Evaluate labellings in turn until the deadline passes.
@@ -54,7 +54,7 @@ class OwnObjectiveEvaluator:
         ----------
         labellings : (k, m) bool array
             Labels, True = dry.
-        floors : optional
+        pruning_thresholds : optional
             Ignored, since bounds on λ are no bounds on the objective.
         deadline : Deadline, optional
             Time after which no further labelling is begun.
@@ -65,13 +65,13 @@ class OwnObjectiveEvaluator:
             Evaluations of the first labellings, all k unless the deadline passes.
         """
         found = self._evaluator.evaluate_all(labellings, None, deadline)
-        return [self._valued(labels, one) for labels, one in zip(labellings, found, strict=False)]
+        return [self._with_value(labels, one) for labels, one in zip(labellings, found, strict=False)]
 
-    def evaluate(self, labels: Bits, floor: float = -math.inf) -> Evaluation:
-        """Evaluate one labelling (m,); `floor` is ignored."""
+    def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
+        """Evaluate one labelling (m,); `pruning_threshold` is ignored."""
         return self.evaluate_all(labels[None])[0]
 
-    def _valued(self, labels: Bits, found: Evaluation) -> Evaluation:
+    def _with_value(self, labels: Bits, found: Evaluation) -> Evaluation:
         """Return an evaluation with the value in the place of λ; raise InputError for a value that is no number."""
         cases = found.cases or (math.nan,) * len(self._assembly.cases)
         if found.status is not Status.COLLAPSE:

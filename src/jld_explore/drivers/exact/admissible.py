@@ -45,27 +45,27 @@ def admissible_layout(space: SearchSpace, seed: int = 0) -> Bits | None:
     low, high = space.search.block_cells
     least, most = max(1, int(low or 1)), len(space.assembly.elements.free) if high is None else int(high)
     for cells in [*range(least, most), None]:
-        part = space.part_of_blocks(cells)
-        blocks = possible_blocks(part)
+        subspace = space.part_of_blocks(cells)
+        blocks = possible_blocks(subspace)
         if blocks is None and cells is not None:
             continue
-        found = _constructed(part, blocks, space, seed)
-        if found is not None or part is space:
+        found = _constructed(subspace, blocks, space, seed)
+        if found is not None or subspace is space:
             return found
     return None if space.void is not None else _constructed(space, None, space, seed)
 
 
-def _constructed(part: SearchSpace, blocks: PossibleBlocks | None, space: SearchSpace, seed: int) -> Bits | None:
+def _constructed(subspace: SearchSpace, blocks: PossibleBlocks | None, space: SearchSpace, seed: int) -> Bits | None:
     """Return a labelling (1, m) of part of a space from the formula of the part; None if the part is empty.
 
     `blocks` are the possible blocks of the part, if they are listed.
     """
-    formula = Formula(part, blocks, partial=True)
-    shapes = [bounds for count, bounds in part.limits.on_counts if count.kinds]
+    formula = Formula(subspace, blocks, partial=True)
+    shapes = [bounds for count, bounds in subspace.limits.on_counts if count.kinds]
     if blocks is not None and shapes:
-        formula.limit_kinds(part.limits.block_shapes.kinds(blocks.members).tolist(), shapes[0])
-    wishes = _preferred(space, seed)
-    while (labels := formula.next(preferred=next(wishes))) is not None:
+        formula.limit_kinds(subspace.limits.block_shapes.kinds(blocks.members).tolist(), shapes[0])
+    preferred_labels = _preferred(space, seed)
+    while (labels := formula.next(preferred=next(preferred_labels))) is not None:
         row = canonical(labels[None], space.group)
         if feasible(space, row)[0]:
             return row

@@ -36,13 +36,13 @@ class AssumptionLiterals:
     def __init__(self, new: Callable[[], int], rule_out: Callable[[Pairs, tuple[int, ...]], None]) -> None:
         self._new, self._rule_out = new, rule_out
         self._levels: list[float] = []
-        self._assumption_literals: list[int] = []
-        self._held: list[list[tuple[float, Pairs]]] = [[]]
+        self._literals: list[int] = []
+        self._waiting: list[list[tuple[float, Pairs]]] = [[]]
         self._known: dict[Pairs, float] = {}
         self.threshold = -math.inf
         self.assumed: list[int] = []
 
-    def hold(self, pairs: Pairs, bound: float) -> None:
+    def forbid_above(self, pairs: Pairs, bound: float) -> None:
         """Forbid labels at every level not below a bound (scaled λ); −inf forbids them always.
 
         A call has no effect where the same labels are forbidden under the same or a lower bound already.
@@ -54,9 +54,9 @@ class AssumptionLiterals:
             self._rule_out(pairs, ())
             return
         place = bisect_left(self._levels, bound)
-        self._held[place].append((bound, pairs))
+        self._waiting[place].append((bound, pairs))
         if place < len(self._levels):
-            self._rule_out(pairs, (-self._assumption_literals[place],))
+            self._rule_out(pairs, (-self._literals[place],))
 
     def aim(self, threshold: float) -> None:
         """Set the scaled λ that labellings must exceed, and update the literals to assume."""
@@ -64,21 +64,21 @@ class AssumptionLiterals:
         place = bisect_left(self._levels, threshold)
         if place == len(self._levels) or self._levels[place] != threshold:
             self._insert(place, threshold)
-        above = [-self._assumption_literals[place + 1]] if place + 1 < len(self._assumption_literals) else []
-        self.assumed = [self._assumption_literals[place], *above]
+        above = [-self._literals[place + 1]] if place + 1 < len(self._literals) else []
+        self.assumed = [self._literals[place], *above]
 
     def _insert(self, place: int, level: float) -> None:
         """Insert a level, order its literal between its neighbours and add its clauses."""
-        guard = self._new()
+        literal = self._new()
         if place > 0:
-            self._rule_out((), (-guard, self._assumption_literals[place - 1]))
-        if place < len(self._assumption_literals):
-            self._rule_out((), (-self._assumption_literals[place], guard))
-        waiting = self._held[place]
-        here = [one for one in waiting if one[0] <= level]
+            self._rule_out((), (-literal, self._literals[place - 1]))
+        if place < len(self._literals):
+            self._rule_out((), (-self._literals[place], literal))
+        above_previous = self._waiting[place]
+        holding = [one for one in above_previous if one[0] <= level]
         self._levels.insert(place, level)
-        self._assumption_literals.insert(place, guard)
-        self._held.insert(place, here)
-        self._held[place + 1] = [one for one in waiting if one[0] > level]
-        for _, pairs in here:
-            self._rule_out(pairs, (-guard,))
+        self._literals.insert(place, literal)
+        self._waiting.insert(place, holding)
+        self._waiting[place + 1] = [one for one in above_previous if one[0] > level]
+        for _, pairs in holding:
+            self._rule_out(pairs, (-literal,))

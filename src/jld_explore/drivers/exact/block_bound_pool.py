@@ -28,20 +28,20 @@ from jld_explore.evaluation.cluster import client_of_cluster
 from jld_explore.evaluation.worker_pool import PoolWorker, WorkerPool, is_lost
 from jld_explore.space import SearchSpace
 
-ALONE: Final = 40
+SOLO_PROGRAMS: Final = 40
 """Programs solved in this process before the worker process starts.
 
 The worker process needs two seconds before it can solve programs.
 """
 
-BlockAnswer = tuple[Choice, int]
+SolvedProgram = tuple[Choice, int]
 """Result of one block relaxation, and the number of programs solved for that result."""
 
-_kept: dict[str, AnyBlockRelaxation] = {}
+_relaxations: dict[str, AnyBlockRelaxation] = {}
 
 
 @dataclass(frozen=True)
-class Space:
+class BlockSpace:
     """Search space and possible blocks, as sent to a worker process."""
 
     space: SearchSpace
@@ -62,32 +62,32 @@ class Space:
 
 
 @one_thread()
-def bound_blocks(name: str, recipe: bytes | None, asked: Asked | None) -> BlockAnswer | None:
+def bound_blocks(name: str, block_space: bytes | None, program: Asked | None) -> SolvedProgram | None:
     """Solve a block relaxation in this worker process.
 
     Parameters
     ----------
     name : str
         Name of the worker, under which the relaxation is stored between calls.
-    recipe : bytes or None
-        Pickled `Space` that replaces every stored relaxation; None keeps them.
-    asked : Asked or None
+    block_space : bytes or None
+        Pickled `BlockSpace` that replaces every stored relaxation; None keeps them.
+    program : Asked or None
         Arguments of `BlockRelaxation.choose`; None only sets up the relaxation.
 
     Returns
     -------
     tuple of Choice and int, or None
-        Result and number of programs solved. None if `asked` is None or no relaxation is stored under the name.
+        Result and number of programs solved. None if `program` is None or no relaxation is stored under the name.
     """
-    if recipe is not None:
-        _kept.clear()
-        made: Space = pickle.loads(recipe)
-        _kept[name] = made.relaxation()
-    if asked is None or name not in _kept:
+    if block_space is not None:
+        _relaxations.clear()
+        made: BlockSpace = pickle.loads(block_space)
+        _relaxations[name] = made.relaxation()
+    if program is None or name not in _relaxations:
         return None
-    relaxation = _kept[name]
+    relaxation = _relaxations[name]
     before = relaxation.solves
-    choice = relaxation.choose(*asked)
+    choice = relaxation.choose(*program)
     return choice, relaxation.solves - before
 
 
@@ -105,38 +105,38 @@ class BlockBoundPool:
 
     Attributes
     ----------
-    elsewhere : int
+    solves_in_worker : int
         Programs solved by the worker process.
     """
 
     def __init__(self, analyses: Sequence[LimitAnalysis], space: SearchSpace, blocks: PossibleBlocks) -> None:
-        self._recipe = Space(space, blocks)
-        self._here = self._recipe.relaxation(analyses)
-        self._helped = False
-        self._seats: WorkerPool | None = None
-        self._seat: PoolWorker | None = None
-        self._ready: Future[BlockAnswer | None] | None = None
-        self._pool: ThreadPoolExecutor | None = None
-        self.elsewhere = 0
+        self._block_space = BlockSpace(space, blocks)
+        self._here = self._block_space.relaxation(analyses)
+        self._worker_allowed = False
+        self._workers: WorkerPool | None = None
+        self._worker: PoolWorker | None = None
+        self._ready: Future[SolvedProgram | None] | None = None
+        self._threads: ThreadPoolExecutor | None = None
+        self.solves_in_worker = 0
 
     @property
     def solves(self) -> int:
         """Number of programs solved, here and in the worker process."""
-        return self._here.solves + self.elsewhere
+        return self._here.solves + self.solves_in_worker
 
     def set_workers(self, jobs: int) -> None:
         """Allow a second thread or process if `jobs` exceeds 1 or a cluster is connected."""
-        self._helped = jobs > 1 or client_of_cluster() is not None
+        self._worker_allowed = jobs > 1 or client_of_cluster() is not None
 
     def close(self) -> None:
         """Stop the worker process and the thread pool."""
-        self._helped = False
-        if self._seats is not None:
-            self._seats.close()
-        self._seats = self._seat = None
-        if self._pool is not None:
-            self._pool.shutdown()
-            self._pool = None
+        self._worker_allowed = False
+        if self._workers is not None:
+            self._workers.close()
+        self._workers = self._worker = None
+        if self._threads is not None:
+            self._threads.shutdown()
+            self._threads = None
 
     def choose(self, allowed: Bools, threshold: float, most: float) -> Choice:
         """Solve one block relaxation in this process; see `BlockRelaxation.choose`."""
@@ -147,65 +147,67 @@ class BlockBoundPool:
         """Whether the batch solver solves many programs in one call."""
         return self._here.many
 
-    def bound_all(self, asked: Sequence[Asked]) -> list[Choice]:
+    def bound_all(self, program: Sequence[Asked]) -> list[Choice]:
         """Solve several block relaxations and return their results in the same order.
 
         The batch solver uses a second thread where `set_workers` allows it. Without the batch solver the last program
         goes to the worker process if that process is ready.
         """
         if self._here.many:
-            if self._helped and self._pool is None:
-                self._pool = ThreadPoolExecutor(1)
-            return self._here.bound_all(asked, self._pool)
-        away = self._send(asked[-1]) if len(asked) > 1 else None
-        found = [self._here.choose(*one) for one in (asked if away is None else asked[:-1])]
-        if away is not None:
-            answer = self._answer(away)
-            if answer is None:
-                found.append(self._here.choose(*asked[-1]))
+            if self._worker_allowed and self._threads is None:
+                self._threads = ThreadPoolExecutor(1)
+            return self._here.bound_all(program, self._threads)
+        future = self._submit_program(program[-1]) if len(program) > 1 else None
+        found = [self._here.choose(*one) for one in (program if future is None else program[:-1])]
+        if future is not None:
+            result = self._result(future)
+            if result is None:
+                found.append(self._here.choose(*program[-1]))
             else:
-                found.append(answer[0])
-                self.elsewhere += answer[1]
+                found.append(result[0])
+                self.solves_in_worker += result[1]
         return found
 
-    def _send(self, asked: Asked) -> Future[BlockAnswer | None] | None:
+    def _submit_program(self, program: Asked) -> Future[SolvedProgram | None] | None:
         """Submit a program to the worker process; return None while that process is unavailable."""
-        if not self._helped or self._here.solves < ALONE:
+        if not self._worker_allowed or self._here.solves < SOLO_PROGRAMS:
             return None
-        if self._seats is None:
-            self._seats = WorkerPool(1)
-        if self._seat is None or self._seat not in self._seats:
-            self._seats.fill()
-            self._seat, self._ready = next(iter(self._seats), None), None
-            if self._seat is not None:
-                self._ready = self._submit(self._seat, cloudpickle.dumps(self._recipe), None)
-        if self._seat is None or self._ready is None or not self._ready.done():
+        if self._workers is None:
+            self._workers = WorkerPool(1)
+        if self._worker is None or self._worker not in self._workers:
+            self._workers.fill()
+            self._worker, self._ready = next(iter(self._workers), None), None
+            if self._worker is not None:
+                self._ready = self._submit(self._worker, cloudpickle.dumps(self._block_space), None)
+        if self._worker is None or self._ready is None or not self._ready.done():
             return None
         if self._ready.exception() is not None:
-            self._lose()
+            self._remove_worker()
             return None
-        return self._submit(self._seat, None, asked)
+        return self._submit(self._worker, None, program)
 
-    def _submit(self, seat: PoolWorker, recipe: bytes | None, asked: Asked | None) -> Future[BlockAnswer | None] | None:
+    def _submit(
+        self, worker: PoolWorker, block_space: bytes | None, program: Asked | None
+    ) -> Future[SolvedProgram | None] | None:
         """Submit a set-up or a program; return None if the process has died."""
         try:
-            return seat.submit(bound_blocks, seat.name, recipe, asked)
+            return worker.submit(bound_blocks, worker.name, block_space, program)
         except Exception:  # the exception of a pool whose process died depends on the kind of pool
-            self._lose()
+            self._remove_worker()
             return None
 
-    def _answer(self, future: Future[BlockAnswer | None]) -> BlockAnswer | None:
+    def _result(self, future: Future[SolvedProgram | None]) -> SolvedProgram | None:
         """Return the result of the worker process, or None if it failed."""
         try:
             return future.result()
         except Exception as error:  # a worker that was killed or left costs one program
             if not is_lost(error):
                 raise
-            self._lose()
+            self._remove_worker()
             return None
 
-    def _lose(self) -> None:
+    def _remove_worker(self) -> None:
         """Drop the worker process after a failure."""
-        if self._seats is not None and self._seat is not None and self._seat in self._seats:
-            self._seats.lose(self._seat)
-        self._seat = self._ready = None
+        if self._workers is not None and self._worker is not None and self._worker in self._workers:
+            self._workers.remove(self._worker)
+        self._worker = self._ready = None

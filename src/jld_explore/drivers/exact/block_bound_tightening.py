@@ -25,7 +25,7 @@ import numpy as np
 from jld_core.arrays import Bools, Ints
 from jld_core.limit import LimitAnalysis
 from jld_core.limit.block_relaxation import Choice, applies_to
-from jld_explore.drivers.exact.block_bound_pool import Space, bound_blocks
+from jld_explore.drivers.exact.block_bound_pool import BlockSpace, bound_blocks
 from jld_explore.drivers.exact.conflict_minimization import Conflict, Evidence
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.evaluation.worker_pool import WorkerPool
@@ -37,25 +37,25 @@ _RELAXATIONS: Final = (5.0, 0.25)
 The first value applies with the batch solver, the second without it. The program takes 1 ms per side.
 """
 
-_MOST: Final = 60_000
+_MOST_SIDES: Final = 60_000
 """Largest number of sides of blocks; the program of 40 000 sides takes 41 s."""
 
-_HERE: Final = 2000
+_SIDES_HERE: Final = 2000
 """Largest number of sides for which this process solves the program.
 
 Such a program takes at most two seconds, which is the time that another process needs to start.
 """
 
-_LOOK: Final = 0.2
+_DEADLINE_CHECK_SECONDS: Final = 0.2
 """Interval, s, at which the deadline is checked while another process solves the program."""
 
-_AGAIN: Final = 0.9
+_REMAINING_SHARE: Final = 0.9
 """Largest share of the blocks that may remain for another program to be solved."""
 
-_BETTER: Final = 1e-3
+_INCREASE: Final = 1e-3
 """Relative increase of the best known λ after which the programs are solved again."""
 
-_SHARE: Final = 0.5
+_TIME_SHARE: Final = 0.5
 """Share of the remaining time that the programs may take."""
 
 
@@ -109,23 +109,23 @@ class BlockBoundTightening:
         self._analyses, self._space, self._blocks = analyses, space, blocks
         self._allowed: Bools = np.ones(0 if blocks is None else len(blocks), dtype=bool)
         self._sides = 0 if blocks is None else _sides_of(space, blocks)
-        possible = wanted and blocks is not None and 0 < self._sides <= _MOST and all(map(applies_to, analyses))
-        self._next = _RELAXATIONS[not many] * self._sides if possible else math.inf
+        usable = wanted and blocks is not None and 0 < self._sides <= _MOST_SIDES and all(map(applies_to, analyses))
+        self._next = _RELAXATIONS[not many] * self._sides if usable else math.inf
         self._least: float | None = None
         self.solves = 0
 
     @property
-    def _possible(self) -> PossibleBlocks:
+    def _listed_blocks(self) -> PossibleBlocks:
         """The possible blocks; raises RuntimeError where they are not listed, so that the tightening is never due."""
         if self._blocks is None:
             raise RuntimeError("the possible blocks are not listed, so their bounds cannot be tightened")
         return self._blocks
 
-    def leave(self) -> None:
+    def disable(self) -> None:
         """Disable the tightening from now on."""
         self._next = math.inf
 
-    def due(self, relaxations: int, least: float) -> bool:
+    def is_due(self, relaxations: int, least: float) -> bool:
         """Return True if the programs should be solved now.
 
         Parameters
@@ -136,9 +136,9 @@ class BlockBoundTightening:
             Scaled λ that a labelling must exceed.
         """
         before = self._least
-        return relaxations >= self._next and (before is None or least > before + _BETTER * abs(before))
+        return relaxations >= self._next and (before is None or least > before + _INCREASE * abs(before))
 
-    def tighten(self, least: float, most: float, left: float, late: Callable[[], bool]) -> TightenedBound:
+    def tighten(self, least: float, most: float, left: float, time_is_up: Callable[[], bool]) -> TightenedBound:
         """Solve block relaxations until no further block is refuted or time runs out.
 
         Parameters
@@ -147,7 +147,7 @@ class BlockBoundTightening:
             Scaled λ to reach, and scaled λ that no labelling exceeds.
         left : float
             Time until the deadline, s; inf for no deadline.
-        late : callable
+        time_is_up : callable
             Returns True once the deadline has passed; called between programs.
 
         Returns
@@ -157,60 +157,62 @@ class BlockBoundTightening:
         """
         self._next *= 4.0
         self._least = least
-        end = time.perf_counter() + _SHARE * left
+        end = time.perf_counter() + _TIME_SHARE * left
         conflicts: list[Conflict] = []
-        while not late() and time.perf_counter() < end:
+        while not time_is_up() and time.perf_counter() < end:
             before = int(self._allowed.sum())
-            chosen = np.flatnonzero(self._allowed)
-            said = self._choose(chosen, (least, most), end - time.perf_counter(), late)
-            if said is None:
+            remaining = np.flatnonzero(self._allowed)
+            choice = self._solve(remaining, (least, most), end - time.perf_counter(), time_is_up)
+            if choice is None:
                 break
-            most = min(most, least if said.refuted else said.bound)
-            out = chosen if said.refuted else chosen[said.useless]
-            if not said.refuted:
+            most = min(most, least if choice.refuted else choice.bound)
+            out = remaining if choice.refuted else remaining[choice.useless]
+            if not choice.refuted:
                 self._allowed[out] = False
-            conflicts += [one for one in (self._without(p, least) for p in out.tolist()) if len(one.faces)]
-            if said.refuted or self._allowed.sum() > _AGAIN * before or not self._allowed.any():
+            conflicts += [one for one in (self._conflict_of_block(p, least) for p in out.tolist()) if len(one.faces)]
+            if choice.refuted or self._allowed.sum() > _REMAINING_SHARE * before or not self._allowed.any():
                 break
         return TightenedBound(most, tuple(conflicts))
 
-    def _choose(
-        self, chosen: Ints, range_: tuple[float, float], seconds: float, late: Callable[[], bool]
+    def _solve(
+        self, remaining: Ints, ends: tuple[float, float], seconds: float, time_is_up: Callable[[], bool]
     ) -> Choice | None:
         """Solve the relaxation of some blocks (k,); return None if time runs out first."""
-        members = tuple(self._possible.members[p] for p in chosen.tolist())
-        part = Space(self._space, PossibleBlocks(members, tuple(self._possible.inside[p] for p in chosen.tolist())))
-        asked = np.ones(len(chosen), dtype=bool), *range_
-        if self._sides <= _HERE:
-            relaxation = part.relaxation(self._analyses, seconds)
-            said = relaxation.choose(*asked)
+        members = tuple(self._listed_blocks.members[p] for p in remaining.tolist())
+        block_space = BlockSpace(
+            self._space, PossibleBlocks(members, tuple(self._listed_blocks.inside[p] for p in remaining.tolist()))
+        )
+        program = np.ones(len(remaining), dtype=bool), *ends
+        if self._sides <= _SIDES_HERE:
+            relaxation = block_space.relaxation(self._analyses, seconds)
+            choice = relaxation.choose(*program)
             self.solves += relaxation.solves
-            return said
-        seats = WorkerPool(1)
+            return choice
+        workers = WorkerPool(1)
         try:
-            seats.fill()
-            seat = next(iter(seats), None)
-            if seat is None:
+            workers.fill()
+            worker = next(iter(workers), None)
+            if worker is None:
                 return None
-            future = seat.submit(bound_blocks, seat.name, cloudpickle.dumps(part), asked)
+            future = worker.submit(bound_blocks, worker.name, cloudpickle.dumps(block_space), program)
             end = time.perf_counter() + seconds
-            while not wait([future], timeout=_LOOK).done:
-                if late() or time.perf_counter() > end:
+            while not wait([future], timeout=_DEADLINE_CHECK_SECONDS).done:
+                if time_is_up() or time.perf_counter() > end:
                     return None
-            answer: tuple[Choice, int] = future.result()
+            result: tuple[Choice, int] = future.result()
         except BrokenExecutor:  # if the process is killed only this bound is lost
             return None
         finally:
-            seats.close()
-        self.solves += answer[1]
-        return answer[0]
+            workers.close()
+        self.solves += result[1]
+        return result[0]
 
-    def _without(self, p: int, least: float) -> Conflict:
+    def _conflict_of_block(self, p: int, least: float) -> Conflict:
         """Return the conflict that no labelling with block p exceeds the scaled λ `least`."""
-        faces, members = self._space.assembly.interfaces, self._possible.members[p]
+        faces, members = self._space.assembly.interfaces, self._listed_blocks.members[p]
         touched = (np.isin(faces.a, members) | np.isin(faces.b, members)) & self._space.candidates
         labels = np.ones(len(touched), dtype=bool)
-        labels[list(self._possible.inside[p])] = False
+        labels[list(self._listed_blocks.inside[p])] = False
         where = np.flatnonzero(touched)
         return Conflict(where, labels[where], least, Evidence.BLOCKS)
 

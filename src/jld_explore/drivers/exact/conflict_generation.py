@@ -24,16 +24,16 @@ from jld_explore.drivers.exact.cubes import EVERYTHING, Cube
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.windows import WindowStatistics, windows_of
 
-_DRAWN: Final = 8
+_BATCH_SIZE: Final = 8
 """Largest number of labellings drawn per batch."""
 
 _NEIGHBOURS: Final = 3
 """Number of neighbours of each labelling that are minimised too.
 
-Neighbours are used once `_DRAWN` conflicts of the formula are known.
+Neighbours are used once `_BATCH_SIZE` conflicts of the formula are known.
 """
 
-_INSIDE: Final = 1
+_WINDOW_NEIGHBOURS: Final = 1
 """Largest number of neighbours minimised per labelling in a window.
 
 Every window that refutes a labelling counts separately.
@@ -42,10 +42,10 @@ Every window that refutes a labelling counts separately.
 _TRIES: Final = 4
 """Single faces tried without success before a conflict is accepted as minimal."""
 
-_INNER: Final = True
+_INNER_FIRST: Final = True
 """Try inner faces first when minimising a conflict (25 % fewer conflicts on weak walls)."""
 
-_DRY: Final = 0.3
+_DRY_PROBABILITY: Final = 0.3
 """Probability that a drawn labelling prefers a face dry; long blocks are hard to refute."""
 
 
@@ -84,10 +84,10 @@ class ConflictGenerator:
     def __init__(self, relaxation: AnyRelaxation, free: Bools, seed: int) -> None:
         self._relaxation, self._free = relaxation, free
         self._rng = np.random.default_rng([seed, 2])
-        self._many = relaxation.many
+        self._batched = relaxation.many
         self._formula: Formula | None = None
-        self._known: set[tuple[bytes, bytes]] = set()
-        self._hear: Callable[[], None] = _nothing
+        self._conflict_keys: set[tuple[bytes, bytes]] = set()
+        self._take_in_others: Callable[[], None] = _nothing
         self._windows: tuple[Bits, ...] = ()
         self._statistics = WindowStatistics(0)
 
@@ -98,21 +98,21 @@ class ConflictGenerator:
             raise RuntimeError("there is no formula yet; call `begin` first")
         return self._formula
 
-    def begin(self, formula: Formula, hear: Callable[[], None] | None = None) -> None:
+    def begin(self, formula: Formula, take_in_others: Callable[[], None] | None = None) -> None:
         """Continue with another formula.
 
         Parameters
         ----------
         formula : Formula
             Formula of the labellings that are left.
-        hear : callable, optional
+        take_in_others : callable, optional
             Adds the conflicts of other threads to the formula; called before each draw.
         """
-        self._formula, self._hear = formula, hear or _nothing
-        self._known = set()
+        self._formula, self._take_in_others = formula, take_in_others or _nothing
+        self._conflict_keys = set()
         # Small blocks are refuted by cracks through the whole structure, so windows delay the proof: walls take 50 %
         # longer.
-        self._windows = windows_of(formula.space.assembly) if self._many and formula.blocks is None else ()
+        self._windows = windows_of(formula.space.assembly) if self._batched and formula.blocks is None else ()
         self._statistics = WindowStatistics(len(self._windows))
 
     def step(self, threshold: float, cube: Cube = EVERYTHING) -> ConflictBatch:
@@ -125,24 +125,24 @@ class ConflictGenerator:
         cube : Cube
             Labels that every drawn labelling has.
         """
-        caught = ConflictBatch()
-        self.formula.rise(threshold)
+        batch = ConflictBatch()
+        self.formula.raise_threshold(threshold)
         drawn = self._draw(cube)
-        caught.exhausted = not len(drawn)
-        if len(drawn) and self._many:
-            self._sort(drawn, threshold, self._minimize(drawn, threshold), caught)
+        batch.exhausted = not len(drawn)
+        if len(drawn) and self._batched:
+            self._add_results(drawn, threshold, self._minimize(drawn, threshold), batch)
         elif len(drawn):
-            self._minimize_one(drawn[0], threshold, caught)
-        return caught
+            self._minimize_one(drawn[0], threshold, batch)
+        return batch
 
     def _draw(self, cube: Cube) -> Bits:
         """Draw labellings (k, m) from the formula; return (0, m) where none is left."""
         formula = self.formula
         # The first batches are small: where one conflict rules out nearly all labellings, more draws are wasted.
-        room = min(_DRAWN, 1 + len(self._known)) if self._many else 1
+        wanted = min(_BATCH_SIZE, 1 + len(self._conflict_keys)) if self._batched else 1
         drawn: list[Bits] = []
-        while len(drawn) < room:
-            self._hear()
+        while len(drawn) < wanted:
+            self._take_in_others()
             labels = formula.next(cube.faces, cube.labels, preferred=self._preferred())
             if labels is None:
                 break
@@ -151,75 +151,79 @@ class ConflictGenerator:
             drawn.append(labels)
         return np.array(drawn, dtype=bool).reshape(len(drawn), len(self._free))
 
-    def _how(self) -> tuple[MinimizationOptions, int]:
+    def _options(self) -> tuple[MinimizationOptions, int]:
         """Return the options of minimisation, and a seed for the neighbours."""
-        how = MinimizationOptions(
-            neighbours=_NEIGHBOURS if len(self._known) >= _DRAWN else 0, tries=_TRIES, inner=_INNER
+        options = MinimizationOptions(
+            neighbours=_NEIGHBOURS if len(self._conflict_keys) >= _BATCH_SIZE else 0, tries=_TRIES, inner=_INNER_FIRST
         )
-        return how, int(self._rng.integers(2**32))
+        return options, int(self._rng.integers(2**32))
 
     def _minimize(self, drawn: Bits, threshold: float) -> list[MinimizedConflict]:
         """Minimise labellings (k, m) in the narrowest windows that refute them, else as a whole."""
-        how, seed = self._how()
+        options, seed = self._options()
         left, found = np.arange(len(drawn)), list[MinimizedConflict]()
-        inside = replace(how, neighbours=min(how.neighbours, _INSIDE))
+        inside = replace(options, neighbours=min(options.neighbours, _WINDOW_NEIGHBOURS))
         for width, windows in enumerate(self._windows):
-            if not left.size or not self._statistics.wanted(width):
+            if not left.size or not self._statistics.is_worthwhile(width):
                 continue
             of, outside = np.repeat(left, len(windows)), np.tile(~windows, (len(left), 1))
             limits = np.full(len(of), threshold)
-            fallen = self._relaxation.minimize_conflicts(
+            minimized = self._relaxation.minimize_conflicts(
                 ConflictRequest(drawn[of], self._free, limits, outside, inside, seed)
             )
-            refuted = [replace(one, labelling=int(of[one.labelling])) for one in fallen if one.bound is not None]
+            refuted = [replace(one, labelling=int(of[one.labelling])) for one in minimized if one.bound is not None]
             found += refuted
             rest = np.setdiff1d(left, [one.labelling for one in refuted])
-            self._statistics.tell(width, 1.0 - len(rest) / len(left))
+            self._statistics.record(width, 1.0 - len(rest) / len(left))
             left = rest
         if left.size:
-            asked = ConflictRequest(drawn[left], self._free, np.full(len(left), threshold), how=how, seed=seed)
-            whole = self._relaxation.minimize_conflicts(asked)
+            request = ConflictRequest(drawn[left], self._free, np.full(len(left), threshold), how=options, seed=seed)
+            whole = self._relaxation.minimize_conflicts(request)
             found += [replace(one, labelling=int(left[one.labelling])) for one in whole]
         return found
 
-    def _sort(self, drawn: Bits, threshold: float, fallen: list[MinimizedConflict], caught: ConflictBatch) -> None:
+    def _add_results(
+        self, drawn: Bits, threshold: float, minimized: list[MinimizedConflict], batch: ConflictBatch
+    ) -> None:
         """Add the results for labellings (k, m) to the batch: conflicts or unrefuted labellings."""
         left = set(range(len(drawn)))
-        for one in fallen:
+        for one in minimized:
             labels = drawn[one.labelling]
             if one.bound is not None and one.velocity is not None:
                 faces, mechanism = np.flatnonzero(one.decided), Mechanism(one.case, one.velocity)
-                self._take(Conflict(faces, labels[faces], min(one.bound, threshold), mechanism=mechanism), caught)
+                self._add_conflict(
+                    Conflict(faces, labels[faces], min(one.bound, threshold), mechanism=mechanism), batch
+                )
                 left.discard(one.labelling)
             elif one.drawn and one.carries:
-                caught.unrefuted.append(labels)
+                batch.unrefuted.append(labels)
                 left.discard(one.labelling)
         # Labellings that the batch solver leaves open go to the conic solver, because otherwise each needs an
         # evaluation.
         for number in sorted(left):
-            self._minimize_one(drawn[number], threshold, caught)
+            self._minimize_one(drawn[number], threshold, batch)
 
-    def _minimize_one(self, labels: Bits, threshold: float, caught: ConflictBatch) -> None:
+    def _minimize_one(self, labels: Bits, threshold: float, batch: ConflictBatch) -> None:
         """Minimise one labelling (m,) without the batch solver, and add the result to the batch."""
         found = conflict_of(self._relaxation, labels, self._free, threshold)
         if found is None:
-            caught.unrefuted.append(labels)
+            batch.unrefuted.append(labels)
         else:
-            self._take(found, caught)
+            self._add_conflict(found, batch)
 
-    def _take(self, conflict: Conflict, caught: ConflictBatch) -> None:
+    def _add_conflict(self, conflict: Conflict, batch: ConflictBatch) -> None:
         """Add a conflict to the batch and to the formula unless it is known."""
-        name = conflict.name
-        if name not in self._known:
-            self._known.add(name)
-            caught.conflicts.append(conflict)
+        key = conflict.key
+        if key not in self._conflict_keys:
+            self._conflict_keys.add(key)
+            batch.conflicts.append(conflict)
             self.formula.forbid(conflict.faces, conflict.labels, conflict.bound)
 
     def _preferred(self) -> Bits | None:
         """Return random preferred labels (m,), True = dry; None without the batch solver."""
-        if not self._many:
+        if not self._batched:
             return None
-        return self._rng.random(len(self.formula.space.fixed)) < _DRY
+        return self._rng.random(len(self.formula.space.fixed)) < _DRY_PROBABILITY
 
 
 def _nothing() -> None:

@@ -19,7 +19,7 @@ from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.limit.case_relaxation import AnyRelaxation
 from jld_core.limit.dual_bounds import DualBound
 
-_TRIES: Final = 2
+_FAILED_TRIES: Final = 2
 """Single faces tried without success before a conflict is accepted.
 
 Faces are tried in the order of their cost to the excess, least first.
@@ -85,12 +85,12 @@ class Conflict:
     mechanism: Mechanism | None = field(default=None, compare=False, repr=False)
 
     @property
-    def closed(self) -> bool:
+    def from_cube(self) -> bool:
         """Whether the conflict follows from other conflicts alone."""
         return self.evidence is Evidence.CUBE
 
     @property
-    def name(self) -> tuple[bytes, bytes]:
+    def key(self) -> tuple[bytes, bytes]:
         """Key of the conflict: its faces and labels as bytes, without its bound."""
         return self.faces.tobytes(), self.labels.tobytes()
 
@@ -126,31 +126,31 @@ def conflict_of(relaxation: AnyRelaxation, labels: Bits, candidates: Bools, thre
     if found is None:
         return None
     tried: set[int] = set()
-    vain = 0
+    failed = 0
     while True:
         order = _order(found, decided)
         # free all faces whose total cost is below the excess of the current mechanism
         freed = order[np.cumsum(found.cost[order]) < found.excess]
         if freed.size:
             decided[freed] = False
-            sent = refuted()
-            if sent is None:
+            weaker = refuted()
+            if weaker is None:
                 # the previous mechanism proves this conflict whatever the next solve gives
                 return _conflict(labels, decided, threshold, found)
-            found = sent
+            found = weaker
             continue
         bound = min(found.bound, threshold)
         face = next((f for f in order.tolist() if f not in tried), None)
-        if face is None or vain >= _TRIES:
+        if face is None or failed >= _FAILED_TRIES:
             return _conflict(labels, decided, bound, found)
         tried.add(face)
         decided[face] = False
-        sent = refuted()
-        if sent is None:
+        weaker = refuted()
+        if weaker is None:
             decided[face] = True
-            vain += 1
+            failed += 1
         else:
-            found = sent
+            found = weaker
 
 
 def _conflict(labels: Bits, decided: Bools, bound: float, found: DualBound) -> Conflict:

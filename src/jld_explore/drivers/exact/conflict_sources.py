@@ -32,7 +32,7 @@ _THREADS: Final = 2
 A third thread draws labellings that are mostly refuted for the same reasons at the same time.
 """
 
-_LAST: Final = 0.5
+_CLOSING_SECONDS: Final = 0.5
 """Time, s, for which results of the workers are still accepted at the end."""
 
 
@@ -53,7 +53,7 @@ class ConflictSources:
         Seed of the preferred labels.
     state : ProofState
         State of the proof, to which all results are added.
-    alone : int or None
+    solo_relaxations : int or None
         Relaxations before worker processes start. 0: the workers solve from the first relaxation. None: start them
         where they are useful.
 
@@ -73,13 +73,13 @@ class ConflictSources:
         free: Bools,
         seed: int,
         state: ProofState,
-        alone: int | None = None,
+        solo_relaxations: int | None = None,
     ) -> None:
         self._generator = ConflictGenerator(relaxation, free, seed)
         self._relaxation, self._space, self._blocks, self._free, self._seed = relaxation, space, blocks, free, seed
         self._state = state
-        self._alone = alone
-        self._jobs, self._helped, self._away = 1, False, False
+        self._solo_relaxations = solo_relaxations
+        self._jobs, self._workers_allowed, self._on_cluster = 1, False, False
         self.solves = 0
         self._formula: Formula | None = None
         self._count: int | Range | None = None
@@ -88,8 +88,8 @@ class ConflictSources:
 
     def set_workers(self, jobs: int) -> None:
         """Set the number of worker processes; a connected cluster contributes all its workers."""
-        self._jobs, self._away = jobs, client_of_cluster() is not None
-        self._helped = jobs > 1 or self._away
+        self._jobs, self._on_cluster = jobs, client_of_cluster() is not None
+        self._workers_allowed = jobs > 1 or self._on_cluster
         if jobs > 1 and self._threads is None and self._relaxation.many:
             recipe = self._relaxation, self._space, self._blocks, self._free, self._seed
             self._threads = ThreadedGenerator(*recipe, min(jobs, _THREADS), self._state)
@@ -128,10 +128,10 @@ class ConflictSources:
         if self.cube_workers is not None:
             self.cube_workers.end()
 
-    def pump(self) -> None:
+    def exchange(self) -> None:
         """Exchange results and tasks with the workers while this process does something else."""
         if self.cube_workers is not None:
-            self.cube_workers.pump()
+            self.cube_workers.exchange()
 
     def step(self, threshold: float) -> bool:
         """Add the conflicts of a short time to the proof; return whether no labelling is left.
@@ -139,27 +139,27 @@ class ConflictSources:
         `threshold` is a scaled λ, at least that of the call before with the same formula.
         """
         formula = self.formula
-        if self.cube_workers is None and self._helped and self._is_time():
+        if self.cube_workers is None and self._workers_allowed and self._workers_due():
             formula.learn(self._state.conflicts)  # threads add conflicts to formulas of their own only
             self.cube_workers = CubeWorkers(self._space, self._blocks, self._free, self._seed, self._jobs, self._state)
             self.cube_workers.begin(formula, self._count, threshold)
         if self.cube_workers is None:
-            return self._near(threshold)
-        formula.rise(threshold)
-        self.cube_workers.pump()
+            return self._generate_here(threshold)
+        formula.raise_threshold(threshold)
+        self.cube_workers.exchange()
         # this process also generates conflicts until a worker has started
-        if not self.cube_workers.at_work and (self._alone != 0 or not self.cube_workers.expected):
+        if not self.cube_workers.started and (self._solo_relaxations != 0 or not self.cube_workers.has_workers):
             before = len(self._state.conflicts)
-            exhausted = self._near(threshold)
+            exhausted = self._generate_here(threshold)
             formula.learn(self._state.conflicts[before:])
-            closed = self.cube_workers.step(threshold, idle=False)
+            closed = self.cube_workers.step(threshold, wait_for_results=False)
         else:
             exhausted = False
             if self._threads is not None:
                 self._threads.close()
                 self._threads = None
                 formula.learn(self._state.conflicts, self._state.handed_over)
-            closed = self.cube_workers.step(threshold, idle=True)
+            closed = self.cube_workers.step(threshold, wait_for_results=True)
         self.solves = self.cube_workers.solves
         if closed:
             formula.learn((), self._state.handed_over)
@@ -169,28 +169,28 @@ class ConflictSources:
             self.cube_workers.begin(formula, self._count, threshold)
         return exhausted
 
-    def _near(self, threshold: float) -> bool:
+    def _generate_here(self, threshold: float) -> bool:
         """Generate conflicts in this process; return whether no labelling is left."""
         if self._threads is not None:
             return self._threads.step(threshold)
-        caught = self._generator.step(threshold)
-        self._state.add_conflicts(caught.conflicts)
-        self._state.hand_over(caught.unrefuted)
-        return caught.exhausted
+        batch = self._generator.step(threshold)
+        self._state.add_conflicts(batch.conflicts)
+        self._state.hand_over(batch.unrefuted)
+        return batch.exhausted
 
-    def _is_time(self) -> bool:
+    def _workers_due(self) -> bool:
         """Return True if worker processes should start now."""
-        if self._alone is not None:
-            return self._relaxation.solves >= self._alone
-        others = self._away or self._jobs > _THREADS or not self._relaxation.many
+        if self._solo_relaxations is not None:
+            return self._relaxation.solves >= self._solo_relaxations
+        others = self._on_cluster or self._jobs > _THREADS or not self._relaxation.many
         return others and self._relaxation.solves >= SOLO_RELAXATIONS[not self._relaxation.many]
 
     def close(self) -> None:
-        """Stop threads and workers, and keep the results that arrive within `_LAST` seconds."""
+        """Stop threads and workers, and keep the results that arrive within `_CLOSING_SECONDS` seconds."""
         cube_workers, self.cube_workers = self.cube_workers, None
-        self._helped = False
+        self._workers_allowed = False
         if self._threads is not None:
             self._threads.close()
         self._threads = None
         if cube_workers is not None:
-            cube_workers.close(_LAST)
+            cube_workers.close(_CLOSING_SECONDS)

@@ -62,9 +62,9 @@ class LeastBounds:
         threshold : float
             Scaled λ below which a smaller bound does not matter.
         """
-        if self._known.get(conflict.name, math.inf) <= max(conflict.bound, threshold):
+        if self._known.get(conflict.key, math.inf) <= max(conflict.bound, threshold):
             return False
-        self._known[conflict.name] = conflict.bound
+        self._known[conflict.key] = conflict.bound
         return True
 
 

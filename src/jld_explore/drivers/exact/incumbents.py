@@ -14,18 +14,18 @@ from jld_core.limit import Status
 from jld_explore.evaluation import Evaluation
 from jld_explore.space import Count, SearchSpace, values_of
 
-_EACH: Final = 4000
+_FIRST_INTERVAL: Final = 4000
 """Relaxations before annealing first runs during a proof; the interval then doubles."""
 
-_SHARE: Final = (0.025, 0.15)
+_LABELLINGS_PER_RELAXATION: Final = (0.025, 0.15)
 """Labellings annealed per relaxation since the last run, with and without batch solver.
 
 Annealing then takes some 10 to 15 % of the time.
 """
 
-_LASTING: Final = 60_000
+_LONG_PROOF: Final = 60_000
 """Number of relaxations from which a proof counts as long."""
-_LATER: Final = 0.06
+_LABELLINGS_IN_LONG_PROOF: Final = 0.06
 """Least number of labellings annealed per relaxation in a long proof.
 
 There a relaxation takes half as long as the evaluation of a labelling (0.24 and 0.5 ms for the crushable arch), in
@@ -33,32 +33,32 @@ small walls a seventh.
 """
 
 
-class HeuristicSchedule:
+class AnnealingSchedule:
     """Schedule for interleaving annealing with the proof.
 
     Parameters
     ----------
-    quick : bool
+    batched : bool
         Whether the batch solver solves the relaxations.
-    never : bool
+    disabled : bool
         Whether to do without annealing.
     """
 
-    def __init__(self, *, quick: bool, never: bool) -> None:
-        self._share = _SHARE[not quick]
-        self._again = math.inf if never else _EACH
-        self._last = 0
+    def __init__(self, *, batched: bool, disabled: bool) -> None:
+        self._share = _LABELLINGS_PER_RELAXATION[not batched]
+        self._interval = math.inf if disabled else _FIRST_INTERVAL
+        self._last_run = 0
 
-    def due(self, relaxations: int) -> int:
+    def labellings_due(self, relaxations: int) -> int:
         """Return the number of labellings to anneal now, 0 if annealing is not due.
 
         `relaxations` is the number of relaxations solved so far.
         """
-        since = relaxations - self._last
-        if since < self._again:
+        since = relaxations - self._last_run
+        if since < self._interval:
             return 0
-        self._last, self._again = relaxations, 2 * self._again
-        return int(since * (max(self._share, _LATER) if relaxations >= _LASTING else self._share))
+        self._last_run, self._interval = relaxations, 2 * self._interval
+        return int(since * (max(self._share, _LABELLINGS_IN_LONG_PROOF) if relaxations >= _LONG_PROOF else self._share))
 
 
 class Incumbents:
@@ -74,7 +74,7 @@ class Incumbents:
 
     def __init__(self, space: SearchSpace, count: Count | None) -> None:
         self._space, self._count = space, count
-        self._known: dict[bytes, tuple[float, float, int]] = {}
+        self._bounds: dict[bytes, tuple[float, float, int]] = {}
         self._best: dict[int | None, float] = {}
 
     def learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
@@ -90,24 +90,24 @@ class Incumbents:
             if math.isfinite(found.zero_dilation):
                 # other solutions without dilation may exist; the associative λ bounds all of them
                 high = max(high, found.associative * (1.0 + tolerances.PROVEN))
-            self._known[np.packbits(labels).tobytes()] = (low, high, count)
+            self._bounds[np.packbits(labels).tobytes()] = (low, high, count)
             for target in (None, count):
                 self._best[target] = max(low, self._best.get(target, -math.inf))
 
     def __bool__(self) -> bool:
         """Return True if any labelling was evaluated."""
-        return bool(self._known)
+        return bool(self._bounds)
 
     def __contains__(self, labels: Bits) -> bool:
         """Return True if a canonical labelling (m,) was evaluated."""
-        return np.packbits(labels).tobytes() in self._known
+        return np.packbits(labels).tobytes() in self._bounds
 
     def strongest(self, count: int) -> tuple[Bits, Floats]:
         """Return the labellings (k, m) with the largest proven λ, and that λ (k,), scene units.
 
         `count` is the largest number of labellings.
         """
-        stands = [(low, key) for key, (low, _, _) in self._known.items() if math.isfinite(low)]
+        stands = [(low, key) for key, (low, _, _) in self._bounds.items() if math.isfinite(low)]
         stands.sort(key=lambda one: (-one[0], one[1]))
         faces = len(self._space.fixed)
         packed = np.frombuffer(b"".join(key for _, key in stands[:count]), dtype=np.uint8)
@@ -127,5 +127,5 @@ class Incumbents:
         The value is inf for a labelling without evaluation, and −inf where `target` is another count than that of the
         labelling.
         """
-        _, high, count = self._known.get(np.packbits(labels).tobytes(), (-math.inf, math.inf, target))
+        _, high, count = self._bounds.get(np.packbits(labels).tobytes(), (-math.inf, math.inf, target))
         return high if target is None or count == target else -math.inf

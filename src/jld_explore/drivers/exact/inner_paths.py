@@ -28,10 +28,10 @@ class InnerPaths:
 
         `labels` is (m,), True = dry.
         """
-        came = self._reach(labels, start, lambda seen: end in seen)
-        path, at = [], end
-        while at != start:
-            at, face = came[at]
+        previous = self._reach(labels, start, lambda seen: end in seen)
+        path, element = [], end
+        while element != start:
+            element, face = previous[element]
             if face >= 0:
                 path.append(face)
         return path
@@ -39,22 +39,22 @@ class InnerPaths:
     def tree(self, labels: Bits, start: int) -> list[int]:
         """Return inner faces, from an element on, that join elements to a block above the limits."""
         limits = self._limits
-        came = self._reach(labels, start, lambda seen: bool(limits.too_large(limits.sized.one(seen & self._free))))
-        return [face for _, face in came.values() if face >= 0]
+        previous = self._reach(labels, start, lambda seen: bool(limits.too_large(limits.sized.one(seen & self._free))))
+        return [face for _, face in previous.values() if face >= 0]
 
-    def _reach(self, labels: Bits, start: int, enough: Callable[[set[int]], bool]) -> dict[int, tuple[int, int]]:
-        """Search breadth first through inner faces until `enough`; return the search tree.
+    def _reach(self, labels: Bits, start: int, found: Callable[[set[int]], bool]) -> dict[int, tuple[int, int]]:
+        """Search breadth first through inner faces until `found`; return the search tree.
 
         The tree maps each element to the element before it and the face between them.
         """
-        came = {start: (start, -1)}
+        previous = {start: (start, -1)}
         waiting = deque([start])
         while waiting:
-            at = waiting.popleft()
-            for face, other in self._links[at]:
-                if other not in came and (face < 0 or not labels[face]):
-                    came[other] = (at, face)
+            element = waiting.popleft()
+            for face, other in self._links[element]:
+                if other not in previous and (face < 0 or not labels[face]):
+                    previous[other] = (element, face)
                     waiting.append(other)
-                    if enough(set(came)):
-                        return came
-        return came
+                    if found(set(previous)):
+                        return previous
+        return previous

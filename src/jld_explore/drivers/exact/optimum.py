@@ -38,7 +38,7 @@ class Best:
     count: int | None
     load_factor: float
     bound: float
-    floor: float = 0.0
+    load_scale: float = 0.0
 
     @property
     def proven(self) -> bool:
@@ -47,7 +47,7 @@ class Best:
             return True
         if not (math.isfinite(self.bound) and math.isfinite(self.load_factor)):
             return False
-        size = max(abs(self.bound), abs(self.load_factor), self.floor)
+        size = max(abs(self.bound), abs(self.load_factor), self.load_scale)
         return bool(self.bound - self.load_factor <= tolerances.PROVEN * size)
 
 

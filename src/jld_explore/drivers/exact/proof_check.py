@@ -27,25 +27,25 @@ from jld_explore.space.measures import Range
 _SOLVER: Final = "glucose42"
 """Satisfiability solver of the check, another one than that of the search."""
 
-_WEIGHED_AGAIN: Final = 1e-9
+_BOUND_TOLERANCE: Final = 1e-9
 """Relative difference allowed when the bound of a mechanism is evaluated again.
 
 It covers rounding and is a thousandth of `tolerances.PROVEN`.
 """
 
-_SHARE: Final = 0.03
+_REFUTATION_SHARE: Final = 0.03
 """Share of the time of the proof allowed for refuting conflicts again.
 
 Only conflicts whose mechanism is no longer in memory are refuted again.
 """
 
-_LEAST_SECONDS: Final = 0.2
+_REFUTATION_SECONDS: Final = 0.2
 """Time, s, that is allowed for refuting such conflicts again in any case."""
 
-_TOGETHER: Final = 256
+_MECHANISMS_PER_CALL: Final = 256
 """Number of mechanisms evaluated in one call."""
 
-_ROOM: Final = 4.0 * float(np.finfo(float).eps)
+_SCALING_ERROR: Final = 4.0 * float(np.finfo(float).eps)
 """Relative rounding error of a load factor that was scaled and scaled back."""
 
 
@@ -142,19 +142,19 @@ def check_proof(
     start = time.perf_counter()
     if problem:
         return ProofCheck(problem, time.perf_counter() - start)
-    highest = max((_raised(claim.threshold) for claim in claims), default=-math.inf)
-    used = [one for one in state.conflicts if not one.closed and one.bound <= highest]
-    weighing = _Weighing(relaxation, space, free)
+    highest = max((_with_scaling_error(claim.threshold) for claim in claims), default=-math.inf)
+    used = [one for one in state.conflicts if not one.from_cube and one.bound <= highest]
+    conflict_check = _ConflictCheck(relaxation, space, free)
     problem = (
-        weighing.weigh(used)
-        or weighing.prove_again(used, start + max(_LEAST_SECONDS, _SHARE * seconds))
-        or _contradicted(used, space, *evaluated)
-        or _left_over(space, blocks, used, state, claims)
+        conflict_check.weigh(used)
+        or conflict_check.refute_again(used, start + max(_REFUTATION_SECONDS, _REFUTATION_SHARE * seconds))
+        or _find_contradiction(used, space, *evaluated)
+        or _find_open_labelling(space, blocks, used, state, claims)
     )
-    return ProofCheck(problem, time.perf_counter() - start, len(used), weighing.done)
+    return ProofCheck(problem, time.perf_counter() - start, len(used), conflict_check.done)
 
 
-class _Weighing:
+class _ConflictCheck:
     """Repeated evaluation of conflicts; `done` counts those that were evaluated again."""
 
     def __init__(self, relaxation: AnyRelaxation, space: SearchSpace, free: Bools) -> None:
@@ -172,15 +172,15 @@ class _Weighing:
                 velocities = np.array([one.mechanism.velocity for one in some if one.mechanism is not None])
                 found = self._relaxation.weigh(case, velocities, *self._partial(some))
                 claimed = np.array([one.bound for one in some])
-                room = _WEIGHED_AGAIN * np.maximum(1.0, abs(np.where(np.isfinite(claimed), claimed, 0.0)))
-                wrong = np.flatnonzero(~(found <= claimed + room))
+                tolerance = _BOUND_TOLERANCE * np.maximum(1.0, abs(np.where(np.isfinite(claimed), claimed, 0.0)))
+                wrong = np.flatnonzero(~(found <= claimed + tolerance))
                 if wrong.size:
                     k = int(wrong[0])
                     return f"a mechanism that was to keep λ at {claimed[k]:.9g} keeps it at {found[k]:.9g} (scaled)"
                 self.done += len(some)
         return ""
 
-    def prove_again(self, conflicts: Sequence[Conflict], end: float) -> str:
+    def refute_again(self, conflicts: Sequence[Conflict], end: float) -> str:
         """Refute conflicts without a mechanism again, in random order, until a time.
 
         Parameters
@@ -201,8 +201,8 @@ class _Weighing:
             if time.perf_counter() >= end:
                 break
             claimed = np.array([one.bound for one in some])
-            room = tolerances.PROVEN * np.maximum(1.0, abs(np.where(np.isfinite(claimed), claimed, 0.0)))
-            thresholds = np.where(np.isfinite(claimed), claimed, 0.0) + room
+            tolerance = tolerances.PROVEN * np.maximum(1.0, abs(np.where(np.isfinite(claimed), claimed, 0.0)))
+            thresholds = np.where(np.isfinite(claimed), claimed, 0.0) + tolerance
             found = self._relaxation.refute_all(*self._partial(some), thresholds)
             for k, one in enumerate(found):
                 if one is None:
@@ -221,12 +221,12 @@ class _Weighing:
 
 
 def _parts(conflicts: Sequence[Conflict]) -> Iterator[Sequence[Conflict]]:
-    """Yield conflicts in groups of at most `_TOGETHER`."""
-    for first in range(0, len(conflicts), _TOGETHER):
-        yield conflicts[first : first + _TOGETHER]
+    """Yield conflicts in groups of at most `_MECHANISMS_PER_CALL`."""
+    for first in range(0, len(conflicts), _MECHANISMS_PER_CALL):
+        yield conflicts[first : first + _MECHANISMS_PER_CALL]
 
 
-def _contradicted(conflicts: Sequence[Conflict], space: SearchSpace, labellings: Bits, loads: Floats) -> str:
+def _find_contradiction(conflicts: Sequence[Conflict], space: SearchSpace, labellings: Bits, loads: Floats) -> str:
     """Return a problem if an evaluated labelling carries more than a conflict allows, else ""."""
     if not len(conflicts) or not len(labellings):
         return ""
@@ -248,7 +248,7 @@ def _contradicted(conflicts: Sequence[Conflict], space: SearchSpace, labellings:
     return ""
 
 
-def _left_over(
+def _find_open_labelling(
     space: SearchSpace,
     blocks: PossibleBlocks | None,
     conflicts: Sequence[Conflict],
@@ -262,7 +262,7 @@ def _left_over(
     formula = Formula(space, blocks, _SOLVER)
     formula.learn(conflicts, filter(state.is_evaluated, state.handed_over))
     for claim in claims:
-        formula.aim(_raised(claim.threshold), claim.count)
+        formula.aim(_with_scaling_error(claim.threshold), claim.count)
         if formula.next() is not None:
             waiting = len(state.without_evaluation)
             return (
@@ -275,6 +275,6 @@ def _left_over(
     return ""
 
 
-def _raised(threshold: float) -> float:
+def _with_scaling_error(threshold: float) -> float:
     """Return a scaled λ raised by the rounding of scaling."""
-    return threshold + _ROOM * abs(threshold) if math.isfinite(threshold) else threshold
+    return threshold + _SCALING_ERROR * abs(threshold) if math.isfinite(threshold) else threshold

@@ -8,27 +8,27 @@ from __future__ import annotations
 import math
 from typing import Final
 
-_NEAR: Final = 0.2
+_WHOLE_GAP: Final = 0.2
 """Gap, relative to the bound, up to which the whole gap is tried at once.
 
 Intermediate steps would need a third more conflicts in total.
 """
 
-_HALF: Final = 0.5
+_FIRST_FRACTION: Final = 0.5
 """First step of a wider gap, as a fraction of the gap."""
 
-_LAST: Final = 0.75
+_LAST_FRACTION: Final = 0.75
 """Fraction of the gap from which a step covers the whole gap."""
 
-_LEAST: Final = 2e-3
+_LEAST_STEP: Final = 2e-3
 """Smallest step, relative to the bound."""
 
-_WIDER: Final = 1.5
+_GROWTH: Final = 1.5
 """Factor by which the fraction grows after a step that needed few conflicts."""
-_QUICK: Final = 0.25
+_QUICK_SHARE: Final = 0.25
 """Share of the allowed conflicts below which a step counts as quick."""
 
-_LONGER: Final = 4
+_MORE_CONFLICTS: Final = 4
 """Factor on the allowed conflicts of the next step after a step that exceeded them.
 
 On the 8 × 10 wall in blocks of three 22 thousand conflicts leave nothing above 0.723, and 26 thousand nothing above
@@ -44,15 +44,15 @@ class TargetSchedule:
 
     Parameters
     ----------
-    patience : int
+    conflicts_allowed : int
         Conflicts that a step may take at first.
     """
 
-    def __init__(self, patience: int) -> None:
-        self._patience = patience
-        self._part: float | None = None
+    def __init__(self, conflicts_allowed: int) -> None:
+        self._conflicts_allowed = conflicts_allowed
+        self._fraction: float | None = None
 
-    def aim(self, bound: float, low: float) -> float:
+    def next_target(self, bound: float, low: float) -> float:
         """Return the next λ to refute.
 
         Parameters
@@ -65,16 +65,16 @@ class TargetSchedule:
         gap = bound - low
         if not math.isfinite(bound) or gap <= 0.0:
             return low
-        if self._part is None:
-            self._part = 1.0 if gap <= _NEAR * abs(bound) else _HALF
-        return low if self._part >= _LAST else bound - self._part * gap
+        if self._fraction is None:
+            self._fraction = 1.0 if gap <= _WHOLE_GAP * abs(bound) else _FIRST_FRACTION
+        return low if self._fraction >= _LAST_FRACTION else bound - self._fraction * gap
 
-    def proven(self, conflicts: int) -> None:
+    def note_proven(self, conflicts: int) -> None:
         """Record a proven step and the number of conflicts it took."""
-        if self._part is not None and conflicts < _QUICK * self._patience:
-            self._part *= _WIDER
+        if self._fraction is not None and conflicts < _QUICK_SHARE * self._conflicts_allowed:
+            self._fraction *= _GROWTH
 
-    def stuck(self, conflicts: int, bound: float, aimed: float) -> bool:
+    def is_stuck(self, conflicts: int, bound: float, aimed: float) -> bool:
         """Return True if the current step should be replaced by a smaller one.
 
         The next step is then half as wide.
@@ -86,8 +86,8 @@ class TargetSchedule:
         bound, aimed : float
             Bound on λ, and λ of the current step.
         """
-        if conflicts < self._patience or not bound - aimed > _LEAST * abs(bound):
+        if conflicts < self._conflicts_allowed or not bound - aimed > _LEAST_STEP * abs(bound):
             return False
-        self._part = _HALF * min(1.0 if self._part is None else self._part, 1.0)
-        self._patience *= _LONGER
+        self._fraction = _FIRST_FRACTION * min(1.0 if self._fraction is None else self._fraction, 1.0)
+        self._conflicts_allowed *= _MORE_CONFLICTS
         return True

@@ -14,7 +14,7 @@ from jld_explore.drivers.exact.incumbents import Incumbents
 from jld_explore.drivers.exact.optimum import Best, counts_of
 from jld_explore.space import Count, SearchSpace, count_named, registered
 
-_STEP: Final = 0.5 * tolerances.PROVEN
+_INCREASE: Final = 0.5 * tolerances.PROVEN
 """Relative distance above the best λ known at which labellings are sought.
 
 It is half of `tolerances.PROVEN`, the relative difference that counts as proven.
@@ -80,11 +80,11 @@ class Targets:
 
     def restart(self) -> None:
         """Forget all bounds and return to the first target."""
-        self.found = {None: self._unbounded(None, math.inf)}
+        self.found = {None: self._target_with_bound(None, math.inf)}
         self.left = [None]
         self._listed = False
 
-    def _unbounded(self, target: int | None, bound: float) -> Best:
+    def _target_with_bound(self, target: int | None, bound: float) -> Best:
         """Return a target with its best λ known and a given bound, scene units."""
         low = self._incumbents.best(target)
         return Best(target, low if math.isfinite(low) else math.nan, bound, self._load_scale)
@@ -105,9 +105,9 @@ class Targets:
             Value of the count; None for all labellings.
         """
         low = self._incumbents.best(target)
-        return low + _STEP * max(abs(low), self._load_scale) if math.isfinite(low) else 0.0
+        return low + _INCREASE * max(abs(low), self._load_scale) if math.isfinite(low) else 0.0
 
-    def lower(self, target: int | None, bound: float, handed_over: Iterable[Bits]) -> None:
+    def lower_bound(self, target: int | None, bound: float, handed_over: Iterable[Bits]) -> None:
         """Lower the bound of a target, but not below the brackets of labellings handed over.
 
         No mechanism refutes those labellings, so only their own brackets bound them.
@@ -128,5 +128,5 @@ class Targets:
             return
         self._listed = True
         for count in counts_of(self._space, self._count):
-            self.found[count] = self._unbounded(count, best.bound)
+            self.found[count] = self._target_with_bound(count, best.bound)
             self.left.append(count)

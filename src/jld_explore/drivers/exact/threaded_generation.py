@@ -29,11 +29,11 @@ from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.space import SearchSpace
 from jld_explore.space.measures import Range
 
-_PATIENCE: Final = 0.1
+_WAIT_SECONDS: Final = 0.1
 """Longest time, s, that the main thread waits for results before the next deadline check."""
 
 
-def reached(place: str) -> None:
+def delay_point(place: str) -> None:
     """Do nothing; tests put delays here, where threads interact."""
 
 
@@ -59,28 +59,34 @@ class _Target:
 class _GeneratorThread:
     """State of one thread: its conflict generator and its formula."""
 
-    def __init__(self, hunt: ConflictGenerator, state: ProofState) -> None:
-        self._generator, self._state = hunt, state
-        self._chase: _Target | None = None
+    def __init__(self, generator: ConflictGenerator, state: ProofState) -> None:
+        self._generator, self._state = generator, state
+        self._target: _Target | None = None
         self._formula: Formula | None = None
-        self._heard = self._dealt = 0
+        self._conflicts_seen = self._handed_over_seen = 0
 
-    def step(self, chase: _Target, space: SearchSpace, blocks: PossibleBlocks | None) -> ConflictBatch:
+    def step(self, target: _Target, space: SearchSpace, blocks: PossibleBlocks | None) -> ConflictBatch:
         """Draw labellings for a target and return their conflicts."""
         if self._formula is None:
             self._formula = Formula(space, blocks)
-        if chase is not self._chase:
-            self._chase = chase
-            self._formula.aim(chase.threshold, chase.count)
-            self._generator.begin(self._formula, partial(self._hear, self._formula))
-        return self._generator.step(chase.threshold)
+        if target is not self._target:
+            self._target = target
+            self._formula.aim(target.threshold, target.count)
+            self._generator.begin(self._formula, partial(self._take_in_others, self._formula))
+        return self._generator.step(target.threshold)
 
-    def _hear(self, formula: Formula) -> None:
+    def _take_in_others(self, formula: Formula) -> None:
         """Add the new conflicts and handed-over labellings of all threads to the formula."""
-        reached("before hearing")
-        news, passed = self._state.conflicts[self._heard :], self._state.handed_over_since(self._dealt)
-        self._heard, self._dealt = self._heard + len(news), self._dealt + len(passed)
-        formula.learn(news, passed)
+        delay_point("before taking in conflicts")
+        new_conflicts, handed_over = (
+            self._state.conflicts[self._conflicts_seen :],
+            self._state.handed_over_since(self._handed_over_seen),
+        )
+        self._conflicts_seen, self._handed_over_seen = (
+            self._conflicts_seen + len(new_conflicts),
+            self._handed_over_seen + len(handed_over),
+        )
+        formula.learn(new_conflicts, handed_over)
 
 
 class ThreadedGenerator:
@@ -114,16 +120,16 @@ class ThreadedGenerator:
         threads: int,
         state: ProofState,
     ) -> None:
-        self._recipe = space, blocks
+        self._formula_arguments = space, blocks
         self._state = state
-        hunts = [ConflictGenerator(relaxation, free, seed + 1000 * number) for number in range(threads)]
-        self._members = [_GeneratorThread(hunt, state) for hunt in hunts]
+        generators = [ConflictGenerator(relaxation, free, seed + 1000 * number) for number in range(threads)]
+        self._threads = [_GeneratorThread(generator, state) for generator in generators]
         self._pool = ThreadPoolExecutor(threads)
-        self._idle = set(range(threads))
-        self._chase: _Target | None = None
+        self._idle_threads = set(range(threads))
+        self._target: _Target | None = None
         self._count: int | Range | None = None
-        self._news = False
-        self._heard = Condition()
+        self._has_new_results = False
+        self._results_changed = Condition()
         self._error: BaseException | None = None
 
     def begin(self, count: int | Range | None) -> None:
@@ -133,8 +139,8 @@ class ThreadedGenerator:
 
     def end(self) -> None:
         """Drop the current target; results in progress are still added to the proof."""
-        with self._heard:
-            self._chase = None
+        with self._results_changed:
+            self._target = None
 
     def step(self, threshold: float) -> bool:
         """Wait briefly for results; return True once no labelling is left that may exceed the threshold.
@@ -142,58 +148,58 @@ class ThreadedGenerator:
         `threshold` is a scaled λ that must not decrease between calls for the same target, which `begin` sets. An
         exception of a thread is raised here.
         """
-        with self._heard:
-            if self._chase is None:
-                self._chase = _Target(self._count, threshold)
-            self._chase.threshold = threshold
-            while self._idle and not self._chase.exhausted:
-                self._send(self._idle.pop())
-            if not (self._news or self._chase.exhausted or self._error):
-                self._heard.wait(_PATIENCE)
-            self._news = False
+        with self._results_changed:
+            if self._target is None:
+                self._target = _Target(self._count, threshold)
+            self._target.threshold = threshold
+            while self._idle_threads and not self._target.exhausted:
+                self._submit_step(self._idle_threads.pop())
+            if not (self._has_new_results or self._target.exhausted or self._error):
+                self._results_changed.wait(_WAIT_SECONDS)
+            self._has_new_results = False
             if self._error is not None:
                 raise self._error
-            return self._chase.exhausted
+            return self._target.exhausted
 
     def close(self) -> None:
         """Stop all threads; results in progress are still added to the proof."""
         self.end()
         self._pool.shutdown(wait=False)
 
-    def _send(self, number: int) -> None:
+    def _submit_step(self, number: int) -> None:
         """Submit the next task of a thread."""
         # a pool that is shut down, or whose interpreter ends, accepts no task
         with suppress(RuntimeError):
-            self._pool.submit(self._turn, number)
+            self._pool.submit(self._run_step, number)
 
     @one_thread()
-    def _turn(self, number: int) -> None:
+    def _run_step(self, number: int) -> None:
         """Run one step of a thread and submit the next one while there is a target."""
-        member = self._members[number]
-        with self._heard:
-            chase = self._chase
-            if chase is None or chase.exhausted:
-                self._idle.add(number)
+        thread = self._threads[number]
+        with self._results_changed:
+            target = self._target
+            if target is None or target.exhausted:
+                self._idle_threads.add(number)
                 return
         try:
-            caught = member.step(chase, *self._recipe)
-            reached("before handing over")
-            self._hand_over(chase, caught)
+            batch = thread.step(target, *self._formula_arguments)
+            delay_point("before handing over")
+            self._hand_over(target, batch)
         except BaseException as error:  # the main thread raises the error
-            with self._heard:
+            with self._results_changed:
                 self._error = error
-                self._heard.notify()
+                self._results_changed.notify()
         else:
-            self._send(number)
+            self._submit_step(number)
 
-    def _hand_over(self, chase: _Target, caught: ConflictBatch) -> None:
+    def _hand_over(self, target: _Target, batch: ConflictBatch) -> None:
         """Add the results of a thread to the state of the proof, whatever the current target."""
-        with self._heard:
-            threshold = chase.threshold if self._chase is None else self._chase.threshold
-            new = self._state.add_conflicts(caught.conflicts, threshold)
-            new += self._state.hand_over(caught.unrefuted)
+        with self._results_changed:
+            threshold = target.threshold if self._target is None else self._target.threshold
+            new = self._state.add_conflicts(batch.conflicts, threshold)
+            new += self._state.hand_over(batch.unrefuted)
             # Set this flag last: a thread that sees the flag must also see the labellings handed over.
-            chase.exhausted |= caught.exhausted
-            self._news |= new > 0 or caught.exhausted
-            if self._news:
-                self._heard.notify()
+            target.exhausted |= batch.exhausted
+            self._has_new_results |= new > 0 or batch.exhausted
+            if self._has_new_results:
+                self._results_changed.notify()

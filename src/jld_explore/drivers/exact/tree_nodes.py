@@ -34,7 +34,7 @@ class Node:
 
 
 @dataclass(frozen=True)
-class Tried:
+class FaceChildren:
     """Children of a node for both labels of one face; None for a child that is refuted."""
 
     inner: Node | None
@@ -46,15 +46,15 @@ class Tried:
         return [one for one in (self.inner, self.dry) if one is not None]
 
 
-Looked = tuple[list[Tried], list[Conflict]]
+Branches = tuple[list[FaceChildren], list[Conflict]]
 """Children of a node for several faces, and the conflicts of the refuted children."""
 
-Waiting = tuple[tuple[int, bool], Node]
+UnsolvedChild = tuple[tuple[int, bool], Node]
 """Face (index among the candidates) and label of a child, and the unsolved child."""
 
 
 @dataclass(frozen=True)
-class Question:
+class Branching:
     """Arguments of branching at one node.
 
     Attributes
@@ -65,7 +65,7 @@ class Question:
         Blocks left at the node.
     threshold : float
         Scaled λ to reach.
-    possible, late : callable
+    possible, time_is_up : callable
         As in `BlockTree.step`.
     """
 
@@ -73,11 +73,11 @@ class Question:
     allowed: Bools
     threshold: float
     possible: Possible
-    late: Callable[[], bool]
+    time_is_up: Callable[[], bool]
 
 
 @dataclass(frozen=True)
-class Step:
+class TreeStep:
     """Result of `BlockTree.step`.
 
     Attributes

@@ -19,7 +19,7 @@ class UnaryCounter:
     ----------
     literals : sequence of int
         Literals to count.
-    more : int
+    constant : int
         Constant added to the number.
     top : int
         Largest variable in use.
@@ -32,10 +32,10 @@ class UnaryCounter:
         Largest variable in use afterwards.
     """
 
-    def __init__(self, literals: Sequence[int], more: int, top: int) -> None:
-        self._size, self._more = len(literals), more
-        self._never = top = top + 1
-        self.clauses: list[list[int]] = [[-self._never]]
+    def __init__(self, literals: Sequence[int], constant: int, top: int) -> None:
+        self._size, self._constant = len(literals), constant
+        self._false = top = top + 1
+        self.clauses: list[list[int]] = [[-self._false]]
         self._digits: list[list[int]] = []
         for chosen in (list(literals), [-literal for literal in literals]):
             if chosen:
@@ -47,9 +47,9 @@ class UnaryCounter:
 
     def within(self, bounds: Range) -> list[int]:
         """Return the literals to assume so that the number is within bounds."""
-        low = 0 if bounds.low is None else int(bounds.low) - self._more
-        high = self._size if bounds.high is None else int(bounds.high) - self._more
+        low = 0 if bounds.low is None else int(bounds.low) - self._constant
+        high = self._size if bounds.high is None else int(bounds.high) - self._constant
         if low > self._size or high < 0:
-            return [self._never]
+            return [self._false]
         most = [-self._digits[0][high]] if high < self._size else []
         return most + ([-self._digits[1][self._size - low]] if low > 0 else [])

@@ -18,23 +18,23 @@ from jld_core.arrays import Bits, Floats
 _WIDTHS: Final = (1, 2, 3)
 """Widths of windows in slabs, tried in this order."""
 
-_LEAST: Final = 5
+_LEAST_SLABS: Final = 5
 """Least number of slabs of a structure for which windows are used."""
 
-_IDLE: Final = 0.1
+_LEAST_SHARE: Final = 0.1
 """Share of labellings refuted in windows of one width below which that width is skipped."""
 
-_AGAIN: Final = 20
+_RETRY_INTERVAL: Final = 20
 """A skipped width is still tried once in this number of times."""
 
-_FADING: Final = 0.9
+_DECAY: Final = 0.9
 """Weight of the earlier average when the share of refuted labellings is updated."""
 
 
 def windows_of(assembly: Assembly) -> tuple[Bits, ...]:
     """Return the windows (w, m) of each width, True where a face touches the window.
 
-    A window is a set of elements. The result is empty for structures of fewer than `_LEAST` slabs.
+    A window is a set of elements. The result is empty for structures of fewer than `_LEAST_SLABS` slabs.
     """
     elements, faces = assembly.elements, assembly.interfaces
     free = elements.free
@@ -43,7 +43,7 @@ def windows_of(assembly: Assembly) -> tuple[Bits, ...]:
     axis = int(size.argmax())
     # number of cells in a row, if all were alike
     count = round(float(len(free) * np.prod(size[axis] / size)) ** (1.0 / len(size)))
-    if count < _LEAST:
+    if count < _LEAST_SLABS:
         return ()
     place = np.full(len(elements), -1)
     along = (elements.centroid[free, axis] - low[axis]) / size[axis]
@@ -65,15 +65,15 @@ class WindowStatistics:
     """
 
     def __init__(self, widths: int) -> None:
-        self._share, self._left_out = np.ones(widths), np.zeros(widths, dtype=int)
+        self._share, self._times_skipped = np.ones(widths), np.zeros(widths, dtype=int)
 
-    def wanted(self, width: int) -> bool:
+    def is_worthwhile(self, width: int) -> bool:
         """Return True if windows of a width should be tried now."""
-        if self._share[width] >= _IDLE:
+        if self._share[width] >= _LEAST_SHARE:
             return True
-        self._left_out[width] = (self._left_out[width] + 1) % _AGAIN
-        return bool(self._left_out[width] == 0)
+        self._times_skipped[width] = (self._times_skipped[width] + 1) % _RETRY_INTERVAL
+        return bool(self._times_skipped[width] == 0)
 
-    def tell(self, width: int, share: float) -> None:
+    def record(self, width: int, share: float) -> None:
         """Record the share of labellings that windows of a width refuted."""
-        self._share[width] = _FADING * self._share[width] + (1.0 - _FADING) * share
+        self._share[width] = _DECAY * self._share[width] + (1.0 - _DECAY) * share
