@@ -274,7 +274,7 @@ class Study:
             self.settings.jobs,
             len(self.assembly.interfaces),
             hang_seconds=max(HANG_SECONDS, _HANGS * cost_estimate(self.assembly).seconds),
-            batch=self._make is evaluator_of and settings.batched and spec.evaluator().settles_nearly_all,
+            batch=self._make is evaluator_of and settings.batched and spec.settles_nearly_all,
         )
 
     def _restore(self) -> None:

@@ -14,13 +14,14 @@ from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline
 from jld_core.limit import Known, LimitAnalysis, Status, governing
 from jld_explore.evaluation.evaluation import BOUND, SOLVE, Evaluation
-from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings
+from jld_explore.evaluation.evaluator import Evaluator
+from jld_explore.evaluation.protocol import EvaluatorSettings, SharedEvaluator
 
 _UNSOLVED: Final = Evaluation(Status.UNCERTIFIED, math.nan, math.nan, math.nan)
 """Placeholder for a load case that is not solved because another case already decides the labelling."""
 
 
-class CasesEvaluator:
+class CasesEvaluator(SharedEvaluator):
     """Evaluator of labellings of one assembly under all its load cases.
 
     One `Evaluator` solves each case. The governing case decides the evaluation.
@@ -46,7 +47,7 @@ class CasesEvaluator:
             self._each = [one.twin() for one in share_batch_solver_with._each]
 
     def twin(self) -> CasesEvaluator:
-        """Return an equal evaluator for another thread (see `Evaluator.twin`)."""
+        """Return an equal evaluator for another thread (see `SharedEvaluator.twin`)."""
         return CasesEvaluator(self.assembly, self.settings, self)
 
     @property
@@ -60,23 +61,9 @@ class CasesEvaluator:
         pruning_thresholds: Floats | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings under all load cases.
+        """Evaluate labellings under all load cases; see `LabellingEvaluator.evaluate_all`.
 
-        A labelling counts as evaluated when all its cases are.
-
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            Labels, True = dry.
-        pruning_thresholds : (k,) float array, optional
-            Pruning thresholds of the governing load factor (see `Evaluator.evaluate`).
-        deadline : Deadline, optional
-            Time after which no further labelling is begun.
-
-        Returns
-        -------
-        list of Evaluation
-            Evaluations of the first labellings, all k unless the deadline passes.
+        A labelling counts as evaluated when all its cases are. Pruning thresholds refer to the governing load factor.
         """
         if not self.settings.batched:
             return self._one_by_one(labellings, pruning_thresholds, deadline)
@@ -91,21 +78,10 @@ class CasesEvaluator:
         return [self._combined([answers[k] for answers in found]) for k in range(count)]
 
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
-        """Evaluate one labelling under all load cases.
+        """Evaluate one labelling under all load cases; see `LabellingEvaluator.evaluate`.
 
-        No further case is solved once a case is unstable or does not exceed the pruning threshold.
-
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry.
-        pruning_threshold : float
-            Pruning threshold of the governing load factor.
-
-        Returns
-        -------
-        Evaluation
-            Evaluation by the governing case, with λ of each solved case in `cases`.
+        No further case is solved once a case is unstable or does not exceed the pruning threshold. `cases` of the
+        evaluation holds λ of each solved case.
         """
         found = [_UNSOLVED] * len(self._each)
         for case in self._order:
@@ -178,7 +154,7 @@ class CasesEvaluator:
         )
 
 
-class RobustEvaluator:
+class RobustEvaluator(SharedEvaluator):
     """Evaluator of labellings at low material values that also reports λ at nominal values.
 
     The evaluation is the one at low values. The last entry of its `cases` is λ at nominal values, NaN without one.
@@ -204,7 +180,7 @@ class RobustEvaluator:
             self._low, self._nominal = share_batch_solver_with._low.twin(), share_batch_solver_with._nominal.twin()
 
     def twin(self) -> RobustEvaluator:
-        """Return an equal evaluator for another thread (see `Evaluator.twin`)."""
+        """Return an equal evaluator for another thread (see `SharedEvaluator.twin`)."""
         return RobustEvaluator(self.assembly, self.settings, self)
 
     @property
@@ -220,22 +196,8 @@ class RobustEvaluator:
     ) -> list[Evaluation]:
         """Evaluate labellings at low material values, and at nominal ones if they have a λ.
 
-        A labelling counts as evaluated when both evaluations are finished.
-        Only labellings that collapse (have a λ) at low values are solved at nominal values.
-
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            Labels, True = dry.
-        pruning_thresholds : (k,) float array, optional
-            Pruning thresholds of λ at low values (see `Evaluator.evaluate`).
-        deadline : Deadline, optional
-            Time after which no further labelling is begun.
-
-        Returns
-        -------
-        list of Evaluation
-            Evaluations of the first labellings, all k unless the deadline passes.
+        See `LabellingEvaluator.evaluate_all`. Pruning thresholds refer to λ at low values. A labelling counts as
+        evaluated when both evaluations are finished.
         """
         low = self._low.evaluate_all(labellings, pruning_thresholds, deadline)
         good = [k for k, one in enumerate(low) if one.status is Status.COLLAPSE]
@@ -245,7 +207,7 @@ class RobustEvaluator:
         return [self._combined(one, known.get(k)) for k, one in enumerate(low[:done])]
 
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
-        """Evaluate one labelling (m,); `pruning_threshold` is a λ at low values."""
+        """Evaluate one labelling; see `LabellingEvaluator.evaluate`."""
         return self.evaluate_all(labels[None], np.array([pruning_threshold]))[0]
 
     def _combined(self, low: Evaluation, nominal: Evaluation | None) -> Evaluation:
@@ -256,7 +218,7 @@ class RobustEvaluator:
         return replace(low, cases=(*cases, value), seconds=seconds)
 
 
-def evaluator_of(assembly: Assembly, settings: EvaluatorSettings) -> Evaluator | CasesEvaluator | RobustEvaluator:
+def evaluator_of(assembly: Assembly, settings: EvaluatorSettings) -> SharedEvaluator:
     """Make the evaluator of an assembly: one load, load cases, or low and nominal materials.
 
     Parameters
@@ -268,7 +230,7 @@ def evaluator_of(assembly: Assembly, settings: EvaluatorSettings) -> Evaluator |
 
     Returns
     -------
-    Evaluator, CasesEvaluator or RobustEvaluator
+    SharedEvaluator
         `RobustEvaluator` with nominal material values, else `CasesEvaluator` with load cases, else `Evaluator`.
     """
     if assembly.nominal is not None:

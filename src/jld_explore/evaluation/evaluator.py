@@ -5,43 +5,21 @@ from __future__ import annotations
 import math
 import time
 from contextlib import suppress
-from dataclasses import dataclass, field
 from functools import cached_property
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline, DeadlinePassed
-from jld_core.limit import Batch, LimitAnalysis, Proof, SolveOptions, Status
+from jld_core.limit import Batch, LimitAnalysis, Proof, Status
 from jld_core.models import limit_analysis, solve_labelling
 from jld_explore.evaluation.evaluation import BOUND, SOLVE, Evaluation
+from jld_explore.evaluation.protocol import EvaluatorSettings, SharedEvaluator
 
 
-@dataclass(frozen=True)
-class EvaluatorSettings:
-    """Settings of an evaluator.
-
-    Attributes
-    ----------
-    model : SolveOptions
-        Friction model, tolerances and other options of the limit analysis.
-    use_batch_solver : bool
-        True if there are enough labellings to make the batch solver, which costs about ten solves.
-    """
-
-    model: SolveOptions = field(default_factory=SolveOptions)
-    use_batch_solver: bool = True
-
-    @property
-    def batched(self) -> bool:
-        """True if bounds on λ of many labellings suffice, so that the batch solver can be used."""
-        return self.use_batch_solver and self.model.modular
-
-
-class Evaluator:
+class Evaluator(SharedEvaluator):
     """Evaluator of labellings of one assembly under one load.
 
-    A result depends only on the arguments, never on the order of calls.
-    Use an evaluator in one thread at a time; the batch solver may be shared by several threads.
+    The batch solver may be shared by several threads.
 
     Parameters
     ----------
@@ -69,12 +47,12 @@ class Evaluator:
         return limit_analysis(self.assembly, self.settings.model)
 
     def twin(self) -> Evaluator:
-        """Return an evaluator with the same results for another thread, sharing the batch solver."""
+        """Return an equal evaluator for another thread; see `SharedEvaluator.twin`."""
         return Evaluator(self.assembly, self.settings, self)
 
     @property
     def settles_nearly_all(self) -> bool:
-        """True if the batch solver settles nearly all labellings, so that one process is enough."""
+        """True if the batch solver settles nearly all labellings; see `SharedEvaluator`."""
         return self._batch is not None and self._batch.worthwhile
 
     def evaluate_all(
@@ -83,24 +61,7 @@ class Evaluator:
         pruning_thresholds: Floats | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings, in batches where the batch solver applies, else one by one.
-
-        Each evaluation depends only on its own labelling.
-
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            Labels, True = dry.
-        pruning_thresholds : (k,) float array, optional
-            Pruning thresholds of λ, scene units (see `evaluate`).
-        deadline : Deadline, optional
-            Time after which no further labelling is begun.
-
-        Returns
-        -------
-        list of Evaluation
-            Evaluations of the first labellings, all k unless the deadline passes.
-        """
+        """Evaluate labellings in batches where the batch solver applies, else one by one; see `LabellingEvaluator`."""
         if deadline is not None and deadline.passed():
             return []
         known = self._by_batch_solver(labellings)
@@ -143,20 +104,9 @@ class Evaluator:
         return found
 
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
-        """Evaluate one labelling.
+        """Evaluate one labelling; see `LabellingEvaluator.evaluate`.
 
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry.
-        pruning_threshold : float
-            Pruning threshold of λ, scene units.
-            A labelling with associative λ at or below it is not solved without dilation.
-
-        Returns
-        -------
-        Evaluation
-            Result of the limit analysis, in scene units.
+        A labelling with associative λ at or below the pruning threshold is not solved without dilation.
         """
         start = time.perf_counter()
         proof = solve_labelling(self._analysis, labels, self.settings.model, pruning_threshold=pruning_threshold)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from jld_core.limit import Status
 from jld_core.refinement.cells import CrackCells
 from jld_explore.evaluation.cases import evaluator_of
 from jld_explore.evaluation.evaluation import BOUND, SOLVE, Evaluation
-from jld_explore.evaluation.evaluator import EvaluatorSettings
+from jld_explore.evaluation.protocol import EvaluatorSettings, LabellingEvaluator
 
 
 def field_evaluation(
@@ -59,7 +58,7 @@ def field_evaluation(
     return Evaluation(status, low_end, high_end, value, settled=settled, seconds=seconds, cases=cases, governing=case)
 
 
-class FieldEvaluator:
+class FieldEvaluator(LabellingEvaluator):
     """Evaluator of labellings by fields on the coarsest mesh, under all load cases.
 
     Parameters
@@ -80,21 +79,9 @@ class FieldEvaluator:
         pruning_thresholds: Floats | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings one by one.
+        """Evaluate labellings one by one; see `LabellingEvaluator.evaluate_all`.
 
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            Labels, True = dry.
-        pruning_thresholds : (k,) float array, optional
-            Ignored: bounds by fields have no pruning threshold.
-        deadline : Deadline, optional
-            Time after which no further labelling is begun.
-
-        Returns
-        -------
-        list of Evaluation
-            Evaluations of the first labellings, all k unless the deadline passes.
+        Pruning thresholds are ignored: bounds by fields have no cheap part.
         """
         found: list[Evaluation] = []
         for labels in labellings:
@@ -104,7 +91,7 @@ class FieldEvaluator:
         return found
 
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
-        """Evaluate one labelling (m,); `pruning_threshold` is ignored."""
+        """Bound one labelling by fields on the coarsest mesh; see `LabellingEvaluator.evaluate`."""
         start = time.perf_counter()
         low = np.array([coarse.lower(labels)[0] for coarse in self._coarse])
         high = np.array([coarse.upper(labels)[0] for coarse in self._coarse])
@@ -123,12 +110,12 @@ class MakeCellEvaluator:
 
     cells: CrackCells
 
-    def __call__(self, assembly: Assembly, settings: EvaluatorSettings) -> Any:
+    def __call__(self, assembly: Assembly, settings: EvaluatorSettings) -> LabellingEvaluator:
         """Return an evaluator of labellings of the joint grid, which itself is not solved."""
         return CellEvaluator(self.cells, settings)
 
 
-class CellEvaluator:
+class CellEvaluator(LabellingEvaluator):
     """Evaluator of labellings of the joint grid on finer cells, whose faces share labels.
 
     Parameters
@@ -148,11 +135,9 @@ class CellEvaluator:
         pruning_thresholds: Floats | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings (k, m) of the joint grid; see `Evaluator.evaluate_all`."""
-        found: list[Evaluation] = self._fine.evaluate_all(self._cells.labels(labellings), pruning_thresholds, deadline)
-        return found
+        """Evaluate labellings (k, m) of the joint grid; see `LabellingEvaluator.evaluate_all`."""
+        return self._fine.evaluate_all(self._cells.labels(labellings), pruning_thresholds, deadline)
 
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
-        """Evaluate one labelling (m,) of the coarse elements on the finer cells; see `Evaluator.evaluate`."""
-        found: Evaluation = self._fine.evaluate(self._cells.labels(labels), pruning_threshold)
-        return found
+        """Evaluate one labelling (m,) of the coarse elements on the finer cells; see `LabellingEvaluator.evaluate`."""
+        return self._fine.evaluate(self._cells.labels(labels), pruning_threshold)

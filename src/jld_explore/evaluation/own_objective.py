@@ -16,13 +16,13 @@ from jld_core.errors import ParameterError
 from jld_core.limit import Status
 from jld_explore.evaluation.cases import evaluator_of
 from jld_explore.evaluation.evaluation import Evaluation
-from jld_explore.evaluation.evaluator import EvaluatorSettings
+from jld_explore.evaluation.protocol import EvaluatorSettings, LabellingEvaluator
 
 OwnObjective = Callable[[Evaluation, Assembly, Bits], float]
 """Function of an evaluation with its λ, the assembly, and the labels (m,); its value is maximised."""
 
 
-class OwnObjectiveEvaluator:
+class OwnObjectiveEvaluator(LabellingEvaluator):
     """Evaluator whose load factors are the values of a function of the user.
 
     Only labellings that have a λ are valued; others keep their status and are not ranked. `associative`, `low` and
@@ -40,7 +40,7 @@ class OwnObjectiveEvaluator:
 
     def __init__(self, function: OwnObjective, assembly: Assembly, settings: EvaluatorSettings) -> None:
         self._function, self._assembly = function, assembly
-        self._evaluator: Any = evaluator_of(assembly, settings)
+        self._evaluator = evaluator_of(assembly, settings)
 
     def evaluate_all(
         self,
@@ -48,27 +48,15 @@ class OwnObjectiveEvaluator:
         pruning_thresholds: Floats | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings in turn until the deadline passes.
+        """Evaluate labellings by the objective; see `LabellingEvaluator.evaluate_all`.
 
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            Labels, True = dry.
-        pruning_thresholds : optional
-            Ignored, since bounds on λ are no bounds on the objective.
-        deadline : Deadline, optional
-            Time after which no further labelling is begun.
-
-        Returns
-        -------
-        list of Evaluation
-            Evaluations of the first labellings, all k unless the deadline passes.
+        Pruning thresholds are ignored, since bounds on λ are no bounds on the objective.
         """
         found = self._evaluator.evaluate_all(labellings, None, deadline)
         return [self._with_value(labels, one) for labels, one in zip(labellings, found, strict=False)]
 
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
-        """Evaluate one labelling (m,); `pruning_threshold` is ignored."""
+        """Evaluate one labelling by the objective; see `LabellingEvaluator.evaluate`."""
         return self.evaluate_all(labels[None])[0]
 
     def _with_value(self, labels: Bits, found: Evaluation) -> Evaluation:

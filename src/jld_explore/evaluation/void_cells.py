@@ -5,23 +5,23 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 from dataclasses import replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
-from jld_core.arrays import Bits, Floats
+from jld_core.arrays import Bits, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline
 from jld_core.sub_assembly import without
 from jld_explore.evaluation.cases import evaluator_of
 from jld_explore.evaluation.evaluation import Evaluation
-from jld_explore.evaluation.evaluator import EvaluatorSettings
+from jld_explore.evaluation.protocol import EvaluatorSettings, LabellingEvaluator
 
 _MOST_EVALUATORS: Final = 64
 """Largest number of structures whose evaluators are cached."""
 
 
-class VoidCellsEvaluator:
+class VoidCellsEvaluator(LabellingEvaluator):
     """Evaluator of labellings that leave cells out (`space.void`).
 
     Each labelling is evaluated on the structure of the cells that remain.
@@ -40,7 +40,7 @@ class VoidCellsEvaluator:
         gone = np.arange(len(assembly.elements)) == assembly.sink
         self._real, self._faces = without(assembly, gone)
         self._cells = assembly.interfaces.a[len(self._faces) :]
-        self._evaluators: OrderedDict[bytes, tuple[Any, Any]] = OrderedDict()
+        self._evaluators: OrderedDict[bytes, tuple[LabellingEvaluator, Ints]] = OrderedDict()
 
     def evaluate_all(
         self,
@@ -48,21 +48,9 @@ class VoidCellsEvaluator:
         pruning_thresholds: Floats | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings, grouped by the cells they leave out.
+        """Evaluate labellings, grouped by the cells they leave out; see `LabellingEvaluator.evaluate_all`.
 
-        Parameters
-        ----------
-        labellings : (k, m + c) bool array
-            Labels of faces (True = dry), then of cells (True = stays).
-        pruning_thresholds : (k,) float array, optional
-            Pruning thresholds of λ, scene units (see `Evaluator.evaluate`).
-        deadline : Deadline, optional
-            Time after which no further labelling is begun.
-
-        Returns
-        -------
-        list of Evaluation
-            Evaluations of the first labellings, all k unless the deadline passes.
+        A labelling is a row (m + c,): labels of faces (True = dry), then of cells (True = stays).
         """
         found: list[Evaluation | None] = [None] * len(labellings)
         groups: dict[bytes, list[int]] = {}
@@ -80,12 +68,11 @@ class VoidCellsEvaluator:
         return [answer for answer in found[:done] if answer is not None]
 
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
-        """Evaluate one labelling (m + c,); `pruning_threshold` is a λ."""
+        """Evaluate one labelling (m + c,), as in `evaluate_all`; see `LabellingEvaluator.evaluate`."""
         evaluator, kept = self._evaluator_of(labels)
-        answer: Evaluation = evaluator.evaluate(labels[kept], pruning_threshold)
-        return answer
+        return evaluator.evaluate(labels[kept], pruning_threshold)
 
-    def _evaluator_of(self, labels: Bits) -> tuple[Any, Any]:
+    def _evaluator_of(self, labels: Bits) -> tuple[LabellingEvaluator, Ints]:
         """Return the evaluator of the remaining structure and the remaining faces."""
         stays = labels[len(self._faces) :]
         key = np.packbits(stays).tobytes()

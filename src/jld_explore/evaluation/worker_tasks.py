@@ -7,9 +7,8 @@ import os
 import pickle
 import signal
 import threading
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import cloudpickle
 
@@ -22,14 +21,13 @@ from jld_core.errors import ParameterError
 from jld_core.threads import one_thread
 from jld_explore.evaluation.cases import evaluator_of
 from jld_explore.evaluation.evaluation import Evaluation
-from jld_explore.evaluation.evaluator import EvaluatorSettings
+from jld_explore.evaluation.protocol import EvaluatorSettings, LabellingEvaluator, MakeEvaluator, SharedEvaluator
 
 _of_thread = threading.local()  # An evaluator is for one thread, but workers of a cluster may run several threads.
 
-_of_process: Final[dict[str, Any]] = {}  # Last evaluator of this process by digest; other threads make twins of it.
-
-MakeEvaluator = Callable[[Assembly, EvaluatorSettings], Any]
-"""Type of a function that makes the evaluator of a worker; defined at module level so that it can be pickled."""
+_of_process: Final[
+    dict[str, SharedEvaluator]
+] = {}  # Last evaluator of this process by digest; other threads make twins of it.
 
 
 @dataclass(frozen=True)
@@ -61,7 +59,7 @@ class WorkerSpec:
         kernel = (chosen() or "none").encode()
         return cls(content, hashlib.sha256(kernel + content).hexdigest(), os.getpid())
 
-    def evaluator(self) -> Any:
+    def evaluator(self) -> LabellingEvaluator:
         """Return the evaluator of this thread, if possible as a twin of another thread's.
 
         Raises
@@ -79,12 +77,19 @@ class WorkerSpec:
                 make, assembly, settings = pickle.loads(self.content)
                 evaluator = make(assembly, settings)
                 _of_process.clear()
-                if hasattr(evaluator, "twin"):
+                if isinstance(evaluator, SharedEvaluator):
                     _of_process[self.digest] = evaluator
             else:
                 evaluator = other.twin()
             _of_thread.evaluator, _of_thread.digest = evaluator, self.digest
-        return _of_thread.evaluator
+        found: LabellingEvaluator = _of_thread.evaluator
+        return found
+
+    @property
+    def settles_nearly_all(self) -> bool:
+        """True if the batch solver of the evaluator settles nearly all labellings; see `SharedEvaluator`."""
+        evaluator = self.evaluator()
+        return isinstance(evaluator, SharedEvaluator) and evaluator.settles_nearly_all
 
 
 @one_thread()
@@ -109,7 +114,7 @@ def evaluate_batch(
     deadline : Deadline, optional
         Time after which no further labelling is begun.
     thresholds : (k,) float array, optional
-        Pruning thresholds (see `Evaluator.evaluate`).
+        Pruning thresholds (see `LabellingEvaluator.evaluate`).
     required : bool
         Evaluate all labellings regardless of the deadline.
         The deadline then limits only the search without dilation, whose result so far is used.

@@ -130,7 +130,7 @@ class Workers:
         deadline : Deadline, optional
             Time after which no further labelling is begun.
         thresholds : (k,) float array, optional
-            Pruning thresholds (see `Evaluator.evaluate`).
+            Pruning thresholds (see `LabellingEvaluator.evaluate`).
         first_required : bool
             Evaluate the first labelling regardless of the deadline.
 
