@@ -7,25 +7,26 @@ Every run with a time limit is stopped early.
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import signal
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
 from contextlib import AbstractContextManager, ExitStack
 from typing import Any, Final
 
 from joblib.externals.loky import get_reusable_executor
-from joblib.externals.loky.process_executor import ShutdownExecutorError, TerminatedWorkerError
+from joblib.externals.loky.process_executor import ShutdownExecutorError
 
 from jld_core.deadline import Deadline
 from jld_explore.evaluation.deferred_signals import deferred_signals
 from jld_explore.evaluation.process_settings import ignored_warning
 
-DEATHS: Final = (TerminatedWorkerError, ShutdownExecutorError, TimeoutError)
-"""Exceptions raised when a worker died or hung."""
+_LOSSES: Final = (BrokenExecutor, ShutdownExecutorError, CancelledError, TimeoutError, multiprocessing.TimeoutError)
+"""Exceptions of a task whose worker died, left or hung; a cluster has its own ones."""
 
 GRACE: Final = 0.3
 """Seconds after a deadline in which evaluations already begun may finish."""
@@ -77,12 +78,8 @@ class Processes:
         """Terminate all processes at once, including those with unfinished tasks."""
         executor, self._executor = self._executor, None
         with self._settings:
-            if executor is None:
-                return
-            # shutdown(kill_workers=True) would let loky's thread print errors about tasks that still wait.
-            for process in list((executor._processes or {}).values()):
-                process.terminate()
-            executor.shutdown(wait=True)
+            if executor is not None:
+                stop_processes(executor)
 
 
 class TaskStream:
@@ -143,6 +140,36 @@ class TaskStream:
                 result = future.result()
                 self._submit_waiting()
                 yield result
+
+
+def stop_processes(executor: Any) -> None:
+    """Terminate the processes of an executor at once, including those with unfinished tasks.
+
+    Parameters
+    ----------
+    executor : Executor
+        Executor of loky; one without processes is only shut down.
+    """
+    # shutdown(kill_workers=True) would let loky's thread print errors about tasks that still wait.
+    for process in list((getattr(executor, "_processes", None) or {}).values()):
+        process.terminate()
+    executor.shutdown(wait=True)
+
+
+def is_lost(error: BaseException) -> bool:
+    """Return True if a task failed because its worker died, left or hung, not by an error of its own.
+
+    Parameters
+    ----------
+    error : BaseException
+        Exception of the task.
+
+    Returns
+    -------
+    bool
+        True if another worker may succeed.
+    """
+    return isinstance(error, _LOSSES) or type(error).__module__.startswith("distributed")
 
 
 def worker_init(parent: int) -> None:

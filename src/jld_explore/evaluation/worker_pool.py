@@ -2,7 +2,8 @@
 
 `Workers` gives each task to any free worker.
 A `PoolWorker` is one process that receives task after task, so that each task needs to contain new data only.
-If its process dies or its cluster worker leaves, its state is lost and another worker replaces it.
+If its process dies or its cluster worker leaves, its state is lost and another worker replaces it. `WorkerPool` is the
+one place that finds this out; its users receive None or `LOST` in place of a future or a result.
 """
 
 from __future__ import annotations
@@ -13,25 +14,43 @@ import sys
 import time
 import uuid
 from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
+from concurrent.futures import Executor, Future
 from contextlib import ExitStack, suppress
-from typing import Any, Final
+from enum import Enum
+from typing import Any, Final, TypeVar
 
 from joblib.externals.loky import ProcessPoolExecutor, process_executor
 
 from jld_explore.evaluation.cluster import client_of_cluster
 from jld_explore.evaluation.deferred_signals import deferred_signals
-from jld_explore.evaluation.processes import SINGLE_THREADED, warning_of_stops_ignored, worker_init
+from jld_explore.evaluation.processes import (
+    SINGLE_THREADED,
+    is_lost,
+    stop_processes,
+    warning_of_stops_ignored,
+    worker_init,
+)
 
 _SPARE_STARTS: Final = 10
 """Number of local processes that may replace dead ones; more deaths than this are not accidental."""
 
 
-_DEATHS: Final = (BrokenExecutor, CancelledError, OSError)
-"""Exceptions that a dead worker process raises; a cluster has its own ones."""
-
 _QUERY_SECONDS: Final = 0.5
 """Seconds between queries of a cluster for its present workers."""
+
+
+Result = TypeVar("Result")
+"""Type of the result of a task."""
+
+
+class Lost(Enum):
+    """Type of `LOST`."""
+
+    LOST = "lost"
+
+
+LOST: Final = Lost.LOST
+"""Value in place of a result where the worker died or left."""
 
 
 class PoolWorker:
@@ -54,19 +73,19 @@ class PoolWorker:
         self.name, self.address = uuid.uuid4().hex, address
         self._executor: Executor = executor
 
-    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Submit a task; its future raises an error if the process has died."""
+    def submit(self, function: Callable[..., Result], *arguments: Any) -> Future[Result]:
+        """Submit a task; raise an error, now or in its future, if the process has died."""
         with deferred_signals():
             return self._executor.submit(function, *arguments)
 
     def close(self) -> None:
         """Terminate a local process at once; release a worker of a cluster."""
-        processes: dict[int, Any] = getattr(self._executor, "_processes", None) or {}
-        for process in list(processes.values()):
-            process.terminate()
+        if self.address is None:
+            stop_processes(self._executor)
+            return
         # Ignore errors of a cluster that no longer exists.
         with suppress(Exception):
-            self._executor.shutdown(wait=self.address is None)
+            self._executor.shutdown(wait=False)
 
 
 class WorkerPool:
@@ -124,32 +143,74 @@ class WorkerPool:
                 self._workers.append(PoolWorker(executor, address))
         return departed
 
+    def first(self) -> PoolWorker | None:
+        """Return a worker, started if necessary; None if there is none."""
+        self.fill()
+        return next(iter(self), None)
+
+    def submit(self, worker: PoolWorker, function: Callable[..., Result], *arguments: Any) -> Future[Result] | None:
+        """Submit a task to one worker.
+
+        Parameters
+        ----------
+        worker : PoolWorker
+            A worker of this pool.
+        function : callable
+            Function of the task, defined at module level.
+        *arguments
+            Its arguments.
+
+        Returns
+        -------
+        Future or None
+            Result of the task. None if the worker has died; the worker is then removed.
+        """
+        try:
+            return worker.submit(function, *arguments)
+        except Exception:  # the exception of an executor whose process died depends on its kind
+            self.remove(worker)
+            return None
+
+    def result(self, worker: PoolWorker, future: Future[Result]) -> Lost | Result:
+        """Return the result of a task, waiting for it.
+
+        Parameters
+        ----------
+        worker : PoolWorker
+            Worker that the task was submitted to.
+        future : Future
+            The task.
+
+        Returns
+        -------
+        object
+            Result of the task. `LOST` if its worker died or left; the worker is then removed.
+
+        Raises
+        ------
+        Exception
+            An error of the task itself, which another worker would repeat.
+        """
+        try:
+            return future.result()
+        except Exception as error:
+            # A lost connection to a worker of a cluster is an OSError.
+            if not (is_lost(error) or (worker.address is not None and isinstance(error, OSError))):
+                raise
+            self.remove(worker)
+            return LOST
+
     def remove(self, worker: PoolWorker) -> None:
-        """Remove a worker whose process has died; `fill` replaces it."""
-        self._workers.remove(worker)
-        worker.close()
+        """Stop and remove a worker, which `fill` replaces; no effect if it was removed before."""
+        if worker in self._workers:
+            self._workers.remove(worker)
+            worker.close()
 
     def close(self) -> None:
         """Remove and close all workers."""
         with self._process_settings:
             for worker in list(self._workers):
                 self.remove(worker)
-
-
-def is_lost(error: BaseException) -> bool:
-    """Return whether a task failed because its worker died or left, not by an error of its own.
-
-    Parameters
-    ----------
-    error : BaseException
-        Exception of the task's future.
-
-    Returns
-    -------
-    bool
-        True if another worker may succeed.
-    """
-    return isinstance(error, _DEATHS) or type(error).__module__.startswith("distributed")
 
 
 def _start_process() -> ProcessPoolExecutor:

@@ -8,8 +8,6 @@ The number `jobs` is then ignored.
 
 from __future__ import annotations
 
-import multiprocessing
-import sys
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
@@ -23,7 +21,7 @@ from jld_core.arrays import Bits, Floats
 from jld_core.deadline import Deadline
 from jld_explore.evaluation.evaluation import FAILED, Evaluation
 from jld_explore.evaluation.process_settings import ignored_warning, switch_interval
-from jld_explore.evaluation.processes import DEATHS, Processes, TaskStream
+from jld_explore.evaluation.processes import Processes, TaskStream, is_lost
 from jld_explore.evaluation.worker_tasks import WorkerSpec, evaluate_batch
 
 HANG_SECONDS: Final = 600.0
@@ -146,7 +144,9 @@ class Workers:
         elif not self.in_process and not self.on_cluster:
             try:
                 run.begin()
-            except _death_errors():
+            except Exception as error:
+                if not is_lost(error):
+                    raise
                 run.stop()  # The run starts again when its results are requested.
         return run
 
@@ -305,7 +305,9 @@ class Run:
                     workers.abandon()
                     return
                 self._results = None
-            except _death_errors():
+            except Exception as error:
+                if not is_lost(error):
+                    raise
                 workers.deaths += 1
                 workers.abandon()
                 for number in self._submitted:
@@ -317,12 +319,3 @@ class Run:
                         part = self._slices[number]
                         yield part, [FAILED] * (part.stop - part.start)
         workers.running = [run for run in workers.running if run is not self]
-
-
-def _death_errors() -> tuple[type[BaseException], ...]:
-    """Return the exceptions raised when a worker died or hung, including those of a cluster."""
-    known: tuple[type[BaseException], ...] = (*DEATHS, multiprocessing.TimeoutError)
-    distributed = sys.modules.get("distributed")
-    if distributed is not None:
-        known += (distributed.scheduler.KilledWorker, distributed.comm.CommClosedError)
-    return known

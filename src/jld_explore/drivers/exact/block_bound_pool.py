@@ -25,7 +25,7 @@ from jld_core.limit.case_relaxation import AnyBlockRelaxation, block_relaxation_
 from jld_core.threads import one_thread
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.evaluation.cluster import client_of_cluster
-from jld_explore.evaluation.worker_pool import PoolWorker, WorkerPool, is_lost
+from jld_explore.evaluation.worker_pool import LOST, PoolWorker, WorkerPool
 from jld_explore.space import SearchSpace
 
 SOLO_PROGRAMS: Final = 40
@@ -133,7 +133,7 @@ class BlockBoundPool:
         self._worker_allowed = False
         if self._workers is not None:
             self._workers.close()
-        self._workers = self._worker = None
+        self._workers = self._worker = self._ready = None
         if self._threads is not None:
             self._threads.shutdown()
             self._threads = None
@@ -147,7 +147,7 @@ class BlockBoundPool:
         """Whether the batch solver solves many programs in one call."""
         return self._here.many
 
-    def bound_all(self, program: Sequence[Asked]) -> list[Choice]:
+    def bound_all(self, programs: Sequence[Asked]) -> list[Choice]:
         """Solve several block relaxations and return their results in the same order.
 
         The batch solver uses a second thread where `set_workers` allows it. Without the batch solver the last program
@@ -156,13 +156,13 @@ class BlockBoundPool:
         if self._here.many:
             if self._worker_allowed and self._threads is None:
                 self._threads = ThreadPoolExecutor(1)
-            return self._here.bound_all(program, self._threads)
-        future = self._submit_program(program[-1]) if len(program) > 1 else None
-        found = [self._here.choose(*one) for one in (program if future is None else program[:-1])]
+            return self._here.bound_all(programs, self._threads)
+        future = self._submit_program(programs[-1]) if len(programs) > 1 else None
+        found = [self._here.choose(*one) for one in (programs if future is None else programs[:-1])]
         if future is not None:
             result = self._result(future)
             if result is None:
-                found.append(self._here.choose(*program[-1]))
+                found.append(self._here.choose(*programs[-1]))
             else:
                 found.append(result[0])
                 self.solves_in_worker += result[1]
@@ -174,40 +174,32 @@ class BlockBoundPool:
             return None
         if self._workers is None:
             self._workers = WorkerPool(1)
-        if self._worker is None or self._worker not in self._workers:
-            self._workers.fill()
-            self._worker, self._ready = next(iter(self._workers), None), None
+        if self._ready is None:
+            self._worker = self._workers.first()
             if self._worker is not None:
-                self._ready = self._submit(self._worker, cloudpickle.dumps(self._block_space), None)
+                self._ready = self._submit(cloudpickle.dumps(self._block_space), None)
         if self._worker is None or self._ready is None or not self._ready.done():
             return None
-        if self._ready.exception() is not None:
-            self._remove_worker()
+        if self._workers.result(self._worker, self._ready) is LOST:
+            self._ready = None
             return None
-        return self._submit(self._worker, None, program)
+        return self._submit(None, program)
 
-    def _submit(
-        self, worker: PoolWorker, block_space: bytes | None, program: Asked | None
-    ) -> Future[SolvedProgram | None] | None:
-        """Submit a set-up or a program; return None if the process has died."""
-        try:
-            return worker.submit(bound_blocks, worker.name, block_space, program)
-        except Exception:  # the exception of a pool whose process died depends on the kind of pool
-            self._remove_worker()
-            return None
+    def _submit(self, block_space: bytes | None, program: Asked | None) -> Future[SolvedProgram | None] | None:
+        """Submit a set-up or a program to the worker process; return None if it has died."""
+        worker, future = self._worker, None
+        if self._workers is not None and worker is not None:
+            future = self._workers.submit(worker, bound_blocks, worker.name, block_space, program)
+        if future is None:
+            self._ready = None
+        return future
 
     def _result(self, future: Future[SolvedProgram | None]) -> SolvedProgram | None:
-        """Return the result of the worker process, or None if it failed."""
-        try:
-            return future.result()
-        except Exception as error:  # a worker that was killed or left costs one program
-            if not is_lost(error):
-                raise
-            self._remove_worker()
+        """Return the result of the worker process; None if it died or lacks the block relaxation."""
+        if self._workers is None or self._worker is None:
             return None
-
-    def _remove_worker(self) -> None:
-        """Drop the worker process after a failure."""
-        if self._workers is not None and self._worker is not None and self._worker in self._workers:
-            self._workers.remove(self._worker)
-        self._worker = self._ready = None
+        result = self._workers.result(self._worker, future)
+        if result is not None and result is not LOST:
+            return result
+        self._ready = None  # send the block relaxation again, to another process where this one died
+        return None

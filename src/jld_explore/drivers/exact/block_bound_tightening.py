@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import BrokenExecutor, wait
+from concurrent.futures import wait
 from dataclasses import dataclass
 from typing import Final
 
@@ -28,7 +28,7 @@ from jld_core.limit.block_relaxation import Choice, applies_to
 from jld_explore.drivers.exact.block_bound_pool import BlockSpace, bound_blocks
 from jld_explore.drivers.exact.conflict_minimization import Conflict, Evidence
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
-from jld_explore.evaluation.worker_pool import WorkerPool
+from jld_explore.evaluation.worker_pool import LOST, WorkerPool
 from jld_explore.space import SearchSpace
 
 _RELAXATIONS: Final = (5.0, 0.25)
@@ -190,20 +190,21 @@ class BlockBoundTightening:
             return choice
         workers = WorkerPool(1)
         try:
-            workers.fill()
-            worker = next(iter(workers), None)
+            worker = workers.first()
             if worker is None:
                 return None
-            future = worker.submit(bound_blocks, worker.name, cloudpickle.dumps(block_space), program)
+            future = workers.submit(worker, bound_blocks, worker.name, cloudpickle.dumps(block_space), program)
+            if future is None:
+                return None
             end = time.perf_counter() + seconds
             while not wait([future], timeout=_DEADLINE_CHECK_SECONDS).done:
                 if time_is_up() or time.perf_counter() > end:
                     return None
-            result: tuple[Choice, int] = future.result()
-        except BrokenExecutor:  # if the process is killed only this bound is lost
-            return None
+            result = workers.result(worker, future)
         finally:
             workers.close()
+        if result is None or result is LOST:  # if the process is killed only this bound is lost
+            return None
         self.solves += result[1]
         return result[0]
 

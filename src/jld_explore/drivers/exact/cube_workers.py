@@ -26,7 +26,7 @@ from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.drivers.exact.worker_tasks import Task, TaskResult, WorkerSetup, run_task
-from jld_explore.evaluation.worker_pool import PoolWorker, WorkerPool, is_lost
+from jld_explore.evaluation.worker_pool import LOST, PoolWorker, WorkerPool
 from jld_explore.space import SearchSpace
 from jld_explore.space.measures import Range
 
@@ -245,11 +245,9 @@ class CubeWorkers:
             cube=cube,
             seconds=TASK_SECONDS,
         )
-        try:
-            future = worker.submit(run_task, task)
-        except Exception:  # the exception of a pool whose process died depends on the kind of pool
+        future = self._pool.submit(worker, run_task, task)
+        if future is None:
             self._cubes.appendleft((cube, tasks_done))
-            self._pool.remove(worker)
             self._reclaim_cubes(worker)
             return
         worker_state.tasks, worker_state.conflicts = worker_state.tasks + 1, worker_state.conflicts + len(new_conflicts)
@@ -271,13 +269,9 @@ class CubeWorkers:
 
     def _collect(self, future: Future[TaskResult], one: _AssignedCube) -> None:
         """Add the results of a finished task; close, split or requeue its cube."""
-        try:
-            result = future.result()
-        except Exception as error:  # a worker that was killed or left costs one task
-            if not is_lost(error):
-                raise  # an error of the task itself
+        result = self._pool.result(one.worker, future)
+        if result is LOST:  # a worker that was killed or left costs one task
             self._requeue(one)
-            self._pool.remove(one.worker)
             self._reclaim_cubes(one.worker)
             return
         if result.forgotten:  # a new process replaced the worker, so all data is sent again
