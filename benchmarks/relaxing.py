@@ -30,8 +30,7 @@ from jld_core.limit import LimitAnalysis
 from jld_core.limit.dual_bounds import MinimizedConflict
 from jld_core.limit.relaxation import Relaxation
 from jld_core.solvers import make_solver
-from jld_explore.drivers.exact.conflict_generation import ConflictGenerator
-from jld_explore.drivers.exact.conflict_minimization import conflict_of
+from jld_explore.drivers.exact.conflict_generation import ConflictGenerator, conflict_of
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import possible_blocks
 from jld_explore.space import search_space

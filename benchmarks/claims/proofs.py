@@ -369,7 +369,7 @@ def _difference(found: Proof, truth: Proof | None, space: SearchSpace) -> str:
 @contextmanager
 def _delays(seed: int) -> Iterator[None]:
     """Random delays where the work of threads meets, of the versions that have a place for them."""
-    import jld_explore.drivers.exact.threaded_generation as threaded_generation
+    import jld_explore.drivers.exact.conflict_sources as conflict_sources
 
     rng = np.random.default_rng([seed, 7])
     delays = rng.exponential(0.002, 997) * (rng.random(997) < 0.3)
@@ -380,8 +380,8 @@ def _delays(seed: int) -> Iterator[None]:
         number += 1
         time.sleep(float(delays[number % 997]))
 
-    if hasattr(threaded_generation, "reached"):
-        with patch.object(threaded_generation, "reached", delay_point):
+    if hasattr(conflict_sources, "reached"):
+        with patch.object(conflict_sources, "reached", delay_point):
             yield
     else:
         yield

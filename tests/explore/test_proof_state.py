@@ -19,10 +19,9 @@ from jld_core import build_assembly, parse_scene
 from jld_core.batch import chosen
 from jld_explore import ExploreSettings, explore
 from jld_explore.drivers import Driver
-from jld_explore.drivers.exact.conflict_minimization import Conflict, Evidence
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.proof_check import Claim
-from jld_explore.drivers.exact.proof_state import ProofState
+from jld_explore.drivers.exact.proof_state import Conflict, Evidence, ProofState
 from jld_explore.evaluation import Records
 from jld_explore.report import Exploration, words
 from jld_explore.space import search_space

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from jld_explore.drivers.exact.target_schedule import TargetSchedule
+from jld_explore.drivers.exact.schedules import TargetSchedule
 
 
 def test_without_a_bound_or_close_to_the_end_it_goes_all_the_way() -> None:

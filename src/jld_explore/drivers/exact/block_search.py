@@ -18,12 +18,11 @@ from jld_core.arrays import Bits
 from jld_core.limit import LimitAnalysis
 from jld_core.limit.block_relaxation import applies_to
 from jld_core.limit.case_relaxation import AnyRelaxation
-from jld_explore.drivers.exact.block_bound_pool import BlockBoundPool
-from jld_explore.drivers.exact.block_tree import BlockTree
-from jld_explore.drivers.exact.conflict_minimization import Conflict
+from jld_explore.drivers.exact.block_bounds import BlockBoundPool
+from jld_explore.drivers.exact.block_tree import BlockTree, Node
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
-from jld_explore.drivers.exact.tree_nodes import Node
+from jld_explore.drivers.exact.proof_state import Conflict
 from jld_explore.space import SearchSpace
 
 ByBlocks = Literal["auto", "on", "off"]

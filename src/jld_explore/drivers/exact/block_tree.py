@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Final
 
@@ -24,19 +24,96 @@ import numpy as np
 
 from jld_core.arrays import Bits, Bools, Ints
 from jld_core.limit.block_relaxation import Asked, Choice
-from jld_explore.drivers.exact.block_bound_pool import BlockBoundPool
-from jld_explore.drivers.exact.conflict_minimization import Conflict, Evidence
+from jld_explore.drivers.exact.block_bounds import BlockBoundPool
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
-from jld_explore.drivers.exact.tree_nodes import (
-    Branches,
-    Branching,
-    FaceChildren,
-    Node,
-    Possible,
-    TreeStep,
-    UnsolvedChild,
-)
+from jld_explore.drivers.exact.proof_state import Conflict, Evidence
 from jld_explore.space import SearchSpace
+
+Possible = Callable[[Ints, Bits], bool]
+"""Function that returns True if any labelling with labels (k,) on faces (k,) is left."""
+
+
+@dataclass(frozen=True)
+class Node:
+    """Node of the tree: a partial labelling and its block relaxation.
+
+    Attributes
+    ----------
+    faces, labels : (k,) int array and (k,) bool array
+        Decided faces and their labels, True = dry.
+    allowed : (p,) bool array
+        Blocks that are left.
+    choice : Choice
+        Result of the block relaxation over those blocks.
+    """
+
+    faces: Ints
+    labels: Bits
+    allowed: Bools
+    choice: Choice
+
+
+@dataclass(frozen=True)
+class FaceChildren:
+    """Children of a node for both labels of one face; None for a child that is refuted."""
+
+    inner: Node | None
+    dry: Node | None
+
+    @property
+    def left(self) -> list[Node]:
+        """The children that are not refuted."""
+        return [one for one in (self.inner, self.dry) if one is not None]
+
+
+Branches = tuple[list[FaceChildren], list[Conflict]]
+"""Children of a node for several faces, and the conflicts of the refuted children."""
+
+UnsolvedChild = tuple[tuple[int, bool], Node]
+"""Face (index among the candidates) and label of a child, and the unsolved child."""
+
+
+@dataclass(frozen=True)
+class Branching:
+    """Arguments of branching at one node.
+
+    Attributes
+    ----------
+    node : Node
+        The node.
+    allowed : (p,) bool array
+        Blocks left at the node.
+    threshold : float
+        Scaled λ to reach.
+    possible, time_is_up : callable
+        As in `BlockTree.step`.
+    """
+
+    node: Node
+    allowed: Bools
+    threshold: float
+    possible: Possible
+    time_is_up: Callable[[], bool]
+
+
+@dataclass(frozen=True)
+class TreeStep:
+    """Result of `BlockTree.step`.
+
+    Attributes
+    ----------
+    node : Node
+        The node that was processed.
+    conflicts : tuple of Conflict
+        Conflicts found.
+    labelling : (m,) bool array or None
+        Labelling of a node without undecided faces, which the caller must check; True = dry.
+    """
+
+    node: Node
+    conflicts: tuple[Conflict, ...] = ()
+    labelling: Bits | None = None
+
 
 _FACES_TRIED: Final = (2, 4)
 """Number of faces tried at a node, without and with the batch solver.

@@ -17,13 +17,11 @@ from jld_core.limit import LimitAnalysis
 from jld_core.limit.case_relaxation import AnyRelaxation, relaxation_of
 from jld_explore.drivers.base import Aim, Driver, DriverOptions
 from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.drivers.exact.conflict_minimization import Conflict, Evidence, Mechanism
 from jld_explore.drivers.exact.conflict_sources import ConflictSources
-from jld_explore.drivers.exact.conflicts import key_of
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks, possible_blocks
 from jld_explore.drivers.exact.proof_check import Claim, ProofCheck, check_proof
-from jld_explore.drivers.exact.proof_state import ProofState
+from jld_explore.drivers.exact.proof_state import Conflict, Evidence, Mechanism, ProofState, key_of
 from jld_explore.evaluation import Evaluation, Records
 from jld_explore.space import Count, SearchSpace
 

@@ -3,7 +3,17 @@
 Labellings of one batch would be refuted for one reason if they were alike, so each is drawn with random preferred
 labels. A labelling that has given a conflict also gives **neighbours**: the same labelling with one face of the
 conflict undecided. Neighbours are nearly always refuted as well, for another reason, and need no call of the solver.
-Windows of a labelling (`windows`) are minimised before the whole labelling.
+
+**Conflict minimization** reduces a weak labelling to the few labels that make it weak. A mechanism bounds λ of every
+labelling by a sum over faces (docs/method.md (6.2)). Faces whose label changes that sum by less than the excess can
+become undecided. Solving again with those faces undecided gives a mechanism that depends on the remaining faces. The
+batch solver minimises many labellings in one call (`Relaxation.minimize_conflicts`); `conflict_of` minimises one by the
+same rules.
+
+Slabs across the length of the structure, its **windows**, are minimised before the whole labelling. Faces outside a
+window are undecided from the start, so its conflict consists of faces close together. Such conflicts interact: soon no
+labelling of the window is left, and then no labelling at all. Conflicts of faces from everywhere rule out few
+labellings (benchmarks/results/exact.md, flagship with cells halved).
 """
 
 from __future__ import annotations
@@ -14,15 +24,156 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.arrays import Bits, Bools
+from jld_core import Assembly
+from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.batch import ConflictRequest
 from jld_core.batch.conflict_request import MinimizationOptions
 from jld_core.limit.case_relaxation import AnyRelaxation
-from jld_core.limit.dual_bounds import MinimizedConflict
-from jld_explore.drivers.exact.conflict_minimization import Conflict, Mechanism, conflict_of
+from jld_core.limit.dual_bounds import DualBound, MinimizedConflict
 from jld_explore.drivers.exact.cubes import EVERYTHING, Cube
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.drivers.exact.windows import WindowStatistics, windows_of
+from jld_explore.drivers.exact.proof_state import Conflict, Mechanism
+
+_WIDTHS: Final = (1, 2, 3)
+"""Widths of windows in slabs, tried in this order."""
+
+_LEAST_SLABS: Final = 5
+"""Least number of slabs of a structure for which windows are used."""
+
+_LEAST_SHARE: Final = 0.1
+"""Share of labellings refuted in windows of one width below which that width is skipped."""
+
+_RETRY_INTERVAL: Final = 20
+"""A skipped width is still tried once in this number of times."""
+
+_DECAY: Final = 0.9
+"""Weight of the earlier average when the share of refuted labellings is updated."""
+
+
+def windows_of(assembly: Assembly) -> tuple[Bits, ...]:
+    """Return the windows (w, m) of each width, True where a face touches the window.
+
+    A window is a set of elements. The result is empty for structures of fewer than `_LEAST_SLABS` slabs.
+    """
+    elements, faces = assembly.elements, assembly.interfaces
+    free = elements.free
+    low, high = elements.lower[free].min(axis=0), elements.upper[free].max(axis=0)
+    size: Floats = high - low
+    axis = int(size.argmax())
+    # number of cells in a row, if all were alike
+    count = round(float(len(free) * np.prod(size[axis] / size)) ** (1.0 / len(size)))
+    if count < _LEAST_SLABS:
+        return ()
+    place = np.full(len(elements), -1)
+    along = (elements.centroid[free, axis] - low[axis]) / size[axis]
+    place[free] = np.clip((count * along).astype(int), 0, count - 1)
+    found = []
+    for width in _WIDTHS:
+        within = [(place >= first) & (place < first + width) for first in range(count - width + 1)]
+        found.append(np.array([inside[faces.a] | inside[faces.b] for inside in within]))
+    return tuple(found)
+
+
+class WindowStatistics:
+    """Running share of labellings that the windows of each width refute.
+
+    Parameters
+    ----------
+    widths : int
+        Number of widths.
+    """
+
+    def __init__(self, widths: int) -> None:
+        self._share, self._times_skipped = np.ones(widths), np.zeros(widths, dtype=int)
+
+    def is_worthwhile(self, width: int) -> bool:
+        """Return True if windows of a width should be tried now."""
+        if self._share[width] >= _LEAST_SHARE:
+            return True
+        self._times_skipped[width] = (self._times_skipped[width] + 1) % _RETRY_INTERVAL
+        return bool(self._times_skipped[width] == 0)
+
+    def record(self, width: int, share: float) -> None:
+        """Record the share of labellings that windows of a width refuted."""
+        self._share[width] = _DECAY * self._share[width] + (1.0 - _DECAY) * share
+
+
+_FAILED_TRIES: Final = 2
+"""Single faces tried without success before a conflict is accepted.
+
+Faces are tried in the order of their cost to the excess, least first.
+"""
+
+
+def conflict_of(relaxation: AnyRelaxation, labels: Bits, candidates: Bools, threshold: float) -> Conflict | None:
+    """Minimise one labelling to a conflict that refutes it.
+
+    Parameters
+    ----------
+    relaxation : Relaxation or CaseRelaxation
+        Relaxation of the structure.
+    labels : (m,) bool array
+        Labels, True = dry.
+    candidates : (m,) bool array
+        Faces that may take either label.
+    threshold : float
+        Scaled λ that the labelling must not reach.
+
+    Returns
+    -------
+    Conflict or None
+        Conflict whose labels the labelling has; None where the labelling may reach the threshold.
+    """
+    decided = candidates.copy()
+
+    def refuted(whole: bool = False) -> DualBound | None:
+        # A complete labelling that is not refuted needs an evaluation, so only then is the relaxation solved
+        # thoroughly.
+        undecided, thorough = candidates & ~decided, np.array([whole])
+        return relaxation.refute_all(labels[None], undecided[None], np.array([threshold]), thorough)[0]
+
+    found = refuted(whole=True)
+    if found is None:
+        return None
+    tried: set[int] = set()
+    failed = 0
+    while True:
+        order = _order(found, decided)
+        # free all faces whose total cost is below the excess of the current mechanism
+        freed = order[np.cumsum(found.cost[order]) < found.excess]
+        if freed.size:
+            decided[freed] = False
+            weaker = refuted()
+            if weaker is None:
+                # the previous mechanism proves this conflict whatever the next solve gives
+                return _conflict(labels, decided, threshold, found)
+            found = weaker
+            continue
+        bound = min(found.bound, threshold)
+        face = next((f for f in order.tolist() if f not in tried), None)
+        if face is None or failed >= _FAILED_TRIES:
+            return _conflict(labels, decided, bound, found)
+        tried.add(face)
+        decided[face] = False
+        weaker = refuted()
+        if weaker is None:
+            decided[face] = True
+            failed += 1
+        else:
+            found = weaker
+
+
+def _conflict(labels: Bits, decided: Bools, bound: float, found: DualBound) -> Conflict:
+    """Return the conflict of the decided faces (m,) with the mechanism of a dual bound."""
+    faces = np.flatnonzero(decided)
+    return Conflict(faces, labels[faces], bound, mechanism=Mechanism(found.case, found.velocity))
+
+
+def _order(found: DualBound, decided: Bools) -> Ints:
+    """Return the decided faces, least cost to the excess of the mechanism first."""
+    faces = np.flatnonzero(decided)
+    return np.asarray(faces[np.argsort(found.cost[faces], kind="stable")])
+
 
 _BATCH_SIZE: Final = 8
 """Largest number of labellings drawn per batch."""

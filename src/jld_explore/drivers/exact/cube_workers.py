@@ -20,11 +20,10 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bools
-from jld_explore.drivers.exact.conflict_minimization import Conflict, Evidence
 from jld_explore.drivers.exact.cubes import EVERYTHING, Cube, split_cube
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
-from jld_explore.drivers.exact.proof_state import ProofState
+from jld_explore.drivers.exact.proof_state import Conflict, Evidence, ProofState
 from jld_explore.drivers.exact.worker_tasks import Task, TaskResult, WorkerSetup, run_task
 from jld_explore.evaluation.worker_pool import LOST, PoolWorker, WorkerPool
 from jld_explore.space import SearchSpace

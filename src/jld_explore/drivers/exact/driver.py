@@ -4,13 +4,13 @@ The driver asks a formula for labellings that no clause rules out. A mechanism t
 refutes every labelling that agrees where the mechanism needs it. This conflict is added to the formula
 (`exact.conflict_generation`). A labelling that no mechanism refutes is evaluated: it is better, or its own bracket
 proves that it is not. A formula without a model proves that no labelling exceeds its λ. The next formula is made for
-a lower λ (`exact.target_schedule`), down to the best λ known. Annealing searches for better labellings before the
+a lower λ (`exact.schedules`), down to the best λ known. Annealing searches for better labellings before the
 proof and at intervals during it.
 
 For small blocks the block relaxation bounds λ much closer than the relaxation face by face. Conflicts then first come
 from a branch and bound over blocks (`exact.block_search`). The formula afterwards decides whether a labelling is
 left. Where the block relaxation is cheap it bounds all labellings before the first step. Any other long proof solves
-it later for a bound and for refuted blocks (`exact.block_bound_tightening`).
+it later for a bound and for refuted blocks (`exact.block_bounds`).
 
 The proof relies on limit analyses with their brackets, on mechanisms whose work balance is computed here
 (`relaxation`, `block_relaxation`), and on a satisfiability solver. No tolerance of an optimiser enters the proof.
@@ -32,14 +32,13 @@ from jld_core.errors import ParameterError
 from jld_core.limit import load_scale
 from jld_explore.drivers.anneal import Anneal
 from jld_explore.drivers.base import Aim
-from jld_explore.drivers.exact.block_bound_tightening import BlockBoundTightening
+from jld_explore.drivers.exact.block_bounds import BlockBoundTightening
 from jld_explore.drivers.exact.block_search import BlockSearch, ByBlocks
 from jld_explore.drivers.exact.conflict_driver import ConflictDriver
-from jld_explore.drivers.exact.conflict_minimization import Evidence, conflict_of
-from jld_explore.drivers.exact.incumbents import AnnealingSchedule, Incumbents
-from jld_explore.drivers.exact.optimum import Best, claims_of, front, front_of_all
-from jld_explore.drivers.exact.target_schedule import TargetSchedule
-from jld_explore.drivers.exact.targets import Targets, front_count
+from jld_explore.drivers.exact.conflict_generation import conflict_of
+from jld_explore.drivers.exact.proof_state import Evidence
+from jld_explore.drivers.exact.schedules import AnnealingSchedule, TargetSchedule
+from jld_explore.drivers.exact.targets import Best, Incumbents, Targets, claims_of, front, front_count, front_of_all
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.evaluation import Evaluation
 from jld_explore.space import SearchSpace

@@ -24,11 +24,9 @@ from pysat.solvers import Solver
 
 from jld_core.arrays import Bits, Ints
 from jld_core.deadline import checkpoint
-from jld_explore.drivers.exact.assumption_literals import AssumptionLiterals
-from jld_explore.drivers.exact.conflict_minimization import Conflict
-from jld_explore.drivers.exact.inner_paths import InnerPaths
+from jld_explore.drivers.exact.formula_parts import AssumptionLiterals, InnerPaths, UnaryCounter
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
-from jld_explore.drivers.exact.unary_counter import UnaryCounter
+from jld_explore.drivers.exact.proof_state import Conflict
 from jld_explore.space import Count, SearchSpace, count_named
 from jld_explore.space.labelling import blocks_of, canonical
 from jld_explore.space.measures import Range

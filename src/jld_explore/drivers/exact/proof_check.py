@@ -17,10 +17,9 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.limit.case_relaxation import AnyRelaxation
-from jld_explore.drivers.exact.conflict_minimization import Conflict, Evidence
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
-from jld_explore.drivers.exact.proof_state import ProofState
+from jld_explore.drivers.exact.proof_state import Conflict, Evidence, ProofState
 from jld_explore.space import SearchSpace
 from jld_explore.space.measures import Range
 

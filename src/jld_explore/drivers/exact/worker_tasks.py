@@ -17,11 +17,10 @@ from jld_core.arrays import Bits, Bools
 from jld_core.limit.case_relaxation import relaxation_of
 from jld_core.threads import one_thread
 from jld_explore.drivers.exact.conflict_generation import ConflictGenerator
-from jld_explore.drivers.exact.conflict_minimization import Conflict
-from jld_explore.drivers.exact.conflicts import LeastBounds
 from jld_explore.drivers.exact.cubes import Cube
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
+from jld_explore.drivers.exact.proof_state import Conflict, LeastBounds
 from jld_explore.space import SearchSpace
 from jld_explore.space.measures import Range
 
