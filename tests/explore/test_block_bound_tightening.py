@@ -13,12 +13,11 @@ import pytest
 
 from cases import grid_document
 from jld_core.build import build_assembly
-from jld_core.limit import LimitAnalysis
 from jld_core.scene import Scene, parse_scene
 from jld_explore import ExploreSettings, explore
 from jld_explore.drivers.exact.block_bounds import BlockBoundTightening, TightenedBound
+from jld_explore.drivers.exact.context import ProofContext
 from jld_explore.drivers.exact.driver import Exact
-from jld_explore.drivers.exact.possible_blocks import possible_blocks
 from jld_explore.space import search_space
 
 WEAK: dict[str, Any] = {"tension": 2e3, "shear": 2e3, "block_cells": [1, 3]}
@@ -80,11 +79,12 @@ def test_a_long_program_is_solved_elsewhere_and_given_up_in_time(late: bool, mon
     monkeypatch.setattr("jld_explore.drivers.exact.block_bounds._DEADLINE_CHECK_SECONDS", 0.0)
     scene = scenes()["in space"]
     space = search_space(scene, build_assembly(scene))
-    analyses, blocks = [LimitAnalysis(space.assembly)], possible_blocks(space)
+    context = ProofContext.of(space, 0)
+    assert context is not None
     found = []
     for here in (10**9, 0):
         monkeypatch.setattr("jld_explore.drivers.exact.block_bounds._SIDES_HERE", here)
-        narrowing = BlockBoundTightening(analyses, space, blocks, many=True, wanted=True)
+        narrowing = BlockBoundTightening(context, wanted=True)
         answers = chain([False], repeat(here == 0 and late))
         found.append(narrowing.tighten(0.1, 1e3, math.inf, answers.__next__))
     if late:

@@ -24,6 +24,7 @@ from jld_core.build import build_assembly
 from jld_core.scene import Scene, parse_scene
 from jld_explore import ExploreSettings, Progress, explore
 from jld_explore.drivers.exact.certifying import certify
+from jld_explore.drivers.exact.context import ProofContext
 from jld_explore.drivers.exact.cube_workers import CubeWorkers
 from jld_explore.drivers.exact.cubes import EVERYTHING, split_cube
 from jld_explore.drivers.exact.driver import Exact
@@ -112,9 +113,8 @@ def test_two_threads_prove_the_same_and_hand_over_to_others(tmp_path: Path, monk
             monkeypatch.setattr("jld_explore.drivers.exact.conflict_sources.SOLO_RELAXATIONS", (60, 1))
         two, driver = prove(scene, tmp_path / f"{jobs}", replace(TWO, jobs=jobs), **how)
         assert driver._sources is not None
-        assert driver._relaxation is not None
         assert (driver._sources.solves > 0) is called
-        assert driver._relaxation.solves > 60  # by threads, before others were called
+        assert driver.context.relaxation.solves > 60  # by threads, before others were called
         assert two.summary.proven is True
         assert two.summary.best == pytest.approx(one.summary.best, rel=1e-6)
         assert two.summary.bound == pytest.approx(one.summary.bound, rel=2e-6)
@@ -176,7 +176,9 @@ def test_workers_are_at_work_once_one_has_answered(monkeypatch: pytest.MonkeyPat
     space = search_space(scene, build_assembly(scene))
     formula = Formula(space, None)
     formula.aim(0.0)
-    workers = CubeWorkers(space, None, space.candidates, 0, 2, ProofState(space))
+    context = ProofContext.of(space, 0, list_blocks=False)
+    assert context is not None
+    workers = CubeWorkers(context, 2, ProofState(space))
     for _ in range(2):
         workers.begin(formula, None, 0.0)
         workers.exchange()

@@ -31,6 +31,7 @@ from jld_core.limit import LimitAnalysis
 from jld_core.limit.block_relaxation import Asked, Choice, applies_to
 from jld_core.limit.case_relaxation import AnyBlockRelaxation, block_relaxation_of
 from jld_core.threads import one_thread
+from jld_explore.drivers.exact.context import ProofContext
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.drivers.exact.proof_state import Conflict, Evidence
 from jld_explore.evaluation.cluster import client_of_cluster
@@ -105,10 +106,8 @@ class BlockBoundPool:
 
     Parameters
     ----------
-    analyses : sequence of LimitAnalysis
-        Analyses of the load cases of the space, in their order.
-    space : SearchSpace
-        Space of planar segmentations.
+    context : ProofContext
+        What never changes during the proof.
     blocks : PossibleBlocks
         Possible blocks of the space.
 
@@ -118,9 +117,9 @@ class BlockBoundPool:
         Programs solved by the worker process.
     """
 
-    def __init__(self, analyses: Sequence[LimitAnalysis], space: SearchSpace, blocks: PossibleBlocks) -> None:
-        self._block_space = BlockSpace(space, blocks)
-        self._here = self._block_space.relaxation(analyses)
+    def __init__(self, context: ProofContext, blocks: PossibleBlocks) -> None:
+        self._block_space = BlockSpace(context.space, blocks)
+        self._here = self._block_space.relaxation(context.analyses)
         self._worker_allowed = False
         self._workers: WorkerPool | None = None
         self._worker: PoolWorker | None = None
@@ -263,14 +262,8 @@ class BlockBoundTightening:
 
     Parameters
     ----------
-    analyses : sequence of LimitAnalysis
-        Analyses of the load cases of the space, in their order.
-    space : SearchSpace
-        The search space.
-    blocks : PossibleBlocks or None
-        Possible blocks of the space; None where they are not listed.
-    many : bool
-        Whether the batch solver solves the relaxations face by face.
+    context : ProofContext
+        What never changes during the proof.
     wanted : bool
         Whether the block relaxation may be used at all.
 
@@ -280,20 +273,15 @@ class BlockBoundTightening:
         Number of programs solved.
     """
 
-    def __init__(
-        self,
-        analyses: Sequence[LimitAnalysis],
-        space: SearchSpace,
-        blocks: PossibleBlocks | None,
-        *,
-        many: bool,
-        wanted: bool,
-    ) -> None:
-        self._analyses, self._space, self._blocks = analyses, space, blocks
+    def __init__(self, context: ProofContext, *, wanted: bool) -> None:
+        self._context, self._blocks = context, context.blocks
+        blocks, space = context.blocks, context.space
         self._allowed: Bools = np.ones(0 if blocks is None else len(blocks), dtype=bool)
         self._sides = 0 if blocks is None else _sides_of(space, blocks)
-        usable = wanted and blocks is not None and 0 < self._sides <= _MOST_SIDES and all(map(applies_to, analyses))
-        self._next = _RELAXATIONS[not many] * self._sides if usable else math.inf
+        usable = (
+            wanted and blocks is not None and 0 < self._sides <= _MOST_SIDES and all(map(applies_to, context.analyses))
+        )
+        self._next = _RELAXATIONS[not context.relaxation.many] * self._sides if usable else math.inf
         self._least: float | None = None
         self.solves = 0
 
@@ -361,13 +349,12 @@ class BlockBoundTightening:
         self, remaining: Ints, ends: tuple[float, float], seconds: float, time_is_up: Callable[[], bool]
     ) -> Choice | None:
         """Solve the relaxation of some blocks (k,); return None if time runs out first."""
-        members = tuple(self._listed_blocks.members[p] for p in remaining.tolist())
-        block_space = BlockSpace(
-            self._space, PossibleBlocks(members, tuple(self._listed_blocks.inside[p] for p in remaining.tolist()))
-        )
+        listed, chosen = self._listed_blocks, remaining.tolist()
+        some = PossibleBlocks(tuple(listed.members[p] for p in chosen), tuple(listed.inside[p] for p in chosen))
+        block_space = BlockSpace(self._context.space, some)
         program = np.ones(len(remaining), dtype=bool), *ends
         if self._sides <= _SIDES_HERE:
-            relaxation = block_space.relaxation(self._analyses, seconds)
+            relaxation = block_space.relaxation(self._context.analyses, seconds)
             choice = relaxation.choose(*program)
             self.solves += relaxation.solves
             return choice
@@ -393,8 +380,8 @@ class BlockBoundTightening:
 
     def _conflict_of_block(self, p: int, least: float) -> Conflict:
         """Return the conflict that no labelling with block p exceeds the scaled λ `least`."""
-        faces, members = self._space.assembly.interfaces, self._listed_blocks.members[p]
-        touched = (np.isin(faces.a, members) | np.isin(faces.b, members)) & self._space.candidates
+        faces, members = self._context.space.assembly.interfaces, self._listed_blocks.members[p]
+        touched = (np.isin(faces.a, members) | np.isin(faces.b, members)) & self._context.space.candidates
         labels = np.ones(len(touched), dtype=bool)
         labels[list(self._listed_blocks.inside[p])] = False
         where = np.flatnonzero(touched)

@@ -8,7 +8,7 @@ accurate bounds of the block relaxation.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -17,13 +17,11 @@ import numpy as np
 from jld_core.arrays import Bits
 from jld_core.limit import LimitAnalysis
 from jld_core.limit.block_relaxation import applies_to
-from jld_core.limit.case_relaxation import AnyRelaxation
 from jld_explore.drivers.exact.block_bounds import BlockBoundPool
 from jld_explore.drivers.exact.block_tree import BlockTree, Node
+from jld_explore.drivers.exact.context import ProofContext
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.drivers.exact.proof_state import Conflict
-from jld_explore.space import SearchSpace
 
 ByBlocks = Literal["auto", "on", "off"]
 """Whether to search the tree: "on", "off", or "auto" where it promises to be faster."""
@@ -86,29 +84,14 @@ class BlockSearch:
 
     Parameters
     ----------
-    analyses : sequence of LimitAnalysis
-        Analyses of the load cases of the space, in their order.
-    space : SearchSpace
-        The search space.
-    blocks : PossibleBlocks or None
-        Possible blocks of the space; None where they are not listed.
-    relaxation : Relaxation or CaseRelaxation
-        Relaxation face by face, which checks single labellings.
+    context : ProofContext
+        What never changes during the proof.
     wanted : {"auto", "on", "off"}
         Whether to search the tree; "auto": where it promises more than conflicts of faces.
     """
 
-    def __init__(
-        self,
-        analyses: Sequence[LimitAnalysis],
-        space: SearchSpace,
-        blocks: PossibleBlocks | None,
-        relaxation: AnyRelaxation,
-        wanted: ByBlocks = "auto",
-    ) -> None:
-        self._wanted = wanted
-        self._analyses, self._space, self._relaxation = analyses, space, relaxation
-        self._blocks = blocks
+    def __init__(self, context: ProofContext, wanted: ByBlocks = "auto") -> None:
+        self._context, self._wanted = context, wanted
         self._bounds: BlockBoundPool | None = None
         self._jobs = 1
         self._tree: BlockTree | None = None
@@ -129,19 +112,19 @@ class BlockSearch:
         float
             Bound on the scaled λ of all labellings, at most `root`.
         """
-        blocks = self._blocks
+        blocks = self._context.blocks
         if self._wanted == "off" or blocks is None or not math.isfinite(root):
             return root
-        if not all(applies_to(analysis) for analysis in self._analyses):
+        if not all(applies_to(analysis) for analysis in self._context.analyses):
             return root
-        listed = _BLOCKS_PER_ELEMENT * len(self._space.assembly.elements.free)
+        listed = _BLOCKS_PER_ELEMENT * len(self._context.space.assembly.elements.free)
         if self._wanted == "auto" and len(blocks) > listed:
             return root
-        self._bounds = BlockBoundPool(self._analyses, self._space, blocks)
+        self._bounds = BlockBoundPool(self._context, blocks)
         self._bounds.set_workers(self._jobs)
-        tree = BlockTree(self._bounds, self._space, blocks, least, root)
-        narrow = self._relaxation.many and root - least <= _NARROW_GAP[self._bounds.many] * abs(root)
-        quick = all(map(_has_wedges, self._analyses))
+        tree = BlockTree(self._bounds, self._context.space, blocks, least, root)
+        narrow = self._context.relaxation.many and root - least <= _NARROW_GAP[self._bounds.many] * abs(root)
+        quick = all(map(_has_wedges, self._context.analyses))
         if self._wanted == "on" or (quick and not narrow and root - tree.root.bound >= _GAP_CLOSED * (root - least)):
             self._tree = tree
         return min(root, tree.root.bound)
@@ -228,7 +211,7 @@ class BlockSearch:
             return None
         self._offered.add(labels.tobytes())
         nothing = np.zeros(len(labels), dtype=bool)
-        return labels if self._relaxation.refute(labels, nothing, threshold) is None else None
+        return labels if self._context.relaxation.refute(labels, nothing, threshold) is None else None
 
 
 def _has_wedges(analysis: LimitAnalysis) -> bool:

@@ -6,31 +6,25 @@ import math
 import time
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import Field
 
 from jld_core.arrays import Bits, Floats
-from jld_core.deadline import Deadline, DeadlinePassed, time_left
-from jld_core.limit import LimitAnalysis
-from jld_core.limit.case_relaxation import AnyRelaxation, relaxation_of
+from jld_core.deadline import Deadline
 from jld_explore.drivers.base import Aim, Driver, DriverOptions
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact.conflict_sources import ConflictSources
+from jld_explore.drivers.exact.context import ProofContext
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.drivers.exact.possible_blocks import PossibleBlocks, possible_blocks
 from jld_explore.drivers.exact.proof_check import Claim, ProofCheck, check_proof
-from jld_explore.drivers.exact.proof_state import Conflict, Evidence, Mechanism, ProofState, key_of
+from jld_explore.drivers.exact.proof_state import Conflict, Evidence, Mechanism, ProofState
 from jld_explore.evaluation import Evaluation, Records
 from jld_explore.space import Count, SearchSpace
 
 if TYPE_CHECKING:
     import pandas as pd
-
-
-_LISTING_SHARE: Final = 0.3
-"""Largest share of the time left for listing the possible blocks; the formula works without the list."""
 
 
 class ExactOptions(DriverOptions):
@@ -80,21 +74,12 @@ class ConflictDriver(Driver):
         solo_relaxations: int | None = None,
     ) -> None:
         super().__init__(space, seed)
-        self._analyses = [LimitAnalysis(case) for case in space.assembly.by_case]
-        self._blocks = _list_blocks(space) if list_blocks else None
-        counts = [count for count, _ in space.limits.on_counts] + ([] if counted is None else [counted])
-        terms = [count.terms(space.assembly) if count.terms else None for count in counts]
-        listed = all(one is not None and not (one.blocks and self._blocks is None) for one in terms)
-        self._relaxation = relaxation_of(space.assembly, self._analyses) if listed else None
-        self._enumeration = Enumeration(space) if self._relaxation is None else None
-        self._scale = 1.0 if self._relaxation is None else self._relaxation.unit
-        self._free = space.candidates.copy()
-        if self._blocks is not None:
-            joined = {face for inside in self._blocks.inside for face in inside}
-            self._free &= np.isin(np.arange(len(self._free)), list(joined))
+        self._context = ProofContext.of(space, seed, counted, list_blocks=list_blocks)
+        self._enumeration = Enumeration(space) if self._context is None else None
+        self._scale = 1.0 if self._context is None else self._context.relaxation.unit
         self._state = ProofState(space)
         self._formula: Formula | None = None
-        self._said = 0, 0
+        self._conflicts_in_formula = self._handed_over_in_formula = 0
         self._solo_relaxations, self._jobs = solo_relaxations, 1
         self._sources = self._new_sources()
         self._waiting = self._no_labellings
@@ -110,19 +95,17 @@ class ConflictDriver(Driver):
         return self._enumeration is not None
 
     def _new_sources(self) -> ConflictSources | None:
-        """Return new conflict sources, or None where the space has no relaxation."""
-        if self._relaxation is None:
+        """Return new conflict sources, or None for an enumerated space."""
+        if self._context is None:
             return None
-        return ConflictSources(
-            self._relaxation, self.space, self._blocks, self._free, self.seed, self._state, self._solo_relaxations
-        )
+        return ConflictSources(self._context, self._state, self._solo_relaxations)
 
     @property
-    def relaxation(self) -> AnyRelaxation:
-        """Relaxation that refutes labellings; raises RuntimeError for an enumerated space."""
-        if self._relaxation is None:
-            raise RuntimeError("an enumerated space has no relaxation")
-        return self._relaxation
+    def context(self) -> ProofContext:
+        """What never changes during the proof; raises RuntimeError for an enumerated space."""
+        if self._context is None:
+            raise RuntimeError("an enumerated space has no proof by conflicts")
+        return self._context
 
     @property
     def sources(self) -> ConflictSources:
@@ -156,7 +139,8 @@ class ConflictDriver(Driver):
     @property
     def relaxations(self) -> int:
         """Number of relaxations solved in all threads and processes."""
-        return sum(part.solves for part in (self._relaxation, self._sources) if part is not None)
+        here = 0 if self._context is None else self._context.relaxation.solves
+        return here + (0 if self._sources is None else self._sources.solves)
 
     def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
         """Return the cost of the proof and the result of its check; see `Driver.facts`."""
@@ -184,7 +168,7 @@ class ConflictDriver(Driver):
         if self._sources is not None:
             self._sources.close()
         self._state.clear()
-        self._formula, self._said = None, (0, 0)
+        self._formula, self._conflicts_in_formula, self._handed_over_in_formula = None, 0, 0
         self._waiting = self._no_labellings
         self._sources = self._new_sources()
         if self._sources is not None:
@@ -213,9 +197,8 @@ class ConflictDriver(Driver):
         self._deadline = Deadline() if deadline is None else deadline.earlier(0.3)
         self._heartbeat = heartbeat
         self._started_at = time.perf_counter()
-        if records is not None and self._enumeration is None:
-            templates = [analysis.template for analysis in self._analyses]
-            self._state.conflicts.keep(records, key_of(templates, self.space, self._blocks))
+        if records is not None and self._context is not None:
+            self._state.conflicts.keep(records, self._context.key)
 
     def restore(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         """Take over the evaluations of labellings (k, m) from a resumed study."""
@@ -268,17 +251,17 @@ class ConflictDriver(Driver):
     def _exclude_handed_over(self) -> None:
         """Exclude from the formula the labellings handed over since the last call."""
         if self._formula is not None:
-            passed = self._state.handed_over_since(self._said[1])
-            self._formula.learn((), passed)
-            self._said = self._said[0], self._said[1] + len(passed)
+            new = self._state.handed_over_since(self._handed_over_in_formula)
+            self._formula.learn((), new)
+            self._handed_over_in_formula += len(new)
 
     def _updated_formula(self) -> Formula:
         """Return the formula with all conflicts and handed-over labellings added."""
         if self._formula is None:
-            self._formula = Formula(self.space, self._blocks)
-        new = self._state.conflicts[self._said[0] :]
+            self._formula = Formula(self.space, self.context.blocks)
+        new = self._state.conflicts[self._conflicts_in_formula :]
         self._formula.learn(new)
-        self._said = self._said[0] + len(new), self._said[1]
+        self._conflicts_in_formula += len(new)
         self._exclude_handed_over()
         return self._formula
 
@@ -295,9 +278,7 @@ class ConflictDriver(Driver):
 
     def _bound_at_root(self) -> float:
         """Return a bound on all labellings from one relaxation, scene units; inf if there is none."""
-        # candidates outside every possible block are dry whatever the label of the scene
-        labels = self.space.fixed | (self.space.candidates & ~self._free)
-        found = self.relaxation.least_bound(labels, self._free)
+        found = self.context.relaxation.least_bound(self.context.labels, self.context.free)
         if found is None:
             return math.inf
         self._bound_all(found.bound, Evidence.MECHANISM, Mechanism(found.case, found.velocity))
@@ -317,14 +298,4 @@ class ConflictDriver(Driver):
         """
         seconds = time.perf_counter() - self._started_at
         scaled = evaluated[0], evaluated[1] / self._scale
-        proof = self.relaxation, self.space, self._blocks, self._free, self._state
-        return check_proof(*proof, claims, scaled, problem, seconds)
-
-
-def _list_blocks(space: SearchSpace) -> PossibleBlocks | None:
-    """List the possible blocks of a space; None also if that takes too large a share of the time left."""
-    try:
-        with Deadline(_LISTING_SHARE * time_left()).enforced():
-            return possible_blocks(space)
-    except DeadlinePassed:
-        return None
+        return check_proof(self.context, self._state, claims, scaled, problem, seconds)

@@ -30,6 +30,7 @@ from jld_core.batch import ConflictRequest
 from jld_core.batch.conflict_request import MinimizationOptions
 from jld_core.limit.case_relaxation import AnyRelaxation
 from jld_core.limit.dual_bounds import DualBound, MinimizedConflict
+from jld_explore.drivers.exact.context import SEED_STEP, ProofContext
 from jld_explore.drivers.exact.cubes import EVERYTHING, Cube
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.proof_state import Conflict, Mechanism
@@ -224,18 +225,16 @@ class ConflictGenerator:
 
     Parameters
     ----------
-    relaxation : Relaxation or CaseRelaxation
-        Relaxation that refutes labellings.
-    free : (m,) bool array
-        Faces that may take either label.
-    seed : int
-        Seed of the preferred labels.
+    context : ProofContext
+        What never changes during the proof.
+    number : int
+        Number of the generator in this process; each has its own preferred labels.
     """
 
-    def __init__(self, relaxation: AnyRelaxation, free: Bools, seed: int) -> None:
-        self._relaxation, self._free = relaxation, free
-        self._rng = np.random.default_rng([seed, 2])
-        self._batched = relaxation.many
+    def __init__(self, context: ProofContext, number: int = 0) -> None:
+        self._relaxation, self._free = context.relaxation, context.free
+        self._rng = np.random.default_rng([context.seed + SEED_STEP * number, 2])
+        self._batched = context.relaxation.many
         self._formula: Formula | None = None
         self._conflict_keys: set[tuple[bytes, bytes]] = set()
         self._take_in_others: Callable[[], None] = _nothing

@@ -21,16 +21,13 @@ from functools import partial
 from threading import Condition
 from typing import Final
 
-from jld_core.arrays import Bools
-from jld_core.limit.case_relaxation import AnyRelaxation
 from jld_core.threads import one_thread
 from jld_explore.drivers.exact.conflict_generation import ConflictBatch, ConflictGenerator
+from jld_explore.drivers.exact.context import ProofContext
 from jld_explore.drivers.exact.cube_workers import CubeWorkers
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.evaluation.cluster import client_of_cluster
-from jld_explore.space import SearchSpace
 from jld_explore.space.measures import Range
 
 _WAIT_SECONDS: Final = 0.1
@@ -69,10 +66,10 @@ class _GeneratorThread:
         self._formula: Formula | None = None
         self._conflicts_seen = self._handed_over_seen = 0
 
-    def step(self, target: _Target, space: SearchSpace, blocks: PossibleBlocks | None) -> ConflictBatch:
+    def step(self, target: _Target, context: ProofContext) -> ConflictBatch:
         """Draw labellings for a target and return their conflicts."""
         if self._formula is None:
-            self._formula = Formula(space, blocks)
+            self._formula = Formula(context.space, context.blocks)
         if target is not self._target:
             self._target = target
             self._formula.aim(target.threshold, target.count)
@@ -98,36 +95,17 @@ class ThreadedGenerator:
 
     Parameters
     ----------
-    relaxation : Relaxation or CaseRelaxation
-        Relaxation of the space, solved by the batch solver.
-    space : SearchSpace
-        The search space.
-    blocks : PossibleBlocks or None
-        Possible blocks, where they are listed.
-    free : (m,) bool array
-        Faces that may take either label.
-    seed : int
-        Seed of the preferred labels.
+    context : ProofContext
+        What never changes during the proof; the batch solver solves its relaxation.
     threads : int
         Number of threads.
     state : ProofState
         State of the proof; other sources of conflicts may add to the same state.
     """
 
-    def __init__(
-        self,
-        relaxation: AnyRelaxation,
-        space: SearchSpace,
-        blocks: PossibleBlocks | None,
-        free: Bools,
-        seed: int,
-        threads: int,
-        state: ProofState,
-    ) -> None:
-        self._formula_arguments = space, blocks
-        self._state = state
-        generators = [ConflictGenerator(relaxation, free, seed + 1000 * number) for number in range(threads)]
-        self._threads = [_GeneratorThread(generator, state) for generator in generators]
+    def __init__(self, context: ProofContext, threads: int, state: ProofState) -> None:
+        self._context, self._state = context, state
+        self._threads = [_GeneratorThread(ConflictGenerator(context, number), state) for number in range(threads)]
         self._pool = ThreadPoolExecutor(threads)
         self._idle_threads = set(range(threads))
         self._target: _Target | None = None
@@ -186,7 +164,7 @@ class ThreadedGenerator:
                 self._idle_threads.add(number)
                 return
         try:
-            batch = thread.step(target, *self._formula_arguments)
+            batch = thread.step(target, self._context)
             delay_point("before handing over")
             self._hand_over(target, batch)
         except BaseException as error:  # the main thread raises the error
@@ -230,16 +208,8 @@ class ConflictSources:
 
     Parameters
     ----------
-    relaxation : Relaxation or CaseRelaxation
-        Relaxation of the space.
-    space : SearchSpace
-        The search space.
-    blocks : PossibleBlocks or None
-        Possible blocks, where they are listed.
-    free : (m,) bool array
-        Faces that may take either label.
-    seed : int
-        Seed of the preferred labels.
+    context : ProofContext
+        What never changes during the proof.
     state : ProofState
         State of the proof, to which all results are added.
     solo_relaxations : int or None
@@ -254,18 +224,9 @@ class ConflictSources:
         The worker processes, None until they start.
     """
 
-    def __init__(
-        self,
-        relaxation: AnyRelaxation,
-        space: SearchSpace,
-        blocks: PossibleBlocks | None,
-        free: Bools,
-        seed: int,
-        state: ProofState,
-        solo_relaxations: int | None = None,
-    ) -> None:
-        self._generator = ConflictGenerator(relaxation, free, seed)
-        self._relaxation, self._space, self._blocks, self._free, self._seed = relaxation, space, blocks, free, seed
+    def __init__(self, context: ProofContext, state: ProofState, solo_relaxations: int | None = None) -> None:
+        self._generator = ConflictGenerator(context)
+        self._context = context
         self._state = state
         self._solo_relaxations = solo_relaxations
         self._jobs, self._workers_allowed, self._on_cluster = 1, False, False
@@ -279,9 +240,8 @@ class ConflictSources:
         """Set the number of worker processes; a connected cluster contributes all its workers."""
         self._jobs, self._on_cluster = jobs, client_of_cluster() is not None
         self._workers_allowed = jobs > 1 or self._on_cluster
-        if jobs > 1 and self._threads is None and self._relaxation.many:
-            recipe = self._relaxation, self._space, self._blocks, self._free, self._seed
-            self._threads = ThreadedGenerator(*recipe, min(jobs, _THREADS), self._state)
+        if jobs > 1 and self._threads is None and self._context.relaxation.many:
+            self._threads = ThreadedGenerator(self._context, min(jobs, _THREADS), self._state)
 
     @property
     def formula(self) -> Formula:
@@ -330,7 +290,7 @@ class ConflictSources:
         formula = self.formula
         if self.cube_workers is None and self._workers_allowed and self._workers_due():
             formula.learn(self._state.conflicts)  # threads add conflicts to formulas of their own only
-            self.cube_workers = CubeWorkers(self._space, self._blocks, self._free, self._seed, self._jobs, self._state)
+            self.cube_workers = CubeWorkers(self._context, self._jobs, self._state)
             self.cube_workers.begin(formula, self._count, threshold)
         if self.cube_workers is None:
             return self._generate_here(threshold)
@@ -370,9 +330,9 @@ class ConflictSources:
     def _workers_due(self) -> bool:
         """Return True if worker processes should start now."""
         if self._solo_relaxations is not None:
-            return self._relaxation.solves >= self._solo_relaxations
-        others = self._on_cluster or self._jobs > _THREADS or not self._relaxation.many
-        return others and self._relaxation.solves >= SOLO_RELAXATIONS[not self._relaxation.many]
+            return self._context.relaxation.solves >= self._solo_relaxations
+        others = self._on_cluster or self._jobs > _THREADS or not self._context.relaxation.many
+        return others and self._context.relaxation.solves >= SOLO_RELAXATIONS[not self._context.relaxation.many]
 
     def close(self) -> None:
         """Stop threads and workers, and keep the results that arrive within `_CLOSING_SECONDS` seconds."""

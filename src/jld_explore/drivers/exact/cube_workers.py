@@ -19,14 +19,12 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.arrays import Bools
+from jld_explore.drivers.exact.context import SEED_STEP, ProofContext
 from jld_explore.drivers.exact.cubes import EVERYTHING, Cube, split_cube
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.drivers.exact.proof_state import Conflict, Evidence, ProofState
-from jld_explore.drivers.exact.worker_tasks import Task, TaskResult, WorkerSetup, run_task
+from jld_explore.drivers.exact.worker_tasks import Task, TaskResult, run_task
 from jld_explore.evaluation.worker_pool import LOST, PoolWorker, WorkerPool
-from jld_explore.space import SearchSpace
 from jld_explore.space.measures import Range
 
 TASK_SECONDS: Final = 0.3
@@ -84,14 +82,8 @@ class CubeWorkers:
 
     Parameters
     ----------
-    space : SearchSpace
-        The search space.
-    blocks : PossibleBlocks or None
-        Possible blocks, where they are listed.
-    free : (m,) bool array
-        Faces that may take either label.
-    seed : int
-        Seed of the preferred labels.
+    context : ProofContext
+        What never changes during the proof.
     jobs : int
         Number of processes; a connected cluster contributes all its workers instead.
     state : ProofState
@@ -105,23 +97,14 @@ class CubeWorkers:
         Processor time of each task, s.
     """
 
-    def __init__(
-        self,
-        space: SearchSpace,
-        blocks: PossibleBlocks | None,
-        free: Bools,
-        seed: int,
-        jobs: int,
-        state: ProofState,
-    ) -> None:
-        self._setup = space, blocks, free
-        self._seed, self._setups_sent = seed, 0
+    def __init__(self, context: ProofContext, jobs: int, state: ProofState) -> None:
+        self._context, self._contexts_sent = context, 0
         self._state = state
         self._pool = WorkerPool(jobs)
         self._worker_states: dict[str, _WorkerState] = {}
         self._assigned: dict[Future[TaskResult], _AssignedCube] = {}
         self._cubes: deque[tuple[Cube, int]] = deque()
-        self._face_scores = np.zeros(len(space.fixed))
+        self._face_scores = np.zeros(len(context.space.fixed))
         self._score_increment = 1.0
         self._has_new_results = False
         self._formula: Formula | None = None
@@ -226,16 +209,16 @@ class CubeWorkers:
     def _assign(self, worker: PoolWorker, cube: Cube, tasks_done: int) -> None:
         """Send a cube to a worker, with the conflicts and labellings that the worker lacks."""
         worker_state = self._worker_states.setdefault(worker.name, _WorkerState())
-        setup = None
+        content = None
         if worker_state.tasks == 0:
-            self._setups_sent += 1
-            setup = WorkerSetup(*self._setup, seed=self._seed + 1000 * self._setups_sent).packed()
+            self._contexts_sent += 1
+            content = self._context.packed(self._context.seed + SEED_STEP * self._contexts_sent)
         new_conflicts = self._state.conflicts[worker_state.conflicts :]
         handed_over = self._state.handed_over_since(worker_state.handed_over)
         task = Task(
             worker=worker.name,
             number=worker_state.tasks,
-            setup=setup,
+            context=content,
             new_conflicts=tuple(replace(one, mechanism=None) for one in new_conflicts),
             handed_over=np.array(handed_over, dtype=bool).reshape(len(handed_over), len(self._face_scores)),
             target=self._target,
@@ -305,7 +288,7 @@ class CubeWorkers:
         faces, labels = np.array(one.cube.faces, dtype=np.int64), np.array(one.cube.labels, dtype=bool)
         if one.target == self._target and self._formula is not None:
             self._formula.set_aside(faces, labels)
-        group = self._setup[0].group
+        group = self._context.space.group
         handed_over = self._state.handed_over
         if one.count is None and not any(one.cube.holds(image) for row in handed_over for image in row[group]):
             self._state.add_conflicts([Conflict(faces, labels, one.threshold, Evidence.CUBE)])

@@ -118,14 +118,13 @@ class Exact(ConflictDriver):
         self._load_scale = load_scale(space.assembly)
         self._block_search: BlockSearch | None = None
         self._tightening: BlockBoundTightening | None = None
-        if self._relaxation is not None:
-            self._block_search = BlockSearch(self._analyses, space, self._blocks, self._relaxation, by_blocks)
-            many, wanted = self._relaxation.many, by_blocks != "off"
-            self._tightening = BlockBoundTightening(self._analyses, space, self._blocks, many=many, wanted=wanted)
+        if self._context is not None:
+            self._block_search = BlockSearch(self._context, by_blocks)
+            self._tightening = BlockBoundTightening(self._context, wanted=by_blocks != "off")
         self._heuristic = Genetic(space, seed, aim=aim) if aim == "front" else Anneal(space, seed)
         self._labellings_to_anneal = search * int(space.candidates.sum())
         self._incumbents = Incumbents(space, self._count)
-        batched = self._relaxation is not None and self._relaxation.many
+        batched = self._context is not None and self._context.relaxation.many
         self._conflicts_per_step = step_after or _CONFLICTS_PER_STEP[not batched]
         self._target_schedule = TargetSchedule(self._conflicts_per_step)
         self._annealing_schedule = AnnealingSchedule(batched=batched, disabled=search == 0)
@@ -363,7 +362,7 @@ class Exact(ConflictDriver):
         if step.complete is not None and formula.next(np.arange(len(step.complete)), step.complete) is None:
             return self._no_labellings  # the tree ignores limits on counts and assembly sequences
         if step.complete is not None:
-            refuting = conflict_of(self.relaxation, step.complete, self._free, threshold / self._scale)
+            refuting = conflict_of(self.context.relaxation, step.complete, self.context.free, threshold / self._scale)
             if refuting is None:
                 self._hand_over(step.complete)
                 return self._labellings_to_evaluate()

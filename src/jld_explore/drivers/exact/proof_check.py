@@ -16,7 +16,7 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats
-from jld_core.limit.case_relaxation import AnyRelaxation
+from jld_explore.drivers.exact.context import ProofContext
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.drivers.exact.proof_state import Conflict, Evidence, ProofState
@@ -100,10 +100,7 @@ class ProofCheck:
 
 
 def check_proof(
-    relaxation: AnyRelaxation,
-    space: SearchSpace,
-    blocks: PossibleBlocks | None,
-    free: Bools,
+    context: ProofContext,
     state: ProofState,
     claims: Sequence[Claim],
     evaluated: tuple[Bits, Floats],
@@ -114,14 +111,8 @@ def check_proof(
 
     Parameters
     ----------
-    relaxation : Relaxation or CaseRelaxation
-        Evaluates mechanisms.
-    space : SearchSpace
-        The search space of the claims.
-    blocks : PossibleBlocks or None
-        Possible blocks, where they are listed.
-    free : (m,) bool array
-        Faces that may take either label in some labelling.
+    context : ProofContext
+        Space, possible blocks, free faces and relaxation of the proof.
     state : ProofState
         Conflicts and handed-over labellings.
     claims : sequence of Claim
@@ -143,12 +134,12 @@ def check_proof(
         return ProofCheck(problem, time.perf_counter() - start)
     highest = max((_with_scaling_error(claim.threshold) for claim in claims), default=-math.inf)
     used = [one for one in state.conflicts if not one.from_cube and one.bound <= highest]
-    conflict_check = _ConflictCheck(relaxation, space, free)
+    conflict_check = _ConflictCheck(context)
     problem = (
         conflict_check.weigh(used)
         or conflict_check.refute_again(used, start + max(_REFUTATION_SECONDS, _REFUTATION_SHARE * seconds))
-        or _find_contradiction(used, space, *evaluated)
-        or _find_open_labelling(space, blocks, used, state, claims)
+        or _find_contradiction(used, context.space, *evaluated)
+        or _find_open_labelling(context.space, context.blocks, used, state, claims)
     )
     return ProofCheck(problem, time.perf_counter() - start, len(used), conflict_check.done)
 
@@ -156,10 +147,8 @@ def check_proof(
 class _ConflictCheck:
     """Repeated evaluation of conflicts; `done` counts those that were evaluated again."""
 
-    def __init__(self, relaxation: AnyRelaxation, space: SearchSpace, free: Bools) -> None:
-        self._relaxation, self._free = relaxation, free
-        # candidates outside every possible block are dry
-        self._labels = space.fixed | (space.candidates & ~free)
+    def __init__(self, context: ProofContext) -> None:
+        self._relaxation, self._free, self._labels = context.relaxation, context.free, context.labels
         self.done = 0
 
     def weigh(self, conflicts: Sequence[Conflict]) -> str:

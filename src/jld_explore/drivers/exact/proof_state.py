@@ -8,9 +8,8 @@ knows that it lacks one. `Conflicts` is the one store of conflicts: in memory, s
 
 from __future__ import annotations
 
-import hashlib
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from threading import Lock
@@ -19,8 +18,6 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bits, Floats, Ints
-from jld_core.program import Template
-from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.evaluation import Records
 from jld_explore.space import SearchSpace
 from jld_explore.space.labelling import canonical
@@ -100,25 +97,6 @@ _MOST_BYTES: Final = 500_000_000
 
 Later conflicts are stored without their mechanism, and are proven again when the proof is checked.
 """
-
-
-def key_of(templates: Sequence[Template], space: SearchSpace, blocks: PossibleBlocks | None) -> str:
-    """Return a hash of all data that conflicts depend on.
-
-    The hash covers the numbers of the programs, the free faces, the symmetry group and the possible blocks.
-    """
-    parts = [
-        space.candidates.tobytes(),
-        space.fixed.tobytes(),
-        space.group.tobytes(),
-        space.assembly.required.tobytes(),
-    ]
-    for template in templates:
-        pattern = template.yield_set.pattern
-        numbers = (template.matrix.data, template.dead, template.live, pattern.dry, pattern.inner)
-        parts += [part.tobytes() for part in (*numbers, pattern.h_dry, pattern.h_inner)]
-    names = repr(None if blocks is None else blocks.members).encode()
-    return hashlib.sha256(b"".join([*parts, names])).hexdigest()
 
 
 class LeastBounds:

@@ -5,23 +5,18 @@ Between two tasks a worker keeps its formula, its generator and all conflicts, s
 
 from __future__ import annotations
 
-import pickle
 import time
 from collections import OrderedDict
 from dataclasses import dataclass, field
 from typing import Final
 
-import cloudpickle
-
-from jld_core.arrays import Bits, Bools
-from jld_core.limit.case_relaxation import relaxation_of
+from jld_core.arrays import Bits
 from jld_core.threads import one_thread
 from jld_explore.drivers.exact.conflict_generation import ConflictGenerator
+from jld_explore.drivers.exact.context import ProofContext
 from jld_explore.drivers.exact.cubes import Cube
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.drivers.exact.proof_state import Conflict, LeastBounds
-from jld_explore.space import SearchSpace
 from jld_explore.space.measures import Range
 
 _MOST_PROOFS: Final = 4
@@ -29,33 +24,6 @@ _MOST_PROOFS: Final = 4
 
 A worker of a cluster may serve several proofs, one after the other.
 """
-
-
-@dataclass(frozen=True)
-class WorkerSetup:
-    """Data that a worker needs before its first task of a proof.
-
-    Attributes
-    ----------
-    space : SearchSpace
-        The search space.
-    blocks : PossibleBlocks or None
-        Possible blocks, where they are listed.
-    free : (m,) bool array
-        Faces that may take either label.
-    seed : int
-        Seed of the preferred labels of this worker.
-    """
-
-    space: SearchSpace
-    blocks: PossibleBlocks | None
-    free: Bools
-    seed: int
-
-    def packed(self) -> bytes:
-        """Return the setup pickled by cloudpickle; limits hold lambdas, which pickle refuses."""
-        content: bytes = cloudpickle.dumps(self)
-        return content
 
 
 @dataclass(frozen=True)
@@ -68,8 +36,8 @@ class Task:
         Name of the worker.
     number : int
         Number of tasks that the worker received before.
-    setup : bytes or None
-        Packed `WorkerSetup`, with the first task only.
+    context : bytes or None
+        Packed `ProofContext`, with the first task only.
     new_conflicts : tuple of Conflict
         Conflicts since the last task.
     handed_over : (k, m) bool array
@@ -88,7 +56,7 @@ class Task:
 
     worker: str
     number: int
-    setup: bytes | None
+    context: bytes | None
     new_conflicts: tuple[Conflict, ...]
     handed_over: Bits
     target: int
@@ -129,13 +97,9 @@ class TaskResult:
 class _WorkerProof:
     """State that a worker keeps of one proof between tasks."""
 
-    def __init__(self, setup: WorkerSetup) -> None:
-        self._space, self._blocks = setup.space, setup.blocks
-        relaxation = relaxation_of(setup.space.assembly)
-        if relaxation is None:
-            raise RuntimeError("a proof by conflicts needs a relaxation, and the assembly has none")
-        self._relaxation = relaxation
-        self._generator = ConflictGenerator(relaxation, setup.free, setup.seed)
+    def __init__(self, context: ProofContext) -> None:
+        self._context = context
+        self._generator = ConflictGenerator(context)
         self._formula: Formula | None = None
         self._bounds = LeastBounds()
         self._target = -1
@@ -145,7 +109,7 @@ class _WorkerProof:
         """Carry out a task and return its result."""
         self.number += 1
         began = time.process_time()
-        solved = self._relaxation.solves
+        solved = self._context.relaxation.solves
         end = time.perf_counter() + task.seconds
         self._learn(task)
         result = TaskResult()
@@ -156,14 +120,14 @@ class _WorkerProof:
             result.closed = batch.exhausted
             if time.perf_counter() >= end:
                 break
-        result.solves = self._relaxation.solves - solved
+        result.solves = self._context.relaxation.solves - solved
         result.seconds = time.process_time() - began
         return result
 
     def _learn(self, task: Task) -> None:
         """Add new conflicts and labellings to the formula, and aim it at the target of the task."""
         if self._formula is None:
-            self._formula = Formula(self._space, self._blocks)
+            self._formula = Formula(self._context.space, self._context.blocks)
         self._formula.learn([one for one in task.new_conflicts if self._bounds.lowered(one)], task.handed_over)
         if task.target != self._target:
             self._target = task.target
@@ -177,8 +141,8 @@ _proofs: OrderedDict[str, _WorkerProof] = OrderedDict()
 @one_thread()
 def run_task(task: Task) -> TaskResult:
     """Carry out a task in this worker process."""
-    if task.setup is not None:
-        _proofs[task.worker] = _WorkerProof(pickle.loads(task.setup))
+    if task.context is not None:
+        _proofs[task.worker] = _WorkerProof(ProofContext.unpacked(task.context))
         while len(_proofs) > _MOST_PROOFS:
             _proofs.popitem(last=False)
     proof = _proofs.get(task.worker)
