@@ -253,7 +253,7 @@ class Enumeration(Driver):
         return sum(int(self.space.can_be_laid(rows).sum()) for rows in found)
 
     def _walk(self) -> Iterator[Bits | None]:
-        """Yield, depth first, the labellings (k, m) of complete frontiers and None for others."""
+        """Examine frontiers depth first; yield the labellings (k, m) of a complete one, None otherwise."""
         start = np.ascontiguousarray(self._start[:, None])
         name = np.uint8 if len(start) <= 256 else np.uint16 if len(start) <= 65536 else np.uint32
         tall = 0 if self.search.segmentation else len(self._faces)

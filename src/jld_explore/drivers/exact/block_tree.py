@@ -25,7 +25,7 @@ import numpy as np
 from jld_core.arrays import Bits, Bools, Ints
 from jld_core.limit.block_relaxation import Asked, Choice
 from jld_explore.drivers.exact.block_bounds import BlockBoundPool
-from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
+from jld_explore.drivers.exact.possible_blocks import BlockTables, PossibleBlocks
 from jld_explore.drivers.exact.proof_state import Conflict, Evidence
 from jld_explore.space import SearchSpace
 
@@ -160,7 +160,7 @@ class BlockTree:
         most: float,
     ) -> None:
         self._relaxation, self._space, self._blocks = relaxation, space, blocks
-        self._tabulate(space, blocks)
+        self._tables = BlockTables(space, blocks)
         every = np.ones(len(blocks), dtype=bool)
         nothing = np.empty(0, dtype=np.int64)
         self.root = relaxation.choose(every, threshold, most)
@@ -168,27 +168,6 @@ class BlockTree:
         self._solved_ahead: dict[int, Branches] = {}
         self._count = 0
         self._next: Node | None = Node(nothing, nothing.astype(bool), every, self.root)
-
-    def _tabulate(self, space: SearchSpace, blocks: PossibleBlocks) -> None:
-        """Tabulate which blocks cover an element, contain a face or only touch one.
-
-        The tables are (n, p) for the free elements and (c, p) for the c candidate faces that some block contains.
-        Another table (p, p) holds which blocks overlap.
-        """
-        free, a, b = space.assembly.elements.free, space.assembly.interfaces.a, space.assembly.interfaces.b
-        covers = np.zeros((len(space.assembly.elements), len(blocks)), dtype=bool)
-        inside_chosen = np.zeros((len(a), len(blocks)), dtype=bool)
-        for p, (members, inside) in enumerate(zip(blocks.members, blocks.inside, strict=True)):
-            covers[list(members), p] = True
-            inside_chosen[list(inside), p] = True
-        self._covering = covers[free]
-        self._faces = np.flatnonzero(space.candidates & inside_chosen.any(axis=1))
-        self._inside = inside_chosen[self._faces]
-        self._beside = covers[a[self._faces]]
-        self._separated_by = (self._beside | covers[b[self._faces]]) & ~self._inside
-        overlap = self._covering.T.astype(np.int64) @ self._covering.astype(np.int64) > 0
-        np.fill_diagonal(overlap, False)
-        self._overlaps = overlap
 
     @property
     def bound(self) -> float:
@@ -224,10 +203,10 @@ class BlockTree:
         refuted = Conflict(node.faces, node.labels, threshold, Evidence.BLOCKS)
         if node.choice.bound <= threshold:
             return TreeStep(node, (refuted,))
-        allowed = self._propagated(node.allowed & ~node.choice.useless)
+        allowed = self._tables.propagated(node.allowed & ~node.choice.useless)
         if allowed is None:
             return TreeStep(node, (refuted,))
-        undecided = self._undecided(allowed)
+        undecided = self._tables.undecided(allowed)
         if not undecided.size:
             return TreeStep(node, (), self._blocks.labelling(self._space, np.flatnonzero(allowed)))
         branching = Branching(node, allowed, threshold, possible, time_is_up)
@@ -255,10 +234,12 @@ class BlockTree:
         Blocks with a share above 0.5 give the labels; labels that the node decides are kept.
         """
         chosen = np.flatnonzero(node.allowed & (node.choice.share > 0.5))
-        inside_chosen = self._inside[:, chosen].any(axis=1)
-        cut = self._separated_by[:, chosen].any(axis=1) & ~inside_chosen
-        known = np.isin(self._faces, node.faces)
-        faces = np.concatenate([node.faces, self._faces[inside_chosen & ~known], self._faces[cut & ~known]])
+        inside_chosen = self._tables.inside[:, chosen].any(axis=1)
+        cut = self._tables.separated_by[:, chosen].any(axis=1) & ~inside_chosen
+        known = np.isin(self._tables.faces, node.faces)
+        faces = np.concatenate(
+            [node.faces, self._tables.faces[inside_chosen & ~known], self._tables.faces[cut & ~known]]
+        )
         counts = int((inside_chosen & ~known).sum()), int((cut & ~known).sum())
         return faces, np.concatenate([node.labels, np.zeros(counts[0], dtype=bool), np.ones(counts[1], dtype=bool)])
 
@@ -269,33 +250,11 @@ class BlockTree:
         self._count += 1
         heapq.heappush(self._open, (-node.choice.bound, -self._count, node))
 
-    def _propagated(self, allowed: Bools) -> Bools | None:
-        """Return the blocks left by propagation; None if an element has none.
-
-        An element with a single block left takes that block, which excludes the blocks that overlap it.
-        """
-        while True:
-            left = self._covering & allowed
-            number = left.sum(axis=1)
-            if not number.all():
-                return None
-            taken = left[number == 1].any(axis=0)
-            kept = allowed & ~self._overlaps[taken].any(axis=0)
-            if (kept == allowed).all():
-                return allowed
-            allowed = kept
-
-    def _undecided(self, allowed: Bools) -> Ints:
-        """Return the candidate indices of faces inside some blocks left and on the edge of others."""
-        around = (self._beside & allowed).sum(axis=1)
-        holding = (self._inside & allowed).sum(axis=1)
-        return np.flatnonzero((holding > 0) & (holding < around))
-
     def _faces_to_try(self, node: Node, undecided: Ints) -> list[int]:
         """Return the candidate indices of the faces to try, largest expected decrease first."""
         share = node.choice.share
-        dissipation = self._inside[undecided] @ (share * node.choice.inside)
-        inner = np.clip(self._inside[undecided] @ share, 0.0, 1.0)
+        dissipation = self._tables.inside[undecided] @ (share * node.choice.inside)
+        inner = np.clip(self._tables.inside[undecided] @ share, 0.0, 1.0)
         score = np.maximum(dissipation, 0.0) + _LEAST_DECREASE * np.minimum(inner, 1.0 - inner)
         most = _FACES_TRIED[self._relaxation.many]
         return [int(face) for face in undecided[np.argsort(-score, kind="stable")[:most]]]
@@ -305,7 +264,7 @@ class BlockTree:
         known = self._solved_ahead.pop(id(branching.node), None)
         if known is not None:
             return known
-        faces = self._faces_to_try(branching.node, self._undecided(branching.allowed))
+        faces = self._faces_to_try(branching.node, self._tables.undecided(branching.allowed))
         if self._relaxation.many:
             if branching.time_is_up():
                 return None
@@ -344,12 +303,12 @@ class BlockTree:
         return found
 
     def _next_branching(self, branching: Branching) -> list[tuple[Branching, list[int]]]:
-        """Return the best open node without solved children and its faces to try, or no node."""
+        """Return how to branch at the best other open node, and its faces to try; empty without one."""
         for bound, _, node in sorted(self._open, key=lambda one: one[:2]):
             if id(node) in self._solved_ahead or -bound <= branching.threshold:
                 continue
-            allowed = self._propagated(node.allowed & ~node.choice.useless)
-            if allowed is not None and (undecided := self._undecided(allowed)).size:
+            allowed = self._tables.propagated(node.allowed & ~node.choice.useless)
+            if allowed is not None and (undecided := self._tables.undecided(allowed)).size:
                 return [(replace(branching, node=node, allowed=allowed), self._faces_to_try(node, undecided))]
         return []
 
@@ -365,9 +324,9 @@ class BlockTree:
         """
         node, waiting = branching.node, []
         for face in faces:
-            for label, others in ((False, self._separated_by), (True, self._inside)):
-                decided = np.append(node.faces, self._faces[face]), np.append(node.labels, label)
-                allowed = self._propagated(branching.allowed & ~others[face])
+            for label, others in ((False, self._tables.separated_by), (True, self._tables.inside)):
+                decided = np.append(node.faces, self._tables.faces[face]), np.append(node.labels, label)
+                allowed = self._tables.propagated(branching.allowed & ~others[face])
                 if allowed is None:
                     conflicts.append(Conflict(*decided, branching.threshold, Evidence.BLOCKS))
                 elif branching.possible(*decided):
@@ -409,7 +368,7 @@ class BlockTree:
             return left[0]
         faces = np.concatenate([branching.node.faces, *(one.faces[-1:] for one in left)])
         labels = np.concatenate([branching.node.labels, *(one.labels[-1:] for one in left)])
-        allowed = self._propagated(np.logical_and.reduce([one.allowed for one in left]))
+        allowed = self._tables.propagated(np.logical_and.reduce([one.allowed for one in left]))
         if allowed is not None:
             least = min(left, key=lambda one: one.choice.bound)
             return Node(faces, labels, allowed, replace(least.choice, share=np.where(allowed, least.choice.share, 0.0)))

@@ -1,19 +1,7 @@
 """Prove the strongest segmentation: refute labellings until none can be better.
 
-The driver asks a formula for labellings that no clause rules out. A mechanism that proves one labelling too weak also
-refutes every labelling that agrees where the mechanism needs it. This conflict is added to the formula
-(`exact.conflict_generation`). A labelling that no mechanism refutes is evaluated: it is better, or its own bracket
-proves that it is not. A formula without a model proves that no labelling exceeds its λ. The next formula is made for
-a lower λ (`exact.schedules`), down to the best λ known. Annealing searches for better labellings before the
-proof and at intervals during it.
-
-For small blocks the block relaxation bounds λ much closer than the relaxation face by face. Conflicts then first come
-from a branch and bound over blocks (`exact.block_search`). The formula afterwards decides whether a labelling is
-left. Where the block relaxation is cheap it bounds all labellings before the first step. Any other long proof solves
-it later for a bound and for refuted blocks (`exact.block_bounds`).
-
-The proof relies on limit analyses with their brackets, on mechanisms whose work balance is computed here
-(`relaxation`, `block_relaxation`), and on a satisfiability solver. No tolerance of an optimiser enters the proof.
+The package docstring describes the proof. `Exact` drives it: its search is one generator, which yields labellings to
+evaluate, and is continued when their evaluations are known.
 
 Spaces without a formula or a relaxation are enumerated, which proves the same. They have limits on a count that is no
 sum of ones, or limits on the number of blocks where the blocks are too many to list.
@@ -22,7 +10,8 @@ sum of ones, or limits on the number of blocks where the blocks are too many to 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -37,7 +26,7 @@ from jld_explore.drivers.exact.block_search import BlockSearch, ByBlocks
 from jld_explore.drivers.exact.conflict_driver import ConflictDriver
 from jld_explore.drivers.exact.conflict_generation import conflict_of
 from jld_explore.drivers.exact.proof_state import Evidence
-from jld_explore.drivers.exact.schedules import AnnealingSchedule, TargetSchedule
+from jld_explore.drivers.exact.schedules import AnnealingSchedule, ScheduledStep, TargetSchedule
 from jld_explore.drivers.exact.targets import Best, Incumbents, Targets, claims_of, front, front_count, front_of_all
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.evaluation import Evaluation
@@ -58,8 +47,6 @@ _STRONGEST_COMPARED: Final = 300
 
 class Exact(ConflictDriver):
     """Driver that proves the largest λ of a search space, or the front of a count.
-
-    The proof rests on conflicts: labels that no labelling above some λ has together.
 
     Parameters
     ----------
@@ -126,13 +113,11 @@ class Exact(ConflictDriver):
         self._incumbents = Incumbents(space, self._count)
         batched = self._context is not None and self._context.relaxation.many
         self._conflicts_per_step = step_after or _CONFLICTS_PER_STEP[not batched]
-        self._target_schedule = TargetSchedule(self._conflicts_per_step)
         self._annealing_schedule = AnnealingSchedule(batched=batched, disabled=search == 0)
         self._nothing_proposed = self._use_block_bounds = True
-        self._threshold = math.inf
-        self._conflicts_at_begin = 0
-        self._target_begun = False
         self._targets = Targets(space, self._count, self._incumbents, self._load_scale)
+        self._limit: int | None = None
+        self._steps = self._search()
 
     @property
     def found(self) -> dict[int | None, Best]:
@@ -192,13 +177,8 @@ class Exact(ConflictDriver):
     def withdraw(self, reason: str) -> None:
         """Forget all conflicts and bounds and start the proof again; see `Driver.withdraw`."""
         super().withdraw(reason)
-        self._forget_bounds()
-
-    def _forget_bounds(self) -> None:
-        """Restart the proof at its first target, keeping the evaluations."""
         self._targets.restart()
-        self._target_schedule = TargetSchedule(self._conflicts_per_step)
-        self._target_begun = False
+        self._steps = self._search()
         if self._block_search is not None:
             self._block_search.abandon()
 
@@ -225,16 +205,12 @@ class Exact(ConflictDriver):
             return self._enumeration.ask(limit)
         if self._sources is not None:
             self._sources.exchange()
+        self._limit = limit
         while not len(self._waiting) and self._targets_left and not self._time_is_up:
-            if self._labellings_to_anneal > 0:
-                self._waiting = self._heuristic.ask(
-                    self._labellings_to_anneal if limit is None else min(limit, self._labellings_to_anneal)
-                )
-                self._labellings_to_anneal = (
-                    self._labellings_to_anneal - len(self._waiting) if len(self._waiting) else 0
-                )
-            else:
-                self._waiting = self._work_on(self._targets_left[0])
+            found = self._next_labellings()
+            if found is None:
+                break
+            self._waiting = found
         if self._nothing_proposed and not len(self._waiting) and not self._incumbents:
             self._waiting = self._heuristic.ask(1)  # even after the deadline, so that the study has one result
         given = self._take_waiting(limit)
@@ -263,60 +239,82 @@ class Exact(ConflictDriver):
         """Whether the deadline has passed or `programs` programs are solved."""
         return super()._time_is_up or (self._most_programs is not None and self.relaxations >= self._most_programs)
 
-    # --- one target -------------------------------------------------------------------------------------
+    def _next_labellings(self) -> Bits | None:
+        """Continue the search; return labellings (k, m) to evaluate, maybe none, or None where it has ended."""
+        try:
+            return next(self._steps, None)
+        except BaseException:
+            # a generator that raised cannot continue; another one begins with all that is known
+            self._steps = self._search()
+            raise
 
-    def _work_on(self, target: int | None) -> Bits:
-        """Work on a target; return labellings (k, m) to evaluate.
+    # --- the search -------------------------------------------------------------------------------------
 
-        No labelling is returned if the target is settled or time is up.
+    def _search(self) -> Iterator[Bits]:
+        """Yield labellings (k, m) to evaluate until every target is settled; none where there is nothing yet.
+
+        After each item the caller checks the time. The evaluations of an item are known when the next one is sought.
         """
-        blocks, sources = self.block_search, self.sources
-        if not self._target_begun:
-            if target is None:
-                self._lower_bound(target, self._bound_at_root())
-                root = blocks.start(self.least(None) / self._scale, self.found[None].bound / self._scale)
-                if self._use_block_bounds:
-                    self._bound_all(root, Evidence.BLOCKS)
-                    self._lower_bound(target, root * self._scale)
-            self._begin_step(target)
-        if self.found[target].proven:
-            self._keep_open_nodes()
+        yield from self._anneal()
+        while self._targets_left:
+            target = self._targets_left[0]
+            yield from self._refute(target)
             self._settle(target)
-            return self._no_labellings
-        while not self._time_is_up:
-            threshold = max(self._threshold, self.least(target))
-            if blocks.active:
-                proposed = self._step_block_tree(blocks, threshold)
-                self._conflicts_at_begin = self.conflicts
-                self._heartbeat()
-                self._labellings_to_anneal = blocks.labellings_due()
-                if len(proposed) or self._labellings_to_anneal:
-                    return proposed
-                continue
-            if target is None and self._tighten(self._tightening):
-                if self.found[None].proven:
-                    self._settle(None)
-                    return self._no_labellings
-                self._begin_step(None)
-                continue
-            exhausted = self._generate(sources, threshold)
-            proposed = self._labellings_to_evaluate()
-            if exhausted and not len(proposed):
-                self._lower_bound(target, threshold)
-                self._target_schedule.note_proven(self.conflicts - self._conflicts_at_begin)
-                if threshold <= self.least(target):
-                    self._settle(target)
-                    return self._no_labellings
-                self._begin_step(target)
-                continue
-            if self._target_schedule.is_stuck(
-                self.conflicts - self._conflicts_at_begin, self.found[target].bound, threshold
-            ):
-                self._begin_step(target)
-            self._labellings_to_anneal = self._annealing_schedule.labellings_due(self.relaxations)
-            if len(proposed) or self._labellings_to_anneal:
-                return proposed
-        return self._no_labellings
+            yield self._no_labellings
+
+    def _anneal(self) -> Iterator[Bits]:
+        """Yield the labellings that annealing proposes, as many as are due."""
+        while self._labellings_to_anneal > 0:
+            due = self._labellings_to_anneal
+            found = self._heuristic.ask(due if self._limit is None else min(self._limit, due))
+            self._labellings_to_anneal = due - len(found) if len(found) else 0
+            yield found
+
+    def _refute(self, target: int | None) -> Iterator[Bits]:
+        """Yield labellings to evaluate until no labelling is left that may exceed the best λ of a target."""
+        blocks, schedule = self.block_search, TargetSchedule(self._conflicts_per_step)
+        if target is None:
+            self._bound_first_target(blocks)
+        step = self._begin_step(target, schedule)
+        while not self.found[target].proven:
+            proposed = self._no_labellings
+            while not (len(proposed) or self._labellings_to_anneal or self._time_is_up):
+                threshold = max(step.threshold, self.least(target))
+                if blocks.active:
+                    proposed = self._step_block_tree(blocks, threshold)
+                    step = replace(step, conflicts=self.conflicts)
+                    self._heartbeat()
+                    self._labellings_to_anneal = blocks.labellings_due()
+                    continue
+                if target is None and self._tighten(self._tightening):
+                    if self.found[None].proven:
+                        return
+                    step = self._begin_step(None, schedule)
+                    continue
+                exhausted = self._generate(self.sources, threshold)
+                proposed = self._labellings_to_evaluate()
+                found = self.conflicts - step.conflicts
+                if exhausted and not len(proposed):
+                    self._lower_bound(target, threshold)
+                    schedule.note_proven(found)
+                    if threshold <= self.least(target):
+                        return
+                    step = self._begin_step(target, schedule)
+                    continue
+                if schedule.is_stuck(found, self.found[target].bound, threshold):
+                    step = self._begin_step(target, schedule)
+                self._labellings_to_anneal = self._annealing_schedule.labellings_due(self.relaxations)
+            yield proposed
+            yield from self._anneal()
+        self._keep_open_nodes()
+
+    def _bound_first_target(self, blocks: BlockSearch) -> None:
+        """Bound all labellings by one relaxation, and by that of all blocks where the block tree may be used."""
+        self._lower_bound(None, self._bound_at_root())
+        root = blocks.start(self.least(None) / self._scale, self.found[None].bound / self._scale)
+        if self._use_block_bounds:
+            self._bound_all(root, Evidence.BLOCKS)
+            self._lower_bound(None, root * self._scale)
 
     def _tighten(self, tightening: BlockBoundTightening | None) -> bool:
         """Bound all labellings by the block relaxation if that is due; return whether it was."""
@@ -379,17 +377,14 @@ class Exact(ConflictDriver):
         """Return the λ that a labelling must exceed to count as better, see `Targets.least`."""
         return self._targets.least(target)
 
-    def _begin_step(self, target: int | None) -> None:
-        """Aim the formula at the next λ of a target."""
+    def _begin_step(self, target: int | None, schedule: TargetSchedule) -> ScheduledStep:
+        """Aim the formula at the next λ of a target, and return that step."""
         low = self.least(target)
-        self._threshold = (
-            low if self.block_search.active else self._target_schedule.next_target(self.found[target].bound, low)
-        )
-        self._conflicts_at_begin = self.conflicts
-        self._target_begun = True
+        threshold = low if self.block_search.active else schedule.next_target(self.found[target].bound, low)
         formula = self._updated_formula()
-        formula.aim(self._threshold / self._scale, target)
-        self.sources.begin(formula, target, self._threshold / self._scale)
+        formula.aim(threshold / self._scale, target)
+        self.sources.begin(formula, target, threshold / self._scale)
+        return ScheduledStep(threshold, self.conflicts)
 
     def _lower_bound(self, target: int | None, bound: float) -> None:
         """Lower the bound of a target, see `Targets.lower_bound`."""
@@ -398,9 +393,6 @@ class Exact(ConflictDriver):
     def _settle(self, target: int | None) -> None:
         """Close a target, its formula and its block tree, see `Targets.settle`."""
         self._targets.settle(target)
-        self._target_schedule = TargetSchedule(self._conflicts_per_step)
         if self._block_search is not None:
             self._block_search.abandon()
-        if self._target_begun:
-            self.sources.end()
-            self._target_begun = False
+        self.sources.end()

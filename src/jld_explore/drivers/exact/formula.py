@@ -310,7 +310,7 @@ class Formula:
         return terms is not None and not (terms.blocks and self.blocks is None)
 
     def _terms(self, count: Count) -> tuple[list[int], int]:
-        """Return the literals whose true ones a count adds up, and the constant part of the count."""
+        """Return the literals that a count adds up where they are true, and its constant part."""
         if count.terms is None:
             raise ValueError(f"{count.name} is no sum of ones")
         terms, space = count.terms(self.space.assembly), self.space

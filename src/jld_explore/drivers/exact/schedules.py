@@ -7,6 +7,7 @@ conflicts that each step needs.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Final
 
 _WHOLE_GAP: Final = 0.2
@@ -35,6 +36,22 @@ _MORE_CONFLICTS: Final = 4
 On the 8 × 10 wall in blocks of three 22 thousand conflicts leave nothing above 0.723, and 26 thousand nothing above
 0.70.
 """
+
+
+@dataclass(frozen=True)
+class ScheduledStep:
+    """One λ to refute on the way to the best λ of a target.
+
+    Attributes
+    ----------
+    threshold : float
+        The λ, scene units.
+    conflicts : int
+        Number of conflicts known when the step began.
+    """
+
+    threshold: float
+    conflicts: int
 
 
 class TargetSchedule:
