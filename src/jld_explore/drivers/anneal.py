@@ -218,7 +218,7 @@ class Anneal(Searcher):
         if coupled:
             places = np.array([self._chains[number].labelling for number in coupled])
             others = np.array([self._partner(number) for number in coupled])
-            children, of = self.operators.crossed(places, others, self.rng)
+            children, of = self.operators.cross_indexed(places, others, self.rng)
             rows, chain_of_row = np.concatenate([rows, children]), [*chain_of_row, *(coupled[k] for k in of.tolist())]
         return rows, chain_of_row
 

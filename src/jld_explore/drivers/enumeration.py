@@ -290,7 +290,7 @@ class Enumeration(Driver):
         i, j = self._ends[level]
         p, q = rows.block[i], rows.block[j]
         apart = p != q
-        inner = ~apart | ~self._hopeless(rows, (p, q), most=True)
+        inner = ~apart | ~self._violates_limit(rows, (p, q), most=True)
         dry = np.ones_like(apart)
         if search.segmentation:
             inner &= ~apart | ~self._separated(rows, p, q)
@@ -319,7 +319,7 @@ class Enumeration(Driver):
         first, second = rows.block[before[:, 0]], rows.block[before[:, 1]]
         return np.asarray((((first == p) & (second == q)) | ((first == q) & (second == p))).any(axis=0))
 
-    def _hopeless(self, rows: _Frontier, names: tuple[Names, ...], *, most: bool) -> Bools:
+    def _violates_limit(self, rows: _Frontier, names: tuple[Names, ...], *, most: bool) -> Bools:
         """Return (r,) True where the union of the named blocks violates a limit.
 
         `most` selects upper limits, otherwise lower limits are checked.
@@ -348,11 +348,11 @@ class Enumeration(Driver):
         good = np.ones(len(apart), dtype=bool)
         closed = rows.closed
         if small or greatest < np.inf:
-            shut_p = apart & self._shut(rows, p)
-            shut_q = apart & is_dry & self._shut(rows, q)
+            shut_p = apart & self._cannot_grow(rows, p)
+            shut_q = apart & is_dry & self._cannot_grow(rows, q)
             if small:
-                good &= ~(shut_p & self._hopeless(rows, (p,), most=False))
-                good &= ~(shut_q & self._hopeless(rows, (q,), most=False))
+                good &= ~(shut_p & self._violates_limit(rows, (p,), most=False))
+                good &= ~(shut_q & self._violates_limit(rows, (q,), most=False))
             closed = closed + (shut_p & (p < self._free)) + (shut_q & (q < self._free))
             good &= closed <= greatest
         if self._fewest > -np.inf:
@@ -361,7 +361,7 @@ class Enumeration(Driver):
         rows = _Frontier(rows.level, rows.block, rows.label, closed, rows.dry)
         return rows if good.all() else rows.take(np.flatnonzero(good))
 
-    def _shut(self, rows: _Frontier, name: Names) -> Bools:
+    def _cannot_grow(self, rows: _Frontier, name: Names) -> Bools:
         """Return (r,) True where no undecided face leaves the named block."""
         after = self._ends[rows.level :]
         leaves = (rows.block[after[:, 0]] == name) != (rows.block[after[:, 1]] == name)

@@ -154,7 +154,7 @@ class Genetic(Searcher):
         """Make children and immigrants; return the most promising children and the immigrants."""
         immigrants_drawn = self._immigrants(max(1, round(IMMIGRANT_SHARE * self.size)))
         proposed = np.concatenate([immigrants_drawn, self._children(self.operators.offspring_factor * self.size)])
-        rows, names, places = self.register.admitted(proposed, sure=self.operators.sure)
+        rows, names, places = self.register.admitted(proposed, all_feasible=self.operators.always_feasible)
         own = int(np.searchsorted(places, len(immigrants_drawn)))
         immigrants = rows[:own]
         self._pool.add(rows[own:], names[own:])

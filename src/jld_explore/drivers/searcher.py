@@ -50,7 +50,7 @@ class Register:
         self.space = space
         self.seen: set[bytes] = set()
 
-    def admit(self, rows: Bits, most: int | None = None, *, sure: bool = False) -> Bits:
+    def admit(self, rows: Bits, most: int | None = None, *, all_feasible: bool = False) -> Bits:
         """Register the new feasible classes among labellings, and return them.
 
         Parameters
@@ -59,22 +59,24 @@ class Register:
             Labels, True = dry.
         most : int, optional
             Largest number of classes; the first ones are taken.
-        sure : bool
-            Whether all rows are known to be feasible (see `Operators.sure`).
+        all_feasible : bool
+            Whether all rows are known to be feasible (see `Operators.all_feasible`).
 
         Returns
         -------
         (j, m) bool array
             Canonical labels of the new classes.
         """
-        return self.admitted(rows, most, sure=sure)[0]
+        return self.admitted(rows, most, all_feasible=all_feasible)[0]
 
-    def admitted(self, rows: Bits, most: int | None = None, *, sure: bool = False) -> tuple[Bits, list[bytes], Ints]:
+    def admitted(
+        self, rows: Bits, most: int | None = None, *, all_feasible: bool = False
+    ) -> tuple[Bits, list[bytes], Ints]:
         """Do the same as `admit`, and also return keys and row numbers of the new classes.
 
         Parameters
         ----------
-        rows, most, sure
+        rows, most, all_feasible
             As in `admit`.
 
         Returns
@@ -93,7 +95,7 @@ class Register:
             if key not in self.seen:
                 fresh.setdefault(key, number)
         named, places = list(fresh), np.fromiter(fresh.values(), dtype=np.int64, count=len(fresh))
-        if not sure:
+        if not all_feasible:
             good = feasible(self.space, rows[places])
             places = places[good]
             named = [key for key, fine in zip(named, good.tolist(), strict=True) if fine]
@@ -188,7 +190,9 @@ class Searcher(Driver):
             checkpoint()
             wanted = max(_ROUND, count - len(found))
             tries -= wanted
-            admitted = self.register.admit(make(wanted), count - len(found), sure=self.operators.sure)
+            admitted = self.register.admit(
+                make(wanted), count - len(found), all_feasible=self.operators.always_feasible
+            )
             found = np.concatenate([found, admitted])
         return found
 
