@@ -190,12 +190,12 @@ class Enumeration(Driver):
 
     @property
     def working(self) -> bool:
-        """Whether symmetry classes of labellings are left to propose; see `Driver.working`."""
+        """True if symmetry classes of labellings are left to propose; see `Driver.working`."""
         return not self._ended
 
     @property
     def _late(self) -> bool:
-        """Whether the deadline has passed."""
+        """True if the deadline has passed."""
         return self._deadline is not None and self._deadline.passed()
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
@@ -253,7 +253,7 @@ class Enumeration(Driver):
         return sum(int(self.space.can_be_laid(rows).sum()) for rows in found)
 
     def _walk(self) -> Iterator[Bits | None]:
-        """Examine frontiers depth first; yield the labellings (k, m) of a complete one, None otherwise."""
+        """Examine frontiers depth first; yield labellings (k, m) of a complete one, else None."""
         start = np.ascontiguousarray(self._start[:, None])
         name = np.uint8 if len(start) <= 256 else np.uint16 if len(start) <= 65536 else np.uint32
         tall = 0 if self.search.segmentation else len(self._faces)

@@ -35,7 +35,7 @@ _SHARE: Final = 0.2
 
 
 def first_layout(space: SearchSpace, seed: int = 0) -> Bits:
-    """Return the labelling of the scene if the space contains it, else a random or constructed one.
+    """Return a labelling of the space: that of the scene, a random or a constructed one.
 
     Call this function inside `Deadline.enforced`. Few random labellings keep tight limits. One is then constructed from
     the formula of the limits, which also finds out where no labelling keeps them.
@@ -61,8 +61,8 @@ def first_layout(space: SearchSpace, seed: int = 0) -> Bits:
     none = np.empty((0, len(space.fixed)), dtype=bool)
 
     def in_space(rows: Bits) -> Bits:
-        """Return the first of some labellings (k, m) that is in the space, one at a time as each may take long."""
-        for row in canonical(rows, space.group):
+        """Return the first of some labellings (k, m) that is in the space, if any."""
+        for row in canonical(rows, space.group):  # one at a time, as each may take long
             checkpoint()
             if feasible(space, row[None])[0]:
                 return np.asarray(row[None])
@@ -118,7 +118,7 @@ def admissible_layout(space: SearchSpace, seed: int = 0) -> Bits | None:
 
 
 def _constructed(subspace: SearchSpace, blocks: PossibleBlocks | None, space: SearchSpace, seed: int) -> Bits | None:
-    """Return a labelling (1, m) of part of a space from the formula of the part; None if the part is empty.
+    """Return a labelling (1, m) of part of a space from its formula; None if it is empty.
 
     `blocks` are the possible blocks of the part, if they are listed.
     """

@@ -128,7 +128,7 @@ class Surrogate:
         return np.asarray(below / (2.0 * max(1, len(known))))
 
     def predict(self, labellings: Bits) -> Floats:
-        """Predict for each labelling the share of remembered labellings with a lower objective value.
+        """Predict for each labelling the share of remembered labellings below it.
 
         Parameters
         ----------

@@ -61,7 +61,10 @@ class Evaluator(SharedEvaluator):
         pruning_thresholds: Floats | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings in batches where the batch solver applies, else one by one; see `LabellingEvaluator`."""
+        """Evaluate labellings, in batches where the batch solver applies.
+
+        See `LabellingEvaluator.evaluate_all`.
+        """
         if deadline is not None and deadline.passed():
             return []
         known = self._by_batch_solver(labellings)

@@ -91,7 +91,7 @@ class FieldEvaluator(LabellingEvaluator):
         return found
 
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
-        """Bound one labelling by fields on the coarsest mesh; see `LabellingEvaluator.evaluate`."""
+        """Bound one labelling on the coarsest mesh; see `LabellingEvaluator.evaluate`."""
         start = time.perf_counter()
         low = np.array([coarse.lower(labels)[0] for coarse in self._coarse])
         high = np.array([coarse.upper(labels)[0] for coarse in self._coarse])
@@ -139,5 +139,5 @@ class CellEvaluator(LabellingEvaluator):
         return self._fine.evaluate_all(self._cells.labels(labellings), pruning_thresholds, deadline)
 
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
-        """Evaluate one labelling (m,) of the coarse elements on the finer cells; see `LabellingEvaluator.evaluate`."""
+        """Evaluate one labelling on the finer cells; see `LabellingEvaluator.evaluate`."""
         return self._fine.evaluate(self._cells.labels(labels), pruning_threshold)

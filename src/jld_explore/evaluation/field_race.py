@@ -213,7 +213,7 @@ class FieldRace:
         stresses: FieldStresses | None,
         mechanism: FieldMechanism | None,
     ) -> None:
-        """Take the bounds of one layout under one load case, and what its fields prove for all others."""
+        """Take the bounds of one layout under one load case, and those its fields give others."""
         low, high = self._low[:, case], self._high[:, case]
         if stresses is not None:
             np.maximum(low, stresses.bounds(self.labellings), out=low)

@@ -60,7 +60,10 @@ class OwnObjectiveEvaluator(LabellingEvaluator):
         return self.evaluate_all(labels[None])[0]
 
     def _with_value(self, labels: Bits, found: Evaluation) -> Evaluation:
-        """Return an evaluation with the value in the place of λ; raise InputError for a value that is no number."""
+        """Return an evaluation with the value in the place of λ.
+
+        Raises InputError for a value that is no number.
+        """
         cases = found.cases or (math.nan,) * len(self._assembly.cases)
         if found.status is not Status.COLLAPSE:
             return replace(found, cases=(*cases, math.nan))

@@ -40,7 +40,7 @@ SINGLE_THREADED: Final = {f"{name}_NUM_THREADS": "1" for name in _THREADS}
 
 
 def warning_of_stops_ignored() -> AbstractContextManager[None]:
-    """Ignore the warning that loky's own thread gives when workers are terminated (context manager)."""
+    """Ignore loky's warning about terminated workers (context manager)."""
     return ignored_warning("A worker stopped while some jobs", UserWarning)
 
 
@@ -157,7 +157,7 @@ def stop_processes(executor: Any) -> None:
 
 
 def is_lost(error: BaseException) -> bool:
-    """Return True if a task failed because its worker died, left or hung, not by an error of its own.
+    """Return True if a task failed because its worker died, left or hung.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ def is_lost(error: BaseException) -> bool:
     Returns
     -------
     bool
-        True if another worker may succeed.
+        True if another worker may succeed, False for an error of the task itself.
     """
     return isinstance(error, _LOSSES) or type(error).__module__.startswith("distributed")
 

@@ -230,7 +230,7 @@ def _as_good(counts: Floats, others: Floats) -> Bools:
 
 
 def objectives(space: SearchSpace, labellings: Bits, evaluations: Sequence[Evaluation]) -> Floats:
-    """Compute the objectives that a driver minimises: −λ (see `objective_values`) and the front counts.
+    """Compute the objectives that a driver minimises: −λ and the counts of the front.
 
     Parameters
     ----------
@@ -244,7 +244,7 @@ def objectives(space: SearchSpace, labellings: Bits, evaluations: Sequence[Evalu
     Returns
     -------
     (k, 1 + c) float array
-        Objectives, with signs such that less is better.
+        Objectives, with signs such that less is better; for λ see `objective_values`.
         Rows without collapse have 0 instead of λ; use `status_ranks` to tell them apart.
     """
     return np.column_stack([-objective_values(space, labellings, evaluations), front_counts(space, labellings)])

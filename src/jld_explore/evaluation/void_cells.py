@@ -48,9 +48,10 @@ class VoidCellsEvaluator(LabellingEvaluator):
         pruning_thresholds: Floats | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings, grouped by the cells they leave out; see `LabellingEvaluator.evaluate_all`.
+        """Evaluate labellings, grouped by the cells they leave out.
 
-        A labelling is a row (m + c,): labels of faces (True = dry), then of cells (True = stays).
+        See `LabellingEvaluator.evaluate_all`. A labelling is a row (m + c,): labels of faces (True = dry), then of
+        cells (True = stays).
         """
         found: list[Evaluation | None] = [None] * len(labellings)
         groups: dict[bytes, list[int]] = {}
@@ -68,7 +69,7 @@ class VoidCellsEvaluator(LabellingEvaluator):
         return [answer for answer in found[:done] if answer is not None]
 
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
-        """Evaluate one labelling (m + c,), as in `evaluate_all`; see `LabellingEvaluator.evaluate`."""
+        """Evaluate one labelling (m + c,); see `LabellingEvaluator.evaluate`."""
         evaluator, kept = self._evaluator_of(labels)
         return evaluator.evaluate(labels[kept], pruning_threshold)
 

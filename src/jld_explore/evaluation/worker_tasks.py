@@ -87,7 +87,7 @@ class WorkerSpec:
 
     @property
     def settles_nearly_all(self) -> bool:
-        """True if the batch solver of the evaluator settles nearly all labellings; see `SharedEvaluator`."""
+        """True if the batch solver settles nearly all labellings; see `SharedEvaluator`."""
         evaluator = self.evaluator()
         return isinstance(evaluator, SharedEvaluator) and evaluator.settles_nearly_all
 

@@ -152,7 +152,7 @@ class BlockBoundPool:
 
     @property
     def many(self) -> bool:
-        """Whether the batch solver solves many programs in one call."""
+        """True if the batch solver solves many programs in one call."""
         return self._here.many
 
     def bound_all(self, programs: Sequence[Asked]) -> list[Choice]:
@@ -287,7 +287,7 @@ class BlockBoundTightening:
 
     @property
     def _listed_blocks(self) -> PossibleBlocks:
-        """The possible blocks; raises RuntimeError where they are not listed, so that the tightening is never due."""
+        """The possible blocks; raises RuntimeError where they are not listed."""
         if self._blocks is None:
             raise RuntimeError("the possible blocks are not listed, so their bounds cannot be tightened")
         return self._blocks

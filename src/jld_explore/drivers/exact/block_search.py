@@ -145,7 +145,7 @@ class BlockSearch:
 
     @property
     def active(self) -> bool:
-        """Whether there is a tree with open nodes."""
+        """True if there is a tree with open nodes."""
         return self._tree is not None and not self._tree.finished
 
     @property

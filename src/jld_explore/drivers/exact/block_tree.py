@@ -183,7 +183,7 @@ class BlockTree:
 
     @property
     def finished(self) -> bool:
-        """Whether no node is open."""
+        """True if no node is open."""
         return self._next is None and not self._open
 
     def step(self, threshold: float, possible: Possible, time_is_up: Callable[[], bool]) -> TreeStep:
@@ -303,7 +303,7 @@ class BlockTree:
         return found
 
     def _next_branching(self, branching: Branching) -> list[tuple[Branching, list[int]]]:
-        """Return how to branch at the best other open node, and its faces to try; empty without one."""
+        """Return how to branch at the best other open node, and its faces; empty without one."""
         for bound, _, node in sorted(self._open, key=lambda one: one[:2]):
             if id(node) in self._solved_ahead or -bound <= branching.threshold:
                 continue

@@ -91,7 +91,7 @@ class ConflictDriver(Driver):
 
     @property
     def exhaustive(self) -> bool:
-        """Whether the driver enumerates its space; see `Driver.exhaustive`."""
+        """True if the driver enumerates its space; see `Driver.exhaustive`."""
         return self._enumeration is not None
 
     def _new_sources(self) -> ConflictSources | None:
@@ -176,7 +176,7 @@ class ConflictDriver(Driver):
 
     @property
     def _given_up(self) -> bool:
-        """Whether the proof was contradicted again after its restart."""
+        """True if the proof was contradicted again after its restart."""
         return len(self._contradictions) > 1
 
     def set_workers(self, jobs: int) -> None:
@@ -215,7 +215,7 @@ class ConflictDriver(Driver):
 
     @property
     def _time_is_up(self) -> bool:
-        """Whether the deadline has passed."""
+        """True if the deadline has passed."""
         return self._deadline.passed()
 
     def _time_is_up_after_heartbeat(self) -> bool:

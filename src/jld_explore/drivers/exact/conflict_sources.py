@@ -283,7 +283,7 @@ class ConflictSources:
             self.cube_workers.exchange()
 
     def step(self, threshold: float) -> bool:
-        """Add the conflicts of a short time to the proof; return whether no labelling is left.
+        """Add the conflicts of a short time to the proof; return True if no labelling is left.
 
         `threshold` is a scaled λ, at least that of the call before with the same formula.
         """
@@ -335,7 +335,7 @@ class ConflictSources:
         return others and self._context.relaxation.solves >= SOLO_RELAXATIONS[not self._context.relaxation.many]
 
     def close(self) -> None:
-        """Stop threads and workers, and keep the results that arrive within `_CLOSING_SECONDS` seconds."""
+        """Stop threads and workers; keep results that arrive within `_CLOSING_SECONDS`."""
         cube_workers, self.cube_workers = self.cube_workers, None
         self._workers_allowed = False
         if self._threads is not None:

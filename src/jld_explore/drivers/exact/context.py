@@ -96,9 +96,9 @@ class ProofContext:
         return np.asarray(self.space.fixed | (self.space.candidates & ~self.free))
 
     def packed(self, seed: int) -> bytes:
-        """Return the context with another seed, pickled for a worker, which makes its own relaxation.
+        """Return the context with another seed, pickled for a worker.
 
-        cloudpickle is used because limits hold lambdas, which pickle refuses.
+        The worker makes a relaxation of its own. cloudpickle is used because limits hold lambdas, which pickle refuses.
         """
         content: bytes = cloudpickle.dumps((self.space, self.blocks, self.free, seed))
         return content
@@ -137,7 +137,7 @@ class ProofContext:
 
 
 def _list_blocks(space: SearchSpace) -> PossibleBlocks | None:
-    """List the possible blocks of a space; None also if that takes too large a share of the time left."""
+    """List the possible blocks of a space; None also if that takes too long."""
     try:
         with Deadline(_LISTING_SHARE * time_left()).enforced():
             return possible_blocks(space)

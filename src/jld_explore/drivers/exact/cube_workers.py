@@ -115,12 +115,12 @@ class CubeWorkers:
 
     @property
     def started(self) -> bool:
-        """Whether any worker has returned a result, so that it has started."""
+        """True if any worker has returned a result, so that it has started."""
         return any(worker_state.results > 0 for worker_state in self._worker_states.values())
 
     @property
     def has_workers(self) -> bool:
-        """Whether there are workers, including those that are starting."""
+        """True if there are workers, including those that are starting."""
         return len(self._pool) > 0
 
     def begin(self, formula: Formula, count: int | Range | None, threshold: float) -> None:

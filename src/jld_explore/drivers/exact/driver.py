@@ -148,12 +148,12 @@ class Exact(ConflictDriver):
 
     @property
     def finished(self) -> bool:
-        """Whether everything aimed at is proven and the proof passed its check."""
+        """True if everything aimed at is proven and the proof passed its check."""
         return self._proof_check is not None and self._proof_check.passed
 
     @property
     def working(self) -> bool:
-        """Whether targets are left and the proof is not given up; see `Driver.working`."""
+        """True if targets are left and the proof is not given up; see `Driver.working`."""
         if self._enumeration is not None:
             return self._enumeration.working
         return bool(self._targets_left) and not self._given_up
@@ -236,11 +236,11 @@ class Exact(ConflictDriver):
 
     @property
     def _time_is_up(self) -> bool:
-        """Whether the deadline has passed or `programs` programs are solved."""
+        """True if the deadline has passed or `programs` programs are solved."""
         return super()._time_is_up or (self._most_programs is not None and self.relaxations >= self._most_programs)
 
     def _next_labellings(self) -> Bits | None:
-        """Continue the search; return labellings (k, m) to evaluate, maybe none, or None where it has ended."""
+        """Continue the search; return labellings (k, m), maybe none, or None at its end."""
         try:
             return next(self._steps, None)
         except BaseException:
@@ -251,7 +251,7 @@ class Exact(ConflictDriver):
     # --- the search -------------------------------------------------------------------------------------
 
     def _search(self) -> Iterator[Bits]:
-        """Yield labellings (k, m) to evaluate until every target is settled; none where there is nothing yet.
+        """Yield labellings (k, m) to evaluate, maybe none, until every target is settled.
 
         After each item the caller checks the time. The evaluations of an item are known when the next one is sought.
         """
@@ -271,7 +271,7 @@ class Exact(ConflictDriver):
             yield found
 
     def _refute(self, target: int | None) -> Iterator[Bits]:
-        """Yield labellings to evaluate until no labelling is left that may exceed the best λ of a target."""
+        """Yield labellings to evaluate until none is left that may exceed a target's best λ."""
         blocks, schedule = self.block_search, TargetSchedule(self._conflicts_per_step)
         if target is None:
             self._bound_first_target(blocks)
@@ -309,7 +309,7 @@ class Exact(ConflictDriver):
         self._keep_open_nodes()
 
     def _bound_first_target(self, blocks: BlockSearch) -> None:
-        """Bound all labellings by one relaxation, and by that of all blocks where the block tree may be used."""
+        """Bound all labellings by one relaxation, and by that of all blocks where it applies."""
         self._lower_bound(None, self._bound_at_root())
         root = blocks.start(self.least(None) / self._scale, self.found[None].bound / self._scale)
         if self._use_block_bounds:

@@ -183,7 +183,7 @@ class Formula:
         return None
 
     def _solve(self, assumptions: list[int]) -> bool:
-        """Return True if the formula has a model under these assumptions; check the deadline now and then."""
+        """Return True if the formula has a model under assumptions; check the deadline."""
         if not self._interruptible:
             return bool(self._solver.solve(assumptions=assumptions))
         while True:
@@ -337,7 +337,7 @@ class Formula:
         return self._first_elements
 
     def _limit_sum(self, literals: list[int], constant: int, bounds: Range) -> None:
-        """Add the cardinality constraints that keep a number of true literals, plus `constant`, within bounds."""
+        """Keep the number of true literals, plus `constant`, within bounds."""
         low = 0 if bounds.low is None else int(bounds.low) - constant
         high = len(literals) if bounds.high is None else int(bounds.high) - constant
         if low > len(literals) or high < 0:

@@ -73,12 +73,12 @@ class MinimumCount(ConflictDriver):
 
     @property
     def finished(self) -> bool:
-        """Whether the best count is proven and the proof passed its check."""
+        """True if the best count is proven and the proof passed its check."""
         return self._proof_check is not None and self._proof_check.passed
 
     @property
     def working(self) -> bool:
-        """Whether the proof is neither done nor given up; see `Driver.working`."""
+        """True if the proof is neither done nor given up; see `Driver.working`."""
         if self._enumeration is not None:
             return self._enumeration.working
         return not self._done and not self._given_up
@@ -91,7 +91,7 @@ class MinimumCount(ConflictDriver):
 
     @property
     def _open_labelling_left(self) -> bool:
-        """Whether a labelling of better count may meet the requirement but is not proven to."""
+        """True if a labelling of better count may meet the requirement but is not proven to."""
         best = self.best
         return any(
             may and not met and (best is None or (count < best if self._minimize else count > best))

@@ -177,7 +177,7 @@ class BlockTables:
             allowed = kept
 
     def undecided(self, allowed: Bools) -> Ints:
-        """Return the indices in `faces` of those inside some blocks left (p,) and on the edge of others."""
+        """Return the indices in `faces` of those inside some blocks left and on others' edge."""
         around = (self.beside & allowed).sum(axis=1)
         holding = (self.inside & allowed).sum(axis=1)
         return np.flatnonzero((holding > 0) & (holding < around))

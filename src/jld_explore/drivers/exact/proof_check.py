@@ -89,7 +89,7 @@ class ProofCheck:
 
     @property
     def passed(self) -> bool:
-        """Whether the check found no problem."""
+        """True if the check found no problem."""
         return not self.problem
 
     def to_dict(self) -> dict[str, Any]:

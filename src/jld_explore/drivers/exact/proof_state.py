@@ -83,7 +83,7 @@ class Conflict:
 
     @property
     def from_cube(self) -> bool:
-        """Whether the conflict follows from other conflicts alone."""
+        """True if the conflict follows from other conflicts alone."""
         return self.evidence is Evidence.CUBE
 
     @property

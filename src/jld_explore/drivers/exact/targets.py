@@ -120,7 +120,7 @@ class Best:
 
     @property
     def proven(self) -> bool:
-        """Whether no labelling is better by more than `tolerances.PROVEN`, relative."""
+        """True if no labelling is better by more than `tolerances.PROVEN`, relative."""
         if self.bound == -math.inf:
             return True
         if not (math.isfinite(self.bound) and math.isfinite(self.load_factor)):

@@ -246,7 +246,7 @@ class _Forest:
 
     @property
     def lacking(self) -> Bools:
-        """Whether some part of each row (rows,) is too small."""
+        """True if some part of each row (rows,) is too small."""
         size = self.size.reshape(self.name.shape)
         return np.asarray(((size > 0) & (size < self.least)).any(axis=1))
 

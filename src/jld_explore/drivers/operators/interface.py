@@ -30,7 +30,7 @@ class Operators(Protocol):
     """Number of children that are cheap enough to make for each evaluated one."""
 
     always_feasible: bool
-    """Whether every row is feasible, because the operators keep all limits of the space."""
+    """True if every row is feasible, because the operators keep all limits of the space."""
 
     def draw(self, count: int, rng: BufferedRandom) -> Bits:
         """Draw random labellings, at most `count`."""

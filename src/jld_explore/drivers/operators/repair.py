@@ -32,7 +32,7 @@ class Repair:
 
     @property
     def counted(self) -> bool:
-        """Whether the number of parts or of dry faces is limited."""
+        """True if the number of parts or of dry faces is limited."""
         return self._counted_parts or bool(self.limits.seams)
 
     def __call__(self, part: Parts, rng: BufferedRandom, unchecked: list[int] | None = None) -> Parts | None:
