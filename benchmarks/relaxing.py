@@ -30,8 +30,8 @@ from jld_core.limit import LimitAnalysis
 from jld_core.limit.dual_bounds import MinimizedConflict
 from jld_core.limit.relaxation import Relaxation
 from jld_core.solvers import make_solver
-from jld_explore.drivers.exact.conflict_generation import ConflictGenerator
-from jld_explore.drivers.exact.conflict_minimization import conflict_of
+from jld_explore.drivers.exact.conflict_generation import ConflictGenerator, conflict_of
+from jld_explore.drivers.exact.context import ProofContext
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import possible_blocks
 from jld_explore.space import search_space
@@ -78,10 +78,11 @@ def shrunk(scene: Scene, threshold: float) -> tuple[Relaxation, Bools, list[Bits
         return found
 
     formula = Formula(space, possible_blocks(space))
-    hunt = ConflictGenerator(relaxation, space.candidates, 0)
-    hunt.begin(formula)
+    context = ProofContext(space, formula.blocks, space.candidates, 0, (), relaxation)
+    generator = ConflictGenerator(context)
+    generator.begin(formula)
     with patch.object(relaxation, "minimize_conflicts", timed):
-        while relaxation.solves < COUNT and not hunt.step(threshold / relaxation.template.scaling.load).exhausted:
+        while relaxation.solves < COUNT and not generator.step(threshold / relaxation.template.scaling.load).exhausted:
             pass
     return relaxation, space.candidates, drawn, relaxation.solves, spent / relaxation.solves
 

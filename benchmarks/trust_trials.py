@@ -97,11 +97,11 @@ def trial(seed: int) -> Trial:
     required = _required(rng, document, known) if rng.random() < 0.1 else None
     try:
         # processes would take a second each to start
-        threads = patch("jld_explore.evaluation.worker_pool._process", lambda: ThreadPoolExecutor(1))
+        threads = patch("jld_explore.evaluation.worker_pool._start_process", lambda: ThreadPoolExecutor(1))
         with (
             tempfile.TemporaryDirectory() as folder,
             threads,
-            patch("jld_explore.drivers.exact.cube_workers.MOMENT", 0.0),
+            patch("jld_explore.drivers.exact.cube_workers.TASK_SECONDS", 0.0),
         ):
             if required is not None:
                 kinds.append("required")
@@ -126,7 +126,7 @@ def _compare(
     path = folder / "proof.jld"
     settings = ExploreSettings(pictures=False, jobs=jobs, small=0)
     if jobs > 1:
-        options = {**options, "alone": 0}
+        options = {**options, "solo_relaxations": 0}
     try:
         check_certifiable(Exact(space, **options), settings.model, scene)
         certified = all(found.status is not Status.LOCKED for _, found in known) and bool(known)

@@ -97,7 +97,7 @@ def case(seed: int, tally: Tally) -> str:
             options |= {"step_after": [None, 1, 5][int(rng.integers(3))], "aim": aim}
             options["by_blocks"] = str(rng.choice(["off", "off", "auto", "on"]))
         if not threads:
-            options["alone"] = 0
+            options["solo_relaxations"] = 0
         stopped = aim != "require" and jobs > 1 and rng.random() < 0.12
         with _delays(seed) if jobs > 1 else ExitStack():
             if stopped:
@@ -123,7 +123,9 @@ def case(seed: int, tally: Tally) -> str:
 
 def _by_processes(space: SearchSpace, evaluator: Any, aim: str, seed: int, tally: Tally) -> Proof:
     """Prove with real worker processes from the start; in every other such scene kill one that has worked."""
-    options: dict[str, Any] = {"search": 0, "alone": 0} | ({} if aim == "require" else {"aim": aim, "by_blocks": "off"})
+    options: dict[str, Any] = {"search": 0, "solo_relaxations": 0} | (
+        {} if aim == "require" else {"aim": aim, "by_blocks": "off"}
+    )
     killer = _WorkerKiller(seed // EVERY % 2)
     found = _prove(space, evaluator, aim, PROCESSES, options, PROCESS_SECONDS, nullcontext(), killer)
     tally.count("by processes")
@@ -157,7 +159,7 @@ class _WorkerKiller:
 def _tasks_of(driver: Any) -> Sequence[float]:
     """Times of the tasks that the worker processes of a driver have finished, s, in versions that keep them."""
     cube_workers = getattr(getattr(driver, "_sources", None), "cube_workers", None)
-    return [] if cube_workers is None else cube_workers.moments
+    return [] if cube_workers is None else cube_workers.task_seconds
 
 
 def _scene(rng: np.random.Generator) -> tuple[SearchSpace, dict[str, Any], str]:
@@ -351,8 +353,8 @@ def _stop_and_resume(
 def _threads_for_processes() -> Iterator[None]:
     """Put threads in the place of worker processes, which take a second each to start, and lend cubes but briefly."""
     with (
-        patch("jld_explore.evaluation.worker_pool._process", lambda: ThreadPoolExecutor(1)),
-        patch("jld_explore.drivers.exact.cube_workers.MOMENT", 0.0),
+        patch("jld_explore.evaluation.worker_pool._start_process", lambda: ThreadPoolExecutor(1)),
+        patch("jld_explore.drivers.exact.cube_workers.TASK_SECONDS", 0.0),
     ):
         yield
 
@@ -384,19 +386,19 @@ def _difference(found: Proof, truth: Proof | None, space: SearchSpace) -> str:
 @contextmanager
 def _delays(seed: int) -> Iterator[None]:
     """Random delays where the work of threads meets, of the versions that have a place for them."""
-    import jld_explore.drivers.exact.threaded_generation as pack
+    import jld_explore.drivers.exact.conflict_sources as conflict_sources
 
     rng = np.random.default_rng([seed, 7])
     delays = rng.exponential(0.002, 997) * (rng.random(997) < 0.3)
     number = 0
 
-    def reached(_: str) -> None:
+    def delay_point(_: str) -> None:
         nonlocal number
         number += 1
         time.sleep(float(delays[number % 997]))
 
-    if hasattr(pack, "reached"):
-        with patch.object(pack, "reached", reached):
+    if hasattr(conflict_sources, "reached"):
+        with patch.object(conflict_sources, "reached", delay_point):
             yield
     else:
         yield

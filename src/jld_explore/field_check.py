@@ -24,18 +24,10 @@ from jld_core.files import whole_file, write_text
 from jld_core.limit import Status
 from jld_core.scene import Scene
 from jld_core.threads import one_thread
+from jld_explore.evaluation.field_time import COARSE_RATE, mesh_seconds
 from jld_explore.report import Exploration, Summary, csv_of
 from jld_explore.settings import ExploreSettings
 from jld_explore.space import SearchSpace, from_string
-
-_PER_TRIANGLE: Final = 4e-4
-"""Processor time of both bounds for each triangle of a mesh of `_TRIANGLES`, s."""
-
-_TRIANGLES: Final = 60
-"""Number of triangles of the mesh for which `_PER_TRIANGLE` was measured."""
-
-_GROWTH: Final = 1.3
-"""Power of the number of triangles that the time grows with."""
 
 MOST: Final = 2.0
 """Longest expected processor time of the check, s: fewer layouts are checked where it would take longer."""
@@ -99,7 +91,7 @@ def plan_check(scene: Scene, assembly: Assembly, space: SearchSpace, settings: E
     except InputError:
         return None
     triangles = sum(len(FieldSetting.of(case).coarse) for case in assembly.by_case) / len(assembly.by_case)
-    each = len(assembly.by_case) * _PER_TRIANGLE * triangles * (triangles / _TRIANGLES) ** (_GROWTH - 1.0)
+    each = len(assembly.by_case) * mesh_seconds(COARSE_RATE, triangles)
     count = min(settings.check_fields, int(MOST / each) - 1)
     if count < 1:
         reason = f"{triangles:.0f} triangles would take some {each:.1f} s for each layout"

@@ -88,7 +88,7 @@ def refuse_unfit(scene: Scene, assembly: Assembly, settings: ExploreSettings, dr
     if settings.certificate is not None:
         check_certifiable(driver, settings.model, scene)
         if isinstance(driver, Exact):
-            driver.prove_by_faces()
+            driver.disable_block_bounds()
 
 
 def refuse_beside_void(settings: ExploreSettings, driver: Driver) -> None:

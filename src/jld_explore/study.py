@@ -28,9 +28,9 @@ from jld_explore.drivers import Driver
 from jld_explore.drivers.first import first_layout
 from jld_explore.evaluation import Evaluation, EvaluatorSettings, MakeEvaluator, Records, evaluator_of
 from jld_explore.evaluation.pruning import IncumbentFront
-from jld_explore.evaluation.recorded import RecordedEvaluator, Sent
+from jld_explore.evaluation.recorded import PendingEvaluations, RecordedEvaluator
 from jld_explore.evaluation.worker_tasks import WorkerSpec
-from jld_explore.evaluation.workers import HANG, Workers
+from jld_explore.evaluation.workers import HANG_SECONDS, Workers
 from jld_explore.settings import ExploreSettings
 from jld_explore.space import SearchSpace, unpack
 from jld_explore.study_state import Progress, StopReason
@@ -222,7 +222,7 @@ class Study:
             front=front,
             report=self._count,
         )
-        waiting: deque[Sent] = deque()
+        waiting: deque[PendingEvaluations] = deque()
         dry = False
         try:
             if driver.remembers and len(self.records):
@@ -242,20 +242,20 @@ class Study:
                     dry = self._cut or len(labellings) == 0
                     if len(labellings):
                         self.asked += len(labellings)
-                        waiting.append(recorded.send(labellings))
+                        waiting.append(recorded.submit(labellings))
                 if not waiting:
                     reason = self._reason(dry)
                     if reason is StopReason.UNPROVEN:
                         self._discard_proof()
                     return reason
-                sent = waiting.popleft()
-                evaluations = recorded.take(sent)
+                pending = waiting.popleft()
+                evaluations = recorded.collect(pending)
                 self.solved = recorded.solved
                 if evaluations is None:
                     return StopReason.TIME
-                driver.tell(sent.labellings, evaluations)
+                driver.tell(pending.labellings, evaluations)
                 if front is not None:
-                    front.learn(sent.labellings, evaluations)
+                    front.learn(pending.labellings, evaluations)
         finally:
             self.solved = recorded.solved
             workers.close()
@@ -268,13 +268,13 @@ class Study:
     def _workers(self) -> Workers:
         """Return the workers that evaluate labellings of this study."""
         settings = EvaluatorSettings(self.settings.model)
-        recipe = WorkerSpec.of(self.assembly, settings, self._make)
+        spec = WorkerSpec.of(self.assembly, settings, self._make)
         return Workers(
-            recipe,
+            spec,
             self.settings.jobs,
             len(self.assembly.interfaces),
-            hang=max(HANG, _HANGS * cost_estimate(self.assembly).seconds),
-            batch=self._make is evaluator_of and settings.batched and recipe.evaluator().settles,
+            hang_seconds=max(HANG_SECONDS, _HANGS * cost_estimate(self.assembly).seconds),
+            batch=self._make is evaluator_of and settings.batched and spec.settles_nearly_all,
         )
 
     def _restore(self) -> None:

@@ -23,7 +23,8 @@ from jld_core.build import build_assembly
 from jld_core.limit import LimitAnalysis, Status
 from jld_core.limit.relaxation import Relaxation
 from jld_core.scene import parse_scene
-from jld_explore.drivers.exact.conflict_minimization import Conflict, conflict_of
+from jld_explore.drivers.exact.conflict_generation import conflict_of
+from jld_explore.drivers.exact.proof_state import Conflict
 
 OPEN = 6
 """Faces left undecided: 64 labellings each."""

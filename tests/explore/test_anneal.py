@@ -100,8 +100,8 @@ def test_half_of_the_chains_begin_every_cycle_at_the_best() -> None:
     counts = []
     for _ in range(4):
         for chain in driver._chains:
-            chain.place = None
-        driver._told = driver._began + driver._length
-        driver._cool()
-        counts.append((len(driver._chains), sum(chain.place is best for chain in driver._chains)))
+            chain.labelling = None
+        driver._evaluated = driver._cycle_start + driver._cycle_length
+        driver._advance_cycle()
+        counts.append((len(driver._chains), sum(chain.labelling is best for chain in driver._chains)))
     assert counts == [(4, 2), (8, 4), (8, 4), (8, 4)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +20,12 @@ from jld_core.limit import LimitAnalysis, SolveOptions, Status
 from jld_core.scene import parse_scene
 from jld_explore.drivers import BufferedRandom, make_driver, operators
 from jld_explore.evaluation import EvaluatorSettings
+from jld_explore.evaluation.cases import CasesEvaluator, RobustEvaluator
 from jld_explore.evaluation.evaluator import Evaluator
+from jld_explore.evaluation.field_evaluator import CellEvaluator, FieldEvaluator
+from jld_explore.evaluation.own_objective import OwnObjectiveEvaluator
+from jld_explore.evaluation.protocol import LabellingEvaluator
+from jld_explore.evaluation.void_cells import VoidCellsEvaluator
 from jld_explore.report.tables import results_table
 from jld_explore.settings import ExploreSettings
 from jld_explore.space import search_space
@@ -68,12 +74,12 @@ def test_all_at_once_is_one_by_one(name: str, monkeypatch: pytest.MonkeyPatch) -
 
 def test_kernel_is_asked_where_it_settles() -> None:
     wall, pressed = (build_assembly(parse_scene(grid_document(*CASES[name][:1]))) for name in ("wall", "beam"))
-    assert Evaluator(wall, SETTINGS).settles
-    assert Evaluator(pressed, SETTINGS).settles
-    assert not Evaluator(wall, EvaluatorSettings(many=False)).settles
-    assert not Evaluator(wall, EvaluatorSettings(SolveOptions(friction="zero-dilation"))).settles
+    assert Evaluator(wall, SETTINGS).settles_nearly_all
+    assert Evaluator(pressed, SETTINGS).settles_nearly_all
+    assert not Evaluator(wall, EvaluatorSettings(use_batch_solver=False)).settles_nearly_all
+    assert not Evaluator(wall, EvaluatorSettings(SolveOptions(friction="zero-dilation"))).settles_nearly_all
     rows, options = CASES["crushable wall"]
-    assert Evaluator(build_assembly(parse_scene(grid_document(rows, **options))), SETTINGS).settles
+    assert Evaluator(build_assembly(parse_scene(grid_document(rows, **options))), SETTINGS).settles_nearly_all
     assert 0.8 <= BatchSolver(LimitAnalysis(wall).template).settled_fraction <= 1.0
 
 
@@ -136,3 +142,11 @@ def test_operators_draw_the_same_without_the_kernel(search: dict[str, Any], monk
     monkeypatch.setenv(library.SWITCH, "off")
     for one, other in zip(quick, drawn(), strict=True):
         assert np.array_equal(one, other)
+
+
+@pytest.mark.parametrize("method", ["evaluate", "evaluate_all"])
+def test_evaluators_have_one_signature(method: str) -> None:
+    kinds = [Evaluator, CasesEvaluator, RobustEvaluator, VoidCellsEvaluator, OwnObjectiveEvaluator]
+    for kind in (*kinds, FieldEvaluator, CellEvaluator):
+        assert LabellingEvaluator in kind.__mro__
+        assert inspect.signature(getattr(kind, method)) == inspect.signature(getattr(LabellingEvaluator, method))

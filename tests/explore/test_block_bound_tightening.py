@@ -13,12 +13,11 @@ import pytest
 
 from cases import grid_document
 from jld_core.build import build_assembly
-from jld_core.limit import LimitAnalysis
 from jld_core.scene import Scene, parse_scene
 from jld_explore import ExploreSettings, explore
-from jld_explore.drivers.exact.block_bound_tightening import BlockBoundTightening, TightenedBound
+from jld_explore.drivers.exact.block_bounds import BlockBoundTightening, TightenedBound
+from jld_explore.drivers.exact.context import ProofContext
 from jld_explore.drivers.exact.driver import Exact
-from jld_explore.drivers.exact.possible_blocks import possible_blocks
 from jld_explore.space import search_space
 
 WEAK: dict[str, Any] = {"tension": 2e3, "shear": 2e3, "block_cells": [1, 3]}
@@ -58,8 +57,8 @@ def test_what_blocks_rule_out_is_no_better_and_the_optimum_the_same(
     scene = scenes()[name]
     space = search_space(scene, build_assembly(scene))
     every = explore(scene, tmp_path / "every", ExploreSettings(pictures=False, driver="enumeration"))
-    monkeypatch.setattr("jld_explore.drivers.exact.block_bound_tightening._RELAXATIONS", (0.0, 0.0))
-    monkeypatch.setattr("jld_explore.drivers.exact.block_search._LISTED", 0)  # no tree
+    monkeypatch.setattr("jld_explore.drivers.exact.block_bounds._RELAXATIONS", (0.0, 0.0))
+    monkeypatch.setattr("jld_explore.drivers.exact.block_search._BLOCKS_PER_ELEMENT", 0)  # no tree
     driver = Exact(space, search=0)
     found = explore(scene, tmp_path / "found", ExploreSettings(pictures=False, small=0), driver=driver)
     assert driver._tightening is not None
@@ -76,15 +75,16 @@ def test_what_blocks_rule_out_is_no_better_and_the_optimum_the_same(
 
 @pytest.mark.parametrize("late", [False, True])
 def test_a_long_program_is_solved_elsewhere_and_given_up_in_time(late: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("jld_explore.evaluation.worker_pool._process", lambda: ThreadPoolExecutor(1))
-    monkeypatch.setattr("jld_explore.drivers.exact.block_bound_tightening._LOOK", 0.0)
+    monkeypatch.setattr("jld_explore.evaluation.worker_pool._start_process", lambda: ThreadPoolExecutor(1))
+    monkeypatch.setattr("jld_explore.drivers.exact.block_bounds._DEADLINE_CHECK_SECONDS", 0.0)
     scene = scenes()["in space"]
     space = search_space(scene, build_assembly(scene))
-    analyses, blocks = [LimitAnalysis(space.assembly)], possible_blocks(space)
+    context = ProofContext.of(space, 0)
+    assert context is not None
     found = []
     for here in (10**9, 0):
-        monkeypatch.setattr("jld_explore.drivers.exact.block_bound_tightening._HERE", here)
-        narrowing = BlockBoundTightening(analyses, space, blocks, many=True, wanted=True)
+        monkeypatch.setattr("jld_explore.drivers.exact.block_bounds._SIDES_HERE", here)
+        narrowing = BlockBoundTightening(context, wanted=True)
         answers = chain([False], repeat(here == 0 and late))
         found.append(narrowing.tighten(0.1, 1e3, math.inf, answers.__next__))
     if late:
@@ -95,7 +95,7 @@ def test_a_long_program_is_solved_elsewhere_and_given_up_in_time(late: bool, mon
 
 def test_a_certificate_is_of_faces_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = scenes()["weak"]
-    monkeypatch.setattr("jld_explore.drivers.exact.block_bound_tightening._RELAXATIONS", (0.0, 0.0))
+    monkeypatch.setattr("jld_explore.drivers.exact.block_bounds._RELAXATIONS", (0.0, 0.0))
     driver = Exact(search_space(scene, build_assembly(scene)), search=0)
     settings = ExploreSettings(pictures=False, small=0, certificate=tmp_path / "proof.jld")
     found = explore(scene, tmp_path / "out", settings, driver=driver)

@@ -24,6 +24,7 @@ from jld_core.build import build_assembly
 from jld_core.scene import Scene, parse_scene
 from jld_explore import ExploreSettings, Progress, explore
 from jld_explore.drivers.exact.certifying import certify
+from jld_explore.drivers.exact.context import ProofContext
 from jld_explore.drivers.exact.cube_workers import CubeWorkers
 from jld_explore.drivers.exact.cubes import EVERYTHING, split_cube
 from jld_explore.drivers.exact.driver import Exact
@@ -43,8 +44,8 @@ SCENES: dict[str, tuple[list[str], dict[str, Any]]] = {
     "crushing": (["aaa", "aaa", "###"], {"block_cells": [1, 3], "crush_inner": 1e5}),
     "nothing stands": (["aa.", ".aa", "..#"], {"block_cells": [1, 2], "tension": 0.0, "shear": 0.0}),
 }
-ALONE = ExploreSettings(pictures=False, small=0)
-TWO = replace(ALONE, jobs=2)
+SOLO_PROGRAMS = ExploreSettings(pictures=False, small=0)
+TWO = replace(SOLO_PROGRAMS, jobs=2)
 
 
 def scene_of(rows: list[str], options: dict[str, Any]) -> Scene:
@@ -53,15 +54,15 @@ def scene_of(rows: list[str], options: dict[str, Any]) -> Scene:
 
 def prove(scene: Scene, folder: Path, settings: ExploreSettings = TWO, **options: Any) -> tuple[Exploration, Exact]:
     """By others from the first, where there are several."""
-    driver = Exact(search_space(scene, build_assembly(scene)), **{"alone": 0, "search": 0, **options})
+    driver = Exact(search_space(scene, build_assembly(scene)), **{"solo_relaxations": 0, "search": 0, **options})
     return explore(scene, folder, settings, driver=driver), driver
 
 
 @pytest.fixture
 def _in_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     """Threads in the place of processes: each takes a second or two to start."""
-    monkeypatch.setattr("jld_explore.evaluation.worker_pool._process", lambda: ThreadPoolExecutor(1))
-    monkeypatch.setattr("jld_explore.drivers.exact.cube_workers.MOMENT", 0.0)
+    monkeypatch.setattr("jld_explore.evaluation.worker_pool._start_process", lambda: ThreadPoolExecutor(1))
+    monkeypatch.setattr("jld_explore.drivers.exact.cube_workers.TASK_SECONDS", 0.0)
 
 
 @pytest.mark.usefixtures("_in_threads")
@@ -69,7 +70,7 @@ def _in_threads(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_two_prove_what_one_does(name: str, tmp_path: Path) -> None:
     scene = scene_of(*SCENES[name])
     for aim in ("best", "front"):
-        one, _ = prove(scene, tmp_path / f"one {aim}", ALONE, aim=aim, by_blocks="off")
+        one, _ = prove(scene, tmp_path / f"one {aim}", SOLO_PROGRAMS, aim=aim, by_blocks="off")
         two, driver = prove(scene, tmp_path / f"two {aim}", aim=aim, by_blocks="off")
         assert driver._sources is not None
         # the bound at the root alone may prove all
@@ -92,8 +93,8 @@ def test_two_find_the_same_count_of_what_is_required(tmp_path: Path) -> None:
     require = {"front": {"count": "blocks", "sense": "min"}, "require": {"load_factor": 0.6}}
     scene = scene_of([*["aaaa"] * 2, "####"], {"tension": 8e3, "shear": 8e3, "block_cells": [1, 3], **require})
     found = []
-    for name, settings in (("one", ALONE), ("two", TWO)):
-        driver = MinimumCount(search_space(scene, build_assembly(scene)), search=0, alone=0)
+    for name, settings in (("one", SOLO_PROGRAMS), ("two", TWO)):
+        driver = MinimumCount(search_space(scene, build_assembly(scene)), search=0, solo_relaxations=0)
         found.append(explore(scene, tmp_path / name, settings, driver=driver).summary.facts["require"])
         assert driver._sources is not None
         assert (driver._sources.solves > 0) is (settings is TWO)
@@ -105,16 +106,15 @@ def test_two_find_the_same_count_of_what_is_required(tmp_path: Path) -> None:
 @pytest.mark.skipif(chosen() is None, reason="without a kernel one thread draws and shrinks")
 def test_two_threads_prove_the_same_and_hand_over_to_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = scene_of([*["aaaa"] * 4, "####"], {"tension": 5e3, "shear": 5e3, "block_cells": [1, 3]})
-    how: dict[str, Any] = {"alone": None, "by_blocks": "off"}
-    one, _ = prove(scene, tmp_path / "one", ALONE, **how)
+    how: dict[str, Any] = {"solo_relaxations": None, "by_blocks": "off"}
+    one, _ = prove(scene, tmp_path / "one", SOLO_PROGRAMS, **how)
     for called, jobs in ((False, 2), (True, 3)):
         if called:
             monkeypatch.setattr("jld_explore.drivers.exact.conflict_sources.SOLO_RELAXATIONS", (60, 1))
         two, driver = prove(scene, tmp_path / f"{jobs}", replace(TWO, jobs=jobs), **how)
         assert driver._sources is not None
-        assert driver._relaxation is not None
         assert (driver._sources.solves > 0) is called
-        assert driver._relaxation.solves > 60  # by threads, before others were called
+        assert driver.context.relaxation.solves > 60  # by threads, before others were called
         assert two.summary.proven is True
         assert two.summary.best == pytest.approx(one.summary.best, rel=1e-6)
         assert two.summary.bound == pytest.approx(one.summary.bound, rel=2e-6)
@@ -130,20 +130,20 @@ def test_what_breaks_in_a_thread_is_heard_of(tmp_path: Path, monkeypatch: pytest
     def broken(*_: Any) -> None:
         raise ArithmeticError("of a thread")
 
-    monkeypatch.setattr("jld_explore.drivers.exact.conflict_generation.ConflictGenerator._sort", broken)
+    monkeypatch.setattr("jld_explore.drivers.exact.conflict_generation.ConflictGenerator._add_results", broken)
     with pytest.raises(ArithmeticError, match="of a thread"):
-        prove(scene_of(*SCENES["weak"]), tmp_path, alone=None, by_blocks="off")
+        prove(scene_of(*SCENES["weak"]), tmp_path, solo_relaxations=None, by_blocks="off")
 
 
 @pytest.mark.usefixtures("_in_threads")
 def test_what_is_closed_is_on_record_and_spares_the_search(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # many small cubes: of the few large ones of so short a proof it is chance whether any is closed before its end
-    monkeypatch.setattr("jld_explore.drivers.exact.cube_workers._WAITING", 12)
+    monkeypatch.setattr("jld_explore.drivers.exact.cube_workers._CUBES_PER_WORKER", 12)
     scene = scene_of([*["aaaa"] * 4, "####"], {"tension": 5e3, "shear": 5e3, "block_cells": [1, 3]})
     whole, driver = prove(scene, tmp_path / "whole", by_blocks="off")
     known = driver.state.conflicts[:]
-    closed = [one for one in known if one.closed]
-    assert closed
+    from_cubes = [one for one in known if one.from_cube]
+    assert from_cubes
     assert whole.summary.facts["conflicts"] == len(known)
     # nothing of what is closed is above its bound, by the table of all that was evaluated
     table = whole.results[whole.results["status"] == "collapse"]
@@ -151,7 +151,7 @@ def test_what_is_closed_is_on_record_and_spares_the_search(tmp_path: Path, monke
     for text, load in zip(table["labelling"], table["bracket_lo"], strict=True):
         labels = np.array([letter == "d" for letter in text])
         for image in labels[driver.space.group]:
-            for one in closed:
+            for one in from_cubes:
                 if (image[one.faces] == one.labels).all():
                     assert load <= one.bound * scale * (1.0 + 1e-9)
     again, _ = prove(scene, tmp_path / "whole", replace(TWO, resume=True), by_blocks="off")
@@ -171,20 +171,22 @@ def test_workers_are_at_work_once_one_has_answered(monkeypatch: pytest.MonkeyPat
             held.append((Future(), task))
             return held[-1][0]
 
-    monkeypatch.setattr("jld_explore.evaluation.worker_pool._process", lambda: Starting(1))
+    monkeypatch.setattr("jld_explore.evaluation.worker_pool._start_process", lambda: Starting(1))
     scene = scene_of([*["aaaa"] * 3, "####"], WEAK)
     space = search_space(scene, build_assembly(scene))
     formula = Formula(space, None)
     formula.aim(0.0)
-    workers = CubeWorkers(space, None, space.candidates, 0, 2, ProofState(space))
+    context = ProofContext.of(space, 0, list_blocks=False)
+    assert context is not None
+    workers = CubeWorkers(context, 2, ProofState(space))
     for _ in range(2):
         workers.begin(formula, None, 0.0)
-        workers.pump()
-    assert max(told.orders for told in workers._told.values()) > 1
-    assert not workers.at_work
+        workers.exchange()
+    assert max(state.tasks for state in workers._worker_states.values()) > 1
+    assert not workers.started
     held[0][0].set_result(TaskResult())
-    workers.pump()
-    assert workers.at_work
+    workers.exchange()
+    assert workers.started
     workers.close(0.0)
 
 
@@ -226,9 +228,9 @@ class Mortal(ThreadPoolExecutor):
 @pytest.mark.usefixtures("_in_threads")
 def test_processes_that_die_cost_a_moment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Mortal, "made", 0)
-    monkeypatch.setattr("jld_explore.evaluation.worker_pool._process", Mortal)
+    monkeypatch.setattr("jld_explore.evaluation.worker_pool._start_process", Mortal)
     scene = scene_of([*["aaaa"] * 4, "####"], {"tension": 5e3, "shear": 5e3, "block_cells": [1, 3]})
-    one, _ = prove(scene, tmp_path / "one", ALONE)
+    one, _ = prove(scene, tmp_path / "one", SOLO_PROGRAMS)
     two, _ = prove(scene, tmp_path / "two")
     assert Mortal.made >= 3
     assert two.summary.proven is True
@@ -238,20 +240,20 @@ def test_processes_that_die_cost_a_moment(tmp_path: Path, monkeypatch: pytest.Mo
 @pytest.mark.usefixtures("_in_threads")
 @pytest.mark.parametrize("dies", [False, True])
 def test_a_tree_of_blocks_is_that_of_one_job(dies: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("jld_explore.drivers.exact.block_bound_pool.ALONE", 0)
+    monkeypatch.setattr("jld_explore.drivers.exact.block_bounds.SOLO_PROGRAMS", 0)
     # where the batch solver solves them nobody else is asked
     monkeypatch.setattr("jld_core.limit.block_relaxation.BlockRelaxation.batched", False)
     monkeypatch.setattr(Mortal, "made", 0)
     if dies:
-        monkeypatch.setattr("jld_explore.evaluation.worker_pool._process", Mortal)
+        monkeypatch.setattr("jld_explore.evaluation.worker_pool._start_process", Mortal)
     scene = scene_of([*["aaaa"] * 4, "####"], {"block_cells": [1, 2]})
-    one, first = prove(scene, tmp_path / "one", ALONE, alone=None, by_blocks="on")
-    two, second = prove(scene, tmp_path / "two", alone=None, by_blocks="on")
-    assert first._by_blocks is not None
-    assert second._by_blocks is not None
-    assert second._by_blocks._choices is not None
-    assert second._by_blocks._choices.elsewhere > 0
-    assert second._by_blocks.solves == first._by_blocks.solves > 10
+    one, first = prove(scene, tmp_path / "one", SOLO_PROGRAMS, solo_relaxations=None, by_blocks="on")
+    two, second = prove(scene, tmp_path / "two", solo_relaxations=None, by_blocks="on")
+    assert first._block_search is not None
+    assert second._block_search is not None
+    assert second._block_search._bounds is not None
+    assert second._block_search._bounds.solves_in_worker > 0
+    assert second._block_search.solves == first._block_search.solves > 10
     assert (Mortal.made >= 3) is dies
     assert two.summary.proven is True
     assert two.summary.best == one.summary.best
@@ -290,7 +292,7 @@ def test_a_kill_loses_nothing_proven(tmp_path: Path) -> None:
     run.wait()
     assert psutil.wait_procs(helpers, timeout=20.0)[1] == []  # they do not outlive it
     driver = Exact(search_space(scene, build_assembly(scene)), search=0)
-    rest = explore(scene, tmp_path / "out", replace(ALONE, resume=True), driver=driver)
+    rest = explore(scene, tmp_path / "out", replace(SOLO_PROGRAMS, resume=True), driver=driver)
     assert rest.summary.proven is True
     assert len(driver.state.conflicts) > 50
 
@@ -309,21 +311,21 @@ def cluster() -> Iterator[Any]:
 def test_workers_of_a_cluster_prove(cluster: Any, tmp_path: Path) -> None:
     """One at first, a second joins, the first leaves: the same optimum."""
     scene = scene_of([*["aaaa"] * 5, "####"], {"tension": 5e3, "shear": 5e3, "block_cells": [1, 3]})
-    one, _ = prove(scene, tmp_path / "one", ALONE)
-    driver = Exact(search_space(scene, build_assembly(scene)), alone=0, search=0)
+    one, _ = prove(scene, tmp_path / "one", SOLO_PROGRAMS)
+    driver = Exact(search_space(scene, build_assembly(scene)), solo_relaxations=0, search=0)
     events: list[str] = []
     (first,) = cluster.scheduler.workers
 
     def raise_deferred(_: Progress) -> None:
         cube_workers = driver._sources and driver._sources.cube_workers
-        if cube_workers and cube_workers.at_work and not events:
+        if cube_workers and cube_workers.started and not events:
             cluster.scale(2)
             events.append("joined")
-        if cube_workers and events == ["joined"] and len(cube_workers._seats) == 2:
+        if cube_workers and events == ["joined"] and len(cube_workers._pool) == 2:
             cluster.sync(cluster.scheduler.retire_workers, workers=[first], close_workers=True)
             events.append("left")
 
-    settings = replace(ALONE, cluster=cluster.scheduler_address)
+    settings = replace(SOLO_PROGRAMS, cluster=cluster.scheduler_address)
     away = explore(scene, tmp_path / "away", settings, report=raise_deferred, driver=driver)
     assert driver._sources is not None
     assert driver._sources.solves > 0

@@ -309,7 +309,7 @@ def test_the_exact_driver_lists_blocks_in_a_share_of_the_time() -> None:
             driver = Exact(space, search=0)
         while len(asked := driver.ask()):
             driver.tell(asked, evaluator.evaluate_all(asked))
-        found.append((driver._blocks is not None, driver.finished, driver.found[None].load_factor))
+        found.append((driver.context.blocks is not None, driver.finished, driver.found[None].load_factor))
         driver.close()
     assert [one[:2] for one in found] == [(True, True), (False, True)]
     assert found[1][2] == pytest.approx(found[0][2], rel=2e-6)

@@ -18,10 +18,10 @@ from jld_core.limit import LimitAnalysis, SolveOptions, Status
 from jld_core.scene import parse_scene
 from jld_explore import ExploreSettings, explore
 from jld_explore.drivers.enumeration import Enumeration
+from jld_explore.drivers.exact.conflict_generation import windows_of
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import possible_blocks
-from jld_explore.drivers.exact.windows import windows_of
 from jld_explore.evaluation import Evaluation, Records
 from jld_explore.report import Exploration
 from jld_explore.space import search_space
@@ -371,7 +371,7 @@ def test_whole_blocks_bound_the_root_unless_a_certificate_has_to_say_so() -> Non
     for by_faces in (False, True):
         driver = Exact(space, search=0, programs=1)
         if by_faces:
-            driver.prove_by_faces()
+            driver.disable_block_bounds()
         driver.start(None, lambda: None)
         driver.ask()
         assert driver.bound is not None
@@ -412,8 +412,8 @@ def test_annealing_has_its_turn_beside_the_proof(tmp_path: Path, monkeypatch: py
     """However often and early the search is resumed, the optimum and its proof are the same."""
     rows, options = [*["aaaa"] * 3, "####"], {"tension": 5e3, "shear": 5e3, "block_cells": [1, 3]}
     whole = search(rows, options, tmp_path / "whole", "exact").summary.facts
-    monkeypatch.setattr("jld_explore.drivers.exact.incumbents._EACH", 20)
-    monkeypatch.setattr("jld_explore.drivers.exact.incumbents._SHARE", (0.5, 0.5))
+    monkeypatch.setattr("jld_explore.drivers.exact.schedules._FIRST_INTERVAL", 20)
+    monkeypatch.setattr("jld_explore.drivers.exact.schedules._LABELLINGS_PER_RELAXATION", (0.5, 0.5))
     found = search(rows, options, tmp_path / "often", "exact", search=1).summary.facts
     assert found["proven"] is True
     assert found["best"] == pytest.approx(whole["best"], rel=1e-6)

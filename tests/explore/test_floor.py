@@ -17,7 +17,7 @@ from jld_explore.evaluation import Evaluation, EvaluatorSettings
 from jld_explore.evaluation.evaluation import BOUND
 from jld_explore.evaluation.evaluator import Evaluator
 from jld_explore.evaluation.pruning import IncumbentFront
-from jld_explore.evaluation.ranking import places, standing, worth
+from jld_explore.evaluation.ranking import comparison_value, sort_key, status_ranks
 from jld_explore.space import search_space
 from paths import SCENES
 
@@ -31,20 +31,20 @@ def test_floor_is_the_best_with_as_good_a_count() -> None:
     for row, dry in enumerate((0, 1, 2, 3)):
         rows[row, free[:dry]] = True
     floor = IncumbentFront(space)
-    assert floor.below(rows).tolist() == [-np.inf] * 4
+    assert floor.thresholds(rows).tolist() == [-np.inf] * 4
     collapse = [Evaluation(Status.COLLAPSE, v, v, v) for v in (5.0, 4.0, 7.0)]
     floor.learn(rows[:3], collapse)
-    assert floor.below(rows).tolist() == [7.0, 7.0, 7.0, -np.inf]
+    assert floor.thresholds(rows).tolist() == [7.0, 7.0, 7.0, -np.inf]
     floor.learn(rows[3:], [Evaluation(Status.COLLAPSE, 1.0, 1.0, 1.0)])
-    assert floor.below(rows).tolist() == [7.0, 7.0, 7.0, 1.0]
+    assert floor.thresholds(rows).tolist() == [7.0, 7.0, 7.0, 1.0]
 
 
 def test_a_bound_is_no_number_and_guides_drivers() -> None:
     found = Evaluation(Status.UNCERTIFIED, NAN, 3.0, 2.9, settled=BOUND)
     assert np.isnan(found.load_factor)
-    assert worth(found) == 3.0
-    assert standing(found) == (0, -3.0)
-    assert places([found]).tolist() == [0]
+    assert comparison_value(found) == 3.0
+    assert sort_key(found) == (0, -3.0)
+    assert status_ranks([found]).tolist() == [0]
 
 
 def test_evaluator_stops_at_the_associative_bound() -> None:
@@ -54,11 +54,11 @@ def test_evaluator_stops_at_the_associative_bound() -> None:
     labels = np.ones(len(assembly.interfaces), dtype=bool)
     full = evaluator.evaluate(labels)
     assert full.status is Status.COLLAPSE
-    spared = evaluator.evaluate(labels, floor=1.01 * full.associative)
+    spared = evaluator.evaluate(labels, pruning_threshold=1.01 * full.associative)
     assert (spared.settled, spared.status) == (BOUND, Status.UNCERTIFIED)
     assert spared.high == pytest.approx(full.associative, rel=1e-6)
     assert np.isnan(spared.zero_dilation)
-    assert evaluator.evaluate(labels, floor=0.99 * full.associative).settled == "solve"
+    assert evaluator.evaluate(labels, pruning_threshold=0.99 * full.associative).settled == "solve"
 
 
 @pytest.mark.parametrize("driver", ["enumeration", "genetic"])
@@ -67,7 +67,7 @@ def test_best_and_front_are_those_of_all_solves(driver: str, tmp_path: Path, mon
     settings = ExploreSettings(driver=driver, model=SolveOptions(friction="zero-dilation"), pictures=False)
     monkeypatch.setattr("jld_explore.study.PORTION", 16)
     spared = explore(scene, tmp_path / "spared", settings)
-    monkeypatch.setattr(IncumbentFront, "below", lambda self, rows: np.full(len(rows), -np.inf))
+    monkeypatch.setattr(IncumbentFront, "thresholds", lambda self, rows: np.full(len(rows), -np.inf))
     solved = explore(scene, tmp_path / "solved", settings)
     assert spared.summary.pruned > 0
     assert solved.summary.pruned == 0

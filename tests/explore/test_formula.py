@@ -71,14 +71,14 @@ def test_conflicts_hold_above_their_bounds_in_whatever_order_these_are_aimed_at(
     for threshold in (-1.0, len(rows) / 2, 3.5, 7.0, len(rows) / 4, 7.0, 1e3, 0.0, 6.5):
         formula.aim(threshold)
         assert len(left(formula)) == (bounds > threshold).sum()
-        formula.rise(threshold - 1.0)
+        formula.raise_threshold(threshold - 1.0)
         assert not formula.possible((), ())
     # nothing that was set aside comes back where only the threshold rises
     formula.aim(3.0)
     labels = formula.next()
     assert labels is not None
     formula.set_aside(everywhere, labels)
-    formula.rise(5.0)
+    formula.raise_threshold(5.0)
     place = next(place for place, row in enumerate(rows) if (row == labels).all())
     assert len(left(formula)) == (bounds > 5.0).sum() - (bounds[place] > 5.0)
     # a conflict found anew with a smaller bound holds lower down too

@@ -13,7 +13,7 @@ from jld_explore.drivers.nondominated import crowding_of, fronts_of
 from jld_explore.evaluation import Evaluation, EvaluatorSettings
 from jld_explore.evaluation.evaluation import FAILED
 from jld_explore.evaluation.evaluator import Evaluator
-from jld_explore.evaluation.ranking import ORDER, objectives, places, standing
+from jld_explore.evaluation.ranking import ORDER, objectives, sort_key, status_ranks
 from jld_explore.space import search_space
 from paths import SCENES
 
@@ -115,10 +115,10 @@ def test_what_has_no_number_ranks_below_all_that_have() -> None:
         FAILED,
     ]
     shuffled = [kinds[n] for n in (3, 0, 5, 2, 1, 4)]
-    assert sorted(shuffled, key=standing) == kinds
+    assert sorted(shuffled, key=sort_key) == kinds
     assert [found.status for found in kinds[1:]] == list(ORDER)
     scene = load_scene(SCENES / "flat_beam_arch.json")
     space = search_space(scene, build_assembly(scene))
     rows = np.zeros((len(kinds), len(space.fixed)), dtype=bool)
     assert objectives(space, rows, kinds)[:, 0].tolist() == pytest.approx([-2.0, 1.0, 0.0, 0.0, 0.0, 0.0])
-    assert places(kinds).tolist() == [0, 0, 1, 2, 3, 4]
+    assert status_ranks(kinds).tolist() == [0, 0, 1, 2, 3, 4]

@@ -16,7 +16,7 @@ from jld_core.assembly_sequence.constraint import SequenceConstraint
 from jld_core.assembly_sequence.order import locked_blocks
 from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.drivers.exact.proof_check import Claim, _left_over
+from jld_explore.drivers.exact.proof_check import Claim, _find_open_labelling
 from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.space import from_string
 
@@ -181,7 +181,7 @@ def test_a_search_for_an_order_that_stops_at_its_limit_proves_nothing(
         state = ProofState(space)
         state.hand_over([from_string(text) for text in done.results["labelling"]])
         state.note_evaluated(state.take_waiting())
-        problem = _left_over(space, None, [], state, [Claim(None, 0.0)])
+        problem = _find_open_labelling(space, None, [], state, [Claim(None, 0.0)])
         assert ("stopped at its limit" in problem) is not decided
     with pytest.raises(InputError, match=r"no layout was found that stands at every stage .* stopped at its limit"):
         explore(scene_of(ARCH, assemble="standing", block_cells=[1, 2]), tmp_path / "none", settings)

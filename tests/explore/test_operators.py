@@ -71,10 +71,10 @@ def test_all_rows_are_in_the_space(search: dict[str, Any]) -> None:
     for rows in (varied, crossed, bred):
         assert feasible(space, rows).all()
         assert len(rows) >= 0.5 * len(drawn)
-    children, of = tools.crossed(drawn, drawn[::-1], chance)
+    children, of = tools.cross_indexed(drawn, drawn[::-1], chance)
     assert feasible(space, children).all()
     assert len(of) == len(children) >= 0.25 * len(drawn)
-    alike, of = tools.crossed(drawn, drawn, chance)
+    alike, of = tools.cross_indexed(drawn, drawn, chance)
     assert (alike == drawn[of]).all()  # what both have stays, of the couple it is said to be of
     read = [tools.read(chance.reals(tools.keys)) for _ in range(50)]
     assert all(feasible(space, row).all() for row in read)
@@ -193,7 +193,7 @@ def test_register_admits_each_class_once() -> None:
 
 def test_only_limits_kept_in_the_making_make_rows_sure() -> None:
     rows = ["aabb", "aabb", "aabb", "####"]
-    assert operators(space_of(rows, block_cells=[2, 4])).sure
+    assert operators(space_of(rows, block_cells=[2, 4])).always_feasible
     others: tuple[dict[str, Any], ...] = (
         {"blocks": [3, 5]},
         {"convex_blocks": True},
@@ -203,7 +203,7 @@ def test_only_limits_kept_in_the_making_make_rows_sure() -> None:
         {"segmentation": False},
     )
     for search in others:
-        assert not operators(space_of(rows, block_cells=[2, 4], **search)).sure
+        assert not operators(space_of(rows, block_cells=[2, 4], **search)).always_feasible
 
 
 def test_spatial_cubes() -> None:

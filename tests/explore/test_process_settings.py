@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import sys
 import warnings
-from concurrent.futures import BrokenExecutor, Future
+from concurrent.futures import BrokenExecutor, CancelledError, Future, ThreadPoolExecutor
 from typing import Any
 
 import pytest
 from joblib.externals.loky import process_executor
 
 from cases import CASES, grid_assembly
-from jld_explore.drivers.exact.block_bound_pool import BlockBoundPool
 from jld_explore.evaluation import EvaluatorSettings
 from jld_explore.evaluation.process_settings import ignored_warning, switch_interval
 from jld_explore.evaluation.processes import Processes
-from jld_explore.evaluation.worker_pool import WorkerPool
+from jld_explore.evaluation.worker_pool import LOST, WorkerPool
 from jld_explore.evaluation.worker_tasks import WorkerSpec
 from jld_explore.evaluation.workers import Workers
 
@@ -62,7 +61,7 @@ def test_a_pool_in_threads_and_a_pool_of_processes_leave_nothing_behind() -> Non
     threads = Workers(spec, 2, m, batch=True)
     assert sys.getswitchinterval() < before[0]
     threads.close()
-    processes, pool = Processes(1, hang=60.0), WorkerPool(1)
+    processes, pool = Processes(1, hang_seconds=60.0), WorkerPool(1)
     assert processes.submit(abs, (-1,)).result() == 1
     assert settings() != before
     processes.close()
@@ -75,14 +74,21 @@ def test_the_limit_of_memory_that_workers_lift_is_one_of_loky() -> None:
     assert process_executor._MAX_MEMORY_LEAK_SIZE > 0
 
 
-def test_an_error_of_a_task_is_not_taken_for_a_lost_worker() -> None:
+def test_an_error_of_a_task_is_not_taken_for_a_lost_worker(monkeypatch: pytest.MonkeyPatch) -> None:
     """It was hidden: the program was solved again in this process, for ever."""
-    pool = object.__new__(BlockBoundPool)
-    pool._seats = pool._seat = pool._ready = None
-    lost: Future[Any] = Future()
-    lost.set_exception(BrokenExecutor("a process was killed"))
-    assert pool._answer(lost) is None
-    wrong: Future[Any] = Future()
-    wrong.set_exception(ValueError("a defect"))
-    with pytest.raises(ValueError, match="a defect"):
-        pool._answer(wrong)
+    monkeypatch.setattr("jld_explore.evaluation.worker_pool._start_process", lambda: ThreadPoolExecutor(1))
+    pool = WorkerPool(1)
+    worker = pool.first()
+    assert worker is not None
+    for error in (ValueError("a defect"), OSError("a defect: no file")):
+        wrong: Future[Any] = Future()
+        wrong.set_exception(error)
+        with pytest.raises(type(error), match="a defect"):
+            pool.result(worker, wrong)
+    assert len(pool) == 1
+    for loss in (BrokenExecutor("a process was killed"), CancelledError()):
+        lost: Future[Any] = Future()
+        lost.set_exception(loss)
+        assert pool.result(worker, lost) is LOST
+    assert len(pool) == 0
+    pool.close()

@@ -19,10 +19,9 @@ from jld_core import build_assembly, parse_scene
 from jld_core.batch import chosen
 from jld_explore import ExploreSettings, explore
 from jld_explore.drivers import Driver
-from jld_explore.drivers.exact.conflict_minimization import Conflict, Evidence
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.proof_check import Claim
-from jld_explore.drivers.exact.proof_state import ProofState
+from jld_explore.drivers.exact.proof_state import Conflict, Evidence, ProofState
 from jld_explore.evaluation import Records
 from jld_explore.report import Exploration, words
 from jld_explore.space import search_space
@@ -201,7 +200,7 @@ def test_a_proof_that_lost_a_layout_is_not_proven(tmp_path: Path, monkeypatch: p
 
     monkeypatch.setattr(ProofState, "take_waiting", lose)
     monkeypatch.setattr(
-        "jld_explore.drivers.exact.driver.Exact._lower",
+        "jld_explore.drivers.exact.driver.Exact._lower_bound",
         lambda self, target, bound: self.found.update({target: replace(self.found[target], bound=bound)}),
     )
     done, _ = search(grid_document([*["aaaa"] * 3, "####"], **WEAK), tmp_path / "out", jobs=1, by_blocks="off")
@@ -216,7 +215,7 @@ def test_a_conflict_that_refutes_an_evaluated_layout_is_found(tmp_path: Path) ->
     faces = np.flatnonzero(driver.space.candidates)[:5]
     driver.state.add_conflicts([Conflict(faces, best[faces], 0.1, Evidence.BLOCKS)])
     claims = [Claim(None, driver.found[None].bound / driver._scale)]
-    check = driver._check(claims, "", driver._incumbents.strongest(100))
+    check = driver._check_proof(claims, "", driver._incumbents.strongest(100))
     assert not check.passed
     assert "allows it 0.1" in check.problem
 

@@ -9,7 +9,7 @@ from jld_core.build import build_assembly
 from jld_core.scene import parse_scene
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.pool import Pool
-from jld_explore.drivers.surrogate import MEMORY, Surrogate
+from jld_explore.drivers.surrogate import SLOTS, Surrogate
 from jld_explore.space import SearchSpace, keys, search_space
 
 
@@ -26,8 +26,8 @@ def test_guesses_rank_as_truth_does_and_units_do_not_matter() -> None:
     one, other = Surrogate(space), Surrogate(space)
     one.learn(rows[:200], worth[:200])
     other.learn(rows[:200], np.exp(3.0 * worth[:200]))
-    guess = one.guess(rows[200:])
-    assert np.array_equal(guess, other.guess(rows[200:]))
+    guess = one.predict(rows[200:])
+    assert np.array_equal(guess, other.predict(rows[200:]))
     assert np.corrcoef(guess, worth[200:])[0, 1] > 0.7
 
 
@@ -38,25 +38,25 @@ def test_mirror_images_are_guessed_alike() -> None:
     rows = Enumeration(space).ask(60)
     model = Surrogate(space)
     model.learn(rows[:30], np.arange(30.0))
-    assert np.abs(model.guess(rows[30:]) - model.guess(rows[30:][:, space.group[1]])).max() <= 2e-4
+    assert np.abs(model.predict(rows[30:]) - model.predict(rows[30:][:, space.group[1]])).max() <= 2e-4
 
 
 def test_the_best_and_the_last_are_kept() -> None:
     space = space_of(["aaa", "aaa", "aaa", "###"])
-    rows = Enumeration(space).ask(3 * MEMORY)
+    rows = Enumeration(space).ask(3 * SLOTS)
     worth = np.random.default_rng(0).permutation(len(rows)).astype(float)
     model = Surrogate(space)
     for low in range(0, len(rows), 32):
         model.learn(rows[low : low + 32], worth[low : low + 32])
-    assert model.share(np.array([worth.max(), -1.0])).tolist() == [1.0 - 0.5 / MEMORY, 0.0]
-    last = rows[-MEMORY // 2 :]
-    assert np.corrcoef(model.guess(last), worth[-MEMORY // 2 :])[0, 1] > 0.9
+    assert model.share_below(np.array([worth.max(), -1.0])).tolist() == [1.0 - 0.5 / SLOTS, 0.0]
+    last = rows[-SLOTS // 2 :]
+    assert np.corrcoef(model.predict(last), worth[-SLOTS // 2 :])[0, 1] > 0.9
 
 
 def test_a_pool_guesses_as_if_it_remembered_nothing() -> None:
     """What is alike is kept from one guess to the next, while what is remembered changes."""
     space = space_of(["aaa", "aaa", "aaa", "###"])
-    rows = Enumeration(space).ask(2 * MEMORY)
+    rows = Enumeration(space).ask(2 * SLOTS)
     worth = np.random.default_rng(0).normal(size=len(rows))
     model = Surrogate(space)
     pool = Pool(space, model)
@@ -64,7 +64,7 @@ def test_a_pool_guesses_as_if_it_remembered_nothing() -> None:
         part = rows[low : low + 48]
         pool.add(part, keys(part))
         model.learn(part[::2], worth[low : low + 48 : 2])
-        assert np.array_equal(pool.guess(), model.guess(pool.rows))
+        assert np.array_equal(pool.predict(), model.predict(pool.rows))
         pool.keep(np.arange(0, len(pool), 3))
         assert pool.names.tolist() == keys(pool.rows)
-        assert np.array_equal(pool.guess(), model.guess(pool.rows))
+        assert np.array_equal(pool.predict(), model.predict(pool.rows))

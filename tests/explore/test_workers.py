@@ -65,7 +65,7 @@ def test_one_job_and_two_agree() -> None:
 
 def test_threads_give_what_one_gives() -> None:
     assembly, _, rows = wall()
-    recipe = WorkerSpec.of(assembly, EvaluatorSettings(many=False))
+    recipe = WorkerSpec.of(assembly, EvaluatorSettings(use_batch_solver=False))
     pool = Workers(recipe, 2, rows.shape[1], batch=True)
     try:
         for some in (rows, rows[:1], rows[:3]):
@@ -120,7 +120,7 @@ def test_a_labelling_that_takes_its_worker_along_is_recorded_as_failed(
     monkeypatch.setenv("JLD_KERNEL", "off")  # what dies is the evaluation of one labelling
     assembly, _, rows = wall()
     recipe = WorkerSpec.of(Poison(assembly, rows[17], way), EvaluatorSettings())  # type: ignore[arg-type]
-    pool = Workers(recipe, 2, rows.shape[1], hang=60.0 if way == "dies" else 10.0)
+    pool = Workers(recipe, 2, rows.shape[1], hang_seconds=60.0 if way == "dies" else 10.0)
     try:
         found = everything(pool, rows)
     finally:

@@ -85,7 +85,7 @@ def test_a_motion_that_hardly_works_proves_nothing(halvings: int, expected: floa
     assembly = build_assembly(parse_scene(document))
     labels = np.array([label == "d" for label in "iddiddiiddidid"])
     for many in (False, True):
-        found = Evaluator(assembly, EvaluatorSettings(many=many)).evaluate_all(labels[None])[0]
+        found = Evaluator(assembly, EvaluatorSettings(use_batch_solver=many)).evaluate_all(labels[None])[0]
         assert not found.high < expected * (1.0 - 1e-6)
         assert not found.low > expected * (1.0 + 1e-6)
 

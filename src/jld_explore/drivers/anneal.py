@@ -31,44 +31,44 @@ from jld_explore.drivers.genetic import Genetic
 from jld_explore.drivers.operators.following import Following
 from jld_explore.drivers.searcher import Searcher
 from jld_explore.evaluation import Evaluation
-from jld_explore.evaluation.ranking import standing
+from jld_explore.evaluation.ranking import sort_key
 from jld_explore.space import SearchSpace, keys
 
-_HOT: Final = 0.04
+_FIRST_TEMPERATURE: Final = 0.04
 """Temperature at the start of a cycle, relative to the largest λ known."""
-_COLD: Final = 1e-3
+_LAST_TEMPERATURE: Final = 1e-3
 """Temperature at the end of a cycle, relative to the largest λ known."""
 
-_CYCLE: Final = 10
+_FIRST_CYCLE: Final = 10
 """Labellings evaluated in the first cycle, per face that can change."""
 
 _TRIES: Final = 4
 """Changes of the labelling of a chain that are evaluated together."""
 
-_GREEDY: Final = 2
+_GREEDY_CYCLES: Final = 2
 """Number of first cycles with half as many chains and twice as many changes each.
 
 The other chains are drawn at random after these cycles.
 """
 
-_TURNS: Final = 8
+_ATTEMPTS: Final = 8
 """Attempts to find new changes of a chain; a chain without any restarts at random."""
 
-_CROSS: Final = 0.03
+_CROSSING_SHARE: Final = 0.03
 """Share of changes that cross two labellings.
 
 With a share of 0.1 chains converge to one labelling (6 × 8 wall).
 """
 
-_OWN: Final = 0.5
+_OWN_IMAGE_SHARE: Final = 0.5
 """Share of crossings with an image of the own labelling, where the scene has symmetries."""
 
-_AHEAD: Final = 2
+_TURNS_AHEAD: Final = 2
 """One turn in this number is the population's while it has the best labelling known."""
-_BEHIND: Final = 8
+_TURNS_BEHIND: Final = 8
 """One turn in this number is the population's while a chain has the best labelling known."""
 
-_BARRED: Final = 1e300
+_NO_LOAD_FACTOR: Final = 1e300
 """Energy added per rank of the status, so that labellings without λ rank below all others."""
 
 
@@ -78,7 +78,7 @@ class _Chain:
 
     Attributes
     ----------
-    place : (m,) bool array or None
+    labelling : (m,) bool array or None
         Current labelling, True = dry; None before the first one is evaluated.
     energy : float
         −λ of the current labelling.
@@ -88,20 +88,20 @@ class _Chain:
         Its partition into blocks; None until needed.
     moving : (m,) float array or None
         Relative motion of each face in its mechanism; None until needed.
-    near : list of tuples
+    changes : list of tuples
         Energy, load case and labels of the changes evaluated since.
     """
 
-    place: Bits | None = None
+    labelling: Bits | None = None
     energy: float = math.inf
     case: int = 0
     parts: list[int] | None = None
     moving: Floats | None = None
-    near: list[tuple[float, int, Bits]] = field(default_factory=list)
+    changes: list[tuple[float, int, Bits]] = field(default_factory=list)
 
-    def stand(self, place: Bits, energy: float, case: int) -> None:
+    def move_to(self, labelling: Bits, energy: float, case: int) -> None:
         """Move the chain to a labelling."""
-        self.place, self.energy, self.case, self.parts, self.moving = place, energy, case, None, None
+        self.labelling, self.energy, self.case, self.parts, self.moving = labelling, energy, case, None, None
 
 
 class AnnealOptions(DriverOptions):
@@ -138,29 +138,29 @@ class Anneal(Searcher):
         super().__init__(space, seed, _TRIES * chains)
         self._follow = Following(space, self.operators)
         self._movements = [Movements(LimitAnalysis(case)) for case in space.assembly.by_case]
-        self._most = chains
-        self._chains = [_Chain() for _ in range(max(1, chains // 2) if _GREEDY else chains)]
+        self._chain_count = chains
+        self._chains = [_Chain() for _ in range(max(1, chains // 2) if _GREEDY_CYCLES else chains)]
         self._owner: dict[bytes, int] = {}
         self._best: tuple[float, Bits | None, int] = (math.inf, None, 0)
-        self._told, self._began, self._cycle = 0, 0, 0
-        self._length = _CYCLE * self.operators.keys
+        self._evaluated, self._cycle_start, self._cycle = 0, 0, 0
+        self._cycle_length = _FIRST_CYCLE * self.operators.keys
         self._population = Genetic(space, seed, aim="best")
         self._population.register = self.register
-        self._bred: set[bytes] = set()
-        self._bred_best = math.inf
+        self._of_population: set[bytes] = set()
+        self._population_best = math.inf
         self._turn = 0
 
     @property
     def settings(self) -> dict[str, Any]:
         """Number of chains, and the settings of the population."""
-        return {"chains": self._most, **self._population.settings}
+        return {"chains": self._chain_count, **self._population.settings}
 
     def propose(self) -> Bits:
         """Return new changes of every chain and random labellings for new chains, or a generation."""
-        self._settle()
-        self._cool()
+        self._accept_changes()
+        self._advance_cycle()
         self._turn += 1
-        if self._turn % (_AHEAD if self._bred_best <= self._best[0] else _BEHIND) == 0:
+        if self._turn % (_TURNS_AHEAD if self._population_best <= self._best[0] else _TURNS_BEHIND) == 0:
             return self._generation()
         rows = self._changed()
         # A generation is added to a short batch, because enumeration starts when batches become short.
@@ -169,18 +169,18 @@ class Anneal(Searcher):
     def _generation(self) -> Bits:
         """Return a generation of the population."""
         rows = self._population.propose()
-        self._bred.update(keys(rows))
+        self._of_population.update(keys(rows))
         return rows
 
     def _changed(self) -> Bits:
         """Return new changes of every chain, or random labellings for chains without any."""
-        standing = [number for number, chain in enumerate(self._chains) if chain.place is not None]
+        with_labelling = [number for number, chain in enumerate(self._chains) if chain.labelling is not None]
         batches = [self._none]
-        if standing:
-            self._look(standing)
+        if with_labelling:
+            self._compute_mechanisms(with_labelling)
         tries = self.size // len(self._chains)
-        lacking = dict.fromkeys(standing, tries)
-        for _ in range(_TURNS):
+        lacking = dict.fromkeys(with_labelling, tries)
+        for _ in range(_ATTEMPTS):
             checkpoint()
             owners = [number for number, count in lacking.items() for _ in range(count)]
             if not owners:
@@ -194,7 +194,7 @@ class Anneal(Searcher):
         for number, count in lacking.items():
             if count == tries:
                 self._chains[number] = _Chain()
-        lost = [number for number, chain in enumerate(self._chains) if chain.place is None]
+        lost = [number for number, chain in enumerate(self._chains) if chain.labelling is None]
         if lost:
             drawn = self.fresh(self.draw, len(lost) * tries)
             self._owner.update((name, lost[k % len(lost)]) for k, name in enumerate(keys(drawn)))
@@ -203,74 +203,77 @@ class Anneal(Searcher):
 
     def _changes(self, owners: list[int]) -> tuple[Bits, list[int]]:
         """Change the labellings of chains: rows (j, m), and the chain of each row."""
-        crossing = [self.rng.real() < _CROSS for _ in owners]
+        crossing = [self.rng.real() < _CROSSING_SHARE for _ in owners]
         alone = [number for number, crossed in zip(owners, crossing, strict=True) if not crossed]
         coupled = [number for number, crossed in zip(owners, crossing, strict=True) if crossed]
-        rows, whose = self._none, []
+        rows, chain_of_row = self._none, []
         if alone:
             chains = [self._chains[number] for number in alone]
-            places, moving = np.array([chain.place for chain in chains]), np.array([chain.moving for chain in chains])
+            places, moving = (
+                np.array([chain.labelling for chain in chains]),
+                np.array([chain.moving for chain in chains]),
+            )
             rows, of = self._follow.changes(places, [chain.parts or [] for chain in chains], moving, self.rng)
-            whose = [alone[k] for k in of.tolist()]
+            chain_of_row = [alone[k] for k in of.tolist()]
         if coupled:
-            places = np.array([self._chains[number].place for number in coupled])
+            places = np.array([self._chains[number].labelling for number in coupled])
             others = np.array([self._partner(number) for number in coupled])
-            children, of = self.operators.crossed(places, others, self.rng)
-            rows, whose = np.concatenate([rows, children]), [*whose, *(coupled[k] for k in of.tolist())]
-        return rows, whose
+            children, of = self.operators.cross_indexed(places, others, self.rng)
+            rows, chain_of_row = np.concatenate([rows, children]), [*chain_of_row, *(coupled[k] for k in of.tolist())]
+        return rows, chain_of_row
 
     def _partner(self, number: int) -> Bits:
         """Return the labelling to cross with that of a chain: an image of its own or of another."""
-        own, group = self._chains[number].place, self.space.group
-        if len(group) > 1 and self.rng.real() < _OWN:
+        own, group = self._chains[number].labelling, self.space.group
+        if len(group) > 1 and self.rng.real() < _OWN_IMAGE_SHARE:
             other = own
         else:
-            place = self._chains[self.rng.below(len(self._chains))].place
+            place = self._chains[self.rng.below(len(self._chains))].labelling
             other = own if place is None else place
         if other is None:
             raise ValueError(f"chain {number} has no place yet, so it cannot be crossed")
         image: Bits = other[group[self.rng.below(len(group))]]
         return image
 
-    def _look(self, standing: list[int]) -> None:
+    def _compute_mechanisms(self, with_labelling: list[int]) -> None:
         """Compute blocks and mechanisms of chains that lack them, together for each load case."""
-        unknown = [chain for chain in (self._chains[number] for number in standing) if chain.moving is None]
+        unknown = [chain for chain in (self._chains[number] for number in with_labelling) if chain.moving is None]
         for case, movements in enumerate(self._movements):
             lacking = [chain for chain in unknown if chain.case == case]
             if lacking:
-                rows = np.array([chain.place for chain in lacking])
+                rows = np.array([chain.labelling for chain in lacking])
                 for chain, moving, parts in zip(lacking, movements.of(rows), self._follow.parts(rows), strict=True):
                     chain.moving, chain.parts = moving, parts
 
-    def _settle(self) -> None:
+    def _accept_changes(self) -> None:
         """Move every chain to its best evaluated change, or reject that change."""
         for chain in self._chains:
-            if chain.near:
-                energy, case, row = min(chain.near, key=lambda one: one[0])
+            if chain.changes:
+                energy, case, row = min(chain.changes, key=lambda one: one[0])
                 worse = energy - chain.energy
-                if worse <= 0.0 or (worse < _BARRED and self.rng.real() < math.exp(-worse / self._temperature)):
-                    chain.stand(row, energy, case)
-                chain.near = []
+                if worse <= 0.0 or (worse < _NO_LOAD_FACTOR and self.rng.real() < math.exp(-worse / self._temperature)):
+                    chain.move_to(row, energy, case)
+                chain.changes = []
 
-    def _cool(self) -> None:
+    def _advance_cycle(self) -> None:
         """Start the next cycle if the current one is over."""
-        if self._told - self._began < self._length:
+        if self._evaluated - self._cycle_start < self._cycle_length:
             return
-        self._began, self._length, self._cycle = self._told, 2 * self._length, self._cycle + 1
+        self._cycle_start, self._cycle_length, self._cycle = self._evaluated, 2 * self._cycle_length, self._cycle + 1
         energy, best, case = self._best
-        if self._cycle == _GREEDY:
-            self._chains += [_Chain() for _ in range(self._most - len(self._chains))]
+        if self._cycle == _GREEDY_CYCLES:
+            self._chains += [_Chain() for _ in range(self._chain_count - len(self._chains))]
         for chain in self._chains[::2]:
             if best is not None:
-                chain.stand(best, energy, case)
+                chain.move_to(best, energy, case)
 
     @property
     def _temperature(self) -> float:
         """Current temperature, in units of λ."""
-        part = min((self._told - self._began) / max(self._length, 1), 1.0)
+        part = min((self._evaluated - self._cycle_start) / max(self._cycle_length, 1), 1.0)
         energy = self._best[0]
-        size = abs(energy) if abs(energy) < _BARRED else 1.0
-        return float(_HOT * (_COLD / _HOT) ** part * max(size, 1e-300))
+        size = abs(energy) if abs(energy) < _NO_LOAD_FACTOR else 1.0
+        return float(_FIRST_TEMPERATURE * (_LAST_TEMPERATURE / _FIRST_TEMPERATURE) ** part * max(size, 1e-300))
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         """Take in evaluations of labellings (k, m) for the chains and the population.
@@ -279,18 +282,18 @@ class Anneal(Searcher):
         """
         bred: list[int] = []
         for k, (key, labels, found) in enumerate(zip(keys(labellings), labellings, evaluations, strict=True)):
-            place, loss = standing(found)
-            energy = loss + _BARRED * place
+            rank, loss = sort_key(found)
+            energy = loss + _NO_LOAD_FACTOR * rank
             case = max(found.governing, 0)
             if energy < self._best[0]:
                 self._best = (energy, labels, case)
-            if key in self._bred:
-                self._bred.discard(key)
-                self._bred_best = min(self._bred_best, energy)
+            if key in self._of_population:
+                self._of_population.discard(key)
+                self._population_best = min(self._population_best, energy)
                 bred.append(k)
             number = self._owner.pop(key, None)
             if number is not None:
-                self._told += 1
-                self._chains[number].near.append((energy, case, labels))
+                self._evaluated += 1
+                self._chains[number].changes.append((energy, case, labels))
         if bred:
             self._population.tell(labellings[bred], [evaluations[k] for k in bred])

@@ -65,7 +65,7 @@ class Driver(ABC):
     """
 
     remembers: ClassVar[bool] = False
-    """Whether `restore` has an effect."""
+    """True if `restore` has an effect."""
 
     ahead: ClassVar[int] = 0
     """Number of calls of `ask` before the evaluations of an earlier one arrive.
@@ -74,13 +74,13 @@ class Driver(ABC):
     """
 
     checks: ClassVar[bool] = False
-    """Whether the driver checks its proof at the end.
+    """True if the driver checks its proof at the end.
 
     Nothing is then called proven without the check.
     """
 
     modular: ClassVar[bool] = False
-    """Whether the driver uses bounds on labellings without an evaluation.
+    """True if the driver uses bounds on labellings without an evaluation.
 
     Such bounds are valid for convex contact on whole faces only.
     """
@@ -135,17 +135,17 @@ class Driver(ABC):
 
     @property
     def finished(self) -> bool:
-        """Whether everything is proven although not every labelling was evaluated."""
+        """True if everything is proven although not every labelling was evaluated."""
         return False
 
     @property
     def exhaustive(self) -> bool:
-        """Whether an exhausted driver has proposed every class of its space, which is a proof."""
+        """True if an exhausted driver has proposed every class of its space, which is a proof."""
         return False
 
     @property
     def working(self) -> bool:
-        """Whether work is left for a driver that returned nothing because the deadline passed."""
+        """True if work is left for a driver that returned nothing because the deadline passed."""
         return False
 
     def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:

@@ -38,11 +38,11 @@ _ROWS: Final = 16384
 A frontier of this size stays in a cache level while a face is decided.
 """
 
-_NARROW: Final = 64
+_QUICK_ROWS: Final = 64
 """Number of rows of a frontier in a quick count of a space."""
-_GLANCE: Final = 150
+_QUICK_FRONTIERS: Final = 150
 """Number of frontiers in a quick count of a space."""
-_LOOKED: Final = 600_000
+_MOST_ELEMENTS_EXAMINED: Final = 600_000
 """Largest number of frontiers times elements in a count of a space.
 
 A count of 2 000 frontiers of 300 elements takes some 2 s.
@@ -152,11 +152,11 @@ class Enumeration(Driver):
         share = _BYTES // max(1, (2 * len(elements) + len(candidates)) * (len(candidates) + 1))
         self._rows = rows or int(np.clip(share, 64, _ROWS))
         # number of rows checked together where assembly sequences take long to find; 0 without such a check
-        self._slowly = 0 if space.laying is None else max(1, space.laying.counted // 4)
+        self._rows_per_check = 0 if space.laying is None else max(1, space.laying.counted // 4)
         self._deadline: Deadline | None = None
-        self._ended = self._cut = False
+        self._ended = self._interrupted = False
         self._portions = self.batches()
-        self._held = np.empty((0, len(space.fixed)), dtype=bool)
+        self._unreturned = np.empty((0, len(space.fixed)), dtype=bool)
 
     @property
     def exhaustive(self) -> bool:
@@ -166,22 +166,22 @@ class Enumeration(Driver):
     def ask(self, limit: int | None = None) -> Bits:
         """Return the next classes (k, m), at most `PORTION` so that evaluation can begin early."""
         wanted = PORTION if limit is None else min(limit, PORTION)
-        while len(self._held) < wanted and not self._cut:
+        while len(self._unreturned) < wanted and not self._interrupted:
             try:
                 portion = next(self._portions, None)
             except DeadlinePassed:
                 # a generator that raised cannot continue, so only the classes found before are returned
-                self._cut = True
+                self._interrupted = True
                 break
             self._ended = portion is None
             if portion is None:
                 break
-            self._held = np.concatenate([self._held, portion[0]])
-            if self._slowly and (len(self._held) or self._late):
+            self._unreturned = np.concatenate([self._unreturned, portion[0]])
+            if self._rows_per_check and (len(self._unreturned) or self._late):
                 break
-        if self._cut and not len(self._held):
+        if self._interrupted and not len(self._unreturned):
             raise DeadlinePassed
-        given, self._held = self._held[:wanted], self._held[wanted:]
+        given, self._unreturned = self._unreturned[:wanted], self._unreturned[wanted:]
         return given
 
     def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
@@ -190,12 +190,12 @@ class Enumeration(Driver):
 
     @property
     def working(self) -> bool:
-        """Whether symmetry classes of labellings are left to propose; see `Driver.working`."""
+        """True if symmetry classes of labellings are left to propose; see `Driver.working`."""
         return not self._ended
 
     @property
     def _late(self) -> bool:
-        """Whether the deadline has passed."""
+        """True if the deadline has passed."""
         return self._deadline is not None and self._deadline.passed()
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
@@ -206,8 +206,8 @@ class Enumeration(Driver):
         for rows in self._walk():
             if rows is not None:
                 kept, multiplicity = representatives(rows, self.space.group)
-                for low in range(0, len(kept), self._slowly or max(1, len(kept))):
-                    part = kept[low : low + (self._slowly or len(kept))]
+                for low in range(0, len(kept), self._rows_per_check or max(1, len(kept))):
+                    part = kept[low : low + (self._rows_per_check or len(kept))]
                     laid = self.space.can_be_laid(rows[part])
                     yield rows[part[laid]], multiplicity[low : low + len(part)][laid]
 
@@ -238,22 +238,22 @@ class Enumeration(Driver):
             many dead ends does not count as small.
         """
         # the time per frontier grows with the number of elements
-        work = min(work, _LOOKED // max(len(self._start), 1))
+        work = min(work, _MOST_ELEMENTS_EXAMINED // max(len(self._start), 1))
         if len(self._faces) >= work:  # the first labelling needs one frontier per face
             return None
         classes, found = 0, []
         if self.space.laying is not None:
             limit = min(limit, self.space.laying.counted)
-        for looked, rows in enumerate(self._walk()):
+        for frontiers, rows in enumerate(self._walk()):
             if rows is not None:
                 found.append(rows[representatives(rows, self.space.group)[0]])
                 classes += len(found[-1])
-            if classes > limit or looked >= work:
+            if classes > limit or frontiers >= work:
                 return None
         return sum(int(self.space.can_be_laid(rows).sum()) for rows in found)
 
     def _walk(self) -> Iterator[Bits | None]:
-        """Yield, depth first, the labellings (k, m) of complete frontiers and None for others."""
+        """Examine frontiers depth first; yield labellings (k, m) of a complete one, else None."""
         start = np.ascontiguousarray(self._start[:, None])
         name = np.uint8 if len(start) <= 256 else np.uint16 if len(start) <= 65536 else np.uint32
         tall = 0 if self.search.segmentation else len(self._faces)
@@ -290,7 +290,7 @@ class Enumeration(Driver):
         i, j = self._ends[level]
         p, q = rows.block[i], rows.block[j]
         apart = p != q
-        inner = ~apart | ~self._hopeless(rows, (p, q), most=True)
+        inner = ~apart | ~self._violates_limit(rows, (p, q), most=True)
         dry = np.ones_like(apart)
         if search.segmentation:
             inner &= ~apart | ~self._separated(rows, p, q)
@@ -319,7 +319,7 @@ class Enumeration(Driver):
         first, second = rows.block[before[:, 0]], rows.block[before[:, 1]]
         return np.asarray((((first == p) & (second == q)) | ((first == q) & (second == p))).any(axis=0))
 
-    def _hopeless(self, rows: _Frontier, names: tuple[Names, ...], *, most: bool) -> Bools:
+    def _violates_limit(self, rows: _Frontier, names: tuple[Names, ...], *, most: bool) -> Bools:
         """Return (r,) True where the union of the named blocks violates a limit.
 
         `most` selects upper limits, otherwise lower limits are checked.
@@ -348,11 +348,11 @@ class Enumeration(Driver):
         good = np.ones(len(apart), dtype=bool)
         closed = rows.closed
         if small or greatest < np.inf:
-            shut_p = apart & self._shut(rows, p)
-            shut_q = apart & is_dry & self._shut(rows, q)
+            shut_p = apart & self._cannot_grow(rows, p)
+            shut_q = apart & is_dry & self._cannot_grow(rows, q)
             if small:
-                good &= ~(shut_p & self._hopeless(rows, (p,), most=False))
-                good &= ~(shut_q & self._hopeless(rows, (q,), most=False))
+                good &= ~(shut_p & self._violates_limit(rows, (p,), most=False))
+                good &= ~(shut_q & self._violates_limit(rows, (q,), most=False))
             closed = closed + (shut_p & (p < self._free)) + (shut_q & (q < self._free))
             good &= closed <= greatest
         if self._fewest > -np.inf:
@@ -361,7 +361,7 @@ class Enumeration(Driver):
         rows = _Frontier(rows.level, rows.block, rows.label, closed, rows.dry)
         return rows if good.all() else rows.take(np.flatnonzero(good))
 
-    def _shut(self, rows: _Frontier, name: Names) -> Bools:
+    def _cannot_grow(self, rows: _Frontier, name: Names) -> Bools:
         """Return (r,) True where no undecided face leaves the named block."""
         after = self._ends[rows.level :]
         leaves = (rows.block[after[:, 0]] == name) != (rows.block[after[:, 1]] == name)
@@ -387,5 +387,5 @@ def size_up_to(space: SearchSpace, limit: int, *, quick: bool = False) -> int | 
         Number of classes; None above `limit` or if the count takes too long.
     """
     if quick:
-        return Enumeration(space, rows=_NARROW).size_up_to(limit, work=_GLANCE)
+        return Enumeration(space, rows=_QUICK_ROWS).size_up_to(limit, work=_QUICK_FRONTIERS)
     return Enumeration(space).size_up_to(limit)

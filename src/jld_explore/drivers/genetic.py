@@ -23,16 +23,16 @@ from jld_explore.drivers.pool import Pool
 from jld_explore.drivers.searcher import Searcher
 from jld_explore.drivers.surrogate import Surrogate
 from jld_explore.evaluation import Evaluation
-from jld_explore.evaluation.ranking import Envelope, objectives, places
+from jld_explore.evaluation.ranking import Envelope, objectives, status_ranks
 from jld_explore.space import SearchSpace
 
-CROSSING: Final = 0.5
+CROSSING_SHARE: Final = 0.5
 """Share of children with two parents; the others are mutations of one parent."""
 
-IMMIGRANTS: Final = 0.05
+IMMIGRANT_SHARE: Final = 0.05
 """Share of random labellings among the proposals of a generation."""
 
-GREED: Final = 0.5
+LOAD_FACTOR_SHARE: Final = 0.5
 """Share of tournaments that λ alone decides.
 
 With several objectives λ alone also selects half of the evaluated children. `Genetic._chosen` fixes that half.
@@ -52,13 +52,13 @@ _PER_KEY: Final = 1.5
 _SIZES: Final = (32, 48)
 """Smallest and largest default population size."""
 
-_BELOW: Final = -1e300
+_NO_LOAD_FACTOR: Final = -1e300
 """Objective value of labellings without a number, times the rank of their status.
 
 The value is below all numbers.
 """
 
-_SAME: Final = 2.0**20
+_RESOLUTION: Final = 2.0**20
 """Reciprocal of the relative resolution that distinguishes progress in λ from rounding."""
 
 
@@ -73,7 +73,7 @@ class GeneticOptions(DriverOptions):
         Search for the largest λ, or for the largest λ for every value of the count.
     """
 
-    population: Annotated[int, Field(ge=4, le=1_000_000)] | None = Field(None, description="labellings alive")
+    population: Annotated[int, Field(ge=4, le=1_000_000)] | None = Field(None, description="population size")
     aim: Aim = Field("front", description="best, or front (the best for every count)")
 
 
@@ -99,7 +99,7 @@ class Genetic(Searcher):
         Population size.
     aim : str
         As the parameter.
-    aims : int
+    objective_count : int
         Number of objectives.
     """
 
@@ -113,20 +113,20 @@ class Genetic(Searcher):
             population = int(np.clip(_PER_KEY * self.operators.keys, *_SIZES))
         self.population, self.aim = population, aim
         counts = len(space.search.front.axes)
-        self.aims = 1 + counts if aim == "front" else 1
+        self.objective_count = 1 + counts if aim == "front" else 1
         self._generator = np.random.default_rng([seed, 1])
         self._surrogate = Surrogate(space)
         self._pool = Pool(space, self._surrogate)
-        self._strangers = self._none
+        self._drawn_immigrants = self._none
         self._front = Envelope(counts)
         self._pending: list[tuple[Bits, Floats, Ints]] = []
-        self._proposed = self._told = 0
-        self._begin()
+        self._proposed = self._evaluated = 0
+        self._start_population()
 
-    def _begin(self) -> None:
+    def _start_population(self) -> None:
         """Start an empty population with the proposals from now on."""
         self._first = self._proposed
-        self._rows, self._place, self._values = (
+        self._rows, self._status_rank, self._values = (
             self._none,
             np.empty(0, dtype=np.int64),
             np.empty((0, 1 + len(self.space.search.front.axes))),
@@ -145,17 +145,17 @@ class Genetic(Searcher):
         if self._idle > PATIENCE * self.operators.keys:
             self._forget(np.arange(len(self._pool)))
             self._pool.keep(np.empty(0, dtype=np.int64))
-            self._begin()
+            self._start_population()
         rows = self._generation() if len(self._rows) > 1 else self.fresh(self.draw, self.size)
         self._proposed += len(rows)
         return rows
 
     def _generation(self) -> Bits:
         """Make children and immigrants; return the most promising children and the immigrants."""
-        strangers = self._immigrants(max(1, round(IMMIGRANTS * self.size)))
-        proposed = np.concatenate([strangers, self._children(self.operators.offspring_factor * self.size)])
-        rows, names, places = self.register.admitted(proposed, sure=self.operators.sure)
-        own = int(np.searchsorted(places, len(strangers)))
+        immigrants_drawn = self._immigrants(max(1, round(IMMIGRANT_SHARE * self.size)))
+        proposed = np.concatenate([immigrants_drawn, self._children(self.operators.offspring_factor * self.size)])
+        rows, names, places = self.register.admitted(proposed, all_feasible=self.operators.always_feasible)
+        own = int(np.searchsorted(places, len(immigrants_drawn)))
         immigrants = rows[:own]
         self._pool.add(rows[own:], names[own:])
         wanted = self.size - len(immigrants)
@@ -165,56 +165,58 @@ class Genetic(Searcher):
 
     def _immigrants(self, count: int) -> Bits:
         """Return random labellings; one draw serves several generations."""
-        if len(self._strangers) < count:
-            self._strangers = np.concatenate([self._strangers, self.draw(max(self.size, count))])
-        given, self._strangers = self._strangers[:count], self._strangers[count:]
+        if len(self._drawn_immigrants) < count:
+            self._drawn_immigrants = np.concatenate([self._drawn_immigrants, self.draw(max(self.size, count))])
+        given, self._drawn_immigrants = self._drawn_immigrants[:count], self._drawn_immigrants[count:]
         return given
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         """Store evaluations of labellings (k, m) for the next generation."""
-        if len(labellings) and self._rest is None:
-            self._pending.append((labellings, objectives(self.space, labellings, evaluations), places(evaluations)))
+        if len(labellings) and self._enumeration is None:
+            self._pending.append(
+                (labellings, objectives(self.space, labellings, evaluations), status_ranks(evaluations))
+            )
 
     def _learn(self) -> None:
         """Take in all stored evaluations at once, whatever calls of `tell` they came from."""
         if not self._pending:
             return
-        labellings, values, place = (np.concatenate(parts) for parts in zip(*self._pending, strict=True))
+        labellings, values, status_rank = (np.concatenate(parts) for parts in zip(*self._pending, strict=True))
         self._pending = []
-        good = place == 0
-        worth = np.where(good, -values[:, 0], _BELOW * place)
-        self._surrogate.learn(labellings, worth)
+        good = status_rank == 0
+        objective = np.where(good, -values[:, 0], _NO_LOAD_FACTOR * status_rank)
+        self._surrogate.learn(labellings, objective)
         self._front.learn(-values[good, 0], values[good, 1:])
-        own = np.arange(self._told, self._told + len(labellings)) >= self._first
-        self._told += len(labellings)
+        own = np.arange(self._evaluated, self._evaluated + len(labellings)) >= self._first
+        self._evaluated += len(labellings)
         self._rows = np.concatenate([self._rows, labellings[own]])
-        self._place = np.concatenate([self._place, place[own]])
+        self._status_rank = np.concatenate([self._status_rank, status_rank[own]])
         self._values = np.concatenate([self._values, values[own]])
         self._survive()
-        first = self._values[(self._rank == 0) & (self._place == 0), : self.aims]
+        first = self._values[(self._rank == 0) & (self._status_rank == 0), : self.objective_count]
         part, exponent = np.frexp(first)
-        leaders = {row.tobytes() for row in np.ldexp(np.round(part * _SAME), exponent)}
+        leaders = {row.tobytes() for row in np.ldexp(np.round(part * _RESOLUTION), exponent)}
         self._idle = 0 if leaders != self._leaders else self._idle + int(own.sum())
         self._leaders = leaders
 
     def _survive(self) -> None:
         """Keep the best of the population, with their ranks and crowding distances."""
-        rank = np.asarray(self._place + len(self._place), dtype=np.float64)
-        crowding = np.zeros(len(self._place))
-        good = np.flatnonzero(self._place == 0)
-        values = self._values[good, : self.aims]
+        rank = np.asarray(self._status_rank + len(self._status_rank), dtype=np.float64)
+        crowding = np.zeros(len(self._status_rank))
+        good = np.flatnonzero(self._status_rank == 0)
+        values = self._values[good, : self.objective_count]
         fronts = fronts_of(values, self.population) if len(good) else []
         for number, front in enumerate(fronts):
             rank[good[front]] = number
         ranked = good[np.concatenate(fronts)] if fronts else good
-        crowding[ranked] = crowding_of(self._values[ranked, : self.aims], rank[ranked])
+        crowding[ranked] = crowding_of(self._values[ranked, : self.objective_count], rank[ranked])
         kept = np.lexsort((-crowding, rank))[: self.population]
-        self._rows, self._place, self._values = self._rows[kept], self._place[kept], self._values[kept]
+        self._rows, self._status_rank, self._values = self._rows[kept], self._status_rank[kept], self._values[kept]
         self._rank, self._crowding = rank[kept], crowding[kept]
 
     def _children(self, count: int) -> Bits:
         """Return children of parents selected by tournaments."""
-        crossed = round(CROSSING * count)
+        crossed = round(CROSSING_SHARE * count)
         rivals = self._generator.integers(len(self._rows), size=(2 * count, 2))
         couples = self._winners(rivals).reshape(count, 2)
         first, second = self._rows[couples[:, 0]], self._rows[couples[:, 1]]
@@ -226,15 +228,15 @@ class Genetic(Searcher):
 
     def _chosen(self, wanted: int) -> Bits:
         """Take the most promising children out of the pool, and keep the next `POOL` ones."""
-        guess = self._pool.guess()
-        order = np.argsort(-guess, kind="stable")
-        taken = order[: wanted if self.aims == 1 else -(-wanted // 2)]
+        prediction = self._pool.predict()
+        order = np.argsort(-prediction, kind="stable")
+        taken = order[: wanted if self.objective_count == 1 else -(-wanted // 2)]
         order = order[len(taken) :]
-        if self.aims > 1:
+        if self.objective_count > 1:
             # expected improvement over the best known labelling of equal or better counts
-            gain = guess - self._surrogate.share(self._front.best(self._pool.counts))
+            gain = prediction - self._surrogate.share_below(self._front.best(self._pool.counts))
             second = order[np.argsort(-gain[order], kind="stable")[: wanted - len(taken)]]
-            left = np.ones(len(guess), dtype=bool)
+            left = np.ones(len(prediction), dtype=bool)
             left[second] = False
             taken, order = np.concatenate([taken, second]), order[left[order]]
         rows = self._pool.rows[taken]
@@ -253,10 +255,10 @@ class Genetic(Searcher):
         """
         first, second = pairs[:, 0], pairs[:, 1]
         # choosing more parents by λ alone finds the best labelling earlier, choosing fewer widens the front
-        alone = self._generator.random(len(pairs)) < GREED
-        value, rank, place = self._values[:, 0], self._rank, self._place
+        alone = self._generator.random(len(pairs)) < LOAD_FACTOR_SHARE
+        value, rank, status_rank = self._values[:, 0], self._rank, self._status_rank
         worse = [
-            place[first] - place[second],
+            status_rank[first] - status_rank[second],
             np.where(alone, value[first] - value[second], rank[first] - rank[second]),
         ]
         less = np.where(worse[0] != 0, worse[0], worse[1])

@@ -14,29 +14,29 @@ from jld_core.errors import ParameterError
 from jld_explore.drivers.base import DriverOptions
 from jld_explore.drivers.searcher import Searcher
 from jld_explore.evaluation import Evaluation
-from jld_explore.evaluation.ranking import aims, standing
+from jld_explore.evaluation.ranking import objective_values, sort_key
 from jld_explore.space import LETTERS, SearchSpace, from_string, keys
 from jld_explore.space.search_space import feasible
 
-_ALL = -1  # owner index of the labelling at which all runs start
+_EVERY_RUN = -1  # owner index of the labelling at which all runs start
 
 
 @dataclass
-class _Climber:
+class _Run:
     """State of one run.
 
     Attributes
     ----------
-    place : (m,) bool array or None
+    labelling : (m,) bool array or None
         Current labelling, True = dry; None before its start is evaluated.
-    worth : tuple of int and float
-        Sort key of the current labelling, from `standing`; less is better.
+    sort_key : tuple of int and float
+        Sort key of the current labelling, from `sort_key`; less is better.
     stalled : int
         Rounds without improvement.
     """
 
-    place: Bits | None = None
-    worth: tuple[int, float] = (99, 0.0)
+    labelling: Bits | None = None
+    sort_key: tuple[int, float] = (99, 0.0)
     stalled: int = 0
 
 
@@ -49,7 +49,7 @@ class HillClimbOptions(DriverOptions):
         Letters d and i of the labelling at which all runs start.
     """
 
-    start: str | None = Field(None, description="letters d and i of the labelling that all climbers begin at")
+    start: str | None = Field(None, description="letters d and i of the labelling at which all runs start")
 
 
 class HillClimb(Searcher):
@@ -95,7 +95,7 @@ class HillClimb(Searcher):
         """Set up the runs; see the class for the parameters."""
         super().__init__(space, seed, climbers * neighbours)
         self.neighbours, self.rounds, self.begin_at = neighbours, rounds, start
-        self._climbers = [_Climber() for _ in range(climbers)]
+        self._runs = [_Run() for _ in range(climbers)]
         self._owner: dict[bytes, int] = {}
         self._first: Bits | None = None
         if start is not None:
@@ -115,21 +115,21 @@ class HillClimb(Searcher):
         if self._first is not None:
             return self._beginning(self._first)
         batches = []
-        for number, climber in enumerate(self._climbers):
-            if climber.stalled >= self.rounds:
-                climber = self._climbers[number] = _Climber()
+        for number, run in enumerate(self._runs):
+            if run.stalled >= self.rounds:
+                run = self._runs[number] = _Run()
             rows = self._none
-            if climber.place is not None:
-                place = climber.place
+            if run.labelling is not None:
+                labelling = run.labelling
 
-                def near(count: int, place: Bits = place) -> Bits:
-                    return self.operators.vary(np.repeat(place[None], count, axis=0), self.rng)
+                def near(count: int, labelling: Bits = labelling) -> Bits:
+                    return self.operators.vary(np.repeat(labelling[None], count, axis=0), self.rng)
 
                 rows = self.fresh(near, self.neighbours)
-                climber.stalled += 1
+                run.stalled += 1
                 if len(rows) == 0:
-                    climber = self._climbers[number] = _Climber()
-            if climber.place is None:
+                    run = self._runs[number] = _Run()
+            if run.labelling is None:
                 rows = self.fresh(self.draw, 1)
             self._owner.update((key, number) for key in keys(rows))
             batches.append(rows)
@@ -140,18 +140,18 @@ class HillClimb(Searcher):
         self._first = None
         start = self.register.admit(first[None])
         near = self.fresh(lambda count: self.operators.vary(np.repeat(start, count, axis=0), self.rng), self.size - 1)
-        self._owner.update((key, _ALL) for key in keys(start))
-        self._owner.update((key, k % len(self._climbers)) for k, key in enumerate(keys(near)))
+        self._owner.update((key, _EVERY_RUN) for key in keys(start))
+        self._owner.update((key, k % len(self._runs)) for k, key in enumerate(keys(near)))
         return np.concatenate([start, near])
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         """Move each run to a labelling that is better than its current one."""
-        values = aims(self.space, labellings, evaluations).tolist()
+        values = objective_values(self.space, labellings, evaluations).tolist()
         for key, labels, found, aim in zip(keys(labellings), labellings, evaluations, values, strict=True):
             number = self._owner.pop(key, None)
             if number is None:
                 continue
-            worth = standing(found, aim)
-            for climber in self._climbers if number == _ALL else [self._climbers[number]]:
-                if worth < climber.worth:
-                    climber.place, climber.worth, climber.stalled = labels, worth, 0
+            found_key = sort_key(found, aim)
+            for run in self._runs if number == _EVERY_RUN else [self._runs[number]]:
+                if found_key < run.sort_key:
+                    run.labelling, run.sort_key, run.stalled = labels, found_key, 0

@@ -47,16 +47,16 @@ The journal has one line per trial. A database takes fifteen times as long per t
 faces), which is more than most trials take.
 """
 
-_BEGUN: Final = 4
+_RETRIES: Final = 4
 """Number of retries to open a database in which another search is creating its tables."""
 
-_NEEDS: Final = {"cmaes": "cmaes", "gp": "torch"}
+_PACKAGES: Final = {"cmaes": "cmaes", "gp": "torch"}
 """Packages that some samplers need and that the project does not require."""
 
-_SEEDS: Final = 2**32
+_SEED_BOUND: Final = 2**32
 """Bound on seeds of the library: each is below this number."""
 
-_ODD: Final = (ValueError, KeyError, TypeError, AttributeError)
+_JOURNAL_ERRORS: Final = (ValueError, KeyError, TypeError, AttributeError)
 """Exceptions of the library for a journal file that is damaged or in another format."""
 
 _NOT_FOR_KEYS: Final = ("Base", "BaseGA", "BruteForce", "Grid", "PartialFixed")
@@ -95,12 +95,12 @@ def make_sampler(name: str, seed: int) -> tuple[str, optuna.samplers.BaseSampler
     known = {plain(other): other for other in sampler_names()}
     if plain(name) not in known:
         raise ParameterError("sampler", f"no sampler is named {name!r}", "one of " + ", ".join(known.values()))
-    needed = _NEEDS.get(plain(name))
+    needed = _PACKAGES.get(plain(name))
     if needed is not None and importlib.util.find_spec(needed) is None:
         problem = f"{known[plain(name)]} needs the package {needed}, which is not installed"
         raise ParameterError("sampler", problem, "another sampler, or that package")
     kind: Any = getattr(optuna.samplers, known[plain(name)] + "Sampler")
-    if seed >= _SEEDS:  # the generators of the library accept smaller seeds only
+    if seed >= _SEED_BOUND:  # the generators of the library accept smaller seeds only
         seed = int(np.random.SeedSequence(seed).generate_state(1)[0])
     sampler: optuna.samplers.BaseSampler = kind(seed=seed)
     return known[plain(name)], sampler
@@ -158,10 +158,10 @@ class Optuna(Searcher):
         super().__init__(space, seed, size)
         optuna.logging.set_verbosity(optuna.logging.WARNING)  # the log of the library would mix with the output of jld
         self.sampler, chosen = make_sampler(sampler, seed)
-        self.aims = 1 + len(space.search.front.axes) if self.sampler.startswith("NSGA") else 1
-        self._directions = [StudyDirection.MINIMIZE] * self.aims
+        self.objective_count = 1 + len(space.search.front.axes) if self.sampler.startswith("NSGA") else 1
+        self._directions = [StudyDirection.MINIMIZE] * self.objective_count
         self._study = optuna.create_study(sampler=chosen, directions=self._directions)
-        self._copy = Copy(storage, self._directions)
+        self._copy = StorageCopy(storage, self._directions)
         width = len(str(self.operators.keys))
         self._space: dict[str, BaseDistribution] = {
             f"key{number:0{width}d}": FloatDistribution(0.0, 1.0) for number in range(self.operators.keys)
@@ -209,7 +209,7 @@ class Optuna(Searcher):
         """Finish all waiting trials of each labelling, or add a trial if none waits."""
         if not len(labellings):
             return
-        values = objectives(self.space, labellings, evaluations)[:, : self.aims].tolist()
+        values = objectives(self.space, labellings, evaluations)[:, : self.objective_count].tolist()
         for key, labels, found, value in zip(keys(labellings), labellings, evaluations, values, strict=True):
             self._known[key] = found, value
             trials = self._waiting.pop(key, [])
@@ -242,7 +242,7 @@ class Optuna(Searcher):
             params=params,
             distributions=self._space,
         )
-        if self._rest is None:
+        if self._enumeration is None:
             self._study.add_trial(frozen)
         self._copy.add(frozen, _attributes(labels, found))
 
@@ -252,7 +252,7 @@ def _attributes(labels: Bits, found: Evaluation) -> dict[str, Any]:
     return {"labelling": to_string(labels), "status": str(found.status)}
 
 
-class Copy:
+class StorageCopy:
     """Copy of finished trials in a storage; trials that the storage holds already are skipped.
 
     Parameters
@@ -273,7 +273,7 @@ class Copy:
         self._storage: Any = None if url is None else _storage(url)
         self._study: optuna.Study | None = None
         self._waiting: list[FrozenTrial] = []
-        self._there = 0
+        self._already_stored = 0
 
     def open(self, title: str, file: Path) -> None:
         """Open the storage and start copying.
@@ -301,7 +301,7 @@ class Copy:
         try:
             self._storage = _journal(file)
             self._begin(title)
-        except _ODD:
+        except _JOURNAL_ERRORS:
             # a damaged copy is written anew, because a resumed study replays all trials
             file.unlink()
             self._storage = _journal(file)
@@ -314,7 +314,7 @@ class Copy:
         self._study = optuna.create_study(
             storage=self._storage, study_name=title, directions=self._directions, load_if_exists=True
         )
-        self._there = len(self._study.get_trials(deepcopy=False))
+        self._already_stored = len(self._study.get_trials(deepcopy=False))
 
     def add(self, trial: FrozenTrial, attributes: dict[str, Any]) -> None:
         """Queue a finished trial, with attributes, for writing."""
@@ -327,8 +327,8 @@ class Copy:
         if self._study is None:
             return
         for trial in self._waiting:
-            if self._there > 0:
-                self._there -= 1
+            if self._already_stored > 0:
+                self._already_stored -= 1
             else:
                 self._study.add_trial(trial)
         self._waiting = []
@@ -339,7 +339,7 @@ def _storage(url: str) -> Any:
     from optuna.storages import RDBStorage
     from sqlalchemy.exc import ArgumentError, IntegrityError, ProgrammingError, SQLAlchemyError
 
-    for left in range(_BEGUN, -1, -1):
+    for left in range(_RETRIES, -1, -1):
         try:
             return RDBStorage(url)
         except (IntegrityError, ProgrammingError) as error:
@@ -356,7 +356,7 @@ def _journal(file: Path) -> Any:
     """Open the journal in the folder of a study.
 
     The lock of the study excludes other writers, so a lock file and an incomplete line of a killed run are removed.
-    One of `_ODD` is raised for a damaged journal.
+    One of `_JOURNAL_ERRORS` is raised for a damaged journal.
     """
     from optuna.storages import JournalStorage
     from optuna.storages.journal import JournalFileBackend, JournalFileOpenLock

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jld_core.arrays import Bits, Floats, Ints
-from jld_explore.drivers.surrogate import MEMORY, Surrogate
+from jld_explore.drivers.surrogate import SLOTS, Surrogate
 from jld_explore.evaluation.ranking import front_counts
 from jld_explore.space import SearchSpace
 
@@ -45,8 +45,8 @@ class Pool:
         self.counts: Floats = np.empty((0, len(space.search.front.axes)))
         self.names: Names = np.empty(0, dtype=object)
         self._signs = surrogate.signs(self.rows)
-        self._alike = np.empty((0, MEMORY), dtype=np.float32)
-        self._clock = surrogate.clock
+        self._covariances = np.empty((0, SLOTS), dtype=np.float32)
+        self._clock = surrogate.batches_learned
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -57,28 +57,28 @@ class Pool:
         own[:] = names
         self._refresh()
         signs = self._surrogate.signs(rows)
-        alike = np.empty((len(rows), MEMORY), dtype=np.float32)
+        covariance = np.empty((len(rows), SLOTS), dtype=np.float32)
         known = len(self._surrogate)
-        alike[:, :known] = self._surrogate.alike(signs, np.arange(known))
+        covariance[:, :known] = self._surrogate.covariance(signs, np.arange(known))
         self.rows = np.concatenate([self.rows, rows])
         self.counts = np.concatenate([self.counts, front_counts(self._space, rows)])
         self.names = np.concatenate([self.names, own])
         self._signs = np.concatenate([self._signs, signs])
-        self._alike = np.concatenate([self._alike, alike])
+        self._covariances = np.concatenate([self._covariances, covariance])
 
     def keep(self, places: Ints) -> None:
         """Remove all labellings except those at the given positions."""
         self.rows, self.counts, self.names = self.rows[places], self.counts[places], self.names[places]
-        self._signs, self._alike = self._signs[places], self._alike[places]
+        self._signs, self._covariances = self._signs[places], self._covariances[places]
 
-    def guess(self) -> Floats:
+    def predict(self) -> Floats:
         """Return the prediction of the surrogate for each labelling, (k,)."""
         self._refresh()
-        return self._surrogate.weighed(self._alike)
+        return self._surrogate.predict_from(self._covariances)
 
     def _refresh(self) -> None:
         """Update the covariances with labellings that the surrogate has learned since."""
-        fresh = np.flatnonzero(self._surrogate.since > self._clock)
-        self._clock = self._surrogate.clock
+        fresh = np.flatnonzero(self._surrogate.filled_at > self._clock)
+        self._clock = self._surrogate.batches_learned
         if fresh.size and len(self):
-            self._alike[:, fresh] = self._surrogate.alike(self._signs, fresh)
+            self._covariances[:, fresh] = self._surrogate.covariance(self._signs, fresh)

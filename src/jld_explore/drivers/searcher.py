@@ -50,7 +50,7 @@ class Register:
         self.space = space
         self.seen: set[bytes] = set()
 
-    def admit(self, rows: Bits, most: int | None = None, *, sure: bool = False) -> Bits:
+    def admit(self, rows: Bits, most: int | None = None, *, all_feasible: bool = False) -> Bits:
         """Register the new feasible classes among labellings, and return them.
 
         Parameters
@@ -59,22 +59,24 @@ class Register:
             Labels, True = dry.
         most : int, optional
             Largest number of classes; the first ones are taken.
-        sure : bool
-            Whether all rows are known to be feasible (see `Operators.sure`).
+        all_feasible : bool
+            Whether all rows are known to be feasible (see `Operators.all_feasible`).
 
         Returns
         -------
         (j, m) bool array
             Canonical labels of the new classes.
         """
-        return self.admitted(rows, most, sure=sure)[0]
+        return self.admitted(rows, most, all_feasible=all_feasible)[0]
 
-    def admitted(self, rows: Bits, most: int | None = None, *, sure: bool = False) -> tuple[Bits, list[bytes], Ints]:
+    def admitted(
+        self, rows: Bits, most: int | None = None, *, all_feasible: bool = False
+    ) -> tuple[Bits, list[bytes], Ints]:
         """Do the same as `admit`, and also return keys and row numbers of the new classes.
 
         Parameters
         ----------
-        rows, most, sure
+        rows, most, all_feasible
             As in `admit`.
 
         Returns
@@ -93,7 +95,7 @@ class Register:
             if key not in self.seen:
                 fresh.setdefault(key, number)
         named, places = list(fresh), np.fromiter(fresh.values(), dtype=np.int64, count=len(fresh))
-        if not sure:
+        if not all_feasible:
             good = feasible(self.space, rows[places])
             places = places[good]
             named = [key for key, fine in zip(named, good.tolist(), strict=True) if fine]
@@ -130,8 +132,8 @@ class Searcher(Driver):
         self.rng = BufferedRandom(np.random.default_rng(seed))
         self.operators: Operators = operators(space)
         self.register = Register(space)
-        self._held = self._none
-        self._rest: Iterator[Bits] | None = None
+        self._unreturned = self._none
+        self._enumeration: Iterator[Bits] | None = None
 
     @property
     def exhaustive(self) -> bool:
@@ -147,20 +149,23 @@ class Searcher(Driver):
         """Return the next labellings (k, m): the rest of the last batch, or a new one."""
         if limit is not None and limit <= 0:
             return self._none
-        if not len(self._held):
-            self._held = self._batch()
-        given, self._held = self._held[:limit], self._held[len(self._held) if limit is None else limit :]
+        if not len(self._unreturned):
+            self._unreturned = self._batch()
+        given, self._unreturned = (
+            self._unreturned[:limit],
+            self._unreturned[len(self._unreturned) if limit is None else limit :],
+        )
         return given
 
     def _batch(self) -> Bits:
         """Return the next proposals, or enumerated classes once proposals have become rare."""
-        if self._rest is None:
+        if self._enumeration is None:
             rows = self.propose()
             if len(rows) < max(1, self.size // 8):
-                self._rest = self._remaining()
+                self._enumeration = self._remaining()
             if len(rows):
                 return rows
-        return next(self._rest, self._none) if self._rest is not None else self._none
+        return next(self._enumeration, self._none) if self._enumeration is not None else self._none
 
     @abstractmethod
     def propose(self) -> Bits:
@@ -185,7 +190,9 @@ class Searcher(Driver):
             checkpoint()
             wanted = max(_ROUND, count - len(found))
             tries -= wanted
-            admitted = self.register.admit(make(wanted), count - len(found), sure=self.operators.sure)
+            admitted = self.register.admit(
+                make(wanted), count - len(found), all_feasible=self.operators.always_feasible
+            )
             found = np.concatenate([found, admitted])
         return found
 

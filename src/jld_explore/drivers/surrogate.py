@@ -1,8 +1,9 @@
 """Gaussian process that predicts the rank of labellings before they are solved.
 
-The covariance of two labellings is exp(−d / REACH), where d is the share of candidate faces that differ. It is summed
-over the symmetric images of one of them. The predicted value is the share of known labellings that a labelling
-exceeds, so units and outliers of λ do not matter. Predictions only decide the order of evaluation and never a result.
+The covariance of two labellings is exp(−d / CORRELATION_LENGTH), where d is the share of candidate faces that differ.
+It is summed over the symmetric images of one of them. The predicted value is the share of known labellings that a
+labelling exceeds, so units and outliers of λ do not matter. Predictions only decide the order of evaluation and never
+a result.
 """
 
 from __future__ import annotations
@@ -16,19 +17,19 @@ from scipy.linalg.lapack import sposv
 from jld_core.arrays import Bits, Floats, Ints
 from jld_explore.space import SearchSpace
 
-REACH: Final = 0.1
+CORRELATION_LENGTH: Final = 0.1
 """Share of differing candidate faces at which the covariance is 1 / e."""
 
 NOISE: Final = 0.01
 """Noise variance added to the diagonal of the covariance matrix."""
 
-MEMORY: Final = 192
+SLOTS: Final = 192
 """Number of labellings remembered: half the best ones known, half the latest ones."""
 
 _DIGITS: Final = 4
 """Decimal digits of a prediction, so that rounding errors do not decide an order."""
 
-_SHARE: Final = MEMORY // 2
+_SHARE: Final = SLOTS // 2
 """Number of labellings learned at a time, equal to the number of latest ones remembered."""
 
 Single = NDArray[np.float32]
@@ -37,7 +38,7 @@ Single = NDArray[np.float32]
 class Surrogate:
     """Gaussian process that predicts the rank of labellings from evaluated ones.
 
-    A remembered labelling keeps its slot among `MEMORY` slots until another one replaces it.
+    A remembered labelling keeps its slot among `SLOTS` slots until another one replaces it.
 
     Parameters
     ----------
@@ -47,74 +48,74 @@ class Surrogate:
     Attributes
     ----------
     since : (MEMORY,) int array
-        Value of `clock` when each slot was filled.
-    clock : int
+        Value of `batches_learned` when each slot was filled.
+    batches_learned : int
         Number of batches learned.
     """
 
     def __init__(self, space: SearchSpace) -> None:
         self._faces = np.flatnonzero(space.candidates)
         self._group = space.group
-        self._images = np.zeros((len(space.group), MEMORY, len(self._faces)), dtype=np.float32)
-        self._matrix = np.zeros((MEMORY, MEMORY), dtype=np.float32)
-        self._worth = np.empty(MEMORY)
+        self._images = np.zeros((len(space.group), SLOTS, len(self._faces)), dtype=np.float32)
+        self._matrix = np.zeros((SLOTS, SLOTS), dtype=np.float32)
+        self._values = np.empty(SLOTS)
         self._order = np.empty(0, dtype=np.int64)  # slots in the order in which they were filled
         self._weights: Single | None = None
         self._mean = 0.0
-        self.since = np.zeros(MEMORY, dtype=np.int64)
-        self.clock = 0
+        self.filled_at = np.zeros(SLOTS, dtype=np.int64)
+        self.batches_learned = 0
 
-    def learn(self, labellings: Bits, worth: Floats) -> None:
+    def learn(self, labellings: Bits, values: Floats) -> None:
         """Learn labellings with their objective values.
 
         Parameters
         ----------
         labellings : (k, m) bool array
             Labels, True = dry.
-        worth : (k,) float array
+        values : (k,) float array
             Objective values, larger is better; any monotonic scale.
         """
         for low in range(0, len(labellings), _SHARE):
-            self._take_in(labellings[low : low + _SHARE], worth[low : low + _SHARE])
+            self._take_in(labellings[low : low + _SHARE], values[low : low + _SHARE])
 
-    def _take_in(self, labellings: Bits, worth: Floats) -> None:
+    def _take_in(self, labellings: Bits, values: Floats) -> None:
         """Remember at most `_SHARE` labellings in place of the worst of the older ones."""
         count, known = len(labellings), self._order
-        lacking = max(0, len(known) + count - MEMORY)
+        lacking = max(0, len(known) + count - SLOTS)
         if lacking:
             # keep the latest labellings, and the best of the older ones
             older = known[: len(known) + count - _SHARE]
-            worst = np.argsort(-self._worth[older], kind="stable")[len(older) - lacking :]
-            places = older[worst]
+            worst = np.argsort(-self._values[older], kind="stable")[len(older) - lacking :]
+            slots = older[worst]
             stay = np.ones(len(known), dtype=bool)
             stay[worst] = False
             self._order = known[stay]
         else:
-            places = np.empty(0, dtype=np.int64)
-        places = np.concatenate([places, np.arange(len(known), len(known) + count - lacking)])
-        self._order = np.concatenate([self._order, places])
+            slots = np.empty(0, dtype=np.int64)
+        slots = np.concatenate([slots, np.arange(len(known), len(known) + count - lacking)])
+        self._order = np.concatenate([self._order, slots])
         signs = self.signs(labellings)
         for image, permutation in zip(self._images, self._group, strict=True):
-            image[places] = self.signs(labellings[:, permutation])
-        self._worth[places] = worth
-        alike = self.alike(signs, np.arange(len(self._order)))
-        self._matrix[places, : len(self._order)] = alike
-        self._matrix[: len(self._order), places] = alike.T
+            image[slots] = self.signs(labellings[:, permutation])
+        self._values[slots] = values
+        covariance = self.covariance(signs, np.arange(len(self._order)))
+        self._matrix[slots, : len(self._order)] = covariance
+        self._matrix[: len(self._order), slots] = covariance.T
         self._weights = None
-        self.clock += 1
-        self.since[places] = self.clock
+        self.batches_learned += 1
+        self.filled_at[slots] = self.batches_learned
 
     def __len__(self) -> int:
         return len(self._order)
 
-    def share(self, worth: Floats) -> Floats:
+    def share_below(self, values: Floats) -> Floats:
         """Return the share of remembered labellings below given objective values.
 
         Ties count half.
 
         Parameters
         ----------
-        worth : (k,) float array
+        values : (k,) float array
             Objective values.
 
         Returns
@@ -122,12 +123,12 @@ class Surrogate:
         (k,) float array
             Shares in [0, 1].
         """
-        known = np.sort(self._worth[: len(self)])
-        below = np.searchsorted(known, worth, "left") + np.searchsorted(known, worth, "right")
+        known = np.sort(self._values[: len(self)])
+        below = np.searchsorted(known, values, "left") + np.searchsorted(known, values, "right")
         return np.asarray(below / (2.0 * max(1, len(known))))
 
-    def guess(self, labellings: Bits) -> Floats:
-        """Predict for each labelling the share of remembered labellings with a lower objective value.
+    def predict(self, labellings: Bits) -> Floats:
+        """Predict for each labelling the share of remembered labellings below it.
 
         Parameters
         ----------
@@ -139,20 +140,20 @@ class Surrogate:
         (k,) float array
             Predictions, not limited to [0, 1].
         """
-        return self.weighed(self.alike(self.signs(labellings), np.arange(len(self))))
+        return self.predict_from(self.covariance(self.signs(labellings), np.arange(len(self))))
 
-    def weighed(self, alike: Single) -> Floats:
-        """Predict from the covariances with the n remembered labellings; see `guess`.
+    def predict_from(self, covariance: Single) -> Floats:
+        """Predict from the covariances with the n remembered labellings; see `predict`.
 
         Parameters
         ----------
-        alike : (k, ≥ n) float32 array
-            Covariances, from `alike`.
+        covariance : (k, ≥ n) float32 array
+            Covariances, from `covariance`.
         """
         if not len(self):
-            return np.zeros(len(alike))
+            return np.zeros(len(covariance))
         weights = self._fit() if self._weights is None else self._weights
-        found = alike[:, : len(self)] @ weights
+        found = covariance[:, : len(self)] @ weights
         return np.asarray(np.round(found.astype(np.float64) + self._mean, _DIGITS))
 
     def _fit(self) -> Single:
@@ -160,10 +161,10 @@ class Surrogate:
         count = len(self)
         matrix = self._matrix[:count, :count].copy()
         matrix[np.diag_indices(count)] += NOISE * len(self._group)
-        share = self.share(self._worth[:count])
-        self._mean = float(share.mean())
+        shares = self.share_below(self._values[:count])
+        self._mean = float(shares.mean())
         # the transpose of the symmetric matrix has the column order that LAPACK needs
-        _, weights, failed = sposv(matrix.T, (share - self._mean).astype(np.float32), lower=True, overwrite_a=True)
+        _, weights, failed = sposv(matrix.T, (shares - self._mean).astype(np.float32), lower=True, overwrite_a=True)
         if failed:
             raise ArithmeticError("the likeness of labellings is no positive definite matrix")
         self._weights = np.asarray(weights, dtype=np.float32)
@@ -176,23 +177,23 @@ class Surrogate:
         found -= np.float32(1.0)
         return found
 
-    def alike(self, signs: Single, places: Ints) -> Single:
+    def covariance(self, signs: Single, slots: Ints) -> Single:
         """Return the covariances (k, n) of labellings with remembered ones.
 
         Parameters
         ----------
         signs : (k, f) float32 array
             Labellings, from `signs`.
-        places : (n,) int array
+        slots : (n,) int array
             Slots of the remembered labellings.
         """
         total: Single | None = None
         faces = signs.shape[1]
         for image in self._images:
             # faces − 2 × number of differing faces: an integer, hence exact in any order of summation
-            product = signs @ image[places].T
+            product = signs @ image[slots].T
             product -= np.float32(faces)
-            product *= np.float32(0.5 / (REACH * faces))
+            product *= np.float32(0.5 / (CORRELATION_LENGTH * faces))
             np.exp(product, out=product)
             total = product if total is None else np.add(total, product, out=total)
-        return np.empty((len(signs), len(places)), dtype=np.float32) if total is None else total
+        return np.empty((len(signs), len(slots)), dtype=np.float32) if total is None else total

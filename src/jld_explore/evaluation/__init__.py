@@ -13,9 +13,8 @@ from __future__ import annotations
 from jld_explore.evaluation.cases import evaluator_of
 from jld_explore.evaluation.deferred_signals import raise_deferred
 from jld_explore.evaluation.evaluation import Evaluation
-from jld_explore.evaluation.evaluator import EvaluatorSettings
+from jld_explore.evaluation.protocol import EvaluatorSettings, MakeEvaluator
 from jld_explore.evaluation.records import Records
-from jld_explore.evaluation.worker_tasks import MakeEvaluator
 
 __all__ = [
     "Evaluation",

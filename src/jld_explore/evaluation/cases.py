@@ -14,13 +14,14 @@ from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline
 from jld_core.limit import CaseBounds, LimitAnalysis, Status, governing
 from jld_explore.evaluation.evaluation import BOUND, SOLVE, Evaluation
-from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings
+from jld_explore.evaluation.evaluator import Evaluator
+from jld_explore.evaluation.protocol import EvaluatorSettings, SharedEvaluator
 
 _UNSOLVED: Final = Evaluation(Status.UNCERTIFIED, math.nan, math.nan, math.nan)
 """Placeholder for a load case that is not solved because another case already decides the labelling."""
 
 
-class CasesEvaluator:
+class CasesEvaluator(SharedEvaluator):
     """Evaluator of labellings of one assembly under all its load cases.
 
     One `Evaluator` solves each case. The governing case decides the evaluation.
@@ -31,87 +32,64 @@ class CasesEvaluator:
         Structure with load cases.
     settings : EvaluatorSettings
         Settings of the evaluators of all cases.
-    like : CasesEvaluator, optional
+    share_batch_solver_with : CasesEvaluator, optional
         Evaluator of the same assembly and settings whose batch solvers are shared.
     """
 
-    def __init__(self, assembly: Assembly, settings: EvaluatorSettings, like: CasesEvaluator | None = None) -> None:
+    def __init__(
+        self, assembly: Assembly, settings: EvaluatorSettings, share_batch_solver_with: CasesEvaluator | None = None
+    ) -> None:
         self.assembly, self.settings = assembly, settings
         self._required = assembly.required.tolist()
-        if like is None:
+        if share_batch_solver_with is None:
             self._each = [Evaluator(case, settings) for case in assembly.by_case]
         else:
-            self._each = [one.twin() for one in like._each]
+            self._each = [one.twin() for one in share_batch_solver_with._each]
 
     def twin(self) -> CasesEvaluator:
-        """Return an equal evaluator for another thread (see `Evaluator.twin`)."""
+        """Return an equal evaluator for another thread (see `SharedEvaluator.twin`)."""
         return CasesEvaluator(self.assembly, self.settings, self)
 
     @property
-    def settles(self) -> bool:
+    def settles_nearly_all(self) -> bool:
         """Return True if batch solvers settle nearly all labellings of every case."""
-        return all(one.settles for one in self._each)
+        return all(one.settles_nearly_all for one in self._each)
 
     def evaluate_all(
         self,
         labellings: Bits,
-        floors: Floats | None = None,
+        pruning_thresholds: Floats | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings under all load cases.
+        """Evaluate labellings under all load cases; see `LabellingEvaluator.evaluate_all`.
 
-        A labelling counts as evaluated when all its cases are.
-
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            Labels, True = dry.
-        floors : (k,) float array, optional
-            Pruning thresholds of the governing load factor (see `Evaluator.evaluate`).
-        deadline : Deadline, optional
-            Time after which no further labelling is begun.
-
-        Returns
-        -------
-        list of Evaluation
-            Evaluations of the first labellings, all k unless the deadline passes.
+        A labelling counts as evaluated when all its cases are. Pruning thresholds refer to the governing load factor.
         """
         if not self.settings.batched:
-            return self._one_by_one(labellings, floors, deadline)
+            return self._one_by_one(labellings, pruning_thresholds, deadline)
         found: list[list[Evaluation]] = []
         count = len(labellings)
         for evaluator, factor in zip(self._each, self._required, strict=True):
             # A governing λ above the threshold needs every case above the threshold times its required factor.
-            own = None if floors is None else floors[:count] * factor
+            own = None if pruning_thresholds is None else pruning_thresholds[:count] * factor
             answers = evaluator.evaluate_all(labellings[:count], own, deadline)
             found.append(answers)
             count = len(answers)
-        return [self._together([answers[k] for answers in found]) for k in range(count)]
+        return [self._combined([answers[k] for answers in found]) for k in range(count)]
 
-    def evaluate(self, labels: Bits, floor: float = -math.inf) -> Evaluation:
-        """Evaluate one labelling under all load cases.
+    def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
+        """Evaluate one labelling under all load cases; see `LabellingEvaluator.evaluate`.
 
-        No further case is solved once a case is unstable or does not exceed the pruning threshold.
-
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry.
-        floor : float
-            Pruning threshold of the governing load factor.
-
-        Returns
-        -------
-        Evaluation
-            Evaluation by the governing case, with λ of each solved case in `cases`.
+        No further case is solved once a case is unstable or does not exceed the pruning threshold. `cases` of the
+        evaluation holds λ of each solved case.
         """
         found = [_UNSOLVED] * len(self._each)
         for case in self._order:
             factor = self._required[case]
-            found[case] = self._each[case].evaluate(labels, floor * factor)
+            found[case] = self._each[case].evaluate(labels, pruning_threshold * factor)
             if found[case].settled == BOUND or found[case].status is Status.UNSTABLE:
                 break
-        return self._together(found)
+        return self._combined(found)
 
     @cached_property
     def _order(self) -> list[int]:
@@ -119,26 +97,28 @@ class CasesEvaluator:
 
         The ranking uses λ of the scene's own labelling, so that it is the same for all labellings.
         """
-        worth = []
+        load_factors = []
         for case, factor in zip(self.assembly.by_case, self._required, strict=True):
             analysis = LimitAnalysis(case)
             proof = analysis.prove(self.assembly.labels)
             none = -math.inf if proof.status is Status.UNSTABLE else math.inf
             number = proof.load_factor * analysis.template.scaling.load / factor
-            worth.append(number if proof.status is Status.COLLAPSE else none)
-        return sorted(range(len(worth)), key=worth.__getitem__)
+            load_factors.append(number if proof.status is Status.COLLAPSE else none)
+        return sorted(range(len(load_factors)), key=load_factors.__getitem__)
 
-    def _one_by_one(self, labellings: Bits, floors: Floats | None, deadline: Deadline | None) -> list[Evaluation]:
+    def _one_by_one(
+        self, labellings: Bits, pruning_thresholds: Floats | None, deadline: Deadline | None
+    ) -> list[Evaluation]:
         """Evaluate labellings in turn until the deadline passes."""
-        values = [-math.inf] * len(labellings) if floors is None else floors.tolist()
+        values = [-math.inf] * len(labellings) if pruning_thresholds is None else pruning_thresholds.tolist()
         found: list[Evaluation] = []
-        for labels, floor in zip(labellings, values, strict=True):
+        for labels, pruning_threshold in zip(labellings, values, strict=True):
             if deadline is not None and deadline.passed():
                 break
-            found.append(self.evaluate(labels, floor))
+            found.append(self.evaluate(labels, pruning_threshold))
         return found
 
-    def _together(self, cases: list[Evaluation]) -> Evaluation:
+    def _combined(self, cases: list[Evaluation]) -> Evaluation:
         """Combine the evaluations of all load cases of one labelling into one."""
         known = [CaseBounds(one.status, one.low, one.high, one.load_factor) for one in cases]
         decided = governing(known, self._required)
@@ -174,7 +154,7 @@ class CasesEvaluator:
         )
 
 
-class RobustEvaluator:
+class RobustEvaluator(SharedEvaluator):
     """Evaluator of labellings at low material values that also reports λ at nominal values.
 
     The evaluation is the one at low values. The last entry of its `cases` is λ at nominal values, NaN without one.
@@ -185,64 +165,52 @@ class RobustEvaluator:
         Structure with low and nominal material values.
     settings : EvaluatorSettings
         Settings of both evaluators.
-    like : RobustEvaluator, optional
+    share_batch_solver_with : RobustEvaluator, optional
         Evaluator of the same assembly and settings whose batch solvers are shared.
     """
 
-    def __init__(self, assembly: Assembly, settings: EvaluatorSettings, like: RobustEvaluator | None = None) -> None:
+    def __init__(
+        self, assembly: Assembly, settings: EvaluatorSettings, share_batch_solver_with: RobustEvaluator | None = None
+    ) -> None:
         self.assembly, self.settings = assembly, settings
-        if like is None:
+        if share_batch_solver_with is None:
             self._low = evaluator_of(replace(assembly, nominal=None), settings)
             self._nominal = evaluator_of(assembly.at_nominal, settings)
         else:
-            self._low, self._nominal = like._low.twin(), like._nominal.twin()
+            self._low, self._nominal = share_batch_solver_with._low.twin(), share_batch_solver_with._nominal.twin()
 
     def twin(self) -> RobustEvaluator:
-        """Return an equal evaluator for another thread (see `Evaluator.twin`)."""
+        """Return an equal evaluator for another thread (see `SharedEvaluator.twin`)."""
         return RobustEvaluator(self.assembly, self.settings, self)
 
     @property
-    def settles(self) -> bool:
+    def settles_nearly_all(self) -> bool:
         """Return True if batch solvers settle nearly all labellings at low and nominal values."""
-        return self._low.settles and self._nominal.settles
+        return self._low.settles_nearly_all and self._nominal.settles_nearly_all
 
     def evaluate_all(
         self,
         labellings: Bits,
-        floors: Floats | None = None,
+        pruning_thresholds: Floats | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
         """Evaluate labellings at low material values, and at nominal ones if they have a λ.
 
-        A labelling counts as evaluated when both evaluations are finished.
-        Only labellings that collapse (have a λ) at low values are solved at nominal values.
-
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            Labels, True = dry.
-        floors : (k,) float array, optional
-            Pruning thresholds of λ at low values (see `Evaluator.evaluate`).
-        deadline : Deadline, optional
-            Time after which no further labelling is begun.
-
-        Returns
-        -------
-        list of Evaluation
-            Evaluations of the first labellings, all k unless the deadline passes.
+        See `LabellingEvaluator.evaluate_all`. Pruning thresholds refer to λ at low values. A labelling counts as
+        evaluated when both evaluations are finished.
         """
-        low = self._low.evaluate_all(labellings, floors, deadline)
+        low = self._low.evaluate_all(labellings, pruning_thresholds, deadline)
         good = [k for k, one in enumerate(low) if one.status is Status.COLLAPSE]
         nominal = self._nominal.evaluate_all(labellings[good], None, deadline)
         known = dict(zip(good, nominal, strict=False))
         done = good[len(nominal)] if len(nominal) < len(good) else len(low)
-        return [self._together(one, known.get(k)) for k, one in enumerate(low[:done])]
+        return [self._combined(one, known.get(k)) for k, one in enumerate(low[:done])]
 
-    def evaluate(self, labels: Bits, floor: float = -math.inf) -> Evaluation:
-        """Evaluate one labelling (m,); `floor` is the pruning threshold of λ at low values."""
-        return self.evaluate_all(labels[None], np.array([floor]))[0]
+    def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
+        """Evaluate one labelling; see `LabellingEvaluator.evaluate`."""
+        return self.evaluate_all(labels[None], np.array([pruning_threshold]))[0]
 
-    def _together(self, low: Evaluation, nominal: Evaluation | None) -> Evaluation:
+    def _combined(self, low: Evaluation, nominal: Evaluation | None) -> Evaluation:
         """Append λ at nominal values to the cases of an evaluation at low values."""
         value = math.nan if nominal is None else nominal.load_factor
         seconds = low.seconds + (0.0 if nominal is None else nominal.seconds)
@@ -250,7 +218,7 @@ class RobustEvaluator:
         return replace(low, cases=(*cases, value), seconds=seconds)
 
 
-def evaluator_of(assembly: Assembly, settings: EvaluatorSettings) -> Evaluator | CasesEvaluator | RobustEvaluator:
+def evaluator_of(assembly: Assembly, settings: EvaluatorSettings) -> SharedEvaluator:
     """Make the evaluator of an assembly: one load, load cases, or low and nominal materials.
 
     Parameters
@@ -262,7 +230,7 @@ def evaluator_of(assembly: Assembly, settings: EvaluatorSettings) -> Evaluator |
 
     Returns
     -------
-    Evaluator, CasesEvaluator or RobustEvaluator
+    SharedEvaluator
         `RobustEvaluator` with nominal material values, else `CasesEvaluator` with load cases, else `Evaluator`.
     """
     if assembly.nominal is not None:

@@ -9,25 +9,25 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 
-class _Held:
+class _Deferred:
     """Number of nested protected sections and the exception deferred to their end."""
 
     depth = 0
-    waiting: BaseException | None = None
+    error: BaseException | None = None
 
 
 @contextmanager
 def deferred_signals() -> Iterator[None]:
     """Defer errors passed to `raise_deferred` until the outermost such context ends."""
-    _Held.depth += 1
+    _Deferred.depth += 1
     try:
         yield
     finally:
-        _Held.depth -= 1
-        waiting = _Held.waiting
-        if waiting is not None and _Held.depth == 0:
-            _Held.waiting = None
-            raise waiting
+        _Deferred.depth -= 1
+        error = _Deferred.error
+        if error is not None and _Deferred.depth == 0:
+            _Deferred.error = None
+            raise error
 
 
 def raise_deferred(error: BaseException) -> None:
@@ -43,6 +43,6 @@ def raise_deferred(error: BaseException) -> None:
     BaseException
         `error`, at once outside `deferred_signals`, else when the outermost context ends.
     """
-    if not _Held.depth:
+    if not _Deferred.depth:
         raise error
-    _Held.waiting = error
+    _Deferred.error = error

@@ -5,43 +5,21 @@ from __future__ import annotations
 import math
 import time
 from contextlib import suppress
-from dataclasses import dataclass, field
 from functools import cached_property
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline, DeadlinePassed
-from jld_core.limit import BatchAnalysis, LimitAnalysis, Proof, SolveOptions, Status
+from jld_core.limit import BatchAnalysis, LimitAnalysis, Proof, Status
 from jld_core.models import limit_analysis, solve_labelling
 from jld_explore.evaluation.evaluation import BOUND, SOLVE, Evaluation
+from jld_explore.evaluation.protocol import EvaluatorSettings, SharedEvaluator
 
 
-@dataclass(frozen=True)
-class EvaluatorSettings:
-    """Settings of an evaluator.
-
-    Attributes
-    ----------
-    model : SolveOptions
-        Friction model, tolerances and other options of the limit analysis.
-    many : bool
-        True if there are enough labellings to make the batch solver, which costs about ten solves.
-    """
-
-    model: SolveOptions = field(default_factory=SolveOptions)
-    many: bool = True
-
-    @property
-    def batched(self) -> bool:
-        """True if bounds on λ of many labellings suffice, so that the batch solver can be used."""
-        return self.many and self.model.supports_bounds_over_labellings
-
-
-class Evaluator:
+class Evaluator(SharedEvaluator):
     """Evaluator of labellings of one assembly under one load.
 
-    A result depends only on the arguments, never on the order of calls.
-    Use an evaluator in one thread at a time; the batch solver may be shared by several threads.
+    The batch solver may be shared by several threads.
 
     Parameters
     ----------
@@ -49,15 +27,17 @@ class Evaluator:
         Structure whose labellings are evaluated.
     settings : EvaluatorSettings
         Model and settings.
-    like : Evaluator, optional
+    share_batch_solver_with : Evaluator, optional
         Evaluator of the same assembly and settings whose batch solver is shared.
     """
 
-    def __init__(self, assembly: Assembly, settings: EvaluatorSettings, like: Evaluator | None = None) -> None:
+    def __init__(
+        self, assembly: Assembly, settings: EvaluatorSettings, share_batch_solver_with: Evaluator | None = None
+    ) -> None:
         self.assembly, self.settings = assembly, settings
         self._batch: BatchAnalysis | None
-        if like is not None:
-            self._batch = like._batch
+        if share_batch_solver_with is not None:
+            self._batch = share_batch_solver_with._batch
         else:
             self._batch = BatchAnalysis.of(self._analysis) if settings.batched else None
 
@@ -67,97 +47,72 @@ class Evaluator:
         return limit_analysis(self.assembly, self.settings.model)
 
     def twin(self) -> Evaluator:
-        """Return an evaluator with the same results for another thread, sharing the batch solver."""
+        """Return an equal evaluator for another thread; see `SharedEvaluator.twin`."""
         return Evaluator(self.assembly, self.settings, self)
 
     @property
-    def settles(self) -> bool:
-        """True if the batch solver settles nearly all labellings, so that one process is enough."""
+    def settles_nearly_all(self) -> bool:
+        """True if the batch solver settles nearly all labellings; see `SharedEvaluator`."""
         return self._batch is not None and self._batch.settles_most
 
     def evaluate_all(
         self,
         labellings: Bits,
-        floors: Floats | None = None,
+        pruning_thresholds: Floats | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings, in batches where the batch solver applies, else one by one.
+        """Evaluate labellings, in batches where the batch solver applies.
 
-        Each evaluation depends only on its own labelling.
-
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            Labels, True = dry.
-        floors : (k,) float array, optional
-            Pruning thresholds of λ, scene units (see `evaluate`).
-        deadline : Deadline, optional
-            Time after which no further labelling is begun.
-
-        Returns
-        -------
-        list of Evaluation
-            Evaluations of the first labellings, all k unless the deadline passes.
+        See `LabellingEvaluator.evaluate_all`.
         """
         if deadline is not None and deadline.passed():
             return []
-        known = self._in_lanes(labellings)
-        values = [-math.inf] * len(labellings) if floors is None else floors.tolist()
+        known = self._by_batch_solver(labellings)
+        values = [-math.inf] * len(labellings) if pruning_thresholds is None else pruning_thresholds.tolist()
         found: list[Evaluation] = []
-        for labels, floor, evaluation in zip(labellings, values, known, strict=True):
+        for labels, pruning_threshold, evaluation in zip(labellings, values, known, strict=True):
             if evaluation is None:
                 if deadline is not None and deadline.passed():
                     break
-                evaluation = self._in_time(labels, floor, deadline)
+                evaluation = self._before_deadline(labels, pruning_threshold, deadline)
             if evaluation is None:
                 break
             found.append(evaluation)
         return found
 
-    def _in_time(self, labels: Bits, floor: float, deadline: Deadline | None) -> Evaluation | None:
+    def _before_deadline(self, labels: Bits, pruning_threshold: float, deadline: Deadline | None) -> Evaluation | None:
         """Evaluate one labelling, or return None if the deadline ends a search without dilation."""
         if deadline is None or self.settings.model.friction == "associative":
-            return self.evaluate(labels, floor)
+            return self.evaluate(labels, pruning_threshold)
         with suppress(DeadlinePassed), deadline.enforced():
-            found = self.evaluate(labels, floor)
+            found = self.evaluate(labels, pruning_threshold)
             return None if deadline.passed() else found
         return None
 
-    def _in_lanes(self, labellings: Bits) -> list[Evaluation | None]:
+    def _by_batch_solver(self, labellings: Bits) -> list[Evaluation | None]:
         """Evaluate labellings with the batch solver; return None for each one it cannot settle."""
         if self._batch is None:
             return [None] * len(labellings)
         start = time.perf_counter()
-        answers = self._batch.prove(labellings)
+        batch_results = self._batch.prove(labellings)
         scale = self._batch.load
-        low, high = (scale * answers.low).tolist(), (scale * answers.high).tolist()
+        low, high = (scale * batch_results.low).tolist(), (scale * batch_results.high).tolist()
         each = (time.perf_counter() - start) / max(len(labellings), 1)
         found: list[Evaluation | None] = []
         for k, (least, most) in enumerate(zip(low, high, strict=True)):
-            status = answers.status(k)
+            status = batch_results.status(k)
             found.append(
                 None if status is None else Evaluation(status, least, most, 0.5 * (least + most), seconds=each)
             )
         return found
 
-    def evaluate(self, labels: Bits, floor: float = -math.inf) -> Evaluation:
-        """Evaluate one labelling.
+    def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
+        """Evaluate one labelling; see `LabellingEvaluator.evaluate`.
 
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry.
-        floor : float
-            Pruning threshold of λ, scene units.
-            A labelling with associative λ at or below it is not solved without dilation.
-
-        Returns
-        -------
-        Evaluation
-            Result of the limit analysis, in scene units.
+        A labelling with associative λ at or below the pruning threshold is not solved without dilation.
         """
         start = time.perf_counter()
-        proof = solve_labelling(self._analysis, labels, self.settings.model, pruning_threshold=floor)
+        proof = solve_labelling(self._analysis, labels, self.settings.model, pruning_threshold=pruning_threshold)
         return self._evaluation(proof, start)
 
     def _evaluation(self, proof: Proof, start: float) -> Evaluation:
@@ -165,7 +120,7 @@ class Evaluator:
         scale = self._analysis.template.scaling.load
         (low, high), load = proof.bracket, proof.load_factor
         if self.settings.model.ranks_by_lower_bound and not proof.outbid and proof.status is Status.COLLAPSE:
-            return self._floor(proof, scale, start)
+            return self._floor_evaluation(proof, scale, start)
         dilates = self.settings.model.friction == "associative"
         return Evaluation(
             status=proof.status,
@@ -177,7 +132,7 @@ class Evaluator:
             seconds=time.perf_counter() - start,
         )
 
-    def _floor(self, proof: Proof, scale: float, start: float) -> Evaluation:
+    def _floor_evaluation(self, proof: Proof, scale: float, start: float) -> Evaluation:
         """Convert a proof of a lower bound on λ over all solutions without dilation.
 
         `low` is the proven bound and `high` the lowest λ found.

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from jld_core.limit import Status
 from jld_core.refinement.cells import CrackCells
 from jld_explore.evaluation.cases import evaluator_of
 from jld_explore.evaluation.evaluation import BOUND, SOLVE, Evaluation
-from jld_explore.evaluation.evaluator import EvaluatorSettings
+from jld_explore.evaluation.protocol import EvaluatorSettings, LabellingEvaluator
 
 
 def field_evaluation(
@@ -50,16 +49,16 @@ def field_evaluation(
     nan = math.nan
     low_end, high_end = (end if math.isfinite(end) else nan for end in (least, most))
     if most < 0.0:
-        status, low_end, high_end, value, how = Status.UNSTABLE, nan, nan, nan, SOLVE
+        status, low_end, high_end, value, settled = Status.UNSTABLE, nan, nan, nan, SOLVE
     elif least >= 0.0 and math.isfinite(most):
-        status, value, how = Status.COLLAPSE, least, SOLVE
+        status, value, settled = Status.COLLAPSE, least, SOLVE
     else:
         status, value = Status.UNCERTIFIED, nan
-        how = BOUND if math.isnan(low_end) and most < best else SOLVE
-    return Evaluation(status, low_end, high_end, value, settled=how, seconds=seconds, cases=cases, governing=case)
+        settled = BOUND if math.isnan(low_end) and most < best else SOLVE
+    return Evaluation(status, low_end, high_end, value, settled=settled, seconds=seconds, cases=cases, governing=case)
 
 
-class FieldEvaluator:
+class FieldEvaluator(LabellingEvaluator):
     """Evaluator of labellings by fields on the coarsest mesh, under all load cases.
 
     Parameters
@@ -77,24 +76,12 @@ class FieldEvaluator:
     def evaluate_all(
         self,
         labellings: Bits,
-        floors: Floats | None = None,
+        pruning_thresholds: Floats | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings one by one.
+        """Evaluate labellings one by one; see `LabellingEvaluator.evaluate_all`.
 
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            Labels, True = dry.
-        floors : (k,) float array, optional
-            Ignored: bounds by fields have no pruning threshold.
-        deadline : Deadline, optional
-            Time after which no further labelling is begun.
-
-        Returns
-        -------
-        list of Evaluation
-            Evaluations of the first labellings, all k unless the deadline passes.
+        Pruning thresholds are ignored: bounds by fields have no cheap part.
         """
         found: list[Evaluation] = []
         for labels in labellings:
@@ -103,8 +90,8 @@ class FieldEvaluator:
             found.append(self.evaluate(labels))
         return found
 
-    def evaluate(self, labels: Bits, floor: float = -math.inf) -> Evaluation:
-        """Evaluate one labelling (m,); `floor` is ignored."""
+    def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
+        """Bound one labelling on the coarsest mesh; see `LabellingEvaluator.evaluate`."""
         start = time.perf_counter()
         low = np.array([coarse.lower(labels)[0] for coarse in self._coarse])
         high = np.array([coarse.upper(labels)[0] for coarse in self._coarse])
@@ -123,12 +110,12 @@ class MakeCellEvaluator:
 
     cells: CrackCells
 
-    def __call__(self, assembly: Assembly, settings: EvaluatorSettings) -> Any:
+    def __call__(self, assembly: Assembly, settings: EvaluatorSettings) -> LabellingEvaluator:
         """Return an evaluator of labellings of the joint grid, which itself is not solved."""
         return CellEvaluator(self.cells, settings)
 
 
-class CellEvaluator:
+class CellEvaluator(LabellingEvaluator):
     """Evaluator of labellings of the joint grid on finer cells, whose faces share labels.
 
     Parameters
@@ -145,14 +132,12 @@ class CellEvaluator:
     def evaluate_all(
         self,
         labellings: Bits,
-        floors: Floats | None = None,
+        pruning_thresholds: Floats | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings (k, m) of the joint grid; see `Evaluator.evaluate_all`."""
-        found: list[Evaluation] = self._fine.evaluate_all(self._cells.labels(labellings), floors, deadline)
-        return found
+        """Evaluate labellings (k, m) of the joint grid; see `LabellingEvaluator.evaluate_all`."""
+        return self._fine.evaluate_all(self._cells.labels(labellings), pruning_thresholds, deadline)
 
-    def evaluate(self, labels: Bits, floor: float = -math.inf) -> Evaluation:
-        """Evaluate one labelling (m,) of the coarse elements on the finer cells; see `Evaluator.evaluate`."""
-        found: Evaluation = self._fine.evaluate(self._cells.labels(labels), floor)
-        return found
+    def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
+        """Evaluate one labelling on the finer cells; see `LabellingEvaluator.evaluate`."""
+        return self._fine.evaluate(self._cells.labels(labels), pruning_threshold)

@@ -22,15 +22,13 @@ from jld_core.fields.adaptive import CoarseBounds, Fields, FieldSetting
 from jld_core.fields.mesh import Mesh
 from jld_core.fields.transfer import FieldMechanism, FieldStresses
 from jld_core.threads import one_thread
+from jld_explore.evaluation.field_time import mesh_seconds, time_rate
 
 _TOGETHER: Final = 4
 """Layouts refined at a time, whatever the number of jobs, so that results do not depend on it."""
 
 _MOST_TRIANGLES: Final = 12_000
 """Triangles at which refinement of one layout ends."""
-
-_GROWTH: Final = 1.4
-"""Power of the number of triangles that the time of a mesh grows with, as measured up to 6 000."""
 
 _CAUTION: Final = 1.5
 """Factor on the expected time of a mesh, which a busy machine exceeds."""
@@ -184,7 +182,7 @@ class FieldRace:
             # the case that is known worst decides next
             case = int(np.argmin(self._low[row] / self._required))
             mesh = self._meshes.get((row, case), self._settings[case].coarse)
-            if _CAUTION * self._rate * len(mesh) ** _GROWTH > self.deadline.remaining():
+            if _CAUTION * mesh_seconds(self._rate, len(mesh)) > self.deadline.remaining():
                 # it would be late
                 self._given_up[row] = True
                 continue
@@ -198,7 +196,7 @@ class FieldRace:
         self.programs += 2 * len(tasks)
         for (row, case, _), step in zip(tasks, found, strict=True):
             triangles = len(self._meshes.get((row, case), self._settings[case].coarse))
-            self._rate = max(self._rate, step.seconds / triangles**_GROWTH)
+            self._rate = max(self._rate, time_rate(step.seconds, triangles))
             self._steps[row, case] = self._steps.get((row, case), 0) + 1
             self._learn(row, case, step.bounds, step.stresses, step.mechanism)
             lacking = not (math.isfinite(self._low[row, case]) and math.isfinite(self._high[row, case]))
@@ -215,7 +213,7 @@ class FieldRace:
         stresses: FieldStresses | None,
         mechanism: FieldMechanism | None,
     ) -> None:
-        """Take the bounds of one layout under one load case, and what its fields prove for all others."""
+        """Take the bounds of one layout under one load case, and those its fields give others."""
         low, high = self._low[:, case], self._high[:, case]
         if stresses is not None:
             np.maximum(low, stresses.bounds(self.labellings), out=low)

@@ -16,13 +16,13 @@ from jld_core.errors import ParameterError
 from jld_core.limit import Status
 from jld_explore.evaluation.cases import evaluator_of
 from jld_explore.evaluation.evaluation import Evaluation
-from jld_explore.evaluation.evaluator import EvaluatorSettings
+from jld_explore.evaluation.protocol import EvaluatorSettings, LabellingEvaluator
 
 OwnObjective = Callable[[Evaluation, Assembly, Bits], float]
 """Function of an evaluation with its λ, the assembly, and the labels (m,); its value is maximised."""
 
 
-class OwnObjectiveEvaluator:
+class OwnObjectiveEvaluator(LabellingEvaluator):
     """Evaluator whose load factors are the values of a function of the user.
 
     Only labellings that have a λ are valued; others keep their status and are not ranked. `associative`, `low` and
@@ -40,39 +40,30 @@ class OwnObjectiveEvaluator:
 
     def __init__(self, function: OwnObjective, assembly: Assembly, settings: EvaluatorSettings) -> None:
         self._function, self._assembly = function, assembly
-        self._evaluator: Any = evaluator_of(assembly, settings)
+        self._evaluator = evaluator_of(assembly, settings)
 
     def evaluate_all(
         self,
         labellings: Bits,
-        floors: Floats | None = None,
+        pruning_thresholds: Floats | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings in turn until the deadline passes.
+        """Evaluate labellings by the objective; see `LabellingEvaluator.evaluate_all`.
 
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            Labels, True = dry.
-        floors : optional
-            Ignored, since bounds on λ are no bounds on the objective.
-        deadline : Deadline, optional
-            Time after which no further labelling is begun.
-
-        Returns
-        -------
-        list of Evaluation
-            Evaluations of the first labellings, all k unless the deadline passes.
+        Pruning thresholds are ignored, since bounds on λ are no bounds on the objective.
         """
         found = self._evaluator.evaluate_all(labellings, None, deadline)
-        return [self._valued(labels, one) for labels, one in zip(labellings, found, strict=False)]
+        return [self._with_value(labels, one) for labels, one in zip(labellings, found, strict=False)]
 
-    def evaluate(self, labels: Bits, floor: float = -math.inf) -> Evaluation:
-        """Evaluate one labelling (m,); `floor` is ignored."""
+    def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
+        """Evaluate one labelling by the objective; see `LabellingEvaluator.evaluate`."""
         return self.evaluate_all(labels[None])[0]
 
-    def _valued(self, labels: Bits, found: Evaluation) -> Evaluation:
-        """Return an evaluation with the value in the place of λ; raise InputError for a value that is no number."""
+    def _with_value(self, labels: Bits, found: Evaluation) -> Evaluation:
+        """Return an evaluation with the value in the place of λ.
+
+        Raises InputError for a value that is no number.
+        """
         cases = found.cases or (math.nan,) * len(self._assembly.cases)
         if found.status is not Status.COLLAPSE:
             return replace(found, cases=(*cases, math.nan))

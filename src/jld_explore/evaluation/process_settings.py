@@ -14,7 +14,7 @@ _CHANGING: Final = Lock()
 """Lock of the bookkeeping, since pools may be opened and closed by several threads."""
 
 
-class _Open:
+class _OpenContexts:
     """Bookkeeping of the open contexts, so that the last one to close restores the setting."""
 
     intervals: Final[list[float]] = []
@@ -29,16 +29,16 @@ def switch_interval(seconds: float) -> Iterator[None]:
     Contexts may overlap; the shortest interval counts, and the last context to close restores the first value.
     """
     with _CHANGING:
-        if not _Open.intervals:
-            _Open.before = sys.getswitchinterval()
-        _Open.intervals.append(seconds)
-        sys.setswitchinterval(min(_Open.before, *_Open.intervals))
+        if not _OpenContexts.intervals:
+            _OpenContexts.before = sys.getswitchinterval()
+        _OpenContexts.intervals.append(seconds)
+        sys.setswitchinterval(min(_OpenContexts.before, *_OpenContexts.intervals))
     try:
         yield
     finally:
         with _CHANGING:
-            _Open.intervals.remove(seconds)
-            sys.setswitchinterval(min([_Open.before, *_Open.intervals]))
+            _OpenContexts.intervals.remove(seconds)
+            sys.setswitchinterval(min([_OpenContexts.before, *_OpenContexts.intervals]))
 
 
 @contextmanager
@@ -51,14 +51,14 @@ def ignored_warning(message: str, category: type[Warning] = Warning, module: str
     with _CHANGING:
         warnings.filterwarnings("ignore", message, category, module)
         entry = warnings.filters[0]
-        _Open.filters[entry] += 1
+        _OpenContexts.filters[entry] += 1
     try:
         yield
     finally:
         with _CHANGING:
-            _Open.filters[entry] -= 1
-            if not _Open.filters[entry]:
-                del _Open.filters[entry]
+            _OpenContexts.filters[entry] -= 1
+            if not _OpenContexts.filters[entry]:
+                del _OpenContexts.filters[entry]
                 # The filter is missing where a caller has restored its own list in the meantime.
                 with suppress(ValueError):
                     warnings.filters.remove(entry)  # type: ignore[attr-defined]

@@ -7,30 +7,31 @@ Every run with a time limit is stopped early.
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import signal
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
 from contextlib import AbstractContextManager, ExitStack
 from typing import Any, Final
 
 from joblib.externals.loky import get_reusable_executor
-from joblib.externals.loky.process_executor import ShutdownExecutorError, TerminatedWorkerError
+from joblib.externals.loky.process_executor import ShutdownExecutorError
 
 from jld_core.deadline import Deadline
 from jld_explore.evaluation.deferred_signals import deferred_signals
 from jld_explore.evaluation.process_settings import ignored_warning
 
-DEATHS: Final = (TerminatedWorkerError, ShutdownExecutorError, TimeoutError)
-"""Exceptions raised when a worker died or hung."""
+_LOSSES: Final = (BrokenExecutor, ShutdownExecutorError, CancelledError, TimeoutError, multiprocessing.TimeoutError)
+"""Exceptions of a task whose worker died, left or hung; a cluster has its own ones."""
 
 GRACE: Final = 0.3
 """Seconds after a deadline in which evaluations already begun may finish."""
 
-_AHEAD: Final = 2
+_TASKS_PER_PROCESS: Final = 2
 """Tasks per process that are submitted ahead; if a worker dies, all of them are suspected."""
 
 _THREADS: Final = ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB_MAXIMUM", "NUMEXPR", "NUMBA")
@@ -38,8 +39,8 @@ SINGLE_THREADED: Final = {f"{name}_NUM_THREADS": "1" for name in _THREADS}
 """Environment of a worker: one BLAS thread, since matrices are small and the jobs use the cores."""
 
 
-def stopping_on_purpose() -> AbstractContextManager[None]:
-    """Ignore the warning that loky's own thread gives when workers are terminated (context manager)."""
+def warning_of_stops_ignored() -> AbstractContextManager[None]:
+    """Ignore loky's warning about terminated workers (context manager)."""
     return ignored_warning("A worker stopped while some jobs", UserWarning)
 
 
@@ -50,19 +51,19 @@ class Processes:
     ----------
     jobs : int
         Number of processes.
-    hang : float
+    hang_seconds : float
         Seconds without any result after which the processes count as hung.
     """
 
-    def __init__(self, jobs: int, hang: float) -> None:
-        self.jobs, self.hang = jobs, hang
+    def __init__(self, jobs: int, hang_seconds: float) -> None:
+        self.jobs, self.hang_seconds = jobs, hang_seconds
         self._executor: Any = None
         self._settings = ExitStack()
 
-    def submit(self, work: Callable[..., Any], arguments: tuple[Any, ...]) -> Future[Any]:
+    def submit(self, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Future[Any]:
         """Submit a task and return its future."""
         if self._executor is None:
-            self._settings.enter_context(stopping_on_purpose())
+            self._settings.enter_context(warning_of_stops_ignored())
         with deferred_signals():
             self._executor = get_reusable_executor(
                 max_workers=self.jobs,
@@ -70,22 +71,18 @@ class Processes:
                 initargs=(os.getpid(),),
                 env=SINGLE_THREADED,
             )
-            future: Future[Any] = self._executor.submit(work, *arguments)
+            future: Future[Any] = self._executor.submit(function, *arguments)
         return future
 
     def close(self) -> None:
         """Terminate all processes at once, including those with unfinished tasks."""
         executor, self._executor = self._executor, None
         with self._settings:
-            if executor is None:
-                return
-            # shutdown(kill_workers=True) would let loky's thread print errors about tasks that still wait.
-            for process in list((executor._processes or {}).values()):
-                process.terminate()
-            executor.shutdown(wait=True)
+            if executor is not None:
+                stop_processes(executor)
 
 
-class Flight:
+class TaskStream:
     """Tasks of one run, submitted in part, whose results are iterated over.
 
     Parameters
@@ -105,53 +102,83 @@ class Flight:
 
     def __init__(self, processes: Processes, deadline: Deadline | None) -> None:
         self._processes, self._deadline = processes, deadline
-        self._left: deque[tuple[int, Callable[..., Any], tuple[Any, ...]]] = deque()
-        self._flying: dict[Future[Any], int] = {}
-        self.sent: list[int] = []
+        self._waiting: deque[tuple[int, Callable[..., Any], tuple[Any, ...]]] = deque()
+        self._in_progress: dict[Future[Any], int] = {}
+        self.submitted: list[int] = []
         self.late = False
 
     def begin(self, tasks: Iterator[tuple[int, Callable[..., Any], tuple[Any, ...]]]) -> None:
         """Submit tasks (number, function, arguments): some at once, others as results arrive."""
-        self._left = deque(tasks)
-        self._send()
+        self._waiting = deque(tasks)
+        self._submit_waiting()
 
-    def _send(self) -> None:
-        """Submit tasks until `_AHEAD` tasks per process are in progress."""
-        while self._left and len(self._flying) < _AHEAD * self._processes.jobs:
-            number, work, arguments = self._left.popleft()
-            self.sent.append(number)
-            self._flying[self._processes.submit(work, arguments)] = number
+    def _submit_waiting(self) -> None:
+        """Submit tasks until `_TASKS_PER_PROCESS` tasks per process are in progress."""
+        while self._waiting and len(self._in_progress) < _TASKS_PER_PROCESS * self._processes.jobs:
+            number, function, arguments = self._waiting.popleft()
+            self.submitted.append(number)
+            self._in_progress[self._processes.submit(function, arguments)] = number
 
     def __iter__(self) -> Iterator[Any]:
         """Yield results as they finish; stop and set `late` if the deadline ends the wait.
 
-        Raises TimeoutError if no result arrives within `hang` seconds and the deadline has not passed.
+        Raises TimeoutError if no result arrives within `hang_seconds` and the deadline has not passed.
         The wait for one result lasts at most until `GRACE` seconds after the deadline.
         """
-        while self._flying:
-            patience = self._processes.hang
+        while self._in_progress:
+            longest_wait = self._processes.hang_seconds
             if self._deadline is not None:
-                patience = min(patience, self._deadline.remaining() + GRACE)
-            finished = wait(self._flying, timeout=patience, return_when=FIRST_COMPLETED).done
+                longest_wait = min(longest_wait, self._deadline.remaining() + GRACE)
+            finished = wait(self._in_progress, timeout=longest_wait, return_when=FIRST_COMPLETED).done
             if not finished:
                 if self._deadline is None or not self._deadline.passed():
                     raise TimeoutError
                 self.late = True
                 return
-            for future in sorted(finished, key=self._flying.__getitem__):
-                del self._flying[future]
+            for future in sorted(finished, key=self._in_progress.__getitem__):
+                del self._in_progress[future]
                 result = future.result()
-                self._send()
+                self._submit_waiting()
                 yield result
+
+
+def stop_processes(executor: Any) -> None:
+    """Terminate the processes of an executor at once, including those with unfinished tasks.
+
+    Parameters
+    ----------
+    executor : Executor
+        Executor of loky; one without processes is only shut down.
+    """
+    # shutdown(kill_workers=True) would let loky's thread print errors about tasks that still wait.
+    for process in list((getattr(executor, "_processes", None) or {}).values()):
+        process.terminate()
+    executor.shutdown(wait=True)
+
+
+def is_lost(error: BaseException) -> bool:
+    """Return True if a task failed because its worker died, left or hung.
+
+    Parameters
+    ----------
+    error : BaseException
+        Exception of the task.
+
+    Returns
+    -------
+    bool
+        True if another worker may succeed, False for an error of the task itself.
+    """
+    return isinstance(error, _LOSSES) or type(error).__module__.startswith("distributed")
 
 
 def worker_init(parent: int) -> None:
     """Initialise a worker: ignore Ctrl-C, and exit when the parent process has ended."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_leave_with, args=(parent,), daemon=True).start()
+    threading.Thread(target=_exit_after, args=(parent,), daemon=True).start()
 
 
-def _leave_with(parent: int) -> None:
+def _exit_after(parent: int) -> None:
     """Exit this process when its parent is no longer the given process; check every 0.5 s."""
     while os.getppid() == parent:
         time.sleep(0.5)

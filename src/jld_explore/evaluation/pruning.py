@@ -36,7 +36,7 @@ class IncumbentFront:
         value = np.array([found.load_factor for found in evaluations])[good]
         self._known.learn(value, front_counts(self.space, labellings[good]))
 
-    def below(self, labellings: Bits) -> Floats:
+    def thresholds(self, labellings: Bits) -> Floats:
         """Return the pruning threshold of each labelling.
 
         Parameters

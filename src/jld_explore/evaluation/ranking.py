@@ -23,7 +23,7 @@ ORDER: Final = (Status.COLLAPSE, Status.LOCKED, Status.UNCERTIFIED, Status.UNSTA
 """Statuses in the order of the results table, best first."""
 
 
-def worth(evaluation: Evaluation) -> float:
+def comparison_value(evaluation: Evaluation) -> float:
     """Return the number by which a driver compares an evaluation.
 
     Parameters
@@ -41,7 +41,7 @@ def worth(evaluation: Evaluation) -> float:
     return evaluation.load_factor if evaluation.status is Status.COLLAPSE else 0.0
 
 
-def meets(space: SearchSpace, evaluation: Evaluation) -> bool:
+def meets_requirement(space: SearchSpace, evaluation: Evaluation) -> bool:
     """Return True if a labelling provably reaches the required load factor.
 
     Parameters
@@ -62,7 +62,7 @@ def meets(space: SearchSpace, evaluation: Evaluation) -> bool:
     return evaluation.status is Status.COLLAPSE and evaluation.low >= required.threshold
 
 
-def may_meet(space: SearchSpace, evaluation: Evaluation) -> bool:
+def may_meet_requirement(space: SearchSpace, evaluation: Evaluation) -> bool:
     """Return True unless a labelling provably misses the required load factor.
 
     Parameters
@@ -79,7 +79,7 @@ def may_meet(space: SearchSpace, evaluation: Evaluation) -> bool:
         below the required one.
     """
     required = space.search.require
-    if required is None or meets(space, evaluation):
+    if required is None or meets_requirement(space, evaluation):
         return True
     if evaluation.status is Status.UNSTABLE:
         return False
@@ -88,11 +88,11 @@ def may_meet(space: SearchSpace, evaluation: Evaluation) -> bool:
     return not high < required.threshold
 
 
-def aims(space: SearchSpace, labellings: Bits, evaluations: Sequence[Evaluation]) -> Floats:
+def objective_values(space: SearchSpace, labellings: Bits, evaluations: Sequence[Evaluation]) -> Floats:
     """Compute the objective that a driver maximises.
 
-    Without a requirement the objective is `worth`. With a required load factor it is λ up to the requirement.
-    Beyond the requirement it grows with the quality of the first count of the scene's front.
+    Without a requirement the objective is `comparison_value`. With a required load factor it is λ up to the
+    requirement. Beyond the requirement it grows with the quality of the first count of the scene's front.
 
     Parameters
     ----------
@@ -108,42 +108,42 @@ def aims(space: SearchSpace, labellings: Bits, evaluations: Sequence[Evaluation]
     (k,) float array
         Objectives, scene units of λ; 0 for an evaluation without a number.
     """
-    value = np.array([worth(found) for found in evaluations], dtype=np.float64)
+    value = np.array([comparison_value(found) for found in evaluations], dtype=np.float64)
     required = space.search.require
     if required is None:
         return value
-    met = np.array([meets(space, found) for found in evaluations], dtype=bool)
+    met = np.array([meets_requirement(space, found) for found in evaluations], dtype=bool)
     share = 1.0 / (1.0 + abs(front_counts(space, labellings)[:, 0]))
     gain = share if space.search.front.axes[0][1] == "min" else 1.0 - share
     short = np.minimum(value, required.threshold * (1.0 - tolerances.PROVEN))
     return np.asarray(np.where(met, required.load_factor * (1.0 + gain), short))
 
 
-def standing(evaluation: Evaluation, aim: float | None = None) -> tuple[int, float]:
+def sort_key(evaluation: Evaluation, objective: float | None = None) -> tuple[int, float]:
     """Return the key that sorts evaluations, best first.
 
     Parameters
     ----------
     evaluation : Evaluation
         Result of one labelling.
-    aim : float, optional
-        Objective from `aims` that replaces `worth`.
+    objective : float, optional
+        Objective from `objective_values` that replaces `comparison_value`.
 
     Returns
     -------
     tuple of (int, float)
         Rank of the status, then the negative objective for rank 0 and 0.0 for other ranks.
     """
-    place = _place(evaluation)
-    return place, -(worth(evaluation) if aim is None else aim) if place == 0 else 0.0
+    rank = _status_rank(evaluation)
+    return rank, -(comparison_value(evaluation) if objective is None else objective) if rank == 0 else 0.0
 
 
-def _place(evaluation: Evaluation) -> int:
+def _status_rank(evaluation: Evaluation) -> int:
     """Return the rank of the status in `ORDER`, 0 for an evaluation settled by a bound."""
     return 0 if evaluation.settled == BOUND else ORDER.index(evaluation.status)
 
 
-def places(evaluations: Sequence[Evaluation]) -> Ints:
+def status_ranks(evaluations: Sequence[Evaluation]) -> Ints:
     """Return the rank of each evaluation's status.
 
     Parameters
@@ -156,7 +156,7 @@ def places(evaluations: Sequence[Evaluation]) -> Ints:
     (k,) int array
         Positions in `ORDER`; 0 for collapse and for evaluations settled by a bound.
     """
-    return np.array([_place(found) for found in evaluations], dtype=np.int64)
+    return np.array([_status_rank(found) for found in evaluations], dtype=np.int64)
 
 
 def front_counts(space: SearchSpace, labellings: Bits) -> Floats:
@@ -230,7 +230,7 @@ def _as_good(counts: Floats, others: Floats) -> Bools:
 
 
 def objectives(space: SearchSpace, labellings: Bits, evaluations: Sequence[Evaluation]) -> Floats:
-    """Compute the objectives that a driver minimises: −λ (see `aims`) and the front counts.
+    """Compute the objectives that a driver minimises: −λ and the counts of the front.
 
     Parameters
     ----------
@@ -244,7 +244,7 @@ def objectives(space: SearchSpace, labellings: Bits, evaluations: Sequence[Evalu
     Returns
     -------
     (k, 1 + c) float array
-        Objectives, with signs such that less is better.
-        Rows without collapse have 0 instead of λ; use `places` to tell them apart.
+        Objectives, with signs such that less is better; for λ see `objective_values`.
+        Rows without collapse have 0 instead of λ; use `status_ranks` to tell them apart.
     """
-    return np.column_stack([-aims(space, labellings, evaluations), front_counts(space, labellings)])
+    return np.column_stack([-objective_values(space, labellings, evaluations), front_counts(space, labellings)])

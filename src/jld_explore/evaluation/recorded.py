@@ -17,7 +17,7 @@ from jld_explore.space.labelling import orbit_sizes
 
 
 @dataclass(frozen=True)
-class Sent:
+class PendingEvaluations:
     """Labellings under evaluation.
 
     Attributes
@@ -73,11 +73,11 @@ class RecordedEvaluator:
         report: Callable[[list[Evaluation]], None] = lambda found: None,
     ) -> None:
         self.records, self.solved = records, 0
-        self._empty = not len(records)
+        self._without_result = not len(records)
         self._workers, self._group, self._deadline = workers, group, deadline
         self._front, self._report = front, report
 
-    def send(self, labellings: Bits) -> Sent:
+    def submit(self, labellings: Bits) -> PendingEvaluations:
         """Begin to evaluate the labellings not on record.
 
         Parameters
@@ -88,25 +88,25 @@ class RecordedEvaluator:
         Returns
         -------
         Sent
-            Labellings under evaluation, for `take`.
+            Labellings under evaluation, for `collect`.
         """
         found = self.records.find_all(labellings)
         missing = _missing(found)
         run = None
         if missing.size:
-            floors = None if self._front is None else self._front.below(labellings[missing])
+            thresholds = None if self._front is None else self._front.thresholds(labellings[missing])
             # A search with an empty record evaluates its first labelling in any case, so that it has a result.
-            owed, self._empty = self._empty, False
-            run = self._workers.run(labellings[missing], self._deadline, floors, owed=owed)
-        return Sent(labellings, found, missing, run)
+            first_required, self._without_result = self._without_result, False
+            run = self._workers.run(labellings[missing], self._deadline, thresholds, first_required=first_required)
+        return PendingEvaluations(labellings, found, missing, run)
 
-    def take(self, sent: Sent) -> list[Evaluation] | None:
+    def collect(self, pending: PendingEvaluations) -> list[Evaluation] | None:
         """Return the evaluations in the order sent, recording each; None if time ran out."""
-        found, labellings, missing = sent.found, sent.labellings, sent.missing
+        found, labellings, missing = pending.found, pending.labellings, pending.missing
         self._report([evaluation for evaluation in found if evaluation is not None])
-        if sent.run is not None:
+        if pending.run is not None:
             weights = orbit_sizes(labellings[missing], self._group)
-            for part, evaluations in sent.run:
+            for part, evaluations in pending.run:
                 self.records.append(labellings[missing[part]], weights[part].tolist(), evaluations)
                 self.solved += len(evaluations)
                 for position, evaluation in zip(missing[part].tolist(), evaluations, strict=True):

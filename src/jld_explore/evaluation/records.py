@@ -56,10 +56,10 @@ SCENE_FILE: Final = "scene.json"
 SYNC: Final = 0.2
 """Seconds after which a transaction waits until the disk holds all data; a wait costs as much as some solves."""
 
-_PATIENCE: Final = 5.0
+_READER_WAIT: Final = 5.0
 """Seconds to wait for readers to finish, which is necessary before a file can be begun anew."""
 
-_TOGETHER: Final = 1 << 15
+_ROWS_AT_ONCE: Final = 1 << 15
 """Number of rows read at a time, which limits temporary memory."""
 
 _EVIDENCE: Final = {0: "", 1: "closed", 2: "possible blocks"}
@@ -116,8 +116,8 @@ class Records:
             self._lock.release()
             raise self._damaged("it is empty, though a search was begun here")
         try:
-            with self._told():
-                self._file = sqlite3.connect(self.path, timeout=_PATIENCE, isolation_level=None)
+            with self._errors_named():
+                self._file = sqlite3.connect(self.path, timeout=_READER_WAIT, isolation_level=None)
                 self._open(wanted)
         except BaseException:
             self.close()
@@ -158,7 +158,7 @@ class Records:
         found = self._file.execute(f"SELECT {columns} FROM evaluations ORDER BY id")
         parts: list[Rows] = []
         # Read some rows at a time to limit the memory of rows not yet converted.
-        while content := found.fetchmany(_TOGETHER):
+        while content := found.fetchmany(_ROWS_AT_ONCE):
             try:
                 rows, wrong = from_columns(self.type, content)
             except (KeyError, TypeError, ValueError, OverflowError):
@@ -216,7 +216,7 @@ class Records:
         start = self._count
         end = start + len(rows)
         content = ((start + n, *columns) for n, columns in enumerate(columns_of(rows), 1))
-        with self._told(), self._transaction():
+        with self._errors_named(), self._transaction():
             self._file.executemany(f"INSERT INTO evaluations VALUES ({', '.join('?' * 13)})", content)
         if end > len(self._table):
             # Double the table, so that a million appends copy it only about twenty times.
@@ -254,7 +254,7 @@ class Records:
             If a row is damaged.
         """
         columns = "decided, labels, bound, closed, checksum"
-        with self._told():
+        with self._errors_named():
             known = self._file.execute("SELECT value FROM meta WHERE key = ?", (CONFLICTS_OF,)).fetchone()
             if known != (json.dumps(key),):
                 with self._transaction():
@@ -295,12 +295,12 @@ class Records:
             masks = on.tobytes(), values.tobytes()
             rows.append((*masks, bound, int(kind), checksum(_EVIDENCE[kind], bound, *masks)))
         columns = "decided, labels, bound, closed, checksum"
-        with self._told(), self._transaction():
+        with self._errors_named(), self._transaction():
             self._file.executemany(f"INSERT INTO conflicts ({columns}) VALUES (?, ?, ?, ?, ?)", rows)
 
     def forget_conflicts(self) -> None:
         """Delete all conflicts, because one of them or a consequence has been contradicted."""
-        with self._told(), self._transaction():
+        with self._errors_named(), self._transaction():
             self._file.execute("DELETE FROM conflicts")
 
     # --- the bound --------------------------------------------------------------------------------------
@@ -311,7 +311,7 @@ class Records:
         `withdrawn` holds all reasons, including those of earlier runs.
         """
         self.withdrawn = [*self.withdrawn, reason]
-        with self._told(), self._transaction():
+        with self._errors_named(), self._transaction():
             self._file.execute("DELETE FROM meta WHERE key = ?", (BOUND,))
             self._file.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", (WITHDRAWN, json.dumps(self.withdrawn)))
         self.bound = None
@@ -324,7 +324,7 @@ class Records:
         if self.bound is not None and bound >= self.bound:
             return
         content = json.dumps([bound, checksum(BOUND, bound)])
-        with self._told(), self._transaction():
+        with self._errors_named(), self._transaction():
             self._file.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", (BOUND, content))
         self.bound = bound
 
@@ -345,7 +345,7 @@ class Records:
     def close(self) -> None:
         """Write all data to disk, close the file and release the lock; repeating it has no effect."""
         try:
-            with self._told():
+            with self._errors_named():
                 if self._file is not None:
                     self._file.close()
         finally:
@@ -370,7 +370,7 @@ class Records:
             self._file.execute("PRAGMA synchronous=NORMAL")
             self._synced = now
 
-    def _told(self) -> AbstractContextManager[None]:
+    def _errors_named(self) -> AbstractContextManager[None]:
         """Convert SQLite errors to InputError or OSError with the name of the file."""
         return errors_named(self.path)
 

@@ -132,7 +132,7 @@ def statuses(rows: Rows) -> NDArray[np.object_]:
 
 
 def settled(rows: Rows) -> NDArray[np.object_]:
-    """Return how each row was settled: "solve", "certificate" or "bound".
+    """Return how each row was settled: "solve" or "bound".
 
     Parameters
     ----------

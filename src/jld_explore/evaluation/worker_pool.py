@@ -2,7 +2,8 @@
 
 `Workers` gives each task to any free worker.
 A `PoolWorker` is one process that receives task after task, so that each task needs to contain new data only.
-If its process dies or its cluster worker leaves, its state is lost and another worker replaces it.
+If its process dies or its cluster worker leaves, its state is lost and another worker replaces it. `WorkerPool` is the
+one place that finds this out; its users receive None or `LOST` in place of a future or a result.
 """
 
 from __future__ import annotations
@@ -13,25 +14,43 @@ import sys
 import time
 import uuid
 from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
+from concurrent.futures import Executor, Future
 from contextlib import ExitStack, suppress
-from typing import Any, Final
+from enum import Enum
+from typing import Any, Final, TypeVar
 
 from joblib.externals.loky import ProcessPoolExecutor, process_executor
 
 from jld_explore.evaluation.cluster import client_of_cluster
 from jld_explore.evaluation.deferred_signals import deferred_signals
-from jld_explore.evaluation.processes import SINGLE_THREADED, stopping_on_purpose, worker_init
+from jld_explore.evaluation.processes import (
+    SINGLE_THREADED,
+    is_lost,
+    stop_processes,
+    warning_of_stops_ignored,
+    worker_init,
+)
 
-_LIVES: Final = 10
+_SPARE_STARTS: Final = 10
 """Number of local processes that may replace dead ones; more deaths than this are not accidental."""
 
 
-_DEATHS: Final = (BrokenExecutor, CancelledError, OSError)
-"""Exceptions that a dead worker process raises; a cluster has its own ones."""
-
-_LOOK: Final = 0.5
+_QUERY_SECONDS: Final = 0.5
 """Seconds between queries of a cluster for its present workers."""
+
+
+Result = TypeVar("Result")
+"""Type of the result of a task."""
+
+
+class Lost(Enum):
+    """Type of `LOST`."""
+
+    LOST = "lost"
+
+
+LOST: Final = Lost.LOST
+"""Value in place of a result where the worker died or left."""
 
 
 class PoolWorker:
@@ -41,7 +60,7 @@ class PoolWorker:
     ----------
     executor : Executor
         Executor with this single worker.
-    place : str, optional
+    address : str, optional
         Address of the worker on a cluster; None for a local process.
 
     Attributes
@@ -50,23 +69,23 @@ class PoolWorker:
         Unique name, never reused.
     """
 
-    def __init__(self, executor: Any, place: str | None = None) -> None:
-        self.name, self.place = uuid.uuid4().hex, place
+    def __init__(self, executor: Any, address: str | None = None) -> None:
+        self.name, self.address = uuid.uuid4().hex, address
         self._executor: Executor = executor
 
-    def submit(self, work: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Submit a task; its future raises an error if the process has died."""
+    def submit(self, function: Callable[..., Result], *arguments: Any) -> Future[Result]:
+        """Submit a task; raise an error, now or in its future, if the process has died."""
         with deferred_signals():
-            return self._executor.submit(work, *arguments)
+            return self._executor.submit(function, *arguments)
 
     def close(self) -> None:
         """Terminate a local process at once; release a worker of a cluster."""
-        processes: dict[int, Any] = getattr(self._executor, "_processes", None) or {}
-        for process in list(processes.values()):
-            process.terminate()
+        if self.address is None:
+            stop_processes(self._executor)
+            return
         # Ignore errors of a cluster that no longer exists.
         with suppress(Exception):
-            self._executor.shutdown(wait=self.place is None)
+            self._executor.shutdown(wait=False)
 
 
 class WorkerPool:
@@ -80,19 +99,19 @@ class WorkerPool:
 
     def __init__(self, jobs: int) -> None:
         self._client = client_of_cluster()
-        self._jobs, self._left = jobs, jobs + _LIVES
-        self._looked = -math.inf
-        self._seats: list[PoolWorker] = []
-        self._settings = ExitStack()
-        self._settings.enter_context(stopping_on_purpose())
+        self._jobs, self._starts_left = jobs, jobs + _SPARE_STARTS
+        self._queried_at = -math.inf
+        self._workers: list[PoolWorker] = []
+        self._process_settings = ExitStack()
+        self._process_settings.enter_context(warning_of_stops_ignored())
 
     def __iter__(self) -> Iterator[PoolWorker]:
         """Iterate over the workers."""
-        return iter(self._seats)
+        return iter(self._workers)
 
     def __len__(self) -> int:
         """Return the number of workers."""
-        return len(self._seats)
+        return len(self._workers)
 
     def fill(self) -> list[PoolWorker]:
         """Add missing workers and return the cluster workers that have left.
@@ -103,61 +122,103 @@ class WorkerPool:
             Workers removed from the pool; always empty for local processes.
         """
         if self._client is None:
-            while len(self._seats) < self._jobs and self._left > 0:
-                self._left -= 1
-                self._seats.append(PoolWorker(_process()))
+            while len(self._workers) < self._jobs and self._starts_left > 0:
+                self._starts_left -= 1
+                self._workers.append(PoolWorker(_start_process()))
             return []
-        if time.monotonic() - self._looked < _LOOK:
+        if time.monotonic() - self._queried_at < _QUERY_SECONDS:
             return []
-        self._looked = time.monotonic()
+        self._queried_at = time.monotonic()
         try:
             present = list(self._client.ncores())
         except (OSError, RuntimeError):  # A scheduler that has stopped has no workers.
             present = []
-        gone = [seat for seat in self._seats if seat.place not in present]
-        for seat in gone:
-            self.lose(seat)
-        taken = {seat.place for seat in self._seats}
-        for place in present:
-            if place not in taken:
-                executor = self._client.get_executor(workers=[place], pure=False, allow_other_workers=False)
-                self._seats.append(PoolWorker(executor, place))
-        return gone
+        departed = [worker for worker in self._workers if worker.address not in present]
+        for worker in departed:
+            self.remove(worker)
+        addresses = {worker.address for worker in self._workers}
+        for address in present:
+            if address not in addresses:
+                executor = self._client.get_executor(workers=[address], pure=False, allow_other_workers=False)
+                self._workers.append(PoolWorker(executor, address))
+        return departed
 
-    def lose(self, seat: PoolWorker) -> None:
-        """Remove a worker whose process has died; `fill` replaces it."""
-        self._seats.remove(seat)
-        seat.close()
+    def first(self) -> PoolWorker | None:
+        """Return a worker, started if necessary; None if there is none."""
+        self.fill()
+        return next(iter(self), None)
+
+    def submit(self, worker: PoolWorker, function: Callable[..., Result], *arguments: Any) -> Future[Result] | None:
+        """Submit a task to one worker.
+
+        Parameters
+        ----------
+        worker : PoolWorker
+            A worker of this pool.
+        function : callable
+            Function of the task, defined at module level.
+        *arguments
+            Its arguments.
+
+        Returns
+        -------
+        Future or None
+            Result of the task. None if the worker has died; the worker is then removed.
+        """
+        try:
+            return worker.submit(function, *arguments)
+        except Exception:  # the exception of an executor whose process died depends on its kind
+            self.remove(worker)
+            return None
+
+    def result(self, worker: PoolWorker, future: Future[Result]) -> Lost | Result:
+        """Return the result of a task, waiting for it.
+
+        Parameters
+        ----------
+        worker : PoolWorker
+            Worker that the task was submitted to.
+        future : Future
+            The task.
+
+        Returns
+        -------
+        object
+            Result of the task. `LOST` if its worker died or left; the worker is then removed.
+
+        Raises
+        ------
+        Exception
+            An error of the task itself, which another worker would repeat.
+        """
+        try:
+            return future.result()
+        except Exception as error:
+            # A lost connection to a worker of a cluster is an OSError.
+            if not (is_lost(error) or (worker.address is not None and isinstance(error, OSError))):
+                raise
+            self.remove(worker)
+            return LOST
+
+    def remove(self, worker: PoolWorker) -> None:
+        """Stop and remove a worker, which `fill` replaces; no effect if it was removed before."""
+        if worker in self._workers:
+            self._workers.remove(worker)
+            worker.close()
 
     def close(self) -> None:
         """Remove and close all workers."""
-        with self._settings:
-            for seat in list(self._seats):
-                self.lose(seat)
+        with self._process_settings:
+            for worker in list(self._workers):
+                self.remove(worker)
 
 
-def is_lost(error: BaseException) -> bool:
-    """Return whether a task failed because its worker died or left, not by an error of its own.
-
-    Parameters
-    ----------
-    error : BaseException
-        Exception of the task's future.
-
-    Returns
-    -------
-    bool
-        True if another worker may succeed.
-    """
-    return isinstance(error, _DEATHS) or type(error).__module__.startswith("distributed")
-
-
-def _process() -> ProcessPoolExecutor:
+def _start_process() -> ProcessPoolExecutor:
     """Start the executor of one local process."""
-    return ProcessPoolExecutor(max_workers=1, initializer=_begin, initargs=(os.getpid(),), env=SINGLE_THREADED)
+    return ProcessPoolExecutor(max_workers=1, initializer=_init_process, initargs=(os.getpid(),), env=SINGLE_THREADED)
 
 
-def _begin(parent: int) -> None:
+def _init_process(parent: int) -> None:
     """Initialise a local process and disable loky's check for memory leaks."""
     worker_init(parent)
     # State grows on purpose; loky would treat it as a memory leak and replace the process.

@@ -7,9 +7,8 @@ import os
 import pickle
 import signal
 import threading
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import cloudpickle
 
@@ -22,14 +21,13 @@ from jld_core.errors import ParameterError
 from jld_core.threads import one_thread
 from jld_explore.evaluation.cases import evaluator_of
 from jld_explore.evaluation.evaluation import Evaluation
-from jld_explore.evaluation.evaluator import EvaluatorSettings
+from jld_explore.evaluation.protocol import EvaluatorSettings, LabellingEvaluator, MakeEvaluator, SharedEvaluator
 
-_own = threading.local()  # An evaluator is for one thread, but workers of a cluster may run several threads.
+_of_thread = threading.local()  # An evaluator is for one thread, but workers of a cluster may run several threads.
 
-_last: Final[dict[str, Any]] = {}  # Last evaluator of this process by digest; other threads make twins of it.
-
-MakeEvaluator = Callable[[Assembly, EvaluatorSettings], Any]
-"""Type of a function that makes the evaluator of a worker; defined at module level so that it can be pickled."""
+_of_process: Final[
+    dict[str, SharedEvaluator]
+] = {}  # Last evaluator of this process by digest; other threads make twins of it.
 
 
 @dataclass(frozen=True)
@@ -61,7 +59,7 @@ class WorkerSpec:
         kernel = (chosen() or "none").encode()
         return cls(content, hashlib.sha256(kernel + content).hexdigest(), os.getpid())
 
-    def evaluator(self) -> Any:
+    def evaluator(self) -> LabellingEvaluator:
         """Return the evaluator of this thread, if possible as a twin of another thread's.
 
         Raises
@@ -69,38 +67,45 @@ class WorkerSpec:
         InputError
             If the worker has another version of jld.
         """
-        if getattr(_own, "digest", None) != self.digest:
-            known = _last.get(self.digest)
-            if known is None:
+        if getattr(_of_thread, "digest", None) != self.digest:
+            other = _of_process.get(self.digest)
+            if other is None:
                 if self.version != __version__:
                     raise ParameterError(
                         "cluster", f"a worker has jld {__version__}", f"jld {self.version} on every one"
                     )
                 make, assembly, settings = pickle.loads(self.content)
-                made = make(assembly, settings)
-                _last.clear()
-                if hasattr(made, "twin"):
-                    _last[self.digest] = made
+                evaluator = make(assembly, settings)
+                _of_process.clear()
+                if isinstance(evaluator, SharedEvaluator):
+                    _of_process[self.digest] = evaluator
             else:
-                made = known.twin()
-            _own.evaluator, _own.digest = made, self.digest
-        return _own.evaluator
+                evaluator = other.twin()
+            _of_thread.evaluator, _of_thread.digest = evaluator, self.digest
+        found: LabellingEvaluator = _of_thread.evaluator
+        return found
+
+    @property
+    def settles_nearly_all(self) -> bool:
+        """True if the batch solver settles nearly all labellings; see `SharedEvaluator`."""
+        evaluator = self.evaluator()
+        return isinstance(evaluator, SharedEvaluator) and evaluator.settles_nearly_all
 
 
 @one_thread()
 def evaluate_batch(
-    recipe: WorkerSpec,
+    spec: WorkerSpec,
     number: int,
     labellings: Bits,
     deadline: Deadline | None = None,
-    floors: Floats | None = None,
-    owed: bool = False,
+    thresholds: Floats | None = None,
+    required: bool = False,
 ) -> tuple[int, list[Evaluation]]:
     """Evaluate one batch in this process with the evaluator of this thread.
 
     Parameters
     ----------
-    recipe : WorkerSpec
+    spec : WorkerSpec
         Specification of the evaluator.
     number : int
         Number of the batch.
@@ -108,9 +113,9 @@ def evaluate_batch(
         Labels, True = dry.
     deadline : Deadline, optional
         Time after which no further labelling is begun.
-    floors : (k,) float array, optional
-        Pruning thresholds (see `Evaluator.evaluate`).
-    owed : bool
+    thresholds : (k,) float array, optional
+        Pruning thresholds (see `LabellingEvaluator.evaluate`).
+    required : bool
         Evaluate all labellings regardless of the deadline.
         The deadline then limits only the search without dilation, whose result so far is used.
         If nothing is known by the deadline, the batch is evaluated without a limit.
@@ -122,14 +127,14 @@ def evaluate_batch(
     evaluations : list of Evaluation
         Evaluations of all k labellings, or of those finished by the deadline.
     """
-    if os.getpid() != recipe.parent and threading.current_thread() is threading.main_thread():
+    if os.getpid() != spec.parent and threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # The parent process handles Ctrl-C.
-    evaluator = recipe.evaluator()
-    if owed and deadline is not None:
+    evaluator = spec.evaluator()
+    if required and deadline is not None:
         try:
             # Use the results known when the deadline passes.
             with deadline.enforced():
-                return number, evaluator.evaluate_all(labellings, floors)
+                return number, evaluator.evaluate_all(labellings, thresholds)
         except DeadlinePassed:
             deadline = None
-    return number, evaluator.evaluate_all(labellings, floors, deadline)
+    return number, evaluator.evaluate_all(labellings, thresholds, deadline)

@@ -8,8 +8,6 @@ The number `jobs` is then ignored.
 
 from __future__ import annotations
 
-import multiprocessing
-import sys
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
@@ -23,28 +21,28 @@ from jld_core.arrays import Bits, Floats
 from jld_core.deadline import Deadline
 from jld_explore.evaluation.evaluation import FAILED, Evaluation
 from jld_explore.evaluation.process_settings import ignored_warning, switch_interval
-from jld_explore.evaluation.processes import DEATHS, Flight, Processes
+from jld_explore.evaluation.processes import Processes, TaskStream, is_lost
 from jld_explore.evaluation.worker_tasks import WorkerSpec, evaluate_batch
 
-HANG: Final = 600.0
+HANG_SECONDS: Final = 600.0
 """Seconds without any result after which workers count as hung."""
 
-_TASKS: Final = 8
+_FEWEST_TASKS: Final = 8
 """Smallest number of tasks into which labellings are split, so that workers finish at similar times."""
 
-_MOST: Final = 64
+_MOST_PER_TASK: Final = 64
 """Largest number of labellings per task."""
 
-_IN_LANES: Final = 200_000
+_MOST_FACES_PER_TASK: Final = 200_000
 """Largest number of faces over all labellings of a task for the batch solver, which takes about a second."""
 
-_FEWEST: Final = 32
+_FEWEST_PER_TASK: Final = 32
 """Smallest number of labellings of a task for the batch solver; fewer leave SIMD lanes idle."""
 
-_THREADS: Final = 2
+_MOST_THREADS: Final = 2
 """Largest useful number of threads in one process; code outside a solver waits for the interpreter lock."""
 
-_TURN: Final = 5e-4
+_SWITCH_SECONDS: Final = 5e-4
 """Largest wait of a thread for the interpreter, s.
 
 The default of 5 ms equals the time of the batch solver for a generation of 48 labellings with 88 faces.
@@ -52,22 +50,22 @@ With the default a search took 10 % longer in wall-clock time.
 """
 
 
-def batch_size(faces: int, asked: int) -> int:
+def batch_size(faces: int, requested: int) -> int:
     """Compute the number of labellings per task.
 
     Parameters
     ----------
     faces : int
         Number of faces of the scene.
-    asked : int
+    requested : int
         Number of labellings requested together.
 
     Returns
     -------
     int
-        Labellings per task, from 1 to `_MOST`.
+        Labellings per task, from 1 to `_MOST_PER_TASK`.
     """
-    return int(np.clip(min(3000 // max(faces, 1), -(-asked // _TASKS)), 1, _MOST))
+    return int(np.clip(min(3000 // max(faces, 1), -(-requested // _FEWEST_TASKS)), 1, _MOST_PER_TASK))
 
 
 class Workers:
@@ -75,13 +73,13 @@ class Workers:
 
     Parameters
     ----------
-    recipe : WorkerSpec
+    spec : WorkerSpec
         Specification of the evaluator.
     jobs : int
         Number of processes, or limit of threads.
     faces : int
         Number of faces of the scene.
-    hang : float
+    hang_seconds : float
         Seconds without any result after which workers count as hung.
     batch : bool
         Stay in this process, in a few threads, because the batch solver settles nearly all labellings.
@@ -92,20 +90,22 @@ class Workers:
         Number of times that workers died or hung.
     """
 
-    def __init__(self, recipe: WorkerSpec, jobs: int, faces: int, hang: float = HANG, *, batch: bool = False) -> None:
-        self.recipe, self.jobs, self.faces, self.hang = recipe, jobs, faces, hang
+    def __init__(
+        self, spec: WorkerSpec, jobs: int, faces: int, hang_seconds: float = HANG_SECONDS, *, batch: bool = False
+    ) -> None:
+        self.spec, self.jobs, self.faces, self.hang_seconds = spec, jobs, faces, hang_seconds
         self.deaths = 0
-        self.outside = joblib.parallel.get_active_backend()[0].__class__.__name__ != "LokyBackend"
-        self.batch = batch and not self.outside
-        self.here = self.batch or (jobs == 1 and not self.outside)
-        self.begun: list[Run] = []
-        self.threads = min(jobs, _THREADS) if self.here else 0
+        self.on_cluster = joblib.parallel.get_active_backend()[0].__class__.__name__ != "LokyBackend"
+        self.batch = batch and not self.on_cluster
+        self.in_process = self.batch or (jobs == 1 and not self.on_cluster)
+        self.running: list[Run] = []
+        self.threads = min(jobs, _MOST_THREADS) if self.in_process else 0
         self._threads = ThreadPoolExecutor(self.threads) if self.threads > 1 else None
         self._settings = ExitStack()
         if self._threads is not None:
-            self._settings.enter_context(switch_interval(_TURN))
-        self.processes = Processes(jobs, hang)
-        if self.outside:
+            self._settings.enter_context(switch_interval(_SWITCH_SECONDS))
+        self.processes = Processes(jobs, hang_seconds)
+        if self.on_cluster:
             # Tasks abandoned at the end of a run are expected.
             self._settings.enter_context(ignored_warning(r"\d+ tasks (which were|have been)", module="joblib"))
 
@@ -113,9 +113,9 @@ class Workers:
         self,
         labellings: Bits,
         deadline: Deadline | None = None,
-        floors: Floats | None = None,
+        thresholds: Floats | None = None,
         *,
-        owed: bool = False,
+        first_required: bool = False,
     ) -> Run:
         """Begin to evaluate labellings, after the runs begun before.
 
@@ -127,9 +127,9 @@ class Workers:
             Labels, True = dry.
         deadline : Deadline, optional
             Time after which no further labelling is begun.
-        floors : (k,) float array, optional
-            Pruning thresholds (see `Evaluator.evaluate`).
-        owed : bool
+        thresholds : (k,) float array, optional
+            Pruning thresholds (see `LabellingEvaluator.evaluate`).
+        first_required : bool
             Evaluate the first labelling regardless of the deadline.
 
         Returns
@@ -137,14 +137,16 @@ class Workers:
         Run
             Iterator over the results.
         """
-        floors = np.full(len(labellings), -np.inf) if floors is None else floors
-        run = Run(self, labellings, deadline, floors, owed)
+        thresholds = np.full(len(labellings), -np.inf) if thresholds is None else thresholds
+        run = Run(self, labellings, deadline, thresholds, first_required)
         if self._threads is not None:
             run.submit()
-        elif not self.here and not self.outside:
+        elif not self.in_process and not self.on_cluster:
             try:
                 run.begin()
-            except _deaths():
+            except Exception as error:
+                if not is_lost(error):
+                    raise
                 run.stop()  # The run starts again when its results are requested.
         return run
 
@@ -158,21 +160,21 @@ class Workers:
             return [partial(evaluate_batch, *task) for task in tasks]
         return [self._threads.submit(evaluate_batch, *task).result for task in tasks]
 
-    def parallel(self, tasks: Iterator[Any]) -> Iterator[tuple[int, list[Evaluation]]]:
+    def run_on_cluster(self, tasks: Iterator[Any]) -> Iterator[tuple[int, list[Evaluation]]]:
         """Yield results of tasks from a cluster as they finish; new tasks replace finished ones."""
-        how: dict[str, Any] = {
+        settings: dict[str, Any] = {
             "return_as": "generator_unordered",
             "batch_size": 1,
             "pre_dispatch": "2 * n_jobs",
-            "timeout": self.hang,
+            "timeout": self.hang_seconds,
         }
-        return iter(joblib.Parallel(**how)(tasks))
+        return iter(joblib.Parallel(**settings)(tasks))
 
     def abandon(self) -> None:
         """Stop all runs and terminate the local processes, which start again on demand."""
-        for run in self.begun:
+        for run in self.running:
             run.stop()
-        self.begun = []
+        self.running = []
         self.processes.close()
 
     def close(self) -> None:
@@ -195,53 +197,57 @@ class Run:
         workers: Workers,
         labellings: Bits,
         deadline: Deadline | None,
-        floors: Floats,
-        owed: bool = False,
+        thresholds: Floats,
+        first_required: bool = False,
     ) -> None:
-        self._workers, self._deadline, self._owed = (
+        self._workers, self._deadline, self._first_required = (
             workers,
             deadline,
-            owed and deadline is not None and deadline.limited,
+            first_required and deadline is not None and deadline.limited,
         )
-        self._labellings, self._floors = labellings, floors
+        self._labellings, self._thresholds = labellings, thresholds
         size = batch_size(workers.faces, len(labellings))
         if workers.batch:
             # Use as few tasks as threads, so that threads seldom wait.
-            most = max(_MOST, _IN_LANES // workers.faces)
-            size = max(_FEWEST, min(most, -(-len(labellings) // workers.threads)))
+            most = max(_MOST_PER_TASK, _MOST_FACES_PER_TASK // workers.faces)
+            size = max(_FEWEST_PER_TASK, min(most, -(-len(labellings) // workers.threads)))
         # The labelling to be evaluated in any case is a separate task, independent of the deadline.
-        starts = [0, *range(1, len(labellings), size)] if self._owed else list(range(0, len(labellings), size))
+        starts = (
+            [0, *range(1, len(labellings), size)] if self._first_required else list(range(0, len(labellings), size))
+        )
         ends = [*starts[1:], len(labellings)]
         self._slices = [slice(low, high) for low, high in zip(starts, ends, strict=True)]
         self._done: set[int] = set()
-        self._sent: list[int] = []
+        self._submitted: list[int] = []
         self._results: Iterable[tuple[int, list[Evaluation]]] | None = None
-        self._here: list[Callable[[], tuple[int, list[Evaluation]]]] | None = None
+        self._results_of_threads: list[Callable[[], tuple[int, list[Evaluation]]]] | None = None
 
     def submit(self) -> None:
         """Submit all tasks to the threads of this process."""
-        self._here = self._workers.submit(self._arguments(number) for number in range(len(self._slices)))
+        self._results_of_threads = self._workers.submit(self._arguments(number) for number in range(len(self._slices)))
 
     def begin(self, numbers: list[int] | None = None) -> None:
         """Send tasks to the workers: those with the given numbers, or all unfinished ones."""
         # Evaluate the labelling needed in any case in this process, while the workers start.
-        unfinished = [n for n in range(len(self._slices)) if n not in self._done and not (self._owed and n == 0)]
+        unfinished = [
+            n for n in range(len(self._slices)) if n not in self._done and not (self._first_required and n == 0)
+        ]
         numbers = unfinished if numbers is None else numbers
-        self._workers.begun.append(self)
-        if self._workers.outside:
-            self._sent = []
-            self._results = self._workers.parallel(self._tasks(numbers))
+        self._workers.running.append(self)
+        if self._workers.on_cluster:
+            self._submitted = []
+            self._results = self._workers.run_on_cluster(self._tasks(numbers))
             return
-        flight = Flight(self._workers.processes, self._deadline)
+        stream = TaskStream(self._workers.processes, self._deadline)
         # Set these before the first submission, which fails if a worker has died.
-        self._results, self._sent = flight, flight.sent
-        flight.begin((number, evaluate_batch, self._arguments(number)) for number in numbers)
+        self._results, self._submitted = stream, stream.submitted
+        stream.begin((number, evaluate_batch, self._arguments(number)) for number in numbers)
 
     def stop(self) -> None:
         """Discard the results of submitted tasks; they are evaluated again later."""
         self._results = None
 
-    def _joined(self, results: list[tuple[int, list[Evaluation]]]) -> Iterator[tuple[slice, list[Evaluation]]]:
+    def _merged(self, results: list[tuple[int, list[Evaluation]]]) -> Iterator[tuple[slice, list[Evaluation]]]:
         """Merge results of adjacent tasks into one if the deadline cut none of them short."""
         parts = [self._slices[number] for number, _ in results]
         whole = slice(parts[0].start, parts[-1].stop)
@@ -255,13 +261,13 @@ class Run:
     def _arguments(self, number: int) -> tuple[Any, ...]:
         """Return the arguments of `evaluate_batch` for one task."""
         part = self._slices[number]
-        owed, floors = self._owed and number == 0, self._floors[part]
-        return self._workers.recipe, number, self._labellings[part], self._deadline, floors, owed
+        required, thresholds = self._first_required and number == 0, self._thresholds[part]
+        return self._workers.spec, number, self._labellings[part], self._deadline, thresholds, required
 
     def _tasks(self, numbers: list[int]) -> Iterator[Any]:
         """Yield joblib tasks and note them as sent."""
         for number in numbers:
-            self._sent.append(number)
+            self._submitted.append(number)
             yield joblib.delayed(evaluate_batch)(*self._arguments(number))
 
     def __iter__(self) -> Iterator[tuple[slice, list[Evaluation]]]:
@@ -270,53 +276,46 @@ class Run:
         Tasks of dead workers are repeated once, one at a time, and then recorded as failed.
         """
         workers = self._workers
-        if workers.here:
-            if self._here is None:
+        if workers.in_process:
+            if self._results_of_threads is None:
                 self.submit()
-            tasks = self._here or []
+            tasks = self._results_of_threads or []
             # Wait for all threads together, so that their results are recorded in one transaction.
             for first in range(0, len(tasks), workers.threads):
-                yield from self._joined([result() for result in tasks[first : first + workers.threads]])
+                yield from self._merged([result() for result in tasks[first : first + workers.threads]])
             return
-        if self._owed:
-            begun = evaluate_batch(*self._arguments(0))[1]
+        if self._first_required:
+            evaluations = evaluate_batch(*self._arguments(0))[1]
             self._done.add(0)
-            self._owed = False
-            yield self._slices[0], begun
-        strikes = dict.fromkeys(range(len(self._slices)), 0)
+            self._first_required = False
+            yield self._slices[0], evaluations
+        failures = dict.fromkeys(range(len(self._slices)), 0)
         while len(self._done) < len(self._slices):
-            suspects = [number for number, count in strikes.items() if count == 1 and number not in self._done]
+            suspected = [number for number, count in failures.items() if count == 1 and number not in self._done]
             try:
-                if suspects:  # Repeat suspected tasks one at a time, so that a second death identifies the task.
-                    self.begin(suspects[:1])
+                if suspected:  # Repeat suspected tasks one at a time, so that a second death identifies the task.
+                    self.begin(suspected[:1])
                 elif self._results is None:
                     self.begin()
                 for number, evaluations in self._results or ():
                     self._done.add(number)
                     low = self._slices[number].start
                     yield slice(low, low + len(evaluations)), evaluations
-                if isinstance(self._results, Flight) and self._results.late:
+                if isinstance(self._results, TaskStream) and self._results.late:
                     workers.abandon()
                     return
                 self._results = None
-            except _deaths():
+            except Exception as error:
+                if not is_lost(error):
+                    raise
                 workers.deaths += 1
                 workers.abandon()
-                for number in self._sent:
+                for number in self._submitted:
                     if number in self._done:
                         continue
-                    strikes[number] += 1
-                    if strikes[number] > 1:
+                    failures[number] += 1
+                    if failures[number] > 1:
                         self._done.add(number)
                         part = self._slices[number]
                         yield part, [FAILED] * (part.stop - part.start)
-        workers.begun = [run for run in workers.begun if run is not self]
-
-
-def _deaths() -> tuple[type[BaseException], ...]:
-    """Return the exceptions raised when a worker died or hung, including those of a cluster."""
-    known: tuple[type[BaseException], ...] = (*DEATHS, multiprocessing.TimeoutError)
-    distributed = sys.modules.get("distributed")
-    if distributed is not None:
-        known += (distributed.scheduler.KilledWorker, distributed.comm.CommClosedError)
-    return known
+        workers.running = [run for run in workers.running if run is not self]

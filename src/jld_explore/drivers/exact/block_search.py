@@ -8,7 +8,7 @@ accurate bounds of the block relaxation.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -17,22 +17,19 @@ import numpy as np
 from jld_core.arrays import Bits
 from jld_core.limit import LimitAnalysis
 from jld_core.limit.block_relaxation import applies_to
-from jld_core.limit.case_relaxation import AnyRelaxation
-from jld_explore.drivers.exact.block_bound_pool import BlockBoundPool
-from jld_explore.drivers.exact.block_tree import BlockTree
-from jld_explore.drivers.exact.conflict_minimization import Conflict
+from jld_explore.drivers.exact.block_bounds import BlockBoundPool
+from jld_explore.drivers.exact.block_tree import BlockTree, Node
+from jld_explore.drivers.exact.context import ProofContext
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
-from jld_explore.drivers.exact.tree_nodes import Node
-from jld_explore.space import SearchSpace
+from jld_explore.drivers.exact.proof_state import Conflict
 
 ByBlocks = Literal["auto", "on", "off"]
 """Whether to search the tree: "on", "off", or "auto" where it promises to be faster."""
 
-_CLOSER: Final = 0.25
+_GAP_CLOSED: Final = 0.25
 """Share of the gap at the root that the block relaxation must close to start the tree."""
 
-_NEAR: Final = (0.28, 0.2)
+_NARROW_GAP: Final = (0.28, 0.2)
 """Largest relative gap at the root for which conflicts of faces are faster than a tree.
 
 The first value applies if the batch solver minimises conflicts, the second if it also solves the programs of the
@@ -40,31 +37,31 @@ tree. Measured for walls in blocks of two, by conflicts and by a tree: 0.9 and 1
 s (8 × 10, 26 %). The wall of 10 × 12 (31 %) takes 19 s by a tree and far longer by conflicts.
 """
 
-_LISTED: Final = 4
+_BLOCKS_PER_ELEMENT: Final = 4
 """Possible blocks per element above which the tree is not searched.
 
 Blocks of one and two cells come to three per element. For blocks of two to six cells on the beam on bearings a tree
 takes 20 s, conflicts of faces 1 s.
 """
 
-_BLUNT: Final = 20
+_MOST_INACCURATE: Final = 20
 """Labellings left by the tree, but refuted by their own mechanism, that end the tree.
 
 The bounds of the tree are then too inaccurate, as happens where strengths are a million times the forces.
 """
 
 
-_OFTEN: Final = 16
+_FIRST_INTERVAL: Final = 16
 """Programs of the tree before annealing runs for the first time; later intervals double."""
-_SELDOM: Final = 256
+_LONGEST_INTERVAL: Final = 256
 """Largest number of programs of the tree between two runs of annealing."""
 
-_ANNEALED: Final = 30
+_LABELLINGS_PER_PROGRAM: Final = 30
 """Labellings annealed per program of the tree, which takes about as long as the program."""
 
 
 @dataclass(frozen=True)
-class Found:
+class BlockStep:
     """Result of one step of `BlockSearch`.
 
     Attributes
@@ -78,7 +75,7 @@ class Found:
     """
 
     conflicts: tuple[Conflict, ...]
-    whole: Bits | None = None
+    complete: Bits | None = None
     promising: Bits | None = None
 
 
@@ -87,35 +84,20 @@ class BlockSearch:
 
     Parameters
     ----------
-    analyses : sequence of LimitAnalysis
-        Analyses of the load cases of the space, in their order.
-    space : SearchSpace
-        The search space.
-    blocks : PossibleBlocks or None
-        Possible blocks of the space; None where they are not listed.
-    relaxation : Relaxation or CaseRelaxation
-        Relaxation face by face, which checks single labellings.
+    context : ProofContext
+        What never changes during the proof.
     wanted : {"auto", "on", "off"}
         Whether to search the tree; "auto": where it promises more than conflicts of faces.
     """
 
-    def __init__(
-        self,
-        analyses: Sequence[LimitAnalysis],
-        space: SearchSpace,
-        blocks: PossibleBlocks | None,
-        relaxation: AnyRelaxation,
-        wanted: ByBlocks = "auto",
-    ) -> None:
-        self._wanted = wanted
-        self._analyses, self._space, self._relaxation = analyses, space, relaxation
-        self._blocks = blocks
-        self._choices: BlockBoundPool | None = None
+    def __init__(self, context: ProofContext, wanted: ByBlocks = "auto") -> None:
+        self._context, self._wanted = context, wanted
+        self._bounds: BlockBoundPool | None = None
         self._jobs = 1
         self._tree: BlockTree | None = None
-        self._seen: set[bytes] = set()
-        self._blunt = 0
-        self._last, self._again = 0, _OFTEN
+        self._offered: set[bytes] = set()
+        self._inaccurate_bounds = 0
+        self._last_run, self._interval = 0, _FIRST_INTERVAL
 
     def start(self, least: float, root: float) -> float:
         """Start the tree where it is wanted, and bound all labellings by the root relaxation.
@@ -130,20 +112,20 @@ class BlockSearch:
         float
             Bound on the scaled λ of all labellings, at most `root`.
         """
-        blocks = self._blocks
+        blocks = self._context.blocks
         if self._wanted == "off" or blocks is None or not math.isfinite(root):
             return root
-        if not all(applies_to(analysis) for analysis in self._analyses):
+        if not all(applies_to(analysis) for analysis in self._context.analyses):
             return root
-        listed = _LISTED * len(self._space.assembly.elements.free)
+        listed = _BLOCKS_PER_ELEMENT * len(self._context.space.assembly.elements.free)
         if self._wanted == "auto" and len(blocks) > listed:
             return root
-        self._choices = BlockBoundPool(self._analyses, self._space, blocks)
-        self._choices.set_workers(self._jobs)
-        tree = BlockTree(self._choices, self._space, blocks, least, root)
-        near = self._relaxation.batched and root - least <= _NEAR[self._choices.many] * abs(root)
-        quick = all(map(_has_wedges, self._analyses))
-        if self._wanted == "on" or (quick and not near and root - tree.root.bound >= _CLOSER * (root - least)):
+        self._bounds = BlockBoundPool(self._context, blocks)
+        self._bounds.set_workers(self._jobs)
+        tree = BlockTree(self._bounds, self._context.space, blocks, least, root)
+        narrow = self._context.relaxation.batched and root - least <= _NARROW_GAP[self._bounds.batched] * abs(root)
+        quick = all(map(_has_wedges, self._context.analyses))
+        if self._wanted == "on" or (quick and not narrow and root - tree.root.bound >= _GAP_CLOSED * (root - least)):
             self._tree = tree
         return min(root, tree.root.bound)
 
@@ -158,12 +140,12 @@ class BlockSearch:
 
     def close(self) -> None:
         """Stop the workers that solve programs of the tree."""
-        if self._choices is not None:
-            self._choices.close()
+        if self._bounds is not None:
+            self._bounds.close()
 
     @property
     def active(self) -> bool:
-        """Whether there is a tree with open nodes."""
+        """True if there is a tree with open nodes."""
         return self._tree is not None and not self._tree.finished
 
     @property
@@ -176,23 +158,23 @@ class BlockSearch:
         """One conflict for each open node of the tree, with the bound of the node."""
         return [] if self._tree is None else self._tree.open_conflicts
 
-    def annealed(self) -> int:
+    def labellings_due(self) -> int:
         """Return how many labellings to anneal before the next step, 0 while annealing is not due.
 
         Without a better labelling the tree descends between choices of equal bounds, so annealing saves nodes.
         """
-        since = self.solves - self._last
-        if since < self._again:
+        since = self.solves - self._last_run
+        if since < self._interval:
             return 0
-        self._last, self._again = self.solves, min(2 * self._again, _SELDOM)
-        return _ANNEALED * since
+        self._last_run, self._interval = self.solves, min(2 * self._interval, _LONGEST_INTERVAL)
+        return _LABELLINGS_PER_PROGRAM * since
 
     @property
     def solves(self) -> int:
         """Number of block relaxations solved."""
-        return 0 if self._choices is None else self._choices.solves
+        return 0 if self._bounds is None else self._bounds.solves
 
-    def step(self, formula: Formula, threshold: float, late: Callable[[], bool]) -> Found:
+    def step(self, formula: Formula, threshold: float, time_is_up: Callable[[], bool]) -> BlockStep:
         """Decide one more face of the tree.
 
         Parameters
@@ -201,35 +183,35 @@ class BlockSearch:
             Formula of the labellings that are left.
         threshold : float
             Scaled λ to reach.
-        late : callable
+        time_is_up : callable
             Returns True once the deadline has passed; called between programs.
         """
         tree = self._tree
         if tree is None:
             raise RuntimeError("there is no tree to step in; call `start` first")
-        step = tree.step(threshold, formula.possible, late)
+        step = tree.step(threshold, formula.possible, time_is_up)
         if step.labelling is not None:
-            return Found(step.conflicts, whole=step.labelling)
-        promising = None if late() else self._rounded(tree, step.node, formula, threshold)
-        return Found(step.conflicts, promising=promising)
+            return BlockStep(step.conflicts, complete=step.labelling)
+        promising = None if time_is_up() else self._rounded(tree, step.node, formula, threshold)
+        return BlockStep(step.conflicts, promising=promising)
 
-    def note_blunt(self) -> None:
+    def note_inaccurate_bound(self) -> None:
         """Count a complete labelling of the tree that only its own mechanism refuted.
 
-        After `_BLUNT` such labellings the tree is abandoned.
+        After `_MOST_INACCURATE` such labellings the tree is abandoned.
         """
-        self._blunt += 1
-        if self._blunt >= _BLUNT:
+        self._inaccurate_bounds += 1
+        if self._inaccurate_bounds >= _MOST_INACCURATE:
             self.abandon()
 
     def _rounded(self, tree: BlockTree, node: Node, formula: Formula, threshold: float) -> Bits | None:
         """Round the block shares of a node to a labelling; return None if it is known or refuted."""
         labels = formula.next(*tree.rounded(node))
-        if labels is None or labels.tobytes() in self._seen:
+        if labels is None or labels.tobytes() in self._offered:
             return None
-        self._seen.add(labels.tobytes())
+        self._offered.add(labels.tobytes())
         nothing = np.zeros(len(labels), dtype=bool)
-        return labels if self._relaxation.refute(labels, nothing, threshold) is None else None
+        return labels if self._context.relaxation.refute(labels, nothing, threshold) is None else None
 
 
 def _has_wedges(analysis: LimitAnalysis) -> bool:

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Final
 
@@ -24,20 +24,105 @@ import numpy as np
 
 from jld_core.arrays import Bits, Bools, Ints
 from jld_core.limit.block_relaxation import Asked, Choice
-from jld_explore.drivers.exact.block_bound_pool import BlockBoundPool
-from jld_explore.drivers.exact.conflict_minimization import Conflict, Evidence
-from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
-from jld_explore.drivers.exact.tree_nodes import Looked, Node, Possible, Question, Step, Tried, Waiting
+from jld_explore.drivers.exact.block_bounds import BlockBoundPool
+from jld_explore.drivers.exact.possible_blocks import BlockTables, PossibleBlocks
+from jld_explore.drivers.exact.proof_state import Conflict, Evidence
 from jld_explore.space import SearchSpace
 
-_TRIED: Final = (2, 4)
+Possible = Callable[[Ints, Bits], bool]
+"""Function that returns True if any labelling with labels (k,) on faces (k,) is left."""
+
+
+@dataclass(frozen=True)
+class Node:
+    """Node of the tree: a partial labelling and its block relaxation.
+
+    Attributes
+    ----------
+    faces, labels : (k,) int array and (k,) bool array
+        Decided faces and their labels, True = dry.
+    allowed : (p,) bool array
+        Blocks that are left.
+    choice : Choice
+        Result of the block relaxation over those blocks.
+    """
+
+    faces: Ints
+    labels: Bits
+    allowed: Bools
+    choice: Choice
+
+
+@dataclass(frozen=True)
+class FaceChildren:
+    """Children of a node for both labels of one face; None for a child that is refuted."""
+
+    inner: Node | None
+    dry: Node | None
+
+    @property
+    def left(self) -> list[Node]:
+        """The children that are not refuted."""
+        return [one for one in (self.inner, self.dry) if one is not None]
+
+
+Branches = tuple[list[FaceChildren], list[Conflict]]
+"""Children of a node for several faces, and the conflicts of the refuted children."""
+
+UnsolvedChild = tuple[tuple[int, bool], Node]
+"""Face (index among the candidates) and label of a child, and the unsolved child."""
+
+
+@dataclass(frozen=True)
+class Branching:
+    """Arguments of branching at one node.
+
+    Attributes
+    ----------
+    node : Node
+        The node.
+    allowed : (p,) bool array
+        Blocks left at the node.
+    threshold : float
+        Scaled λ to reach.
+    possible, time_is_up : callable
+        As in `BlockTree.step`.
+    """
+
+    node: Node
+    allowed: Bools
+    threshold: float
+    possible: Possible
+    time_is_up: Callable[[], bool]
+
+
+@dataclass(frozen=True)
+class TreeStep:
+    """Result of `BlockTree.step`.
+
+    Attributes
+    ----------
+    node : Node
+        The node that was processed.
+    conflicts : tuple of Conflict
+        Conflicts found.
+    labelling : (m,) bool array or None
+        Labelling of a node without undecided faces, which the caller must check; True = dry.
+    """
+
+    node: Node
+    conflicts: tuple[Conflict, ...] = ()
+    labelling: Bits | None = None
+
+
+_FACES_TRIED: Final = (2, 4)
 """Number of faces tried at a node, without and with the batch solver.
 
 The second number fills a SIMD register. The wall of 10 × 12 cells in blocks of two, with 1, 2, 4 and 8 faces tried,
 takes 50, 16, 13 and 10 nodes. The programs number 100, 69, 110 and 163.
 """
 
-_SMALL: Final = 1e-5
+_LEAST_DECREASE: Final = 1e-5
 """Least decrease of a bound that counts, scaled λ.
 
 With this minimum a label without effect does not hide the effect of the other label.
@@ -75,35 +160,14 @@ class BlockTree:
         most: float,
     ) -> None:
         self._relaxation, self._space, self._blocks = relaxation, space, blocks
-        self._lay_out(space, blocks)
+        self._tables = BlockTables(space, blocks)
         every = np.ones(len(blocks), dtype=bool)
         nothing = np.empty(0, dtype=np.int64)
         self.root = relaxation.choose(every, threshold, most)
         self._open: list[tuple[float, int, Node]] = []
-        self._looked: dict[int, Looked] = {}
+        self._solved_ahead: dict[int, Branches] = {}
         self._count = 0
         self._next: Node | None = Node(nothing, nothing.astype(bool), every, self.root)
-
-    def _lay_out(self, space: SearchSpace, blocks: PossibleBlocks) -> None:
-        """Tabulate which blocks cover an element, contain a face or only touch one.
-
-        The tables are (n, p) for the free elements and (c, p) for the c candidate faces that some block contains.
-        Another table (p, p) holds which blocks overlap.
-        """
-        free, a, b = space.assembly.elements.free, space.assembly.interfaces.a, space.assembly.interfaces.b
-        covers = np.zeros((len(space.assembly.elements), len(blocks)), dtype=bool)
-        held = np.zeros((len(a), len(blocks)), dtype=bool)
-        for p, (members, inside) in enumerate(zip(blocks.members, blocks.inside, strict=True)):
-            covers[list(members), p] = True
-            held[list(inside), p] = True
-        self._covers = covers[free]
-        self._faces = np.flatnonzero(space.candidates & held.any(axis=1))
-        self._held = held[self._faces]
-        self._at = covers[a[self._faces]]
-        self._parted = (self._at | covers[b[self._faces]]) & ~self._held
-        overlap = self._covers.T.astype(np.int64) @ self._covers.astype(np.int64) > 0
-        np.fill_diagonal(overlap, False)
-        self._overlaps = overlap
 
     @property
     def bound(self) -> float:
@@ -119,10 +183,10 @@ class BlockTree:
 
     @property
     def finished(self) -> bool:
-        """Whether no node is open."""
+        """True if no node is open."""
         return self._next is None and not self._open
 
-    def step(self, threshold: float, possible: Possible, late: Callable[[], bool]) -> Step:
+    def step(self, threshold: float, possible: Possible, time_is_up: Callable[[], bool]) -> TreeStep:
         """Take an open node and decide one more face.
 
         Parameters
@@ -131,36 +195,38 @@ class BlockTree:
             Scaled λ to reach, at least that of the call before.
         possible : callable
             Returns True if any labelling with labels (k,) on faces (k,) is left.
-        late : callable
+        time_is_up : callable
             Returns True once the deadline has passed, which leaves the node open; called between programs.
         """
         node = self._next or heapq.heappop(self._open)[2]
         self._next = None
-        fallen = Conflict(node.faces, node.labels, threshold, Evidence.BLOCKS)
+        refuted = Conflict(node.faces, node.labels, threshold, Evidence.BLOCKS)
         if node.choice.bound <= threshold:
-            return Step(node, (fallen,))
-        allowed = self._settled(node.allowed & ~node.choice.useless)
+            return TreeStep(node, (refuted,))
+        allowed = self._tables.propagated(node.allowed & ~node.choice.useless)
         if allowed is None:
-            return Step(node, (fallen,))
-        undecided = self._undecided(allowed)
+            return TreeStep(node, (refuted,))
+        undecided = self._tables.undecided(allowed)
         if not undecided.size:
-            return Step(node, (), self._blocks.labelling(self._space, np.flatnonzero(allowed)))
-        asked = Question(node, allowed, threshold, possible, late)
-        looked = self._look(asked)
-        if looked is None:
+            return TreeStep(node, (), self._blocks.labelling(self._space, np.flatnonzero(allowed)))
+        branching = Branching(node, allowed, threshold, possible, time_is_up)
+        branches = self._branch(branching)
+        if branches is None:
             self._next = node
-            return Step(node)
-        tried, conflicts = looked
+            return TreeStep(node)
+        tried, conflicts = branches
         if all(len(one.left) == 2 for one in tried):
             # among faces of equal gain max() keeps the first one
-            best = max(tried, key=lambda one: self._gain(node, one))
+            best = max(tried, key=lambda one: self._score(node, one))
             # The better child is solved first. If it raises the threshold, the other child is processed with that
             # higher threshold.
             self._next, other = sorted(best.left, key=lambda child: -child.choice.bound)
-            self._push(other)
+            self._add_open(other)
         else:
-            self._next = self._narrowed(asked, [one.left for one in tried if len(one.left) < 2], conflicts)
-        return Step(node, tuple(conflicts))
+            self._next = self._with_forced_labels(
+                branching, [one.left for one in tried if len(one.left) < 2], conflicts
+            )
+        return TreeStep(node, tuple(conflicts))
 
     def rounded(self, node: Node) -> tuple[Ints, Bits]:
         """Round the block shares of a node to labels (k,) of faces (k,).
@@ -168,147 +234,129 @@ class BlockTree:
         Blocks with a share above 0.5 give the labels; labels that the node decides are kept.
         """
         chosen = np.flatnonzero(node.allowed & (node.choice.share > 0.5))
-        held = self._held[:, chosen].any(axis=1)
-        split_cube = self._parted[:, chosen].any(axis=1) & ~held
-        known = np.isin(self._faces, node.faces)
-        faces = np.concatenate([node.faces, self._faces[held & ~known], self._faces[split_cube & ~known]])
-        counts = int((held & ~known).sum()), int((split_cube & ~known).sum())
+        inside_chosen = self._tables.inside[:, chosen].any(axis=1)
+        cut = self._tables.separated_by[:, chosen].any(axis=1) & ~inside_chosen
+        known = np.isin(self._tables.faces, node.faces)
+        faces = np.concatenate(
+            [node.faces, self._tables.faces[inside_chosen & ~known], self._tables.faces[cut & ~known]]
+        )
+        counts = int((inside_chosen & ~known).sum()), int((cut & ~known).sum())
         return faces, np.concatenate([node.labels, np.zeros(counts[0], dtype=bool), np.ones(counts[1], dtype=bool)])
 
     # --- deciding ---------------------------------------------------------------------------------------
 
-    def _push(self, node: Node) -> None:
+    def _add_open(self, node: Node) -> None:
         """Add a node to the heap of open nodes."""
         self._count += 1
         heapq.heappush(self._open, (-node.choice.bound, -self._count, node))
 
-    def _settled(self, allowed: Bools) -> Bools | None:
-        """Return the blocks left by propagation; None if an element has none.
-
-        An element with a single block left takes that block, which excludes the blocks that overlap it.
-        """
-        while True:
-            left = self._covers & allowed
-            number = left.sum(axis=1)
-            if not number.all():
-                return None
-            taken = left[number == 1].any(axis=0)
-            kept = allowed & ~self._overlaps[taken].any(axis=0)
-            if (kept == allowed).all():
-                return allowed
-            allowed = kept
-
-    def _undecided(self, allowed: Bools) -> Ints:
-        """Return the candidate indices of faces inside some blocks left and on the edge of others."""
-        around = (self._at & allowed).sum(axis=1)
-        holding = (self._held & allowed).sum(axis=1)
-        return np.flatnonzero((holding > 0) & (holding < around))
-
-    def _telling(self, node: Node, undecided: Ints) -> list[int]:
+    def _faces_to_try(self, node: Node, undecided: Ints) -> list[int]:
         """Return the candidate indices of the faces to try, largest expected decrease first."""
         share = node.choice.share
-        torn = self._held[undecided] @ (share * node.choice.inside)
-        inner = np.clip(self._held[undecided] @ share, 0.0, 1.0)
-        score = np.maximum(torn, 0.0) + _SMALL * np.minimum(inner, 1.0 - inner)
-        most = _TRIED[self._relaxation.many]
+        dissipation = self._tables.inside[undecided] @ (share * node.choice.inside)
+        inner = np.clip(self._tables.inside[undecided] @ share, 0.0, 1.0)
+        score = np.maximum(dissipation, 0.0) + _LEAST_DECREASE * np.minimum(inner, 1.0 - inner)
+        most = _FACES_TRIED[self._relaxation.batched]
         return [int(face) for face in undecided[np.argsort(-score, kind="stable")[:most]]]
 
-    def _look(self, asked: Question) -> Looked | None:
+    def _branch(self, branching: Branching) -> Branches | None:
         """Solve the children of a node for the faces to try; return None if time ran out."""
-        known = self._looked.pop(id(asked.node), None)
+        known = self._solved_ahead.pop(id(branching.node), None)
         if known is not None:
             return known
-        faces = self._telling(asked.node, self._undecided(asked.allowed))
-        if self._relaxation.many:
-            if asked.late():
+        faces = self._faces_to_try(branching.node, self._tables.undecided(branching.allowed))
+        if self._relaxation.batched:
+            if branching.time_is_up():
                 return None
-            first, *others = self._looks(asked, faces)
-            self._looked.update(others)
+            first, *others = self._branch_together(branching, faces)
+            self._solved_ahead.update(others)
             return first[1]
-        found, conflicts = list[Tried](), list[Conflict]()
+        found, conflicts = list[FaceChildren](), list[Conflict]()
         # Without the batch solver programs are solved one by one, so further faces are skipped once a label is
         # refuted.
         for face in faces:
-            if asked.late():
+            if branching.time_is_up():
                 return None
-            waiting = self._children(asked, [face], conflicts)
-            choices = self._relaxation.bound_all([self._program(asked, child) for _, child in waiting])
-            found += self._tried(asked, [face], waiting, choices, conflicts)
+            waiting = self._children(branching, [face], conflicts)
+            choices = self._relaxation.bound_all([self._program(branching, child) for _, child in waiting])
+            found += self._pair_children(branching, [face], waiting, choices, conflicts)
             if len(found[-1].left) < 2:
                 break
         return found, conflicts
 
-    def _looks(self, asked: Question, faces: list[int]) -> list[tuple[int, Looked]]:
+    def _branch_together(self, branching: Branching, faces: list[int]) -> list[tuple[int, Branches]]:
         """Solve the children of a node together with those of the best open node not solved yet.
 
         Two nodes give work for two threads. The children of the second node are stored until the tree takes it. Each
         result is paired with the `id` of its node.
         """
         parts = []
-        for one, own in [(asked, faces), *self._ahead(asked)]:
+        for one, own in [(branching, faces), *self._next_branching(branching)]:
             conflicts: list[Conflict] = []
             parts.append((one, own, self._children(one, own, conflicts), conflicts))
         programs = [self._program(one, child) for one, _, waiting, _ in parts for _, child in waiting]
         choices = iter(self._relaxation.bound_all(programs))
         found = []
         for one, own, waiting, conflicts in parts:
-            tried = self._tried(one, own, waiting, list(islice(choices, len(waiting))), conflicts)
+            tried = self._pair_children(one, own, waiting, list(islice(choices, len(waiting))), conflicts)
             found.append((id(one.node), (tried, conflicts)))
         return found
 
-    def _ahead(self, asked: Question) -> list[tuple[Question, list[int]]]:
-        """Return the best open node without solved children and its faces to try, or no node."""
+    def _next_branching(self, branching: Branching) -> list[tuple[Branching, list[int]]]:
+        """Return how to branch at the best other open node, and its faces; empty without one."""
         for bound, _, node in sorted(self._open, key=lambda one: one[:2]):
-            if id(node) in self._looked or -bound <= asked.threshold:
+            if id(node) in self._solved_ahead or -bound <= branching.threshold:
                 continue
-            allowed = self._settled(node.allowed & ~node.choice.useless)
-            if allowed is not None and (undecided := self._undecided(allowed)).size:
-                return [(replace(asked, node=node, allowed=allowed), self._telling(node, undecided))]
+            allowed = self._tables.propagated(node.allowed & ~node.choice.useless)
+            if allowed is not None and (undecided := self._tables.undecided(allowed)).size:
+                return [(replace(branching, node=node, allowed=allowed), self._faces_to_try(node, undecided))]
         return []
 
     @staticmethod
-    def _program(asked: Question, child: Node) -> Asked:
+    def _program(branching: Branching, child: Node) -> Asked:
         """Return the arguments of the block relaxation of a child."""
-        return child.allowed, asked.threshold, asked.node.choice.bound
+        return child.allowed, branching.threshold, branching.node.choice.bound
 
-    def _children(self, asked: Question, faces: list[int], conflicts: list[Conflict]) -> list[Waiting]:
+    def _children(self, branching: Branching, faces: list[int], conflicts: list[Conflict]) -> list[UnsolvedChild]:
         """Return the children of a node that may have labellings, with the choice of the parent.
 
         Append to `conflicts` the children that no choice of blocks satisfies.
         """
-        node, waiting = asked.node, []
+        node, waiting = branching.node, []
         for face in faces:
-            for label, others in ((False, self._parted), (True, self._held)):
-                decided = np.append(node.faces, self._faces[face]), np.append(node.labels, label)
-                allowed = self._settled(asked.allowed & ~others[face])
+            for label, others in ((False, self._tables.separated_by), (True, self._tables.inside)):
+                decided = np.append(node.faces, self._tables.faces[face]), np.append(node.labels, label)
+                allowed = self._tables.propagated(branching.allowed & ~others[face])
                 if allowed is None:
-                    conflicts.append(Conflict(*decided, asked.threshold, Evidence.BLOCKS))
-                elif asked.possible(*decided):
+                    conflicts.append(Conflict(*decided, branching.threshold, Evidence.BLOCKS))
+                elif branching.possible(*decided):
                     waiting.append(((face, label), Node(*decided, allowed, node.choice)))
         return waiting
 
-    def _tried(
+    def _pair_children(
         self,
-        asked: Question,
+        branching: Branching,
         faces: list[int],
-        waiting: list[Waiting],
+        waiting: list[UnsolvedChild],
         choices: Sequence[Choice],
         conflicts: list[Conflict],
-    ) -> list[Tried]:
+    ) -> list[FaceChildren]:
         """Pair children by face, given their relaxations (k,); add refuted ones to `conflicts`."""
         children: dict[tuple[int, bool], Node] = {}
         for (place, child), choice in zip(waiting, choices, strict=True):
             if choice.refuted:
-                conflicts.append(Conflict(child.faces, child.labels, asked.threshold, Evidence.BLOCKS))
+                conflicts.append(Conflict(child.faces, child.labels, branching.threshold, Evidence.BLOCKS))
             else:
                 children[place] = replace(child, choice=choice)
-        return [Tried(children.get((face, False)), children.get((face, True))) for face in faces]
+        return [FaceChildren(children.get((face, False)), children.get((face, True))) for face in faces]
 
-    def _gain(self, node: Node, tried: Tried) -> float:
+    def _score(self, node: Node, tried: FaceChildren) -> float:
         """Return the product of the decreases of the bound in the children."""
-        return float(np.prod([max(node.choice.bound - one.choice.bound, _SMALL) for one in tried.left]))
+        return float(np.prod([max(node.choice.bound - one.choice.bound, _LEAST_DECREASE) for one in tried.left]))
 
-    def _narrowed(self, asked: Question, forced: list[list[Node]], conflicts: list[Conflict]) -> Node | None:
+    def _with_forced_labels(
+        self, branching: Branching, forced: list[list[Node]], conflicts: list[Conflict]
+    ) -> Node | None:
         """Return the node with every face decided of which one label was refuted.
 
         `forced` holds the remaining child of each such face, at most one each. Return None if no labelling is left.
@@ -318,11 +366,11 @@ class BlockTree:
         left = [one for (one,) in forced]
         if len(left) == 1:
             return left[0]
-        faces = np.concatenate([asked.node.faces, *(one.faces[-1:] for one in left)])
-        labels = np.concatenate([asked.node.labels, *(one.labels[-1:] for one in left)])
-        allowed = self._settled(np.logical_and.reduce([one.allowed for one in left]))
+        faces = np.concatenate([branching.node.faces, *(one.faces[-1:] for one in left)])
+        labels = np.concatenate([branching.node.labels, *(one.labels[-1:] for one in left)])
+        allowed = self._tables.propagated(np.logical_and.reduce([one.allowed for one in left]))
         if allowed is not None:
             least = min(left, key=lambda one: one.choice.bound)
             return Node(faces, labels, allowed, replace(least.choice, share=np.where(allowed, least.choice.share, 0.0)))
-        conflicts.append(Conflict(faces, labels, asked.threshold, Evidence.BLOCKS))
+        conflicts.append(Conflict(faces, labels, branching.threshold, Evidence.BLOCKS))
         return None

@@ -24,9 +24,10 @@ from jld_core.limit.case_relaxation import relaxation_of
 from jld_core.scene import Scene
 from jld_core.solvers import make_solver
 from jld_explore.drivers.base import Driver
-from jld_explore.drivers.exact.conflict_minimization import Conflict, conflict_of
+from jld_explore.drivers.exact.conflict_generation import conflict_of
 from jld_explore.drivers.exact.driver import Exact
-from jld_explore.drivers.exact.inner_paths import InnerPaths
+from jld_explore.drivers.exact.formula_parts import InnerPaths
+from jld_explore.drivers.exact.proof_state import Conflict
 from jld_explore.drivers.exact.trimming import refutation
 from jld_explore.space import SearchSpace, to_string
 from jld_explore.space.labelling import blocks_of
@@ -45,14 +46,14 @@ rounding.
 _DIGITS: Final = 44
 """Binary digits of the velocities of a certificate, below the largest velocity."""
 
-_OPENED: Final = (0.0, *(10.0**-k for k in range(13, 2, -1)))
+_OPENING_SHARES: Final = (0.0, *(10.0**-k for k in range(13, 2, -1)))
 """Shares of a motion that opens all faces, relative, added to a mechanism in turn.
 
 Small shares suffice to keep a mechanism admissible after rounding. Large ones are for solvers that stopped far from
 the bound.
 """
 
-_OPEN: Final = "a search whose proof has a certificate"
+_REMEDY: Final = "a search whose proof has a certificate"
 
 
 def check_certifiable(driver: Driver, model: SolveOptions, scene: Scene) -> None:
@@ -97,7 +98,7 @@ def check_certifiable(driver: Driver, model: SolveOptions, scene: Scene) -> None
     for case in assembly.by_case:
         Balances(case)  # raises InputError for a face without a work balance
     if driver.exhaustive:
-        raise ParameterError("certificate", "of this space there is no proof but enumeration", _OPEN)
+        raise ParameterError("certificate", "of this space there is no proof but enumeration", _REMEDY)
 
 
 def certify(driver: Exact, scene: Scene, path: Path, found: tuple[Bits, float] | None) -> None:
@@ -124,7 +125,7 @@ def certify(driver: Exact, scene: Scene, path: Path, found: tuple[Bits, float] |
         If the file cannot be written.
     """
     if driver.bound is None:
-        raise ParameterError("certificate", "the search ended without any bound", _OPEN)
+        raise ParameterError("certificate", "the search ended without any bound", _REMEDY)
     Certifier(scene, driver.space, driver.bound).write(path, driver.state.conflicts, found)
 
 
@@ -163,12 +164,12 @@ class Certifier:
         self._clauses: list[list[int]] = list(self._checker.labellings.beginning)
         self._reasons: list[Reason | None] = [None] * len(self._clauses)
         self._hints: dict[int, tuple[Bits, Bits]] = {}
-        self._route = make_solver("clarabel", tolerance=1e-10)
+        self._solver = make_solver("clarabel", tolerance=1e-10)
         rules = self._checker.labellings
         candidates = np.flatnonzero(space.candidates).tolist()
-        split_cube = [face for face in candidates if rules.too_large([face]) is not None]
+        always_dry = [face for face in candidates if rules.too_large([face]) is not None]
         self._free = space.candidates.copy()
-        self._free[split_cube] = False  # the formula has unit clauses that make these faces dry
+        self._free[always_dry] = False  # the formula has unit clauses that make these faces dry
         self._units = [_Units(analysis) for analysis in self._analyses]
 
     def write(self, path: Path, hints: Iterable[Conflict], found: tuple[Bits, float] | None) -> None:
@@ -190,7 +191,7 @@ class Certifier:
         ArithmeticError
             If two satisfiability solvers disagree, or the checker rejects a rule.
         """
-        root = self._mechanism(*self._parted())
+        root = self._mechanism(*self._always_dry())
         if root is not None:  # one mechanism may bound all labellings
             faces = [*(face + 1 for face in root.dry), *(-(face + 1) for face in root.inner)]
             self._add(faces, root)
@@ -229,15 +230,15 @@ class Certifier:
         """Add the clauses of conflicts and their images under symmetry, without reasons yet."""
         group = np.unique(np.argsort(self._space.group, axis=1), axis=0)
         for hint in hints:
-            if hint.closed or not len(hint.faces) or hint.bound * self._scale > self.bound:
+            if hint.from_cube or not len(hint.faces) or hint.bound * self._scale > self.bound:
                 continue
             for image in group:
-                decided, labels = self._parted()
+                decided, labels = self._always_dry()
                 decided[image[hint.faces]], labels[image[hint.faces]] = True, hint.labels
                 place = self._add(_clause(decided, labels), None)
                 self._hints[place] = decided, labels
 
-    def _parted(self) -> tuple[Bits, Bits]:
+    def _always_dry(self) -> tuple[Bits, Bits]:
         """Return the faces (m,) that every labelling has dry, as decided faces and as labels."""
         decided = self._space.candidates & ~self._free
         return decided, decided.copy()
@@ -276,7 +277,7 @@ class Certifier:
         """Return a mechanism that keeps a labelling, and others with it, at the bound."""
         conflict = conflict_of(self._relaxation, labels, self._free, self.bound / self._scale)
         if conflict is not None:
-            decided, _ = self._parted()
+            decided, _ = self._always_dry()
             decided[conflict.faces] = True
             reason = self._mechanism(decided, labels)
             if reason is not None:
@@ -284,7 +285,7 @@ class Certifier:
         reason = self._mechanism(self._space.candidates, labels) or self._own_mechanism(labels)
         if reason is None:
             problem = f"of the layout {to_string(labels)} no mechanism in whole numbers keeps λ below {self.bound:.9g}"
-            raise ParameterError("certificate", problem, _OPEN)
+            raise ParameterError("certificate", problem, _REMEDY)
         return reason
 
     # --- mechanisms -------------------------------------------------------------------------------------
@@ -298,7 +299,7 @@ class Certifier:
         labels = np.where(self._space.candidates, labels, self._space.fixed)
         undecided = self._space.candidates & ~decided
         for case, relaxation in enumerate(self._relaxation.each):
-            raw = self._route.solve(relaxation.program(labels, undecided))
+            raw = self._solver.solve(relaxation.program(labels, undecided))
             velocity = raw.dual[: relaxation.template.matrix.shape[0]]
             reason = self._rounded(case, velocity, self._space.candidates & decided, labels)
             if reason is not None:
@@ -324,7 +325,7 @@ class Certifier:
         units = self._units[case]
         dry = tuple(np.flatnonzero(decided & labels).tolist())
         inner = tuple(np.flatnonzero(decided & ~labels).tolist())
-        for share in _OPENED:
+        for share in _OPENING_SHARES:
             opened = units.opened(velocity / size, share)
             if opened is None:
                 break

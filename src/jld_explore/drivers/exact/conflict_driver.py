@@ -6,33 +6,25 @@ import math
 import time
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import Field
 
 from jld_core.arrays import Bits, Floats
-from jld_core.deadline import Deadline, DeadlinePassed, time_left
-from jld_core.limit import LimitAnalysis
-from jld_core.limit.case_relaxation import AnyRelaxation, relaxation_of
+from jld_core.deadline import Deadline
 from jld_explore.drivers.base import Aim, Driver, DriverOptions
 from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.drivers.exact.conflict_minimization import Conflict, Evidence, Mechanism
 from jld_explore.drivers.exact.conflict_sources import ConflictSources
-from jld_explore.drivers.exact.conflicts import key_of
+from jld_explore.drivers.exact.context import ProofContext
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.drivers.exact.possible_blocks import PossibleBlocks, possible_blocks
 from jld_explore.drivers.exact.proof_check import Claim, ProofCheck, check_proof
-from jld_explore.drivers.exact.proof_state import ProofState
+from jld_explore.drivers.exact.proof_state import Conflict, Evidence, Mechanism, ProofState
 from jld_explore.evaluation import Evaluation, Records
 from jld_explore.space import Count, SearchSpace
 
 if TYPE_CHECKING:
     import pandas as pd
-
-
-_LISTING: Final = 0.3
-"""Largest share of the time left for listing the possible blocks; the formula works without the list."""
 
 
 class ExactOptions(DriverOptions):
@@ -62,7 +54,7 @@ class ConflictDriver(Driver):
         Count that the formula must express besides the limited counts.
     list_blocks : bool
         Whether to list the possible blocks where they are few enough.
-    alone : int or None
+    solo_relaxations : int or None
         See `ConflictSources`.
     """
 
@@ -79,52 +71,41 @@ class ConflictDriver(Driver):
         counted: Count | None,
         *,
         list_blocks: bool = True,
-        alone: int | None = None,
+        solo_relaxations: int | None = None,
     ) -> None:
         super().__init__(space, seed)
-        self._analyses = [LimitAnalysis(case) for case in space.assembly.by_case]
-        self._blocks = _listed(space) if list_blocks else None
-        asked = [count for count, _ in space.limits.on_counts] + ([] if counted is None else [counted])
-        terms = [count.terms(space.assembly) if count.terms else None for count in asked]
-        listed = all(one is not None and not (one.blocks and self._blocks is None) for one in terms)
-        self._relaxation = relaxation_of(space.assembly, self._analyses) if listed else None
-        self._everything = Enumeration(space) if self._relaxation is None else None
-        self._scale = 1.0 if self._relaxation is None else self._relaxation.unit
-        self._free = space.candidates.copy()
-        if self._blocks is not None:
-            joined = {face for inside in self._blocks.inside for face in inside}
-            self._free &= np.isin(np.arange(len(self._free)), list(joined))
+        self._context = ProofContext.of(space, seed, counted, list_blocks=list_blocks)
+        self._enumeration = Enumeration(space) if self._context is None else None
+        self._scale = 1.0 if self._context is None else self._context.relaxation.unit
         self._state = ProofState(space)
         self._formula: Formula | None = None
-        self._said = 0, 0
-        self._alone, self._jobs = alone, 1
-        self._sources = self._make_hunters()
-        self._waiting = self._none
+        self._conflicts_in_formula = self._handed_over_in_formula = 0
+        self._solo_relaxations, self._jobs = solo_relaxations, 1
+        self._sources = self._new_sources()
+        self._waiting = self._no_labellings
         self._proof_check: ProofCheck | None = None
         self._contradictions: list[str] = []
         self._deadline = Deadline()
         self._heartbeat: Callable[[], None] = lambda: None
-        self._began_at = time.perf_counter()
+        self._started_at = time.perf_counter()
 
     @property
     def exhaustive(self) -> bool:
-        """Whether the driver enumerates its space; see `Driver.exhaustive`."""
-        return self._everything is not None
+        """True if the driver enumerates its space; see `Driver.exhaustive`."""
+        return self._enumeration is not None
 
-    def _make_hunters(self) -> ConflictSources | None:
-        """Return new conflict sources, or None where the space has no relaxation."""
-        if self._relaxation is None:
+    def _new_sources(self) -> ConflictSources | None:
+        """Return new conflict sources, or None for an enumerated space."""
+        if self._context is None:
             return None
-        return ConflictSources(
-            self._relaxation, self.space, self._blocks, self._free, self.seed, self._state, self._alone
-        )
+        return ConflictSources(self._context, self._state, self._solo_relaxations)
 
     @property
-    def relaxation(self) -> AnyRelaxation:
-        """Relaxation that refutes labellings; raises RuntimeError for an enumerated space."""
-        if self._relaxation is None:
-            raise RuntimeError("an enumerated space has no relaxation")
-        return self._relaxation
+    def context(self) -> ProofContext:
+        """What never changes during the proof; raises RuntimeError for an enumerated space."""
+        if self._context is None:
+            raise RuntimeError("an enumerated space has no proof by conflicts")
+        return self._context
 
     @property
     def sources(self) -> ConflictSources:
@@ -158,14 +139,15 @@ class ConflictDriver(Driver):
     @property
     def relaxations(self) -> int:
         """Number of relaxations solved in all threads and processes."""
-        return sum(part.solves for part in (self._relaxation, self._sources) if part is not None)
+        here = 0 if self._context is None else self._context.relaxation.solves
+        return here + (0 if self._sources is None else self._sources.solves)
 
     def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
         """Return the cost of the proof and the result of its check; see `Driver.facts`."""
         found: dict[str, Any] = {"conflicts": self.conflicts, "relaxations": self.relaxations}
         if self._proof_check is not None:
             found["proof_check"] = self._proof_check.to_dict()
-        elif self._everything is not None and complete:
+        elif self._enumeration is not None and complete:
             # Every symmetry class has an evaluation, so nothing was inferred about labellings that were not
             # evaluated.
             found["proof_check"] = ProofCheck("", 0.0).to_dict()
@@ -186,15 +168,15 @@ class ConflictDriver(Driver):
         if self._sources is not None:
             self._sources.close()
         self._state.clear()
-        self._formula, self._said = None, (0, 0)
-        self._waiting = self._none
-        self._sources = self._make_hunters()
+        self._formula, self._conflicts_in_formula, self._handed_over_in_formula = None, 0, 0
+        self._waiting = self._no_labellings
+        self._sources = self._new_sources()
         if self._sources is not None:
             self._sources.set_workers(self._jobs)
 
     @property
     def _given_up(self) -> bool:
-        """Whether the proof was contradicted again after its restart."""
+        """True if the proof was contradicted again after its restart."""
         return len(self._contradictions) > 1
 
     def set_workers(self, jobs: int) -> None:
@@ -214,10 +196,9 @@ class ConflictDriver(Driver):
         # The search stops early enough to evaluate the labellings found last.
         self._deadline = Deadline() if deadline is None else deadline.earlier(0.3)
         self._heartbeat = heartbeat
-        self._began_at = time.perf_counter()
-        if records is not None and self._everything is None:
-            templates = [analysis.template for analysis in self._analyses]
-            self._state.conflicts.keep(records, key_of(templates, self.space, self._blocks))
+        self._started_at = time.perf_counter()
+        if records is not None and self._context is not None:
+            self._state.conflicts.keep(records, self._context.key)
 
     def restore(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         """Take over the evaluations of labellings (k, m) from a resumed study."""
@@ -228,60 +209,60 @@ class ConflictDriver(Driver):
     def _learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None: ...
 
     @property
-    def _none(self) -> Bits:
+    def _no_labellings(self) -> Bits:
         """Empty array of labellings (0, m)."""
         return np.empty((0, len(self.space.fixed)), dtype=bool)
 
     @property
-    def _late(self) -> bool:
-        """Whether the deadline has passed."""
+    def _time_is_up(self) -> bool:
+        """True if the deadline has passed."""
         return self._deadline.passed()
 
-    def _late_after_heartbeat(self) -> bool:
+    def _time_is_up_after_heartbeat(self) -> bool:
         """Report progress, then return whether time is up."""
         self._heartbeat()
-        return self._late
+        return self._time_is_up
 
-    def _given(self, limit: int | None) -> Bits:
+    def _take_waiting(self, limit: int | None) -> Bits:
         """Remove and return at most `limit` of the labellings that wait for evaluation."""
         given = self._waiting[:limit]
         self._waiting = self._waiting[len(given) :]
         return given
 
-    def _generate(self, hunters: ConflictSources, threshold: float) -> bool:
+    def _generate(self, sources: ConflictSources, threshold: float) -> bool:
         """Find and save conflicts for a short time; return whether no labelling is left.
 
         `threshold` is a λ in scene units.
         """
-        exhausted = hunters.step(threshold / self._scale)
+        exhausted = sources.step(threshold / self._scale)
         self._state.conflicts.save()
         self._heartbeat()
         return exhausted
 
-    def _to_evaluate(self) -> Bits:
+    def _labellings_to_evaluate(self) -> Bits:
         """Return the labellings (k, m) that were handed over and wait for their evaluation."""
-        self._learn_handed_over()
+        self._exclude_handed_over()
         return self._state.take_waiting()
 
-    def _offer(self, labels: Bits) -> None:
+    def _hand_over(self, labels: Bits) -> None:
         """Hand over a labelling (m,) that no mechanism refuted."""
         self._state.hand_over([labels])
 
-    def _learn_handed_over(self) -> None:
+    def _exclude_handed_over(self) -> None:
         """Exclude from the formula the labellings handed over since the last call."""
         if self._formula is not None:
-            passed = self._state.handed_over_since(self._said[1])
-            self._formula.learn((), passed)
-            self._said = self._said[0], self._said[1] + len(passed)
+            new = self._state.handed_over_since(self._handed_over_in_formula)
+            self._formula.learn((), new)
+            self._handed_over_in_formula += len(new)
 
-    def _told(self) -> Formula:
+    def _updated_formula(self) -> Formula:
         """Return the formula with all conflicts and handed-over labellings added."""
         if self._formula is None:
-            self._formula = Formula(self.space, self._blocks)
-        new = self._state.conflicts[self._said[0] :]
+            self._formula = Formula(self.space, self.context.blocks)
+        new = self._state.conflicts[self._conflicts_in_formula :]
         self._formula.learn(new)
-        self._said = self._said[0] + len(new), self._said[1]
-        self._learn_handed_over()
+        self._conflicts_in_formula += len(new)
+        self._exclude_handed_over()
         return self._formula
 
     def _bound_all(self, bound: float, evidence: Evidence, mechanism: Mechanism | None = None) -> None:
@@ -290,22 +271,20 @@ class ConflictDriver(Driver):
             nothing = np.empty(0, dtype=np.int64)
             self._state.add_conflicts([Conflict(nothing, nothing.astype(bool), bound, evidence, mechanism)])
 
-    def _add(self, conflict: Conflict) -> None:
+    def _add_conflict(self, conflict: Conflict) -> None:
         """Add a conflict to the state of the proof and to the formula."""
         self._state.add_conflicts([conflict])
         self.formula.forbid(conflict.faces, conflict.labels, conflict.bound)
 
-    def _root(self) -> float:
+    def _bound_at_root(self) -> float:
         """Return a bound on all labellings from one relaxation, scene units; inf if there is none."""
-        # candidates outside every possible block are dry whatever the label of the scene
-        labels = self.space.fixed | (self.space.candidates & ~self._free)
-        found = self.relaxation.least_bound(labels, self._free)
+        found = self.context.relaxation.least_bound(self.context.labels, self.context.free)
         if found is None:
             return math.inf
         self._bound_all(found.bound, Evidence.MECHANISM, Mechanism(found.case, found.velocity))
         return found.bound * self._scale
 
-    def _check(self, claims: Sequence[Claim], problem: str, evaluated: tuple[Bits, Floats]) -> ProofCheck:
+    def _check_proof(self, claims: Sequence[Claim], problem: str, evaluated: tuple[Bits, Floats]) -> ProofCheck:
         """Check a finished proof; see `check_proof`.
 
         Parameters
@@ -317,16 +296,6 @@ class ConflictDriver(Driver):
         evaluated : tuple of (k, m) bool array and (k,) float array
             The strongest labellings, and the λ that each is proven to carry, scene units.
         """
-        seconds = time.perf_counter() - self._began_at
+        seconds = time.perf_counter() - self._started_at
         scaled = evaluated[0], evaluated[1] / self._scale
-        proof = self.relaxation, self.space, self._blocks, self._free, self._state
-        return check_proof(*proof, claims, scaled, problem, seconds)
-
-
-def _listed(space: SearchSpace) -> PossibleBlocks | None:
-    """List the possible blocks of a space; None also if that takes too large a share of the time left."""
-    try:
-        with Deadline(_LISTING * time_left()).enforced():
-            return possible_blocks(space)
-    except DeadlinePassed:
-        return None
+        return check_proof(self.context, self._state, claims, scaled, problem, seconds)

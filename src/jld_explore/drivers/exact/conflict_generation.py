@@ -3,7 +3,17 @@
 Labellings of one batch would be refuted for one reason if they were alike, so each is drawn with random preferred
 labels. A labelling that has given a conflict also gives **neighbours**: the same labelling with one face of the
 conflict undecided. Neighbours are nearly always refuted as well, for another reason, and need no call of the solver.
-Windows of a labelling (`windows`) are minimised before the whole labelling.
+
+**Conflict minimization** reduces a weak labelling to the few labels that make it weak. A mechanism bounds λ of every
+labelling by a sum over faces (docs/method.md (6.2)). Faces whose label changes that sum by less than the excess can
+become undecided. Solving again with those faces undecided gives a mechanism that depends on the remaining faces. The
+batch solver minimises many labellings in one call (`Relaxation.minimize_conflicts`); `conflict_of` minimises one by the
+same rules.
+
+Slabs across the length of the structure, its **windows**, are minimised before the whole labelling. Faces outside a
+window are undecided from the start, so its conflict consists of faces close together. Such conflicts interact: soon no
+labelling of the window is left, and then no labelling at all. Conflicts of faces from everywhere rule out few
+labellings (benchmarks/results/exact.md, flagship with cells halved).
 """
 
 from __future__ import annotations
@@ -14,26 +24,168 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.arrays import Bits, Bools
+from jld_core import Assembly
+from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.batch import ConflictRequest
 from jld_core.batch.conflict_request import MinimizationOptions
 from jld_core.limit.case_relaxation import AnyRelaxation
-from jld_core.limit.dual_bounds import MinimizedConflict
-from jld_explore.drivers.exact.conflict_minimization import Conflict, Mechanism, conflict_of
+from jld_core.limit.dual_bounds import DualBound, MinimizedConflict
+from jld_explore.drivers.exact.context import SEED_STEP, ProofContext
 from jld_explore.drivers.exact.cubes import EVERYTHING, Cube
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.drivers.exact.windows import WindowStatistics, windows_of
+from jld_explore.drivers.exact.proof_state import Conflict, Mechanism
 
-_DRAWN: Final = 8
+_WIDTHS: Final = (1, 2, 3)
+"""Widths of windows in slabs, tried in this order."""
+
+_LEAST_SLABS: Final = 5
+"""Least number of slabs of a structure for which windows are used."""
+
+_LEAST_SHARE: Final = 0.1
+"""Share of labellings refuted in windows of one width below which that width is skipped."""
+
+_RETRY_INTERVAL: Final = 20
+"""A skipped width is still tried once in this number of times."""
+
+_DECAY: Final = 0.9
+"""Weight of the earlier average when the share of refuted labellings is updated."""
+
+
+def windows_of(assembly: Assembly) -> tuple[Bits, ...]:
+    """Return the windows (w, m) of each width, True where a face touches the window.
+
+    A window is a set of elements. The result is empty for structures of fewer than `_LEAST_SLABS` slabs.
+    """
+    elements, faces = assembly.elements, assembly.interfaces
+    free = elements.free
+    low, high = elements.lower[free].min(axis=0), elements.upper[free].max(axis=0)
+    size: Floats = high - low
+    axis = int(size.argmax())
+    # number of cells in a row, if all were alike
+    count = round(float(len(free) * np.prod(size[axis] / size)) ** (1.0 / len(size)))
+    if count < _LEAST_SLABS:
+        return ()
+    place = np.full(len(elements), -1)
+    along = (elements.centroid[free, axis] - low[axis]) / size[axis]
+    place[free] = np.clip((count * along).astype(int), 0, count - 1)
+    found = []
+    for width in _WIDTHS:
+        within = [(place >= first) & (place < first + width) for first in range(count - width + 1)]
+        found.append(np.array([inside[faces.a] | inside[faces.b] for inside in within]))
+    return tuple(found)
+
+
+class WindowStatistics:
+    """Running share of labellings that the windows of each width refute.
+
+    Parameters
+    ----------
+    widths : int
+        Number of widths.
+    """
+
+    def __init__(self, widths: int) -> None:
+        self._share, self._times_skipped = np.ones(widths), np.zeros(widths, dtype=int)
+
+    def is_worthwhile(self, width: int) -> bool:
+        """Return True if windows of a width should be tried now."""
+        if self._share[width] >= _LEAST_SHARE:
+            return True
+        self._times_skipped[width] = (self._times_skipped[width] + 1) % _RETRY_INTERVAL
+        return bool(self._times_skipped[width] == 0)
+
+    def record(self, width: int, share: float) -> None:
+        """Record the share of labellings that windows of a width refuted."""
+        self._share[width] = _DECAY * self._share[width] + (1.0 - _DECAY) * share
+
+
+_FAILED_TRIES: Final = 2
+"""Single faces tried without success before a conflict is accepted.
+
+Faces are tried in the order of their cost to the excess, least first.
+"""
+
+
+def conflict_of(relaxation: AnyRelaxation, labels: Bits, candidates: Bools, threshold: float) -> Conflict | None:
+    """Minimise one labelling to a conflict that refutes it.
+
+    Parameters
+    ----------
+    relaxation : Relaxation or CaseRelaxation
+        Relaxation of the structure.
+    labels : (m,) bool array
+        Labels, True = dry.
+    candidates : (m,) bool array
+        Faces that may take either label.
+    threshold : float
+        Scaled λ that the labelling must not reach.
+
+    Returns
+    -------
+    Conflict or None
+        Conflict whose labels the labelling has; None where the labelling may reach the threshold.
+    """
+    decided = candidates.copy()
+
+    def refuted(whole: bool = False) -> DualBound | None:
+        # A complete labelling that is not refuted needs an evaluation, so only then is the relaxation solved
+        # thoroughly.
+        undecided, thorough = candidates & ~decided, np.array([whole])
+        return relaxation.refute_all(labels[None], undecided[None], np.array([threshold]), thorough)[0]
+
+    found = refuted(whole=True)
+    if found is None:
+        return None
+    tried: set[int] = set()
+    failed = 0
+    while True:
+        order = _order(found, decided)
+        # free all faces whose total cost is below the excess of the current mechanism
+        freed = order[np.cumsum(found.cost[order]) < found.excess]
+        if freed.size:
+            decided[freed] = False
+            weaker = refuted()
+            if weaker is None:
+                # the previous mechanism proves this conflict whatever the next solve gives
+                return _conflict(labels, decided, threshold, found)
+            found = weaker
+            continue
+        bound = min(found.bound, threshold)
+        face = next((f for f in order.tolist() if f not in tried), None)
+        if face is None or failed >= _FAILED_TRIES:
+            return _conflict(labels, decided, bound, found)
+        tried.add(face)
+        decided[face] = False
+        weaker = refuted()
+        if weaker is None:
+            decided[face] = True
+            failed += 1
+        else:
+            found = weaker
+
+
+def _conflict(labels: Bits, decided: Bools, bound: float, found: DualBound) -> Conflict:
+    """Return the conflict of the decided faces (m,) with the mechanism of a dual bound."""
+    faces = np.flatnonzero(decided)
+    return Conflict(faces, labels[faces], bound, mechanism=Mechanism(found.case, found.velocity))
+
+
+def _order(found: DualBound, decided: Bools) -> Ints:
+    """Return the decided faces, least cost to the excess of the mechanism first."""
+    faces = np.flatnonzero(decided)
+    return np.asarray(faces[np.argsort(found.cost[faces], kind="stable")])
+
+
+_BATCH_SIZE: Final = 8
 """Largest number of labellings drawn per batch."""
 
 _NEIGHBOURS: Final = 3
 """Number of neighbours of each labelling that are minimised too.
 
-Neighbours are used once `_DRAWN` conflicts of the formula are known.
+Neighbours are used once `_BATCH_SIZE` conflicts of the formula are known.
 """
 
-_INSIDE: Final = 1
+_WINDOW_NEIGHBOURS: Final = 1
 """Largest number of neighbours minimised per labelling in a window.
 
 Every window that refutes a labelling counts separately.
@@ -42,10 +194,10 @@ Every window that refutes a labelling counts separately.
 _TRIES: Final = 4
 """Single faces tried without success before a conflict is accepted as minimal."""
 
-_INNER: Final = True
+_INNER_FIRST: Final = True
 """Try inner faces first when minimising a conflict (25 % fewer conflicts on weak walls)."""
 
-_DRY: Final = 0.3
+_DRY_PROBABILITY: Final = 0.3
 """Probability that a drawn labelling prefers a face dry; long blocks are hard to refute."""
 
 
@@ -73,21 +225,19 @@ class ConflictGenerator:
 
     Parameters
     ----------
-    relaxation : Relaxation or CaseRelaxation
-        Relaxation that refutes labellings.
-    free : (m,) bool array
-        Faces that may take either label.
-    seed : int
-        Seed of the preferred labels.
+    context : ProofContext
+        What never changes during the proof.
+    number : int
+        Number of the generator in this process; each has its own preferred labels.
     """
 
-    def __init__(self, relaxation: AnyRelaxation, free: Bools, seed: int) -> None:
-        self._relaxation, self._free = relaxation, free
-        self._rng = np.random.default_rng([seed, 2])
-        self._many = relaxation.batched
+    def __init__(self, context: ProofContext, number: int = 0) -> None:
+        self._relaxation, self._free = context.relaxation, context.free
+        self._rng = np.random.default_rng([context.seed + SEED_STEP * number, 2])
+        self._batched = context.relaxation.batched
         self._formula: Formula | None = None
-        self._known: set[tuple[bytes, bytes]] = set()
-        self._hear: Callable[[], None] = _nothing
+        self._conflict_keys: set[tuple[bytes, bytes]] = set()
+        self._take_in_others: Callable[[], None] = _nothing
         self._windows: tuple[Bits, ...] = ()
         self._statistics = WindowStatistics(0)
 
@@ -98,21 +248,21 @@ class ConflictGenerator:
             raise RuntimeError("there is no formula yet; call `begin` first")
         return self._formula
 
-    def begin(self, formula: Formula, hear: Callable[[], None] | None = None) -> None:
+    def begin(self, formula: Formula, take_in_others: Callable[[], None] | None = None) -> None:
         """Continue with another formula.
 
         Parameters
         ----------
         formula : Formula
             Formula of the labellings that are left.
-        hear : callable, optional
+        take_in_others : callable, optional
             Adds the conflicts of other threads to the formula; called before each draw.
         """
-        self._formula, self._hear = formula, hear or _nothing
-        self._known = set()
+        self._formula, self._take_in_others = formula, take_in_others or _nothing
+        self._conflict_keys = set()
         # Small blocks are refuted by cracks through the whole structure, so windows delay the proof: walls take 50 %
         # longer.
-        self._windows = windows_of(formula.space.assembly) if self._many and formula.blocks is None else ()
+        self._windows = windows_of(formula.space.assembly) if self._batched and formula.blocks is None else ()
         self._statistics = WindowStatistics(len(self._windows))
 
     def step(self, threshold: float, cube: Cube = EVERYTHING) -> ConflictBatch:
@@ -125,24 +275,24 @@ class ConflictGenerator:
         cube : Cube
             Labels that every drawn labelling has.
         """
-        caught = ConflictBatch()
-        self.formula.rise(threshold)
+        batch = ConflictBatch()
+        self.formula.raise_threshold(threshold)
         drawn = self._draw(cube)
-        caught.exhausted = not len(drawn)
-        if len(drawn) and self._many:
-            self._sort(drawn, threshold, self._minimize(drawn, threshold), caught)
+        batch.exhausted = not len(drawn)
+        if len(drawn) and self._batched:
+            self._add_results(drawn, threshold, self._minimize(drawn, threshold), batch)
         elif len(drawn):
-            self._minimize_one(drawn[0], threshold, caught)
-        return caught
+            self._minimize_one(drawn[0], threshold, batch)
+        return batch
 
     def _draw(self, cube: Cube) -> Bits:
         """Draw labellings (k, m) from the formula; return (0, m) where none is left."""
         formula = self.formula
         # The first batches are small: where one conflict rules out nearly all labellings, more draws are wasted.
-        room = min(_DRAWN, 1 + len(self._known)) if self._many else 1
+        wanted = min(_BATCH_SIZE, 1 + len(self._conflict_keys)) if self._batched else 1
         drawn: list[Bits] = []
-        while len(drawn) < room:
-            self._hear()
+        while len(drawn) < wanted:
+            self._take_in_others()
             labels = formula.next(cube.faces, cube.labels, preferred=self._preferred())
             if labels is None:
                 break
@@ -151,75 +301,79 @@ class ConflictGenerator:
             drawn.append(labels)
         return np.array(drawn, dtype=bool).reshape(len(drawn), len(self._free))
 
-    def _how(self) -> tuple[MinimizationOptions, int]:
+    def _options(self) -> tuple[MinimizationOptions, int]:
         """Return the options of minimisation, and a seed for the neighbours."""
-        how = MinimizationOptions(
-            neighbours=_NEIGHBOURS if len(self._known) >= _DRAWN else 0, tries=_TRIES, inner=_INNER
+        options = MinimizationOptions(
+            neighbours=_NEIGHBOURS if len(self._conflict_keys) >= _BATCH_SIZE else 0, tries=_TRIES, inner=_INNER_FIRST
         )
-        return how, int(self._rng.integers(2**32))
+        return options, int(self._rng.integers(2**32))
 
     def _minimize(self, drawn: Bits, threshold: float) -> list[MinimizedConflict]:
         """Minimise labellings (k, m) in the narrowest windows that refute them, else as a whole."""
-        how, seed = self._how()
+        options, seed = self._options()
         left, found = np.arange(len(drawn)), list[MinimizedConflict]()
-        inside = replace(how, neighbours=min(how.neighbours, _INSIDE))
+        inside = replace(options, neighbours=min(options.neighbours, _WINDOW_NEIGHBOURS))
         for width, windows in enumerate(self._windows):
-            if not left.size or not self._statistics.wanted(width):
+            if not left.size or not self._statistics.is_worthwhile(width):
                 continue
             of, outside = np.repeat(left, len(windows)), np.tile(~windows, (len(left), 1))
             limits = np.full(len(of), threshold)
-            fallen = self._relaxation.minimize_conflicts(
+            minimized = self._relaxation.minimize_conflicts(
                 ConflictRequest(drawn[of], self._free, limits, outside, inside, seed)
             )
-            refuted = [replace(one, labelling=int(of[one.labelling])) for one in fallen if one.bound is not None]
+            refuted = [replace(one, labelling=int(of[one.labelling])) for one in minimized if one.bound is not None]
             found += refuted
             rest = np.setdiff1d(left, [one.labelling for one in refuted])
-            self._statistics.tell(width, 1.0 - len(rest) / len(left))
+            self._statistics.record(width, 1.0 - len(rest) / len(left))
             left = rest
         if left.size:
-            asked = ConflictRequest(drawn[left], self._free, np.full(len(left), threshold), how=how, seed=seed)
-            whole = self._relaxation.minimize_conflicts(asked)
+            request = ConflictRequest(drawn[left], self._free, np.full(len(left), threshold), how=options, seed=seed)
+            whole = self._relaxation.minimize_conflicts(request)
             found += [replace(one, labelling=int(left[one.labelling])) for one in whole]
         return found
 
-    def _sort(self, drawn: Bits, threshold: float, fallen: list[MinimizedConflict], caught: ConflictBatch) -> None:
+    def _add_results(
+        self, drawn: Bits, threshold: float, minimized: list[MinimizedConflict], batch: ConflictBatch
+    ) -> None:
         """Add the results for labellings (k, m) to the batch: conflicts or unrefuted labellings."""
         left = set(range(len(drawn)))
-        for one in fallen:
+        for one in minimized:
             labels = drawn[one.labelling]
             if one.bound is not None and one.velocity is not None:
                 faces, mechanism = np.flatnonzero(one.decided), Mechanism(one.case, one.velocity)
-                self._take(Conflict(faces, labels[faces], min(one.bound, threshold), mechanism=mechanism), caught)
+                self._add_conflict(
+                    Conflict(faces, labels[faces], min(one.bound, threshold), mechanism=mechanism), batch
+                )
                 left.discard(one.labelling)
             elif one.drawn and one.carries:
-                caught.unrefuted.append(labels)
+                batch.unrefuted.append(labels)
                 left.discard(one.labelling)
         # Labellings that the batch solver leaves open go to the conic solver, because otherwise each needs an
         # evaluation.
         for number in sorted(left):
-            self._minimize_one(drawn[number], threshold, caught)
+            self._minimize_one(drawn[number], threshold, batch)
 
-    def _minimize_one(self, labels: Bits, threshold: float, caught: ConflictBatch) -> None:
+    def _minimize_one(self, labels: Bits, threshold: float, batch: ConflictBatch) -> None:
         """Minimise one labelling (m,) without the batch solver, and add the result to the batch."""
         found = conflict_of(self._relaxation, labels, self._free, threshold)
         if found is None:
-            caught.unrefuted.append(labels)
+            batch.unrefuted.append(labels)
         else:
-            self._take(found, caught)
+            self._add_conflict(found, batch)
 
-    def _take(self, conflict: Conflict, caught: ConflictBatch) -> None:
+    def _add_conflict(self, conflict: Conflict, batch: ConflictBatch) -> None:
         """Add a conflict to the batch and to the formula unless it is known."""
-        name = conflict.name
-        if name not in self._known:
-            self._known.add(name)
-            caught.conflicts.append(conflict)
+        key = conflict.key
+        if key not in self._conflict_keys:
+            self._conflict_keys.add(key)
+            batch.conflicts.append(conflict)
             self.formula.forbid(conflict.faces, conflict.labels, conflict.bound)
 
     def _preferred(self) -> Bits | None:
         """Return random preferred labels (m,), True = dry; None without the batch solver."""
-        if not self._many:
+        if not self._batched:
             return None
-        return self._rng.random(len(self.formula.space.fixed)) < _DRY
+        return self._rng.random(len(self.formula.space.fixed)) < _DRY_PROBABILITY
 
 
 def _nothing() -> None:

@@ -2,23 +2,190 @@
 
 With the batch solver this process uses two threads where two are allowed. Worker processes replace the threads where
 more are allowed, or where there is no batch solver.
+
+The satisfiability solver and the batch solver release the interpreter lock, so threads draw and minimise labellings in
+parallel without waiting. Each thread has its own formula and its own preferred labels, and takes in the conflicts of
+the others before its next draw. Threads continue while the main thread has labellings evaluated. Assigning each thread
+a half of the labellings, by the face most frequent in recent conflicts, saves none and makes drawing 20 % slower.
+
+The proof does not depend on the order of the threads. A formula without a model holds only conflicts and handed-over
+labellings, and `ProofState` owns both. Which conflicts are found differs from run to run.
 """
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from threading import Condition
 from typing import Final
 
-from jld_core.arrays import Bools
-from jld_core.limit.case_relaxation import AnyRelaxation
-from jld_explore.drivers.exact.conflict_generation import ConflictGenerator
+from jld_core.threads import one_thread
+from jld_explore.drivers.exact.conflict_generation import ConflictBatch, ConflictGenerator
+from jld_explore.drivers.exact.context import ProofContext
 from jld_explore.drivers.exact.cube_workers import CubeWorkers
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.drivers.exact.proof_state import ProofState
-from jld_explore.drivers.exact.threaded_generation import ThreadedGenerator
 from jld_explore.evaluation.cluster import client_of_cluster
-from jld_explore.space import SearchSpace
 from jld_explore.space.measures import Range
+
+_WAIT_SECONDS: Final = 0.1
+"""Longest time, s, that the main thread waits for results before the next deadline check."""
+
+
+def delay_point(place: str) -> None:
+    """Do nothing; tests put delays here, where threads interact."""
+
+
+@dataclass
+class _Target:
+    """Current target of refutation.
+
+    Attributes
+    ----------
+    count : int, Range or None
+        Count as in `Formula.aim`.
+    threshold : float
+        Scaled λ to refute.
+    exhausted : bool
+        Whether no labelling is left above the threshold.
+    """
+
+    count: int | Range | None
+    threshold: float
+    exhausted: bool = False
+
+
+class _GeneratorThread:
+    """State of one thread: its conflict generator and its formula."""
+
+    def __init__(self, generator: ConflictGenerator, state: ProofState) -> None:
+        self._generator, self._state = generator, state
+        self._target: _Target | None = None
+        self._formula: Formula | None = None
+        self._conflicts_seen = self._handed_over_seen = 0
+
+    def step(self, target: _Target, context: ProofContext) -> ConflictBatch:
+        """Draw labellings for a target and return their conflicts."""
+        if self._formula is None:
+            self._formula = Formula(context.space, context.blocks)
+        if target is not self._target:
+            self._target = target
+            self._formula.aim(target.threshold, target.count)
+            self._generator.begin(self._formula, partial(self._take_in_others, self._formula))
+        return self._generator.step(target.threshold)
+
+    def _take_in_others(self, formula: Formula) -> None:
+        """Add the new conflicts and handed-over labellings of all threads to the formula."""
+        delay_point("before taking in conflicts")
+        new_conflicts, handed_over = (
+            self._state.conflicts[self._conflicts_seen :],
+            self._state.handed_over_since(self._handed_over_seen),
+        )
+        self._conflicts_seen, self._handed_over_seen = (
+            self._conflicts_seen + len(new_conflicts),
+            self._handed_over_seen + len(handed_over),
+        )
+        formula.learn(new_conflicts, handed_over)
+
+
+class ThreadedGenerator:
+    """Threads that generate conflicts and add them to the state of the proof.
+
+    Parameters
+    ----------
+    context : ProofContext
+        What never changes during the proof; the batch solver solves its relaxation.
+    threads : int
+        Number of threads.
+    state : ProofState
+        State of the proof; other sources of conflicts may add to the same state.
+    """
+
+    def __init__(self, context: ProofContext, threads: int, state: ProofState) -> None:
+        self._context, self._state = context, state
+        self._threads = [_GeneratorThread(ConflictGenerator(context, number), state) for number in range(threads)]
+        self._pool = ThreadPoolExecutor(threads)
+        self._idle_threads = set(range(threads))
+        self._target: _Target | None = None
+        self._count: int | Range | None = None
+        self._has_new_results = False
+        self._results_changed = Condition()
+        self._error: BaseException | None = None
+
+    def begin(self, count: int | Range | None) -> None:
+        """Set the count of the next target, as in `Formula.aim`, from the next step on."""
+        self.end()
+        self._count = count
+
+    def end(self) -> None:
+        """Drop the current target; results in progress are still added to the proof."""
+        with self._results_changed:
+            self._target = None
+
+    def step(self, threshold: float) -> bool:
+        """Wait briefly for results; return True once no labelling is left that may exceed the threshold.
+
+        `threshold` is a scaled λ that must not decrease between calls for the same target, which `begin` sets. An
+        exception of a thread is raised here.
+        """
+        with self._results_changed:
+            if self._target is None:
+                self._target = _Target(self._count, threshold)
+            self._target.threshold = threshold
+            while self._idle_threads and not self._target.exhausted:
+                self._submit_step(self._idle_threads.pop())
+            if not (self._has_new_results or self._target.exhausted or self._error):
+                self._results_changed.wait(_WAIT_SECONDS)
+            self._has_new_results = False
+            if self._error is not None:
+                raise self._error
+            return self._target.exhausted
+
+    def close(self) -> None:
+        """Stop all threads; results in progress are still added to the proof."""
+        self.end()
+        self._pool.shutdown(wait=False)
+
+    def _submit_step(self, number: int) -> None:
+        """Submit the next task of a thread."""
+        # a pool that is shut down, or whose interpreter ends, accepts no task
+        with suppress(RuntimeError):
+            self._pool.submit(self._run_step, number)
+
+    @one_thread()
+    def _run_step(self, number: int) -> None:
+        """Run one step of a thread and submit the next one while there is a target."""
+        thread = self._threads[number]
+        with self._results_changed:
+            target = self._target
+            if target is None or target.exhausted:
+                self._idle_threads.add(number)
+                return
+        try:
+            batch = thread.step(target, self._context)
+            delay_point("before handing over")
+            self._hand_over(target, batch)
+        except BaseException as error:  # the main thread raises the error
+            with self._results_changed:
+                self._error = error
+                self._results_changed.notify()
+        else:
+            self._submit_step(number)
+
+    def _hand_over(self, target: _Target, batch: ConflictBatch) -> None:
+        """Add the results of a thread to the state of the proof, whatever the current target."""
+        with self._results_changed:
+            threshold = target.threshold if self._target is None else self._target.threshold
+            new = self._state.add_conflicts(batch.conflicts, threshold)
+            new += self._state.hand_over(batch.unrefuted)
+            # Set this flag last: a thread that sees the flag must also see the labellings handed over.
+            target.exhausted |= batch.exhausted
+            self._has_new_results |= new > 0 or batch.exhausted
+            if self._has_new_results:
+                self._results_changed.notify()
+
 
 SOLO_RELAXATIONS: Final = (8000, 1000)
 """Relaxations before worker processes start, with and without the batch solver.
@@ -32,7 +199,7 @@ _THREADS: Final = 2
 A third thread draws labellings that are mostly refuted for the same reasons at the same time.
 """
 
-_LAST: Final = 0.5
+_CLOSING_SECONDS: Final = 0.5
 """Time, s, for which results of the workers are still accepted at the end."""
 
 
@@ -41,19 +208,11 @@ class ConflictSources:
 
     Parameters
     ----------
-    relaxation : Relaxation or CaseRelaxation
-        Relaxation of the space.
-    space : SearchSpace
-        The search space.
-    blocks : PossibleBlocks or None
-        Possible blocks, where they are listed.
-    free : (m,) bool array
-        Faces that may take either label.
-    seed : int
-        Seed of the preferred labels.
+    context : ProofContext
+        What never changes during the proof.
     state : ProofState
         State of the proof, to which all results are added.
-    alone : int or None
+    solo_relaxations : int or None
         Relaxations before worker processes start. 0: the workers solve from the first relaxation. None: start them
         where they are useful.
 
@@ -65,21 +224,12 @@ class ConflictSources:
         The worker processes, None until they start.
     """
 
-    def __init__(
-        self,
-        relaxation: AnyRelaxation,
-        space: SearchSpace,
-        blocks: PossibleBlocks | None,
-        free: Bools,
-        seed: int,
-        state: ProofState,
-        alone: int | None = None,
-    ) -> None:
-        self._generator = ConflictGenerator(relaxation, free, seed)
-        self._relaxation, self._space, self._blocks, self._free, self._seed = relaxation, space, blocks, free, seed
+    def __init__(self, context: ProofContext, state: ProofState, solo_relaxations: int | None = None) -> None:
+        self._generator = ConflictGenerator(context)
+        self._context = context
         self._state = state
-        self._alone = alone
-        self._jobs, self._helped, self._away = 1, False, False
+        self._solo_relaxations = solo_relaxations
+        self._jobs, self._workers_allowed, self._on_cluster = 1, False, False
         self.solves = 0
         self._formula: Formula | None = None
         self._count: int | Range | None = None
@@ -88,11 +238,10 @@ class ConflictSources:
 
     def set_workers(self, jobs: int) -> None:
         """Set the number of worker processes; a connected cluster contributes all its workers."""
-        self._jobs, self._away = jobs, client_of_cluster() is not None
-        self._helped = jobs > 1 or self._away
-        if jobs > 1 and self._threads is None and self._relaxation.batched:
-            recipe = self._relaxation, self._space, self._blocks, self._free, self._seed
-            self._threads = ThreadedGenerator(*recipe, min(jobs, _THREADS), self._state)
+        self._jobs, self._on_cluster = jobs, client_of_cluster() is not None
+        self._workers_allowed = jobs > 1 or self._on_cluster
+        if jobs > 1 and self._threads is None and self._context.relaxation.batched:
+            self._threads = ThreadedGenerator(self._context, min(jobs, _THREADS), self._state)
 
     @property
     def formula(self) -> Formula:
@@ -128,38 +277,38 @@ class ConflictSources:
         if self.cube_workers is not None:
             self.cube_workers.end()
 
-    def pump(self) -> None:
+    def exchange(self) -> None:
         """Exchange results and tasks with the workers while this process does something else."""
         if self.cube_workers is not None:
-            self.cube_workers.pump()
+            self.cube_workers.exchange()
 
     def step(self, threshold: float) -> bool:
-        """Add the conflicts of a short time to the proof; return whether no labelling is left.
+        """Add the conflicts of a short time to the proof; return True if no labelling is left.
 
         `threshold` is a scaled λ, at least that of the call before with the same formula.
         """
         formula = self.formula
-        if self.cube_workers is None and self._helped and self._is_time():
+        if self.cube_workers is None and self._workers_allowed and self._workers_due():
             formula.learn(self._state.conflicts)  # threads add conflicts to formulas of their own only
-            self.cube_workers = CubeWorkers(self._space, self._blocks, self._free, self._seed, self._jobs, self._state)
+            self.cube_workers = CubeWorkers(self._context, self._jobs, self._state)
             self.cube_workers.begin(formula, self._count, threshold)
         if self.cube_workers is None:
-            return self._near(threshold)
-        formula.rise(threshold)
-        self.cube_workers.pump()
+            return self._generate_here(threshold)
+        formula.raise_threshold(threshold)
+        self.cube_workers.exchange()
         # this process also generates conflicts until a worker has started
-        if not self.cube_workers.at_work and (self._alone != 0 or not self.cube_workers.expected):
+        if not self.cube_workers.started and (self._solo_relaxations != 0 or not self.cube_workers.has_workers):
             before = len(self._state.conflicts)
-            exhausted = self._near(threshold)
+            exhausted = self._generate_here(threshold)
             formula.learn(self._state.conflicts[before:])
-            closed = self.cube_workers.step(threshold, idle=False)
+            closed = self.cube_workers.step(threshold, wait_for_results=False)
         else:
             exhausted = False
             if self._threads is not None:
                 self._threads.close()
                 self._threads = None
                 formula.learn(self._state.conflicts, self._state.handed_over)
-            closed = self.cube_workers.step(threshold, idle=True)
+            closed = self.cube_workers.step(threshold, wait_for_results=True)
         self.solves = self.cube_workers.solves
         if closed:
             formula.learn((), self._state.handed_over)
@@ -169,28 +318,28 @@ class ConflictSources:
             self.cube_workers.begin(formula, self._count, threshold)
         return exhausted
 
-    def _near(self, threshold: float) -> bool:
+    def _generate_here(self, threshold: float) -> bool:
         """Generate conflicts in this process; return whether no labelling is left."""
         if self._threads is not None:
             return self._threads.step(threshold)
-        caught = self._generator.step(threshold)
-        self._state.add_conflicts(caught.conflicts)
-        self._state.hand_over(caught.unrefuted)
-        return caught.exhausted
+        batch = self._generator.step(threshold)
+        self._state.add_conflicts(batch.conflicts)
+        self._state.hand_over(batch.unrefuted)
+        return batch.exhausted
 
-    def _is_time(self) -> bool:
+    def _workers_due(self) -> bool:
         """Return True if worker processes should start now."""
-        if self._alone is not None:
-            return self._relaxation.solves >= self._alone
-        others = self._away or self._jobs > _THREADS or not self._relaxation.batched
-        return others and self._relaxation.solves >= SOLO_RELAXATIONS[not self._relaxation.batched]
+        if self._solo_relaxations is not None:
+            return self._context.relaxation.solves >= self._solo_relaxations
+        others = self._on_cluster or self._jobs > _THREADS or not self._context.relaxation.batched
+        return others and self._context.relaxation.solves >= SOLO_RELAXATIONS[not self._context.relaxation.batched]
 
     def close(self) -> None:
-        """Stop threads and workers, and keep the results that arrive within `_LAST` seconds."""
+        """Stop threads and workers; keep results that arrive within `_CLOSING_SECONDS`."""
         cube_workers, self.cube_workers = self.cube_workers, None
-        self._helped = False
+        self._workers_allowed = False
         if self._threads is not None:
             self._threads.close()
         self._threads = None
         if cube_workers is not None:
-            cube_workers.close(_LAST)
+            cube_workers.close(_CLOSING_SECONDS)

@@ -19,39 +19,36 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.arrays import Bools
-from jld_explore.drivers.exact.conflict_minimization import Conflict, Evidence
+from jld_explore.drivers.exact.context import SEED_STEP, ProofContext
 from jld_explore.drivers.exact.cubes import EVERYTHING, Cube, split_cube
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
-from jld_explore.drivers.exact.proof_state import ProofState
-from jld_explore.drivers.exact.worker_tasks import Task, TaskResult, WorkerSetup, run_task
-from jld_explore.evaluation.worker_pool import PoolWorker, WorkerPool, is_lost
-from jld_explore.space import SearchSpace
+from jld_explore.drivers.exact.proof_state import Conflict, Evidence, ProofState
+from jld_explore.drivers.exact.worker_tasks import Task, TaskResult, run_task
+from jld_explore.evaluation.worker_pool import LOST, PoolWorker, WorkerPool
 from jld_explore.space.measures import Range
 
-MOMENT: Final = 0.3
+TASK_SECONDS: Final = 0.3
 """Time, s, that a worker spends on a cube per task.
 
 Sending a task takes 1 % of this time. The conflicts that a worker knows are at most this old.
 """
 
-_AHEAD: Final = 2
+_TASKS_PER_WORKER: Final = 2
 """Tasks that a worker holds at a time: one in progress and one to continue with at once."""
 
-_WAITING: Final = 2
+_CUBES_PER_WORKER: Final = 2
 """Least number of cubes per worker, counting assigned ones, while any cube can be split."""
 
-_LONG: Final = 20
+_TASKS_PER_CUBE: Final = 20
 """Tasks on one cube after which the cube is split in any case.
 
 Parts of the cube may then be closed and saved.
 """
 
-_FADING: Final = 0.999
+_SCORE_DECAY: Final = 0.999
 """Decay of the face scores per conflict, so that recent conflicts count most."""
 
-_PATIENCE: Final = 0.1
+_WAIT_SECONDS: Final = 0.1
 """Longest time, s, that this process waits for workers before the next deadline check."""
 
 
@@ -59,9 +56,9 @@ _PATIENCE: Final = 0.1
 class _WorkerState:
     """Numbers of tasks, conflicts and handed-over labellings that a worker has received, and of its results."""
 
-    orders: int = 0
+    tasks: int = 0
     conflicts: int = 0
-    passed: int = 0
+    handed_over: int = 0
     results: int = 0
 
 
@@ -69,13 +66,13 @@ class _WorkerState:
 class _AssignedCube:
     """Cube assigned to a worker, with the number of earlier tasks on it and its target.
 
-    The target consists of the step, that is the number of the formula, the count and the scaled λ threshold.
+    The target consists of its number, the count and the scaled λ to refute.
     """
 
-    seat: PoolWorker
+    worker: PoolWorker
     cube: Cube
-    times: int
-    step: int
+    tasks_done: int
+    target: int
     count: int | Range | None
     threshold: float
 
@@ -85,14 +82,8 @@ class CubeWorkers:
 
     Parameters
     ----------
-    space : SearchSpace
-        The search space.
-    blocks : PossibleBlocks or None
-        Possible blocks, where they are listed.
-    free : (m,) bool array
-        Faces that may take either label.
-    seed : int
-        Seed of the preferred labels.
+    context : ProofContext
+        What never changes during the proof.
     jobs : int
         Number of processes; a connected cluster contributes all its workers instead.
     state : ProofState
@@ -106,40 +97,31 @@ class CubeWorkers:
         Processor time of each task, s.
     """
 
-    def __init__(
-        self,
-        space: SearchSpace,
-        blocks: PossibleBlocks | None,
-        free: Bools,
-        seed: int,
-        jobs: int,
-        state: ProofState,
-    ) -> None:
-        self._recipe = space, blocks, free
-        self._seed, self._made = seed, 0
+    def __init__(self, context: ProofContext, jobs: int, state: ProofState) -> None:
+        self._context, self._contexts_sent = context, 0
         self._state = state
-        self._seats = WorkerPool(jobs)
-        self._told: dict[str, _WorkerState] = {}
-        self._lent: dict[Future[TaskResult], _AssignedCube] = {}
+        self._pool = WorkerPool(jobs)
+        self._worker_states: dict[str, _WorkerState] = {}
+        self._assigned: dict[Future[TaskResult], _AssignedCube] = {}
         self._cubes: deque[tuple[Cube, int]] = deque()
-        self._weight = np.zeros(len(space.fixed))
-        self._gain = 1.0
-        self._news = False
+        self._face_scores = np.zeros(len(context.space.fixed))
+        self._score_increment = 1.0
+        self._has_new_results = False
         self._formula: Formula | None = None
-        self._step, self._threshold = 0, 0.0
+        self._target, self._threshold = 0, 0.0
         self._count: int | Range | None = None
         self.solves, self.closed = 0, 0
-        self.moments: list[float] = []
+        self.task_seconds: list[float] = []
 
     @property
-    def at_work(self) -> bool:
-        """Whether any worker has returned a result, so that it has started."""
-        return any(told.results > 0 for told in self._told.values())
+    def started(self) -> bool:
+        """True if any worker has returned a result, so that it has started."""
+        return any(worker_state.results > 0 for worker_state in self._worker_states.values())
 
     @property
-    def expected(self) -> bool:
-        """Whether there are workers, including those that are starting."""
-        return len(self._seats) > 0
+    def has_workers(self) -> bool:
+        """True if there are workers, including those that are starting."""
+        return len(self._pool) > 0
 
     def begin(self, formula: Formula, count: int | Range | None, threshold: float) -> None:
         """Continue with another formula.
@@ -154,7 +136,7 @@ class CubeWorkers:
             Scaled λ to refute.
         """
         self._formula, self._count, self._threshold = formula, count, threshold
-        self._step += 1
+        self._target += 1
         self._cubes = deque([(EVERYTHING, 0)])
 
     def end(self) -> None:
@@ -162,163 +144,159 @@ class CubeWorkers:
         self._formula = None
         self._cubes.clear()
 
-    def step(self, threshold: float, *, idle: bool) -> bool:
-        """Add results to the state of the proof; return whether every cube is closed.
+    def step(self, threshold: float, *, wait_for_results: bool) -> bool:
+        """Add results to the state of the proof; return True once every cube is closed.
 
         Parameters
         ----------
         threshold : float
             Scaled λ to refute, at least that of the call before with the same formula.
-        idle : bool
+        wait_for_results : bool
             Whether to wait a short time for results if there are none.
         """
         self._threshold = threshold
-        self.pump()
-        if idle and self._lent and not self._news:
-            wait(list(self._lent), timeout=_PATIENCE, return_when=FIRST_COMPLETED)
-            self.pump()
-        self._news = False
-        return not self._cubes and not any(one.step == self._step for one in self._lent.values())
+        self.exchange()
+        if wait_for_results and self._assigned and not self._has_new_results:
+            wait(list(self._assigned), timeout=_WAIT_SECONDS, return_when=FIRST_COMPLETED)
+            self.exchange()
+        self._has_new_results = False
+        return not self._cubes and not any(one.target == self._target for one in self._assigned.values())
 
-    def pump(self) -> None:
+    def exchange(self) -> None:
         """Collect finished tasks and send waiting cubes to free workers."""
-        for future in [future for future in self._lent if future.done()]:
-            if future in self._lent:  # an earlier result may have returned all cubes of a lost worker
-                self._take(future, self._lent.pop(future))
+        for future in [future for future in self._assigned if future.done()]:
+            if future in self._assigned:  # an earlier result may have returned all cubes of a lost worker
+                self._collect(future, self._assigned.pop(future))
         if self._formula is None:
             return
-        for seat in self._seats.fill():
-            self._lost(seat)
-        for most in range(_AHEAD):
-            held = Counter(one.seat.name for one in self._lent.values())
-            for seat in [seat for seat in self._seats if held[seat.name] <= most]:
-                self._part()
+        for worker in self._pool.fill():
+            self._reclaim_cubes(worker)
+        for most in range(_TASKS_PER_WORKER):
+            tasks_held = Counter(one.worker.name for one in self._assigned.values())
+            for worker in [worker for worker in self._pool if tasks_held[worker.name] <= most]:
+                self._split_cubes()
                 if not self._cubes:
                     return
-                self._lend(seat, *self._cubes.popleft())
+                self._assign(worker, *self._cubes.popleft())
 
-    def close(self, patience: float) -> None:
-        """Stop all workers; keep results that arrive within `patience` seconds."""
+    def close(self, seconds: float) -> None:
+        """Stop all workers; keep results that arrive within so many seconds."""
         self.end()
-        wait(list(self._lent), timeout=patience)
-        self.pump()
-        self._seats.close()
-        self._lent.clear()
+        wait(list(self._assigned), timeout=seconds)
+        self.exchange()
+        self._pool.close()
+        self._assigned.clear()
 
     # --- cubes ------------------------------------------------------------------------------------------
 
-    def _part(self) -> None:
+    def _split_cubes(self) -> None:
         """Split waiting cubes until there are enough for all workers."""
         if self._formula is None:
             return
-        enough = _WAITING * max(len(self._seats), 1) - len(self._lent)
-        while len(self._cubes) < enough:
+        wanted = _CUBES_PER_WORKER * max(len(self._pool), 1) - len(self._assigned)
+        while len(self._cubes) < wanted:
             # An untried cube may be closed quickly and is not split, except the whole space, which is never closed
             # quickly.
-            place = next((k for k, (cube, times) in enumerate(self._cubes) if times or cube == EVERYTHING), None)
+            place = next(
+                (k for k, (cube, tasks_done) in enumerate(self._cubes) if tasks_done or cube == EVERYTHING), None
+            )
             if place is None:
                 return
             cube, _ = self._cubes[place]
             del self._cubes[place]
-            self._cubes.extend((part, 0) for part in split_cube(cube, self._formula, self._weight))
+            self._cubes.extend((part, 0) for part in split_cube(cube, self._formula, self._face_scores))
 
-    def _lend(self, seat: PoolWorker, cube: Cube, times: int) -> None:
+    def _assign(self, worker: PoolWorker, cube: Cube, tasks_done: int) -> None:
         """Send a cube to a worker, with the conflicts and labellings that the worker lacks."""
-        told = self._told.setdefault(seat.name, _WorkerState())
-        recipe = None
-        if told.orders == 0:
-            self._made += 1
-            recipe = WorkerSetup(*self._recipe, seed=self._seed + 1000 * self._made).packed()
-        news = self._state.conflicts[told.conflicts :]
-        passed = self._state.handed_over_since(told.passed)
-        order = Task(
-            seat=seat.name,
-            number=told.orders,
-            recipe=recipe,
-            news=tuple(replace(one, mechanism=None) for one in news),
-            passed=np.array(passed, dtype=bool).reshape(len(passed), len(self._weight)),
-            step=self._step,
+        worker_state = self._worker_states.setdefault(worker.name, _WorkerState())
+        content = None
+        if worker_state.tasks == 0:
+            self._contexts_sent += 1
+            content = self._context.packed(self._context.seed + SEED_STEP * self._contexts_sent)
+        new_conflicts = self._state.conflicts[worker_state.conflicts :]
+        handed_over = self._state.handed_over_since(worker_state.handed_over)
+        task = Task(
+            worker=worker.name,
+            number=worker_state.tasks,
+            context=content,
+            new_conflicts=tuple(replace(one, mechanism=None) for one in new_conflicts),
+            handed_over=np.array(handed_over, dtype=bool).reshape(len(handed_over), len(self._face_scores)),
+            target=self._target,
             count=self._count,
             threshold=self._threshold,
             cube=cube,
-            seconds=MOMENT,
+            seconds=TASK_SECONDS,
         )
-        try:
-            future = seat.submit(run_task, order)
-        except Exception:  # the exception of a pool whose process died depends on the kind of pool
-            self._cubes.appendleft((cube, times))
-            self._seats.lose(seat)
-            self._lost(seat)
+        future = self._pool.submit(worker, run_task, task)
+        if future is None:
+            self._cubes.appendleft((cube, tasks_done))
+            self._reclaim_cubes(worker)
             return
-        told.orders, told.conflicts = told.orders + 1, told.conflicts + len(news)
-        told.passed += len(passed)
-        self._lent[future] = _AssignedCube(seat, cube, times, self._step, self._count, self._threshold)
+        worker_state.tasks, worker_state.conflicts = worker_state.tasks + 1, worker_state.conflicts + len(new_conflicts)
+        worker_state.handed_over += len(handed_over)
+        self._assigned[future] = _AssignedCube(worker, cube, tasks_done, self._target, self._count, self._threshold)
 
-    def _lost(self, seat: PoolWorker) -> None:
+    def _reclaim_cubes(self, worker: PoolWorker) -> None:
         """Return the cubes of a lost worker to the queue."""
-        self._told.pop(seat.name, None)
-        for future, one in list(self._lent.items()):
-            if one.seat is seat:
-                del self._lent[future]
-                self._return(one)
+        self._worker_states.pop(worker.name, None)
+        for future, one in list(self._assigned.items()):
+            if one.worker is worker:
+                del self._assigned[future]
+                self._requeue(one)
 
-    def _return(self, one: _AssignedCube) -> None:
+    def _requeue(self, one: _AssignedCube) -> None:
         """Put a cube back at the front of the queue, unless its formula is no longer current."""
-        if one.step == self._step and self._formula is not None:
-            self._cubes.appendleft((one.cube, one.times))
+        if one.target == self._target and self._formula is not None:
+            self._cubes.appendleft((one.cube, one.tasks_done))
 
-    def _take(self, future: Future[TaskResult], one: _AssignedCube) -> None:
+    def _collect(self, future: Future[TaskResult], one: _AssignedCube) -> None:
         """Add the results of a finished task; close, split or requeue its cube."""
-        try:
-            answer = future.result()
-        except Exception as error:  # a worker that was killed or left costs one task
-            if not is_lost(error):
-                raise  # an error of the task itself
-            self._return(one)
-            self._seats.lose(one.seat)
-            self._lost(one.seat)
+        result = self._pool.result(one.worker, future)
+        if result is LOST:  # a worker that was killed or left costs one task
+            self._requeue(one)
+            self._reclaim_cubes(one.worker)
             return
-        if answer.forgotten:  # a new process replaced the worker, so all data is sent again
-            self._return(one)
-            self._told.pop(one.seat.name, None)
+        if result.forgotten:  # a new process replaced the worker, so all data is sent again
+            self._requeue(one)
+            self._worker_states.pop(one.worker.name, None)
             return
-        if one.seat.name in self._told:
-            self._told[one.seat.name].results += 1
-        self.solves += answer.solves
-        self.moments.append(answer.seconds)
-        new = self._state.hand_over(answer.unrefuted) + self._state.add_conflicts(answer.conflicts)
-        self._news |= new > 0 or answer.closed
-        for conflict in answer.conflicts:
-            self._weigh(conflict)
+        if one.worker.name in self._worker_states:
+            self._worker_states[one.worker.name].results += 1
+        self.solves += result.solves
+        self.task_seconds.append(result.seconds)
+        new = self._state.hand_over(result.unrefuted) + self._state.add_conflicts(result.conflicts)
+        self._has_new_results |= new > 0 or result.closed
+        for conflict in result.conflicts:
+            self._score_faces(conflict)
             if self._formula is not None:
                 self._formula.forbid(conflict.faces, conflict.labels, conflict.bound)
-        if answer.closed:
-            self._close(one, answer)
-        elif one.step == self._step and self._formula is not None:
-            again = one.cube, one.times + 1
-            if again[1] % _LONG == 0:
-                self._cubes.extendleft((part, 0) for part in split_cube(one.cube, self._formula, self._weight))
+        if result.closed:
+            self._record_closed(one, result)
+        elif one.target == self._target and self._formula is not None:
+            continued = one.cube, one.tasks_done + 1
+            if continued[1] % _TASKS_PER_CUBE == 0:
+                self._cubes.extendleft((part, 0) for part in split_cube(one.cube, self._formula, self._face_scores))
             else:
-                self._cubes.appendleft(again)
+                self._cubes.appendleft(continued)
 
-    def _close(self, one: _AssignedCube, answer: TaskResult) -> None:
+    def _record_closed(self, one: _AssignedCube, result: TaskResult) -> None:
         """Exclude a closed cube from the formula, and state it as a conflict where that is valid.
 
         The conflict is valid without a count and if no handed-over labelling, nor an image of one, lies in the cube.
         """
         self.closed += 1
         faces, labels = np.array(one.cube.faces, dtype=np.int64), np.array(one.cube.labels, dtype=bool)
-        if one.step == self._step and self._formula is not None:
+        if one.target == self._target and self._formula is not None:
             self._formula.set_aside(faces, labels)
-        group = self._recipe[0].group
-        passed = self._state.handed_over
-        if one.count is None and not any(one.cube.holds(image) for row in passed for image in row[group]):
+        group = self._context.space.group
+        handed_over = self._state.handed_over
+        if one.count is None and not any(one.cube.holds(image) for row in handed_over for image in row[group]):
             self._state.add_conflicts([Conflict(faces, labels, one.threshold, Evidence.CUBE)])
 
-    def _weigh(self, conflict: Conflict) -> None:
+    def _score_faces(self, conflict: Conflict) -> None:
         """Increase the scores of the faces of a conflict, which decide where cubes are split."""
-        self._gain /= _FADING
-        self._weight[conflict.faces] += self._gain
-        if self._gain > 1e100:
-            self._weight /= self._gain
-            self._gain = 1.0
+        self._score_increment /= _SCORE_DECAY
+        self._face_scores[conflict.faces] += self._score_increment
+        if self._score_increment > 1e100:
+            self._face_scores /= self._score_increment
+            self._score_increment = 1.0

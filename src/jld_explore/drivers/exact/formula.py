@@ -24,11 +24,9 @@ from pysat.solvers import Solver
 
 from jld_core.arrays import Bits, Ints
 from jld_core.deadline import checkpoint
-from jld_explore.drivers.exact.assumption_literals import AssumptionLiterals
-from jld_explore.drivers.exact.conflict_minimization import Conflict
-from jld_explore.drivers.exact.inner_paths import InnerPaths
+from jld_explore.drivers.exact.formula_parts import AssumptionLiterals, InnerPaths, UnaryCounter
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
-from jld_explore.drivers.exact.unary_counter import UnaryCounter
+from jld_explore.drivers.exact.proof_state import Conflict
 from jld_explore.space import Count, SearchSpace, count_named
 from jld_explore.space.labelling import blocks_of, canonical
 from jld_explore.space.measures import Range
@@ -40,7 +38,7 @@ It accepts new preferred labels before every call, and releases the interpreter 
 """
 
 
-_CONFLICTS: Final = 10_000
+_CONFLICTS_PER_CHECK: Final = 10_000
 """Conflicts of the satisfiability solver between two checks of the deadline, about 0.2 s."""
 
 
@@ -81,24 +79,24 @@ class Formula:
         self._solver = Solver(solver)
         self._interruptible = solver == _SOLVER
         candidates = np.flatnonzero(space.candidates)
-        self._inner = np.zeros(len(space.fixed), dtype=np.int64)
-        self._inner[candidates] = 1 + np.arange(candidates.size)
+        self._variable = np.zeros(len(space.fixed), dtype=np.int64)
+        self._variable[candidates] = 1 + np.arange(candidates.size)
         self._candidates = candidates
-        self._top = candidates.size
+        self._last_variable = candidates.size
         self._images = np.unique(np.argsort(space.group, axis=1), axis=0)
         self._limits, self._sized = space.limits, space.limits.sized
         self._paths = InnerPaths(space)
         self._assumption_literals = AssumptionLiterals(self._new, self._rule_out)
         self._counter: UnaryCounter | None = None
-        self._counted: list[int] = []
-        self._aside: int | None = None
+        self._assumed_count: list[int] = []
+        self._set_aside: int | None = None
         self._chosen: list[int] = []
-        self._first: list[int] = []
+        self._first_elements: list[int] = []
         if blocks is not None:
-            self._list(blocks)
+            self._add_blocks(blocks)
         for limited, bounds in self._limits.on_counts:
-            if not partial or self._expresses(limited):
-                self._between(*self._terms(limited), bounds)
+            if not partial or self._can_express(limited):
+                self._limit_sum(*self._terms(limited), bounds)
         for lock in space.laying.locks if space.laying is not None else ():
             self.forbid(lock.faces, lock.labels)
 
@@ -112,17 +110,17 @@ class Formula:
         count : int, Range or None
             Value of the count of the front, or bounds on it; None for any value.
         """
-        if self._aside is not None:
-            self._solver.add_clause([-self._aside])
-            self._aside = None
-        self._counted = (
+        if self._set_aside is not None:
+            self._solver.add_clause([-self._set_aside])
+            self._set_aside = None
+        self._assumed_count = (
             []
             if count is None
-            else self._number().within(Range.of((count, count), whole=True) if isinstance(count, int) else count)
+            else self._unary_counter().within(Range.of((count, count), whole=True) if isinstance(count, int) else count)
         )
         self._assumption_literals.aim(threshold)
 
-    def rise(self, threshold: float) -> None:
+    def raise_threshold(self, threshold: float) -> None:
         """Raise the scaled λ that labellings must exceed; a lower threshold has no effect."""
         if threshold > self._assumption_literals.threshold:
             self._assumption_literals.aim(threshold)
@@ -132,7 +130,7 @@ class Formula:
 
         Slits, limits on blocks and locks that no clause rules out yet are ignored.
         """
-        return self._solve(self._assumed + self._literals(faces, labels))
+        return self._solve(self._assumed + self._face_literals(faces, labels))
 
     def derived(self, faces: Iterable[int], labels: Iterable[bool]) -> int | None:
         """Count the literals that unit propagation derives from labels (k,) on faces (k,).
@@ -140,10 +138,10 @@ class Formula:
         Literals that hold without these labels do not count. None means a contradiction.
         """
         assumed = self._assumed
-        wanted = self._literals(faces, labels)
+        assumptions = self._face_literals(faces, labels)
         _, known = self._solver.propagate(assumptions=assumed)
-        possible, found = self._solver.propagate(assumptions=assumed + wanted)
-        return len(found) - len(known) - len(wanted) if possible else None
+        possible, found = self._solver.propagate(assumptions=assumed + assumptions)
+        return len(found) - len(known) - len(assumptions) if possible else None
 
     def next(
         self, faces: Iterable[int] = (), labels: Iterable[bool] = (), preferred: Bits | None = None
@@ -167,39 +165,39 @@ class Formula:
         DeadlinePassed
             If an enforced deadline passes first.
         """
-        wanted = self._assumed + self._literals(faces, labels)
+        assumptions = self._assumed + self._face_literals(faces, labels)
         if preferred is not None:
             signs = np.where(preferred[self._candidates], -1, 1)
-            self._solver.set_phases((signs * self._inner[self._candidates]).tolist())
-        while self._solve(wanted):
+            self._solver.set_phases((signs * self._variable[self._candidates]).tolist())
+        while self._solve(assumptions):
             checkpoint()
             # variables in no clause may be missing from the model and are free
             inner = {v for v in self._solver.get_model() if 0 < v <= self._candidates.size}
             labels = self.space.fixed.copy()
             labels[self._candidates] = [v not in inner for v in range(1, self._candidates.size + 1)]
-            broken = ([] if self.blocks is not None else self._broken(labels)) or self._locked(labels)
+            broken = ([] if self.blocks is not None else self._broken_rules(labels)) or self._assembly_locks(labels)
             if not broken:
                 return labels
             for place, found in broken:
                 self.forbid(place, found)
         return None
 
-    def _solve(self, wanted: list[int]) -> bool:
-        """Return True if the formula has a model under these assumptions; check the deadline now and then."""
+    def _solve(self, assumptions: list[int]) -> bool:
+        """Return True if the formula has a model under assumptions; check the deadline."""
         if not self._interruptible:
-            return bool(self._solver.solve(assumptions=wanted))
+            return bool(self._solver.solve(assumptions=assumptions))
         while True:
-            self._solver.conf_budget(_CONFLICTS)
+            self._solver.conf_budget(_CONFLICTS_PER_CHECK)
             # with expect_interrupt the solver releases the interpreter lock; None means that the budget is used up
-            found = self._solver.solve_limited(assumptions=wanted, expect_interrupt=True)
+            found = self._solver.solve_limited(assumptions=assumptions, expect_interrupt=True)
             if found is not None:
                 return bool(found)
             checkpoint()
 
-    def _literals(self, faces: Iterable[int], labels: Iterable[bool]) -> list[int]:
+    def _face_literals(self, faces: Iterable[int], labels: Iterable[bool]) -> list[int]:
         """Return the literals of labels (k,) on those of the faces (k,) that are candidates."""
         pairs = zip(faces, labels, strict=True)
-        return [int(self._inner[f]) * (-1 if dry else 1) for f, dry in pairs if self._inner[f] > 0]
+        return [int(self._variable[f]) * (-1 if dry else 1) for f, dry in pairs if self._variable[f] > 0]
 
     def forbid(self, faces: Iterable[int], labels: Iterable[bool], bound: float = -math.inf) -> None:
         """Rule out all labellings with labels (k,) on faces (k,), and their images under symmetry.
@@ -212,40 +210,44 @@ class Formula:
             Scaled λ that those labellings do not exceed. They stay possible while the formula aims at a lower λ. −inf
             rules them out always.
         """
-        pairs = tuple((int(f), bool(dry)) for f, dry in zip(faces, labels, strict=True) if self._inner[f] > 0)
-        self._assumption_literals.hold(pairs, bound)
+        pairs = tuple((int(f), bool(dry)) for f, dry in zip(faces, labels, strict=True) if self._variable[f] > 0)
+        self._assumption_literals.forbid_above(pairs, bound)
 
-    def learn(self, conflicts: Iterable[Conflict], passed: Iterable[Bits] = ()) -> None:
+    def learn(self, conflicts: Iterable[Conflict], handed_over: Iterable[Bits] = ()) -> None:
         """Rule out conflicts above their bounds, and labellings that need no further treatment.
 
         Parameters
         ----------
         conflicts : iterable of Conflict
             Conflicts.
-        passed : iterable of (m,) bool array
+        handed_over : iterable of (m,) bool array
             Labellings that were handed over or evaluated.
         """
         for conflict in conflicts:
             self.forbid(conflict.faces, conflict.labels, conflict.bound)
-        for labels in passed:
+        for labels in handed_over:
             self.forbid(np.arange(len(labels)), labels)
 
     def set_aside(self, faces: Iterable[int], labels: Iterable[bool]) -> None:
         """Rule out labels (k,) on faces (k,), and their images, until the next call of `aim`."""
-        if self._aside is None:
-            self._aside = self._new()
-        pairs = tuple((int(f), bool(dry)) for f, dry in zip(faces, labels, strict=True) if self._inner[f] > 0)
-        self._rule_out(pairs, (-self._aside,))
+        if self._set_aside is None:
+            self._set_aside = self._new()
+        pairs = tuple((int(f), bool(dry)) for f, dry in zip(faces, labels, strict=True) if self._variable[f] > 0)
+        self._rule_out(pairs, (-self._set_aside,))
 
     @property
     def _assumed(self) -> list[int]:
         """Literals to assume: threshold, count, and what is set aside."""
-        return self._assumption_literals.assumed + self._counted + ([] if self._aside is None else [self._aside])
+        return (
+            self._assumption_literals.assumed
+            + self._assumed_count
+            + ([] if self._set_aside is None else [self._set_aside])
+        )
 
     def _new(self) -> int:
         """Create a variable."""
-        self._top += 1
-        return self._top
+        self._last_variable += 1
+        return self._last_variable
 
     def _rule_out(self, pairs: tuple[tuple[int, bool], ...], unless: tuple[int, ...]) -> None:
         """Add the clause that forbids labels on faces unless a literal of `unless` is true.
@@ -253,11 +255,13 @@ class Formula:
         The same clause is added for each image of the faces under symmetry.
         """
         for image in self._images:
-            self._solver.add_clause([*unless, *(int(self._inner[image[f]]) * (1 if dry else -1) for f, dry in pairs)])
+            self._solver.add_clause(
+                [*unless, *(int(self._variable[image[f]]) * (1 if dry else -1) for f, dry in pairs)]
+            )
 
     # --- what a segmentation is -------------------------------------------------------------------------
 
-    def _list(self, blocks: PossibleBlocks) -> None:
+    def _add_blocks(self, blocks: PossibleBlocks) -> None:
         """Add variables and clauses of the possible blocks."""
         graph = self.space.graph
         around: dict[int, set[int]] = {}
@@ -266,15 +270,15 @@ class Formula:
             around.setdefault(b, set()).add(face)
         of: dict[int, list[int]] = {int(e): [] for e in self.space.assembly.elements.free}
         for p, (members, inside) in enumerate(zip(blocks.members, blocks.inside, strict=True)):
-            self._top += 1
-            self._chosen.append(self._top)
+            self._last_variable += 1
+            self._chosen.append(self._last_variable)
             within = set(inside)
             for e in members:
-                of[e].append(self._top)
+                of[e].append(self._last_variable)
             for face in set().union(*(around.get(e, set()) for e in members)):
-                if self._inner[face] > 0:
+                if self._variable[face] > 0:
                     sign = 1 if face in within else -1
-                    self._solver.add_clause([-self._chosen[p], sign * int(self._inner[face])])
+                    self._solver.add_clause([-self._chosen[p], sign * int(self._variable[face])])
         for variables in of.values():
             self._solver.add_clause(variables)
 
@@ -292,7 +296,7 @@ class Formula:
         for chosen, kind in zip(self._chosen, kinds, strict=True):
             of.setdefault(int(kind), []).append(chosen)
         literals = [self._any_of(chosen) for chosen in of.values()]
-        self._between(literals, 0, bounds)
+        self._limit_sum(literals, 0, bounds)
 
     def _any_of(self, literals: list[int]) -> int:
         """Return a new variable that is true exactly where one of the literals is."""
@@ -300,63 +304,63 @@ class Formula:
         self._solver.append_formula([[-found, *literals], *([found, -one] for one in literals)])
         return found
 
-    def _expresses(self, count: Count) -> bool:
+    def _can_express(self, count: Count) -> bool:
         """Return True if the formula can count this, with the blocks as they are listed."""
         terms = None if count.terms is None else count.terms(self.space.assembly)
         return terms is not None and not (terms.blocks and self.blocks is None)
 
     def _terms(self, count: Count) -> tuple[list[int], int]:
-        """Return the literals whose true ones a count adds up, and the constant part of the count."""
+        """Return the literals that a count adds up where they are true, and its constant part."""
         if count.terms is None:
             raise ValueError(f"{count.name} is no sum of ones")
         terms, space = count.terms(self.space.assembly), self.space
-        literals, more = [], 0
+        literals, constant = [], 0
         if terms.faces is not None:
-            literals += [-int(v) for v in self._inner[self._candidates[terms.faces[self._candidates]]]]
-            more += int((terms.faces & space.fixed & ~space.candidates).sum())
+            literals += [-int(v) for v in self._variable[self._candidates[terms.faces[self._candidates]]]]
+            constant += int((terms.faces & space.fixed & ~space.candidates).sum())
         if terms.blocks:
-            literals += self._begun()
-        return literals, more
+            literals += self._first_element_literals()
+        return literals, constant
 
-    def _begun(self) -> list[int]:
+    def _first_element_literals(self) -> list[int]:
         """Return one variable per free element: true if a chosen block has it as first element.
 
         The number of true variables is the number of blocks.
         """
         if self.blocks is None:
             raise ValueError("blocks can be counted where they are listed only")
-        if not self._first:
+        if not self._first_elements:
             of: dict[int, list[int]] = {int(e): [] for e in self.space.assembly.elements.free}
             for p, members in enumerate(self.blocks.members):
                 of[members[0]].append(self._chosen[p])
-            self._first += [self._any_of(begun) for begun in of.values()]
-        return self._first
+            self._first_elements += [self._any_of(begun) for begun in of.values()]
+        return self._first_elements
 
-    def _between(self, literals: list[int], more: int, bounds: Range) -> None:
-        """Add the cardinality constraints that keep a number of true literals, plus `more`, within bounds."""
-        low = 0 if bounds.low is None else int(bounds.low) - more
-        high = len(literals) if bounds.high is None else int(bounds.high) - more
+    def _limit_sum(self, literals: list[int], constant: int, bounds: Range) -> None:
+        """Keep the number of true literals, plus `constant`, within bounds."""
+        low = 0 if bounds.low is None else int(bounds.low) - constant
+        high = len(literals) if bounds.high is None else int(bounds.high) - constant
         if low > len(literals) or high < 0:
             self._solver.add_clause([])
             return
         for make, bound, idle in ((CardEnc.atleast, low, low <= 0), (CardEnc.atmost, high, high >= len(literals))):
             if not idle:
-                found = make(lits=literals, bound=bound, top_id=self._top, encoding=EncType.totalizer)
-                self._top = max(self._top, found.nv)
+                found = make(lits=literals, bound=bound, top_id=self._last_variable, encoding=EncType.totalizer)
+                self._last_variable = max(self._last_variable, found.nv)
                 self._solver.append_formula(found.clauses)
 
-    def _number(self) -> UnaryCounter:
+    def _unary_counter(self) -> UnaryCounter:
         """Return the unary counter of the count of the front, created at the first call."""
         if self._counter is None:
-            literals, more = self._terms(count_named(self.space.search.front.axes[0][0]))
-            self._counter = UnaryCounter(literals, more, self._top)
-            self._top = self._counter.top
+            literals, constant = self._terms(count_named(self.space.search.front.axes[0][0]))
+            self._counter = UnaryCounter(literals, constant, self._last_variable)
+            self._last_variable = self._counter.top
             self._solver.append_formula(self._counter.clauses)
         return self._counter
 
     # --- what is ruled out as it occurs -----------------------------------------------------------------
 
-    def _locked(self, labels: Bits) -> list[tuple[Ints, Bits]]:
+    def _assembly_locks(self, labels: Bits) -> list[tuple[Ints, Bits]]:
         """Return labels (k,) on faces (k,) that make a labelling impossible to assemble, if any.
 
         The lock is found for the canonical image of the labelling.
@@ -369,7 +373,7 @@ class Formula:
         self.undecided += not lock.proven
         return [(lock.faces, lock.labels)]
 
-    def _broken(self, labels: Bits) -> list[tuple[Ints, Bits]]:
+    def _broken_rules(self, labels: Bits) -> list[tuple[Ints, Bits]]:
         """Return labels (k,) on faces (k,) of a labelling that break rules of the space."""
         blocks = blocks_of(self.space.graph, labels)
         graph, found = self.space.graph, []

@@ -21,7 +21,7 @@ from jld_explore.drivers.exact.conflict_sources import ConflictSources
 from jld_explore.drivers.exact.proof_check import Claim
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.evaluation import Evaluation
-from jld_explore.evaluation.ranking import may_meet, meets
+from jld_explore.evaluation.ranking import may_meet_requirement, meets_requirement
 from jld_explore.space import SearchSpace, count_named, values_of
 from jld_explore.space.measures import Range
 
@@ -41,7 +41,7 @@ class MinimumCount(ConflictDriver):
         Must be "best".
     search : int
         Labellings evaluated before the proof, per face that can change.
-    alone : int, optional
+    solo_relaxations : int, optional
         See `Exact`.
 
     Raises
@@ -51,116 +51,126 @@ class MinimumCount(ConflictDriver):
     """
 
     def __init__(
-        self, space: SearchSpace, seed: int = 0, aim: Aim = "best", *, search: int = 5, alone: int | None = None
+        self,
+        space: SearchSpace,
+        seed: int = 0,
+        aim: Aim = "best",
+        *,
+        search: int = 5,
+        solo_relaxations: int | None = None,
     ) -> None:
         if space.search.require is None or aim != "best":
             raise ParameterError("aim", "a front is not what search.require asks for", "best")
         name, sense = space.search.front.axes[0]
-        self._count, self._least = count_named(name), sense == "min"
-        super().__init__(space, seed, self._count, alone=alone)
+        self._count, self._minimize = count_named(name), sense == "min"
+        super().__init__(space, seed, self._count, solo_relaxations=solo_relaxations)
         self._threshold = space.search.require.threshold
         self._genetic = Genetic(space, seed)
-        self._left = search * int(space.candidates.sum())
-        self._searching = True
-        self._known: dict[bytes, tuple[bool, bool, float]] = {}
-        self._begun = self._done = False
+        self._labellings_to_search = search * int(space.candidates.sum())
+        self._genetic_turn = True
+        self._evaluated: dict[bytes, tuple[bool, bool, float]] = {}
+        self._target_begun = self._done = False
 
     @property
     def finished(self) -> bool:
-        """Whether the best count is proven and the proof passed its check."""
+        """True if the best count is proven and the proof passed its check."""
         return self._proof_check is not None and self._proof_check.passed
 
     @property
     def working(self) -> bool:
-        """Whether the proof is neither done nor given up; see `Driver.working`."""
-        if self._everything is not None:
-            return self._everything.working
+        """True if the proof is neither done nor given up; see `Driver.working`."""
+        if self._enumeration is not None:
+            return self._enumeration.working
         return not self._done and not self._given_up
 
     @property
     def best(self) -> float | None:
         """Best count of a labelling that meets the requirement; None if none is known."""
-        found = [count for met, _, count in self._known.values() if met]
-        return (min(found) if self._least else max(found)) if found else None
+        found = [count for met, _, count in self._evaluated.values() if met]
+        return (min(found) if self._minimize else max(found)) if found else None
 
     @property
-    def _open(self) -> bool:
-        """Whether a labelling of better count may meet the requirement but is not proven to."""
+    def _open_labelling_left(self) -> bool:
+        """True if a labelling of better count may meet the requirement but is not proven to."""
         best = self.best
         return any(
-            may and not met and (best is None or (count < best if self._least else count > best))
-            for met, may, count in self._known.values()
+            may and not met and (best is None or (count < best if self._minimize else count > best))
+            for met, may, count in self._evaluated.values()
         )
 
     def ask(self, limit: int | None = None) -> Bits:
         """Return the next labellings (k, m) to evaluate; see `Driver.ask`."""
-        if self._everything is not None:
-            return self._everything.ask(limit)
+        if self._enumeration is not None:
+            return self._enumeration.ask(limit)
         if self._sources is not None:
-            self._sources.pump()
-        if self._left > 0:
-            found = self._genetic.ask(self._left if limit is None else min(limit, self._left))
-            self._left = self._left - len(found) if len(found) else 0
+            self._sources.exchange()
+        if self._labellings_to_search > 0:
+            found = self._genetic.ask(
+                self._labellings_to_search if limit is None else min(limit, self._labellings_to_search)
+            )
+            self._labellings_to_search = self._labellings_to_search - len(found) if len(found) else 0
             if len(found):
                 return found
-        self._searching = False
-        while not len(self._waiting) and not self._done and not self._late and not self._given_up:
-            if not self._begun:
-                self._begin(self.sources)
+        self._genetic_turn = False
+        while not len(self._waiting) and not self._done and not self._time_is_up and not self._given_up:
+            if not self._target_begun:
+                self._begin_step(self.sources)
             exhausted = self._generate(self.sources, self._threshold)
-            self._waiting = self._to_evaluate()
+            self._waiting = self._labellings_to_evaluate()
             self._done = exhausted and not len(self._waiting)
-        given = self._given(limit)
+        given = self._take_waiting(limit)
         if self._done and not len(given) and self._proof_check is None:
-            problem = "a layout that counts better may carry enough" if self._open else ""
+            problem = "a layout that counts better may carry enough" if self._open_labelling_left else ""
             # the evaluations prove that each labelling carries the required λ, but not how much more
-            carries = self._carrying
-            self._proof_check = self._check([Claim(self._better, self._threshold / self._scale)], problem, carries)
+            carries = self._carrying_labellings
+            self._proof_check = self._check_proof(
+                [Claim(self._better, self._threshold / self._scale)], problem, carries
+            )
         return given
 
     def withdraw(self, reason: str) -> None:
         """Forget all conflicts and start the proof again; see `Driver.withdraw`."""
         super().withdraw(reason)
-        self._begun = self._done = False
+        self._target_begun = self._done = False
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         """Take in evaluations of labellings (k, m); see `Driver.tell`."""
-        if self._everything is not None:
-            self._everything.tell(labellings, evaluations)
+        if self._enumeration is not None:
+            self._enumeration.tell(labellings, evaluations)
             return
-        if self._searching:
+        if self._genetic_turn:
             self._genetic.tell(labellings, evaluations)
         before = self.best
         self._state.note_evaluated(labellings)
         self._learn(labellings, evaluations)
-        if self.best != before and self._begun:
+        if self.best != before and self._target_begun:
             if self._sources is not None:
                 self._sources.end()
-            self._begun = False
+            self._target_begun = False
 
     def _learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         """Record for each labelling whether it meets, or may meet, the requirement, and its count."""
         count = values_of(self._count, self.space.assembly, labellings, self.space.graph)
         for labels, found, value in zip(labellings, evaluations, count.tolist(), strict=True):
-            state = meets(self.space, found), may_meet(self.space, found), float(value)
-            self._known[np.packbits(labels).tobytes()] = state
+            state = meets_requirement(self.space, found), may_meet_requirement(self.space, found), float(value)
+            self._evaluated[np.packbits(labels).tobytes()] = state
 
     @property
-    def _carrying(self) -> tuple[Bits, Floats]:
+    def _carrying_labellings(self) -> tuple[Bits, Floats]:
         """Labellings (k, m) that meet the requirement, and λ (k,) that each is proven to carry."""
-        packed = [np.frombuffer(key, dtype=np.uint8) for key, (met, _, _) in self._known.items() if met]
+        packed = [np.frombuffer(key, dtype=np.uint8) for key, (met, _, _) in self._evaluated.items() if met]
         faces = len(self.space.fixed)
         table = np.array(packed, dtype=np.uint8).reshape(len(packed), (faces + 7) // 8)
         rows = np.unpackbits(table, axis=1, count=faces)
         return rows.astype(bool), np.full(len(rows), self._threshold)
 
-    def _begin(self, hunters: ConflictSources) -> None:
+    def _begin_step(self, sources: ConflictSources) -> None:
         """Aim the formula at all counts better than the best known."""
         better = self._better
-        self._begun = True
-        formula = self._told()
+        self._target_begun = True
+        formula = self._updated_formula()
         formula.aim(self._threshold / self._scale, better)
-        hunters.begin(formula, better, self._threshold / self._scale)
+        sources.begin(formula, better, self._threshold / self._scale)
 
     @property
     def _better(self) -> Range | None:
@@ -168,4 +178,4 @@ class MinimumCount(ConflictDriver):
         best = self.best
         if best is None or not math.isfinite(best):
             return None
-        return Range.of((None, best - 1) if self._least else (best + 1, None), whole=True)
+        return Range.of((None, best - 1) if self._minimize else (best + 1, None), whole=True)

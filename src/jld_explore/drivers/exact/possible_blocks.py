@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.arrays import Bits, Ints
+from jld_core.arrays import Bits, Bools, Ints
 from jld_core.deadline import checkpoint
 from jld_explore.space import SearchSpace
 
@@ -120,3 +120,64 @@ def possible_blocks(space: SearchSpace) -> PossibleBlocks | None:
         members.append(tuple(sorted(block)))
         inside.append(tuple(sorted(links)))
     return PossibleBlocks(tuple(members), tuple(inside))
+
+
+class BlockTables:
+    """Tables of which possible blocks cover an element, contain a face or only touch one.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        The search space.
+    blocks : PossibleBlocks
+        Its p possible blocks.
+
+    Attributes
+    ----------
+    faces : (c,) int array
+        Candidate faces that some block contains.
+    inside : (c, p) bool array
+        Blocks that contain each of these faces.
+    beside : (c, p) bool array
+        Blocks with the element on the first side of each face.
+    separated_by : (c, p) bool array
+        Blocks on whose edge each face lies.
+    """
+
+    def __init__(self, space: SearchSpace, blocks: PossibleBlocks) -> None:
+        free, a, b = space.assembly.elements.free, space.assembly.interfaces.a, space.assembly.interfaces.b
+        covers = np.zeros((len(space.assembly.elements), len(blocks)), dtype=bool)
+        contains = np.zeros((len(a), len(blocks)), dtype=bool)
+        for p, (members, inside) in enumerate(zip(blocks.members, blocks.inside, strict=True)):
+            covers[list(members), p] = True
+            contains[list(inside), p] = True
+        self._covering = covers[free]
+        self.faces = np.flatnonzero(space.candidates & contains.any(axis=1))
+        self.inside = contains[self.faces]
+        self.beside = covers[a[self.faces]]
+        self.separated_by = (self.beside | covers[b[self.faces]]) & ~self.inside
+        overlap = self._covering.T.astype(np.int64) @ self._covering.astype(np.int64) > 0
+        np.fill_diagonal(overlap, False)
+        self._overlaps = overlap
+
+    def propagated(self, allowed: Bools) -> Bools | None:
+        """Return the blocks (p,) left by propagation; None if an element has none.
+
+        An element with a single block left takes that block, which excludes the blocks that overlap it.
+        """
+        while True:
+            left = self._covering & allowed
+            number = left.sum(axis=1)
+            if not number.all():
+                return None
+            taken = left[number == 1].any(axis=0)
+            kept = allowed & ~self._overlaps[taken].any(axis=0)
+            if (kept == allowed).all():
+                return allowed
+            allowed = kept
+
+    def undecided(self, allowed: Bools) -> Ints:
+        """Return the indices in `faces` of those inside some blocks left and on others' edge."""
+        around = (self.beside & allowed).sum(axis=1)
+        holding = (self.inside & allowed).sum(axis=1)
+        return np.flatnonzero((holding > 0) & (holding < around))

@@ -16,36 +16,35 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats
-from jld_core.limit.case_relaxation import AnyRelaxation
-from jld_explore.drivers.exact.conflict_minimization import Conflict, Evidence
+from jld_explore.drivers.exact.context import ProofContext
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
-from jld_explore.drivers.exact.proof_state import ProofState
+from jld_explore.drivers.exact.proof_state import Conflict, Evidence, ProofState
 from jld_explore.space import SearchSpace
 from jld_explore.space.measures import Range
 
 _SOLVER: Final = "glucose42"
 """Satisfiability solver of the check, another one than that of the search."""
 
-_WEIGHED_AGAIN: Final = 1e-9
+_BOUND_TOLERANCE: Final = 1e-9
 """Relative difference allowed when the bound of a mechanism is evaluated again.
 
 It covers rounding and is a thousandth of `tolerances.PROVEN`.
 """
 
-_SHARE: Final = 0.03
+_REFUTATION_SHARE: Final = 0.03
 """Share of the time of the proof allowed for refuting conflicts again.
 
 Only conflicts whose mechanism is no longer in memory are refuted again.
 """
 
-_LEAST_SECONDS: Final = 0.2
+_REFUTATION_SECONDS: Final = 0.2
 """Time, s, that is allowed for refuting such conflicts again in any case."""
 
-_TOGETHER: Final = 256
+_MECHANISMS_PER_CALL: Final = 256
 """Number of mechanisms evaluated in one call."""
 
-_ROOM: Final = 4.0 * float(np.finfo(float).eps)
+_SCALING_ERROR: Final = 4.0 * float(np.finfo(float).eps)
 """Relative rounding error of a load factor that was scaled and scaled back."""
 
 
@@ -90,7 +89,7 @@ class ProofCheck:
 
     @property
     def passed(self) -> bool:
-        """Whether the check found no problem."""
+        """True if the check found no problem."""
         return not self.problem
 
     def to_dict(self) -> dict[str, Any]:
@@ -101,10 +100,7 @@ class ProofCheck:
 
 
 def check_proof(
-    relaxation: AnyRelaxation,
-    space: SearchSpace,
-    blocks: PossibleBlocks | None,
-    free: Bools,
+    context: ProofContext,
     state: ProofState,
     claims: Sequence[Claim],
     evaluated: tuple[Bits, Floats],
@@ -115,14 +111,8 @@ def check_proof(
 
     Parameters
     ----------
-    relaxation : Relaxation or CaseRelaxation
-        Evaluates mechanisms.
-    space : SearchSpace
-        The search space of the claims.
-    blocks : PossibleBlocks or None
-        Possible blocks, where they are listed.
-    free : (m,) bool array
-        Faces that may take either label in some labelling.
+    context : ProofContext
+        Space, possible blocks, free faces and relaxation of the proof.
     state : ProofState
         Conflicts and handed-over labellings.
     claims : sequence of Claim
@@ -142,25 +132,23 @@ def check_proof(
     start = time.perf_counter()
     if problem:
         return ProofCheck(problem, time.perf_counter() - start)
-    highest = max((_raised(claim.threshold) for claim in claims), default=-math.inf)
-    used = [one for one in state.conflicts if not one.closed and one.bound <= highest]
-    weighing = _Weighing(relaxation, space, free)
+    highest = max((_with_scaling_error(claim.threshold) for claim in claims), default=-math.inf)
+    used = [one for one in state.conflicts if not one.from_cube and one.bound <= highest]
+    conflict_check = _ConflictCheck(context)
     problem = (
-        weighing.weigh(used)
-        or weighing.prove_again(used, start + max(_LEAST_SECONDS, _SHARE * seconds))
-        or _contradicted(used, space, *evaluated)
-        or _left_over(space, blocks, used, state, claims)
+        conflict_check.weigh(used)
+        or conflict_check.refute_again(used, start + max(_REFUTATION_SECONDS, _REFUTATION_SHARE * seconds))
+        or _find_contradiction(used, context.space, *evaluated)
+        or _find_open_labelling(context.space, context.blocks, used, state, claims)
     )
-    return ProofCheck(problem, time.perf_counter() - start, len(used), weighing.done)
+    return ProofCheck(problem, time.perf_counter() - start, len(used), conflict_check.done)
 
 
-class _Weighing:
+class _ConflictCheck:
     """Repeated evaluation of conflicts; `done` counts those that were evaluated again."""
 
-    def __init__(self, relaxation: AnyRelaxation, space: SearchSpace, free: Bools) -> None:
-        self._relaxation, self._free = relaxation, free
-        # candidates outside every possible block are dry
-        self._labels = space.fixed | (space.candidates & ~free)
+    def __init__(self, context: ProofContext) -> None:
+        self._relaxation, self._free, self._labels = context.relaxation, context.free, context.labels
         self.done = 0
 
     def weigh(self, conflicts: Sequence[Conflict]) -> str:
@@ -172,15 +160,15 @@ class _Weighing:
                 velocities = np.array([one.mechanism.velocity for one in some if one.mechanism is not None])
                 found = self._relaxation.evaluate_mechanisms(case, velocities, *self._partial(some))
                 claimed = np.array([one.bound for one in some])
-                room = _WEIGHED_AGAIN * np.maximum(1.0, abs(np.where(np.isfinite(claimed), claimed, 0.0)))
-                wrong = np.flatnonzero(~(found <= claimed + room))
+                tolerance = _BOUND_TOLERANCE * np.maximum(1.0, abs(np.where(np.isfinite(claimed), claimed, 0.0)))
+                wrong = np.flatnonzero(~(found <= claimed + tolerance))
                 if wrong.size:
                     k = int(wrong[0])
                     return f"a mechanism that was to keep λ at {claimed[k]:.9g} keeps it at {found[k]:.9g} (scaled)"
                 self.done += len(some)
         return ""
 
-    def prove_again(self, conflicts: Sequence[Conflict], end: float) -> str:
+    def refute_again(self, conflicts: Sequence[Conflict], end: float) -> str:
         """Refute conflicts without a mechanism again, in random order, until a time.
 
         Parameters
@@ -201,8 +189,8 @@ class _Weighing:
             if time.perf_counter() >= end:
                 break
             claimed = np.array([one.bound for one in some])
-            room = tolerances.PROVEN * np.maximum(1.0, abs(np.where(np.isfinite(claimed), claimed, 0.0)))
-            thresholds = np.where(np.isfinite(claimed), claimed, 0.0) + room
+            tolerance = tolerances.PROVEN * np.maximum(1.0, abs(np.where(np.isfinite(claimed), claimed, 0.0)))
+            thresholds = np.where(np.isfinite(claimed), claimed, 0.0) + tolerance
             found = self._relaxation.refute_all(*self._partial(some), thresholds)
             for k, one in enumerate(found):
                 if one is None:
@@ -221,12 +209,12 @@ class _Weighing:
 
 
 def _parts(conflicts: Sequence[Conflict]) -> Iterator[Sequence[Conflict]]:
-    """Yield conflicts in groups of at most `_TOGETHER`."""
-    for first in range(0, len(conflicts), _TOGETHER):
-        yield conflicts[first : first + _TOGETHER]
+    """Yield conflicts in groups of at most `_MECHANISMS_PER_CALL`."""
+    for first in range(0, len(conflicts), _MECHANISMS_PER_CALL):
+        yield conflicts[first : first + _MECHANISMS_PER_CALL]
 
 
-def _contradicted(conflicts: Sequence[Conflict], space: SearchSpace, labellings: Bits, loads: Floats) -> str:
+def _find_contradiction(conflicts: Sequence[Conflict], space: SearchSpace, labellings: Bits, loads: Floats) -> str:
     """Return a problem if an evaluated labelling carries more than a conflict allows, else ""."""
     if not len(conflicts) or not len(labellings):
         return ""
@@ -248,7 +236,7 @@ def _contradicted(conflicts: Sequence[Conflict], space: SearchSpace, labellings:
     return ""
 
 
-def _left_over(
+def _find_open_labelling(
     space: SearchSpace,
     blocks: PossibleBlocks | None,
     conflicts: Sequence[Conflict],
@@ -262,7 +250,7 @@ def _left_over(
     formula = Formula(space, blocks, _SOLVER)
     formula.learn(conflicts, filter(state.is_evaluated, state.handed_over))
     for claim in claims:
-        formula.aim(_raised(claim.threshold), claim.count)
+        formula.aim(_with_scaling_error(claim.threshold), claim.count)
         if formula.next() is not None:
             waiting = len(state.without_evaluation)
             return (
@@ -275,6 +263,6 @@ def _left_over(
     return ""
 
 
-def _raised(threshold: float) -> float:
+def _with_scaling_error(threshold: float) -> float:
     """Return a scaled λ raised by the rounding of scaling."""
-    return threshold + _ROOM * abs(threshold) if math.isfinite(threshold) else threshold
+    return threshold + _SCALING_ERROR * abs(threshold) if math.isfinite(threshold) else threshold

@@ -1,22 +1,210 @@
-"""State of a proof: every labelling is refuted by a conflict, handed over or still open.
+"""State of a proof: its conflicts, and every labelling that no conflict refutes.
 
-A labelling that no conflict refutes is **handed over**. This single operation adds the labelling to the list that
-formulas exclude, and to the queue for evaluation. No labelling is ever removed from the list. A labelling that
-formulas exclude therefore has an evaluation, or the proof knows that it lacks one.
+A conflict names labels that no labelling above some λ has together. A labelling that no conflict refutes is **handed
+over**. This single operation adds the labelling to the list that formulas exclude, and to the queue for evaluation. No
+labelling is ever removed from the list. A labelling that formulas exclude therefore has an evaluation, or the proof
+knows that it lacks one. `Conflicts` is the one store of conflicts: in memory, shared by threads, and on record.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from enum import IntEnum
 from threading import Lock
+from typing import Final
 
 import numpy as np
 
-from jld_core.arrays import Bits
-from jld_explore.drivers.exact.conflict_minimization import Conflict
-from jld_explore.drivers.exact.conflicts import Conflicts
+from jld_core.arrays import Bits, Floats, Ints
+from jld_explore.evaluation import Records
 from jld_explore.space import SearchSpace
 from jld_explore.space.labelling import canonical
+
+
+class Evidence(IntEnum):
+    """Kind of proof of a conflict; the numbers are stored in records."""
+
+    MECHANISM = 0
+    """One mechanism over faces, evaluated for all labellings with the labels of the conflict."""
+
+    CUBE = 1
+    """Answer of a satisfiability solver, derived from other conflicts on record."""
+
+    BLOCKS = 2
+    """Mechanism of possible blocks (`jld_core.limit.BlockRelaxation`)."""
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """Mechanism that proves a conflict.
+
+    Attributes
+    ----------
+    case : int
+        Index of the load case.
+    velocity : (q · free,) float array
+        Scaled velocities of the free elements.
+    """
+
+    case: int
+    velocity: Floats
+
+
+@dataclass(frozen=True)
+class Conflict:
+    """Labels on some faces that no labelling above a scaled λ has together.
+
+    Parameters
+    ----------
+    faces : (k,) int array
+        Faces of the conflict.
+    labels : (k,) bool array
+        Labels of those faces, True = dry.
+    bound : float
+        Scaled λ that no labelling with these labels exceeds.
+    evidence : Evidence
+        Kind of proof.
+    mechanism : Mechanism or None
+        The proof, where it is a mechanism that is still in memory.
+
+    Attributes
+    ----------
+    faces, labels, bound, evidence, mechanism
+        As the parameters.
+    """
+
+    faces: Ints
+    labels: Bits
+    bound: float
+    evidence: Evidence = Evidence.MECHANISM
+    mechanism: Mechanism | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def from_cube(self) -> bool:
+        """True if the conflict follows from other conflicts alone."""
+        return self.evidence is Evidence.CUBE
+
+    @property
+    def key(self) -> tuple[bytes, bytes]:
+        """Key of the conflict: its faces and labels as bytes, without its bound."""
+        return self.faces.tobytes(), self.labels.tobytes()
+
+
+_MOST_BYTES: Final = 500_000_000
+"""Largest memory for mechanisms, bytes.
+
+Later conflicts are stored without their mechanism, and are proven again when the proof is checked.
+"""
+
+
+class LeastBounds:
+    """Least known bound of each conflict.
+
+    A conflict that is found again is useful only with a smaller bound.
+    """
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[bytes, bytes], float] = {}
+
+    def lowered(self, conflict: Conflict, threshold: float = -math.inf) -> bool:
+        """Record a conflict; return True if it refutes more than is known above a threshold.
+
+        Parameters
+        ----------
+        conflict : Conflict
+            The conflict.
+        threshold : float
+            Scaled λ below which a smaller bound does not matter.
+        """
+        if self._known.get(conflict.key, math.inf) <= max(conflict.bound, threshold):
+            return False
+        self._known[conflict.key] = conflict.bound
+        return True
+
+
+class Conflicts:
+    """All conflicts of a proof, saved in the records of a study so that the proof can resume.
+
+    Threads may add and read conflicts. Only the thread that opened the records may call `save` and `keep`. A single
+    conflict is never removed; `clear` removes all of them.
+
+    Parameters
+    ----------
+    faces : int
+        Number m of faces of a labelling.
+    """
+
+    def __init__(self, faces: int) -> None:
+        self._faces = faces
+        self._known: list[Conflict] = []
+        self._bounds = LeastBounds()
+        self._lock = Lock()
+        self._records: Records | None = None
+        self._saved = 0
+        self._mechanisms = 0
+
+    def __len__(self) -> int:
+        return len(self._known)
+
+    def __iter__(self) -> Iterator[Conflict]:
+        return iter(self._known)
+
+    def __getitem__(self, part: slice) -> list[Conflict]:
+        return self._known[part]
+
+    def keep(self, records: Records, key: str) -> None:
+        """Load the conflicts stored under a key, and save later conflicts to the same records."""
+        rows = zip(*records.conflicts(key), strict=True)
+        self._known = [
+            Conflict(np.flatnonzero(on), labels[on], float(bound), Evidence(evidence))
+            for on, labels, bound, evidence in rows
+        ]
+        for conflict in self._known:
+            self._bounds.lowered(conflict)
+        self._saved = len(self._known)
+        self._records = records
+
+    def add(self, conflicts: Iterable[Conflict], threshold: float = -math.inf) -> int:
+        """Add conflicts that refute more than is known; return how many were added.
+
+        Parameters
+        ----------
+        conflicts : iterable of Conflict
+            The conflicts.
+        threshold : float
+            Scaled λ below which a smaller bound does not matter.
+        """
+        with self._lock:
+            new = [one for one in conflicts if self._bounds.lowered(one, threshold)]
+            for place, one in enumerate(new):
+                if one.mechanism is None:
+                    continue
+                self._mechanisms += one.mechanism.velocity.nbytes
+                if self._mechanisms > _MOST_BYTES:
+                    new[place] = replace(one, mechanism=None)
+            self._known += new
+        return len(new)
+
+    def save(self) -> None:
+        """Write the conflicts added since the last call to the records."""
+        new = self._known[self._saved :]
+        self._saved += len(new)
+        if self._records is not None and new:
+            decided, labels = np.zeros((2, len(new), self._faces), dtype=bool)
+            for row, conflict in enumerate(new):
+                decided[row, conflict.faces], labels[row, conflict.faces] = True, conflict.labels
+            bounds = [conflict.bound for conflict in new]
+            self._records.add_conflicts(decided, labels, bounds, [int(conflict.evidence) for conflict in new])
+
+    def clear(self) -> None:
+        """Forget all conflicts, in memory and on record."""
+        with self._lock:
+            self._known, self._bounds = [], LeastBounds()
+            self._saved = self._mechanisms = 0
+        if self._records is not None:
+            self._records.forget_conflicts()
 
 
 class ProofState:

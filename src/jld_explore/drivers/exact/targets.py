@@ -1,20 +1,216 @@
-"""Keep the targets of a proof: the best λ and the proven bound for each count."""
+"""Targets of a proof: the best λ known, the proven bound for each count, and the claims about them.
+
+`Incumbents` holds the bounds of all evaluated labellings. `Best` is the best λ and the bound of one target, and
+`Targets` the targets in the order of their proof.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import replace
-from typing import Final
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
 
 from jld_core import tolerances
-from jld_core.arrays import Bits
+from jld_core.arrays import Bits, Floats
 from jld_core.errors import InputError
-from jld_explore.drivers.exact.incumbents import Incumbents
-from jld_explore.drivers.exact.optimum import Best, counts_of
-from jld_explore.space import Count, SearchSpace, count_named, registered
+from jld_core.limit import Status, exceeds
+from jld_explore.drivers.exact.proof_check import Claim
+from jld_explore.evaluation import Evaluation
+from jld_explore.space import Count, SearchSpace, count_named, registered, values_of
 
-_STEP: Final = 0.5 * tolerances.PROVEN
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+class Incumbents:
+    """Bounds of all evaluated labellings, and the best λ for each value of a count.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        The search space.
+    count : Count or None
+        Count that distinguishes the targets; None for a single target.
+    """
+
+    def __init__(self, space: SearchSpace, count: Count | None) -> None:
+        self._space, self._count = space, count
+        self._bounds: dict[bytes, tuple[float, float, int]] = {}
+        self._best: dict[int | None, float] = {}
+
+    def learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
+        """Record the bounds of evaluated labellings (k, m)."""
+        number = [0] * len(labellings)
+        if self._count is not None:
+            number = values_of(self._count, self._space.assembly, labellings, self._space.graph).tolist()
+        for labels, found, count in zip(labellings, evaluations, number, strict=True):
+            low = found.low if found.status is Status.COLLAPSE else -math.inf
+            high = found.high if found.status is Status.COLLAPSE else -math.inf
+            if found.status in (Status.UNCERTIFIED, Status.FAILED):
+                high = found.high if math.isfinite(found.high) else math.inf
+            if math.isfinite(found.zero_dilation):
+                # other solutions without dilation may exist; the associative λ bounds all of them
+                high = max(high, found.associative * (1.0 + tolerances.PROVEN))
+            self._bounds[np.packbits(labels).tobytes()] = (low, high, count)
+            for target in (None, count):
+                self._best[target] = max(low, self._best.get(target, -math.inf))
+
+    def __bool__(self) -> bool:
+        """Return True if any labelling was evaluated."""
+        return bool(self._bounds)
+
+    def __contains__(self, labels: Bits) -> bool:
+        """Return True if a canonical labelling (m,) was evaluated."""
+        return np.packbits(labels).tobytes() in self._bounds
+
+    def strongest(self, count: int) -> tuple[Bits, Floats]:
+        """Return the labellings (k, m) with the largest proven λ, and that λ (k,), scene units.
+
+        `count` is the largest number of labellings.
+        """
+        stands = [(low, key) for key, (low, _, _) in self._bounds.items() if math.isfinite(low)]
+        stands.sort(key=lambda one: (-one[0], one[1]))
+        faces = len(self._space.fixed)
+        packed = np.frombuffer(b"".join(key for _, key in stands[:count]), dtype=np.uint8)
+        rows = np.unpackbits(packed.reshape(-1, (faces + 7) // 8), axis=1, count=faces).astype(bool)
+        return rows, np.array([low for low, _ in stands[:count]])
+
+    def best(self, target: int | None) -> float:
+        """Return the largest proven λ, scene units, for a value of the count or None for all.
+
+        The value is −inf if no labelling has a proven λ.
+        """
+        return self._best.get(target, -math.inf)
+
+    def high(self, labels: Bits, target: int | None) -> float:
+        """Return the λ, scene units, that a canonical labelling (m,) does not exceed.
+
+        The value is inf for a labelling without evaluation, and −inf where `target` is another count than that of the
+        labelling.
+        """
+        _, high, count = self._bounds.get(np.packbits(labels).tobytes(), (-math.inf, math.inf, target))
+        return high if target is None or count == target else -math.inf
+
+
+@dataclass(frozen=True)
+class Best:
+    """Best λ found and proven bound of the labellings with one count, or of all.
+
+    Locked labellings have no λ and are excluded.
+
+    Attributes
+    ----------
+    count : int or None
+        Value of the count; None for all labellings.
+    load_factor : float
+        Largest λ found, scene units; NaN if there is none.
+    bound : float
+        Proven upper bound on λ, scene units; −inf if no labelling stands or none exists, inf if nothing is known.
+    floor : float
+        Load scale: λ below which differences do not matter, scene units.
+    """
+
+    count: int | None
+    load_factor: float
+    bound: float
+    load_scale: float = 0.0
+
+    @property
+    def proven(self) -> bool:
+        """True if no labelling is better by more than `tolerances.PROVEN`, relative."""
+        if self.bound == -math.inf:
+            return True
+        if not (math.isfinite(self.bound) and math.isfinite(self.load_factor)):
+            return False
+        size = max(abs(self.bound), abs(self.load_factor), self.load_scale)
+        return bool(self.bound - self.load_factor <= tolerances.PROVEN * size)
+
+
+def claims_of(
+    found: Iterable[Best], incumbents: Incumbents, scale: float, load_scale: float
+) -> tuple[list[Claim], str]:
+    """Return the claims of a proof, and an obvious problem of theirs ("" for none).
+
+    Parameters
+    ----------
+    found : iterable of Best
+        Best labelling and bound of each target.
+    incumbents : Incumbents
+        Bounds of the evaluated labellings.
+    scale : float
+        λ in scene units of one scaled λ.
+    load_scale : float
+        λ below which differences do not matter, scene units.
+    """
+    claims, problem = [], ""
+    for best in found:
+        # if no labelling stands none exceeds zero
+        claims.append(Claim(best.count, (0.0 if best.bound == -math.inf else best.bound) / scale))
+        low = incumbents.best(best.count)
+        if not best.proven:
+            problem = problem or f"the bound {best.bound:.9g} is not met"
+        if math.isfinite(low) and exceeds(low, best.bound, load_scale):
+            problem = problem or f"a layout carries {low:.9g}, above the bound {best.bound:.9g}"
+    return claims, problem
+
+
+def front(found: Iterable[Best]) -> list[dict[str, Any]]:
+    """Return the rows of the proven front: count, load_factor, bound and proven.
+
+    Counts for which no labelling stands are left out.
+    """
+    rows: list[dict[str, Any]] = []
+    for best in found:
+        if best.count is None or (math.isnan(best.load_factor) and best.bound == -math.inf):
+            continue
+        known = None if math.isnan(best.load_factor) else best.load_factor
+        bound = best.bound if math.isfinite(best.bound) else None
+        rows.append({"count": best.count, "load_factor": known, "bound": bound, "proven": best.proven})
+    return sorted(rows, key=lambda row: int(row["count"]))
+
+
+def front_of_all(results: pd.DataFrame, count: str, complete: bool) -> list[dict[str, Any]]:
+    """Return the rows of the front of an enumerated space: count, load_factor, bound, proven.
+
+    Parameters
+    ----------
+    results : DataFrame
+        Table of all evaluations.
+    count : str
+        Column of the count.
+    complete : bool
+        Whether the table holds every class of the space.
+    """
+    rows: list[dict[str, Any]] = []
+    for value, group in results.groupby(count):
+        ranked = group[group["status"] == str(Status.COLLAPSE)]
+        if not ranked.empty:
+            sure = complete and not group["status"].isin([str(Status.UNCERTIFIED), str(Status.FAILED)]).any()
+            best, bound = float(ranked["load_factor"].max()), float(ranked["bracket_hi"].max())
+            rows.append(
+                {"count": int(str(value)), "load_factor": best, "bound": bound if sure else None, "proven": sure}
+            )
+    return rows
+
+
+def counts_of(space: SearchSpace, count: Count) -> list[int]:
+    """Return the values that a count may take within the limits of a space.
+
+    Raises ValueError for a count that is no sum of binary terms.
+    """
+    if count.terms is None:
+        raise ValueError(f"{count.name} is no sum of binary terms")
+    most = count.terms(space.assembly).most(space.assembly)
+    bounds = next((bounds for one, bounds in space.limits.on_counts if one is count), None)
+    if bounds is None:
+        return list(range(most + 1))
+    return list(range(int(bounds.low or 0), (most if bounds.high is None else min(int(bounds.high), most)) + 1))
+
+
+_INCREASE: Final = 0.5 * tolerances.PROVEN
 """Relative distance above the best λ known at which labellings are sought.
 
 It is half of `tolerances.PROVEN`, the relative difference that counts as proven.
@@ -80,11 +276,11 @@ class Targets:
 
     def restart(self) -> None:
         """Forget all bounds and return to the first target."""
-        self.found = {None: self._unbounded(None, math.inf)}
+        self.found = {None: self._target_with_bound(None, math.inf)}
         self.left = [None]
         self._listed = False
 
-    def _unbounded(self, target: int | None, bound: float) -> Best:
+    def _target_with_bound(self, target: int | None, bound: float) -> Best:
         """Return a target with its best λ known and a given bound, scene units."""
         low = self._incumbents.best(target)
         return Best(target, low if math.isfinite(low) else math.nan, bound, self._load_scale)
@@ -105,9 +301,9 @@ class Targets:
             Value of the count; None for all labellings.
         """
         low = self._incumbents.best(target)
-        return low + _STEP * max(abs(low), self._load_scale) if math.isfinite(low) else 0.0
+        return low + _INCREASE * max(abs(low), self._load_scale) if math.isfinite(low) else 0.0
 
-    def lower(self, target: int | None, bound: float, handed_over: Iterable[Bits]) -> None:
+    def lower_bound(self, target: int | None, bound: float, handed_over: Iterable[Bits]) -> None:
         """Lower the bound of a target, but not below the brackets of labellings handed over.
 
         No mechanism refutes those labellings, so only their own brackets bound them.
@@ -128,5 +324,5 @@ class Targets:
             return
         self._listed = True
         for count in counts_of(self._space, self._count):
-            self.found[count] = self._unbounded(count, best.bound)
+            self.found[count] = self._target_with_bound(count, best.bound)
             self.left.append(count)

@@ -5,58 +5,25 @@ Between two tasks a worker keeps its formula, its generator and all conflicts, s
 
 from __future__ import annotations
 
-import pickle
 import time
 from collections import OrderedDict
 from dataclasses import dataclass, field
 from typing import Final
 
-import cloudpickle
-
-from jld_core.arrays import Bits, Bools
-from jld_core.limit.case_relaxation import relaxation_of
+from jld_core.arrays import Bits
 from jld_core.threads import one_thread
 from jld_explore.drivers.exact.conflict_generation import ConflictGenerator
-from jld_explore.drivers.exact.conflict_minimization import Conflict
-from jld_explore.drivers.exact.conflicts import LeastBounds
+from jld_explore.drivers.exact.context import ProofContext
 from jld_explore.drivers.exact.cubes import Cube
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
-from jld_explore.space import SearchSpace
+from jld_explore.drivers.exact.proof_state import Conflict, LeastBounds
 from jld_explore.space.measures import Range
 
-_KEPT: Final = 4
+_MOST_PROOFS: Final = 4
 """Number of proofs whose state a worker keeps.
 
 A worker of a cluster may serve several proofs, one after the other.
 """
-
-
-@dataclass(frozen=True)
-class WorkerSetup:
-    """Data that a worker needs before its first task of a proof.
-
-    Attributes
-    ----------
-    space : SearchSpace
-        The search space.
-    blocks : PossibleBlocks or None
-        Possible blocks, where they are listed.
-    free : (m,) bool array
-        Faces that may take either label.
-    seed : int
-        Seed of the preferred labels of this worker.
-    """
-
-    space: SearchSpace
-    blocks: PossibleBlocks | None
-    free: Bools
-    seed: int
-
-    def packed(self) -> bytes:
-        """Return the setup pickled by cloudpickle; limits hold lambdas, which pickle refuses."""
-        content: bytes = cloudpickle.dumps(self)
-        return content
 
 
 @dataclass(frozen=True)
@@ -65,17 +32,17 @@ class Task:
 
     Attributes
     ----------
-    seat : str
+    worker : str
         Name of the worker.
     number : int
         Number of tasks that the worker received before.
-    recipe : bytes or None
-        Packed `WorkerSetup`, with the first task only.
-    news : tuple of Conflict
+    context : bytes or None
+        Packed `ProofContext`, with the first task only.
+    new_conflicts : tuple of Conflict
         Conflicts since the last task.
-    passed : (k, m) bool array
+    handed_over : (k, m) bool array
         Labellings handed over since the last task.
-    step : int
+    target : int
         Number of the target; each has its own aim of the formula.
     count : int, Range or None
         Count as in `Formula.aim`.
@@ -87,12 +54,12 @@ class Task:
         Time for the task, s.
     """
 
-    seat: str
+    worker: str
     number: int
-    recipe: bytes | None
-    news: tuple[Conflict, ...]
-    passed: Bits
-    step: int
+    context: bytes | None
+    new_conflicts: tuple[Conflict, ...]
+    handed_over: Bits
+    target: int
     count: int | Range | None
     threshold: float
     cube: Cube
@@ -130,59 +97,55 @@ class TaskResult:
 class _WorkerProof:
     """State that a worker keeps of one proof between tasks."""
 
-    def __init__(self, recipe: WorkerSetup) -> None:
-        self._space, self._blocks = recipe.space, recipe.blocks
-        relaxation = relaxation_of(recipe.space.assembly)
-        if relaxation is None:
-            raise RuntimeError("a proof by conflicts needs a relaxation, and the assembly has none")
-        self._relaxation = relaxation
-        self._generator = ConflictGenerator(relaxation, recipe.free, recipe.seed)
+    def __init__(self, context: ProofContext) -> None:
+        self._context = context
+        self._generator = ConflictGenerator(context)
         self._formula: Formula | None = None
         self._bounds = LeastBounds()
-        self._step = -1
+        self._target = -1
         self.number = 0
 
-    def work(self, order: Task) -> TaskResult:
+    def work(self, task: Task) -> TaskResult:
         """Carry out a task and return its result."""
         self.number += 1
         began = time.process_time()
-        solved = self._relaxation.solves
-        end = time.perf_counter() + order.seconds
-        self._learn(order)
-        answer = TaskResult()
-        while not answer.closed:
-            caught = self._generator.step(order.threshold, order.cube)
-            answer.conflicts += [one for one in caught.conflicts if self._bounds.lowered(one)]
-            answer.unrefuted += caught.unrefuted
-            answer.closed = caught.exhausted
+        solved = self._context.relaxation.solves
+        end = time.perf_counter() + task.seconds
+        self._learn(task)
+        result = TaskResult()
+        while not result.closed:
+            batch = self._generator.step(task.threshold, task.cube)
+            result.conflicts += [one for one in batch.conflicts if self._bounds.lowered(one)]
+            result.unrefuted += batch.unrefuted
+            result.closed = batch.exhausted
             if time.perf_counter() >= end:
                 break
-        answer.solves = self._relaxation.solves - solved
-        answer.seconds = time.process_time() - began
-        return answer
+        result.solves = self._context.relaxation.solves - solved
+        result.seconds = time.process_time() - began
+        return result
 
-    def _learn(self, order: Task) -> None:
+    def _learn(self, task: Task) -> None:
         """Add new conflicts and labellings to the formula, and aim it at the target of the task."""
         if self._formula is None:
-            self._formula = Formula(self._space, self._blocks)
-        self._formula.learn([one for one in order.news if self._bounds.lowered(one)], order.passed)
-        if order.step != self._step:
-            self._step = order.step
-            self._formula.aim(order.threshold, order.count)
+            self._formula = Formula(self._context.space, self._context.blocks)
+        self._formula.learn([one for one in task.new_conflicts if self._bounds.lowered(one)], task.handed_over)
+        if task.target != self._target:
+            self._target = task.target
+            self._formula.aim(task.threshold, task.count)
             self._generator.begin(self._formula)
 
 
-_kept: OrderedDict[str, _WorkerProof] = OrderedDict()
+_proofs: OrderedDict[str, _WorkerProof] = OrderedDict()
 
 
 @one_thread()
-def run_task(order: Task) -> TaskResult:
+def run_task(task: Task) -> TaskResult:
     """Carry out a task in this worker process."""
-    if order.recipe is not None:
-        _kept[order.seat] = _WorkerProof(pickle.loads(order.recipe))
-        while len(_kept) > _KEPT:
-            _kept.popitem(last=False)
-    helper = _kept.get(order.seat)
-    if helper is None or helper.number != order.number:
+    if task.context is not None:
+        _proofs[task.worker] = _WorkerProof(ProofContext.unpacked(task.context))
+        while len(_proofs) > _MOST_PROOFS:
+            _proofs.popitem(last=False)
+    proof = _proofs.get(task.worker)
+    if proof is None or proof.number != task.number:
         return TaskResult(forgotten=True)
-    return helper.work(order)
+    return proof.work(task)

@@ -138,7 +138,7 @@ class PartLimits:
 
     @property
     def only_cells(self) -> bool:
-        """Whether the number of cells alone decides if a part is allowed."""
+        """True if the number of cells alone decides if a part is allowed."""
         return not self.exempt and not any(bounds.given for key, bounds in self.sizes.items() if key != CELLS.key)
 
 

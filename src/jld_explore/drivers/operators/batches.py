@@ -21,7 +21,7 @@ from jld_explore.drivers.operators.atom_graph import AtomGraph, PartLimits
 from jld_explore.space import SearchSpace
 from jld_explore.space.labelling import blocks_of
 
-NEAR: Final = 0.5
+THRESHOLD: Final = 0.5
 """Threshold: a pair with a key above it is separated, a pair with a lower key is joined."""
 
 _ROUNDS: Final = 2
@@ -39,7 +39,7 @@ The kinds are: inside a block of both parents, between blocks of both, and where
 between blocks of the parent that the child follows.
 """
 
-_KEPT: Final = np.array([0.2, 0.7])
+_LEAST_KEPT: Final = np.array([0.2, 0.7])
 """Smallest keys of pairs that a change keeps: inside a block, and between two blocks."""
 
 Names = NDArray[Any]
@@ -120,13 +120,13 @@ class Batches:
         old, new = name[rows, here][:, None], name[rows, there][:, None]
         keys = rng.random(cut.shape)
         keys *= 0.1
-        keys += _KEPT.take(cut.view(np.uint8))
+        keys += _LEAST_KEPT.take(cut.view(np.uint8))
         kind = rng.random(count)
         some = np.flatnonzero(kind < 0.5)
         own = name[some]
         inside = self._region(own, (own == old[some]) | (own == new[some]), rng)
         row, pair = np.nonzero(inside[:, self._p] & inside[:, self._q])
-        loose = rng.random(len(row)) - rng.random(len(some))[row] + NEAR
+        loose = rng.random(len(row)) - rng.random(len(some))[row] + THRESHOLD
         keys[some[row], pair] = np.clip(loose, 0.0, 1.0)
         some = np.flatnonzero(kind >= 0.5)
         moving = self._moving(name[some], cut[some], old[some], new[some], joint[some], here[some], kind[some] < 0.75)
@@ -179,14 +179,14 @@ class Batches:
         found[planes] = side > 0.0
         return found
 
-    def read(self, keys: Floats, threshold: float | Floats = NEAR) -> Bits:
+    def read(self, keys: Floats, threshold: float | Floats = THRESHOLD) -> Bits:
         """Convert keys (k, pairs) to labellings (j, m), j ≤ k.
 
         The threshold is a number, or (k, 1) for one number per row.
         """
         return self.read_some(keys, threshold)[0]
 
-    def read_some(self, keys: Floats, threshold: float | Floats = NEAR) -> tuple[Bits, Ints]:
+    def read_some(self, keys: Floats, threshold: float | Floats = THRESHOLD) -> tuple[Bits, Ints]:
         """Do the same as `read`, and return the row of each labelling among the k rows."""
         name, good = self._assemble(keys, threshold)
         across = name[:, self.graph.face_a] != name[:, self.graph.face_b]
@@ -201,8 +201,8 @@ class Batches:
         wanted = np.take_along_axis(keys <= threshold, order, axis=1).T.copy()
         ends = [end[order].T.copy() for end in (self._p, self._q)]
         forest = _Forest(len(keys), self._cells, self.least, self.most)
-        for a, b, wish in zip(*ends, wanted, strict=True):
-            rows = np.flatnonzero(wish)
+        for a, b, joined in zip(*ends, wanted, strict=True):
+            rows = np.flatnonzero(joined)
             if not len(rows):
                 break
             forest.join(rows, a[rows], b[rows], small_only=False)
@@ -246,7 +246,7 @@ class _Forest:
 
     @property
     def lacking(self) -> Bools:
-        """Whether some part of each row (rows,) is too small."""
+        """True if some part of each row (rows,) is too small."""
         size = self.size.reshape(self.name.shape)
         return np.asarray(((size > 0) & (size < self.least)).any(axis=1))
 

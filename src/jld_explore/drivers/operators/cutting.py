@@ -66,7 +66,7 @@ class Cutter:
                 return False
         return free or all(self._size(members, adds) <= bounds.most for bounds, adds in self._others)
 
-    def enough(self, members: list[int]) -> bool:
+    def large_enough(self, members: list[int]) -> bool:
         """Return True if a part is within the lower limits, or has no free element.
 
         Exempt parts also count as within the limits.

@@ -34,7 +34,7 @@ class FreeBits:
 
     offspring_factor = 2
     """Children made for each evaluated one."""
-    sure = False
+    always_feasible = False
     """Always False: rows must be checked for feasibility."""
 
     def __init__(self, space: SearchSpace) -> None:
@@ -60,7 +60,7 @@ class FreeBits:
         for row in rows:
             share = rng.real()
             row[self._faces] = [key < share for key in rng.reals(self.keys)]
-        return self._mended(rows, rng)
+        return self._repaired(rows, rng)
 
     def vary(self, parents: Bits, rng: BufferedRandom) -> Bits:
         """Flip one random label of each parent, sometimes more, and repair the results."""
@@ -71,7 +71,7 @@ class FreeBits:
             while rng.real() < 0.35:
                 face = rng.pick(self._faces)
                 row[face] = not row[face]
-        return self._mended(rows, rng)
+        return self._repaired(rows, rng)
 
     def cross(self, first: Bits, second: Bits, rng: BufferedRandom) -> Bits:
         """Take each label from either parent at random, and repair the results."""
@@ -79,9 +79,9 @@ class FreeBits:
         for row, other in zip(rows, second, strict=True):
             take = [face for face in self._faces if rng.real() < 0.5]
             row[take] = other[take]
-        return self._mended(rows, rng)
+        return self._repaired(rows, rng)
 
-    def crossed(self, first: Bits, second: Bits, rng: BufferedRandom) -> tuple[Bits, Ints]:
+    def cross_indexed(self, first: Bits, second: Bits, rng: BufferedRandom) -> tuple[Bits, Ints]:
         """Do the same as `cross`, and return the couple of each child (j,)."""
         rows = [self.cross(one[None], other[None], rng) for one, other in zip(first, second, strict=True)]
         return np.concatenate([first[:0], *rows]), np.repeat(np.arange(len(rows)), [len(row) for row in rows])
@@ -91,7 +91,7 @@ class FreeBits:
         row = self.space.fixed.copy()
         row[self._faces] = np.asarray(keys) > 0.5
         seed = np.random.default_rng(np.frombuffer(np.asarray(keys).tobytes(), dtype=np.uint32))
-        return self._mended(row[None], BufferedRandom(seed))
+        return self._repaired(row[None], BufferedRandom(seed))
 
     def write(self, labelling: Bits) -> list[float]:
         """Return keys of a labelling (m,): 0.75 where dry, 0.25 where inner."""
@@ -101,21 +101,21 @@ class FreeBits:
         """Return one child of each couple, and one change of each single parent."""
         return np.concatenate([self.cross(first, second, rng), self.vary(single, rng)])
 
-    def _mended(self, rows: Bits, rng: BufferedRandom) -> Bits:
+    def _repaired(self, rows: Bits, rng: BufferedRandom) -> Bits:
         """Repair the rows that are not feasible, and drop those for which repair fails."""
         good = feasible(self.space, rows)
         if good.all():
             return rows
         parts: list[Parts] = blocks_of(self.space.graph, rows)[:, self.graph.first].tolist()
         kept = [
-            row if fine else self._mend(row, part, rng)
+            row if fine else self._repair_part(row, part, rng)
             for row, part, fine in zip(rows, parts, good.tolist(), strict=True)
         ]
         found = [row for row in kept if row is not None]
         mended = np.array(found, dtype=bool).reshape(len(found), rows.shape[1])
         return mended[feasible(self.space, mended)]
 
-    def _mend(self, row: Bits, part: Parts, rng: BufferedRandom) -> Bits | None:
+    def _repair_part(self, row: Bits, part: Parts, rng: BufferedRandom) -> Bits | None:
         """Repair one row; return None if no repair is found.
 
         The returned row may still violate a limit.

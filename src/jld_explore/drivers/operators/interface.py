@@ -19,7 +19,7 @@ class Operators(Protocol):
         Number of keys that `read` takes.
     offspring_factor : int
         Number of children to make for each evaluated one.
-    sure : bool
+    always_feasible : bool
         Whether every row is feasible without a check.
     """
 
@@ -29,8 +29,8 @@ class Operators(Protocol):
     offspring_factor: int
     """Number of children that are cheap enough to make for each evaluated one."""
 
-    sure: bool
-    """Whether every row is feasible, because the operators keep all limits of the space."""
+    always_feasible: bool
+    """True if every row is feasible, because the operators keep all limits of the space."""
 
     def draw(self, count: int, rng: BufferedRandom) -> Bits:
         """Draw random labellings, at most `count`."""
@@ -41,7 +41,7 @@ class Operators(Protocol):
     def cross(self, first: Bits, second: Bits, rng: BufferedRandom) -> Bits:
         """Return one child of each couple."""
 
-    def crossed(self, first: Bits, second: Bits, rng: BufferedRandom) -> tuple[Bits, Ints]:
+    def cross_indexed(self, first: Bits, second: Bits, rng: BufferedRandom) -> tuple[Bits, Ints]:
         """Return one child of each couple where one is found.
 
         Parameters

@@ -32,10 +32,10 @@ class Repair:
 
     @property
     def counted(self) -> bool:
-        """Whether the number of parts or of dry faces is limited."""
+        """True if the number of parts or of dry faces is limited."""
         return self._counted_parts or bool(self.limits.seams)
 
-    def __call__(self, part: Parts, rng: BufferedRandom, doubtful: list[int] | None = None) -> Parts | None:
+    def __call__(self, part: Parts, rng: BufferedRandom, unchecked: list[int] | None = None) -> Parts | None:
         """Return a partition near the given one that keeps every limit, or None if none is found.
 
         Parameters
@@ -44,15 +44,15 @@ class Repair:
             (atoms,) names; a part that is not connected is split into its components.
         rng : BufferedRandom
             Source of random numbers.
-        doubtful : list of int, optional
+        unchecked : list of int, optional
             Names of the parts that may be disconnected or break a limit. Default: all parts.
         """
-        groups = Groups(self.graph, self.cutter, part, doubtful)
+        groups = Groups(self.graph, self.cutter, part, unchecked)
         for _ in range(6 + len(self.graph) // 2):
             checkpoint()
-            bad = groups.bad()
-            if bad is not None:
-                if not self._mend(groups, bad, rng):
+            violating_part = groups.violating_part()
+            if violating_part is not None:
+                if not self._repair_part(groups, violating_part, rng):
                     return None
                 continue
             fault = self._fault(groups)
@@ -73,15 +73,15 @@ class Repair:
                 return self._divide
         return None
 
-    def _mend(self, groups: Groups, bad: int, rng: BufferedRandom) -> bool:
+    def _repair_part(self, groups: Groups, violating_part: int, rng: BufferedRandom) -> bool:
         """Convert a part that is too small or too large to allowed ones, with its neighbours."""
-        members = groups[bad]
+        members = groups[violating_part]
         if self.cutter.fits(members):
-            for other in rng.shuffled(groups.around([bad])):
+            for other in rng.shuffled(groups.around([violating_part])):
                 if self.cutter.fits(members + groups[other]):
-                    groups.replace([bad, other], [members + groups[other]])
+                    groups.replace([violating_part, other], [members + groups[other]])
                     return True
-        region = [bad]
+        region = [violating_part]
         for _ in range(_TRIES):
             checkpoint()
             if self._recut(groups, region, rng, lambda pieces: True):
@@ -100,7 +100,7 @@ class Repair:
         for _ in range(_TRIES):
             checkpoint()
             pieces = self.cutter.cut(members, rng, rng.real())
-            if pieces is None or not all(self.cutter.enough(piece) for piece in pieces):
+            if pieces is None or not all(self.cutter.large_enough(piece) for piece in pieces):
                 continue
             if all(self.cutter.fits(piece) for piece in pieces) and wanted(pieces):
                 groups.replace(region, pieces)
@@ -171,11 +171,11 @@ class Groups:
         Cuts regions and checks limits.
     part : Parts
         Initial partition.
-    doubtful : list of int or None
+    unchecked : list of int or None
         Names of the parts to check; None for all parts.
     """
 
-    def __init__(self, graph: AtomGraph, cutter: Cutter, part: Parts, doubtful: list[int] | None) -> None:
+    def __init__(self, graph: AtomGraph, cutter: Cutter, part: Parts, unchecked: list[int] | None) -> None:
         self.graph, self.cutter = graph, cutter
         self._members: dict[int, list[int]] = {}
         for a, name in enumerate(part):
@@ -183,11 +183,11 @@ class Groups:
                 self._members[name].append(a)
             else:
                 self._members[name] = [a]
-        suspects = list(self._members) if doubtful is None else [n for n in doubtful if n in self._members]
-        self._unsure: dict[int, None] = dict.fromkeys(suspects)
+        names_to_check = list(self._members) if unchecked is None else [n for n in unchecked if n in self._members]
+        self._unchecked: dict[int, None] = dict.fromkeys(names_to_check)
         self.part = list(part)
         self._next = max(part) + 1
-        for name in suspects:
+        for name in names_to_check:
             pieces = cutter.components(self._members[name])
             if len(pieces) > 1:
                 self.replace([name], pieces)
@@ -202,22 +202,22 @@ class Groups:
         """Replace parts, by name, by new ones."""
         for name in old:
             del self._members[name]
-            self._unsure.pop(name, None)
+            self._unchecked.pop(name, None)
         for members in new:
             self._members[self._next] = members
-            self._unsure[self._next] = None
+            self._unchecked[self._next] = None
             for a in members:
                 self.part[a] = self._next
             self._next += 1
 
-    def bad(self) -> int | None:
+    def violating_part(self) -> int | None:
         """Return the name of a part that breaks a limit on single parts, or None."""
-        while self._unsure:
-            name = next(iter(self._unsure))
+        while self._unchecked:
+            name = next(iter(self._unchecked))
             members = self._members[name]
-            if not (self.cutter.fits(members) and self.cutter.enough(members)):
+            if not (self.cutter.fits(members) and self.cutter.large_enough(members)):
                 return name
-            del self._unsure[name]
+            del self._unchecked[name]
         return None
 
     def around(self, region: list[int]) -> list[int]:

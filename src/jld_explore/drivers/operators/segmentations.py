@@ -18,26 +18,26 @@ import numpy as np
 from jld_core.arrays import Bits, Ints
 from jld_core.deadline import checkpoint
 from jld_explore.drivers.operators.atom_graph import BufferedRandom, Parts, atom_graph, limits_of
-from jld_explore.drivers.operators.batches import NEAR, Batches
+from jld_explore.drivers.operators.batches import THRESHOLD, Batches
 from jld_explore.drivers.operators.cutting import Cutter
 from jld_explore.drivers.operators.free_bits import FreeBits
 from jld_explore.drivers.operators.repair import Repair
 from jld_explore.space import SearchSpace
 from jld_explore.space.labelling import blocks_of
 
-_TREES: Final = 6
+_TREES_TRIED: Final = 6
 """Number of spanning trees tried for one set of keys."""
 
-_BROOD: Final = 4
+_OFFSPRING_FACTOR: Final = 4
 """Children made for each evaluated one, where children are made in batches."""
 
-_SPARE: Final = 2
+_DRAWN_PER_REQUESTED: Final = 2
 """Random segmentations made in a batch per requested one, because limits exclude many."""
 
-_ROUNDS: Final = 4
+_FURTHER_BATCHES: Final = 4
 """Number of further batches made if the first one gives too few segmentations."""
 
-_RARE: Final = 0.125
+_LEAST_SHARE: Final = 0.125
 """Share of a batch that must keep the limits for batches to be used.
 
 Otherwise segmentations are made one by one, with repair.
@@ -66,7 +66,7 @@ class Segmentations:
         Repairs partitions that break a limit.
     sound : bool
         Whether cuts keep all limits, so that no repair is needed.
-    keys, offspring_factor, sure : int, int and bool
+    keys, offspring_factor, always_feasible : int, int and bool
         See `Operators`.
     """
 
@@ -81,8 +81,10 @@ class Segmentations:
         self.keys = len(self.graph.pairs)
         whole = self.sound and self.keys > 0 and not any(self.graph.walls)
         self._batches = Batches(space, self.graph, self.limits) if whole else None
-        self.sure = whole and not space.limits.on_counts and not space.limits.on_shapes and space.laying is None
-        self.offspring_factor = _BROOD if whole else FreeBits.offspring_factor
+        self.always_feasible = (
+            whole and not space.limits.on_counts and not space.limits.on_shapes and space.laying is None
+        )
+        self.offspring_factor = _OFFSPRING_FACTOR if whole else FreeBits.offspring_factor
         self._corner: list[list[float]] = self.graph.sized.corner.tolist()
         self._every = list(range(len(self.graph)))
         self._moves: list[Callable[[Parts, BufferedRandom], Parts | None]] = [
@@ -103,13 +105,13 @@ class Segmentations:
     def draw(self, count: int, rng: BufferedRandom) -> Bits:
         """Draw random segmentations; a random threshold spreads the number of blocks."""
         if self._batches is not None:
-            found = self._batches.draw(_SPARE * count, rng.generator)
-            if len(found) >= _RARE * _SPARE * count:
-                for _ in range(_ROUNDS):
+            found = self._batches.draw(_DRAWN_PER_REQUESTED * count, rng.generator)
+            if len(found) >= _LEAST_SHARE * _DRAWN_PER_REQUESTED * count:
+                for _ in range(_FURTHER_BATCHES):
                     checkpoint()
                     if len(found) >= count:
                         break
-                    found = np.concatenate([found, self._batches.draw(_SPARE * count, rng.generator)])
+                    found = np.concatenate([found, self._batches.draw(_DRAWN_PER_REQUESTED * count, rng.generator)])
                 return found[:count]
         return self.labels([part for _ in range(count) if (part := self.random(rng)) is not None])
 
@@ -122,14 +124,14 @@ class Segmentations:
         couples = zip(self.parts(first), self.parts(second), strict=True)
         return self.labels([child for p, q in couples if (child := self.overlay(p, q, rng)) is not None])
 
-    def crossed(self, first: Bits, second: Bits, rng: BufferedRandom) -> tuple[Bits, Ints]:
+    def cross_indexed(self, first: Bits, second: Bits, rng: BufferedRandom) -> tuple[Bits, Ints]:
         """Return one child of each couple, and the couple of each child (j,).
 
         Children are made in batches where limits allow.
         """
         if self._batches is not None:
             found, of = self._batches.read_some(self._batches.cross(first, second, rng.generator))
-            if len(found) >= _RARE * len(first):
+            if len(found) >= _LEAST_SHARE * len(first):
                 return found, of
         made = [self.overlay(p, q, rng) for p, q in zip(self.parts(first), self.parts(second), strict=True)]
         of = np.array([k for k, child in enumerate(made) if child is not None], dtype=np.int64)
@@ -141,10 +143,10 @@ class Segmentations:
         Both are made in batches where limits allow.
         """
         if self._batches is not None:
-            crossed = self._batches.cross(first, second, rng.generator)
+            children = self._batches.cross(first, second, rng.generator)
             changed = self._batches.vary(single, rng.generator)
-            found = self._batches.read(np.concatenate([crossed, changed]))
-            if len(found) >= _RARE * (len(first) + len(single)):
+            found = self._batches.read(np.concatenate([children, changed]))
+            if len(found) >= _LEAST_SHARE * (len(first) + len(single)):
                 return found
         return np.concatenate([self.cross(first, second, rng), self.vary(single, rng)])
 
@@ -154,11 +156,11 @@ class Segmentations:
         Parameters
         ----------
         keys : list of float
-            One key per pair of neighbouring atoms; a pair with a key above `NEAR` is separated.
+            One key per pair of neighbouring atoms; a pair with a key above `THRESHOLD` is separated.
         """
         # the seed derives from the keys, so that the same keys give the same repair
         seed = np.random.default_rng(np.frombuffer(np.asarray(keys).tobytes(), dtype=np.uint32))
-        part = self._assemble(keys, NEAR, BufferedRandom(seed))
+        part = self._assemble(keys, THRESHOLD, BufferedRandom(seed))
         return self.labels([] if part is None else [part])
 
     def write(self, labelling: Bits) -> list[float]:
@@ -186,7 +188,7 @@ class Segmentations:
     def _assemble(self, keys: list[float], threshold: float, rng: BufferedRandom) -> Parts | None:
         """Convert keys to a partition; change the keys at random where they give no allowed parts."""
         pieces = None
-        for tries in range(_TREES):
+        for tries in range(_TREES_TRIED):
             checkpoint()
             if tries:  # this tree allows no cuts, so keys farther and farther from the given ones are tried
                 keys = [0.7 * key + 0.3 * rng.real() for key in keys]
@@ -270,24 +272,24 @@ class Segmentations:
         a, b, pair = joint
         old, new = part[a], part[b]
         lines, links = self.graph.lines, self.graph.links
-        way = rng.below(3)
+        kind = rng.below(3)
         line = rng.pick(lines[pair])
         child = list(part)
-        doubtful = {old: None, new: None}
-        if way == 2:
+        unchecked = {old: None, new: None}
+        if kind == 2:
             side = self._side(a, b)
             for number, (p, q) in enumerate(self.graph.pairs):
                 if part[p] != part[q] and line in lines[number]:
                     p, q = (p, q) if self._side(p, q) == side else (q, p)
                     child[p] = part[q]
-                    doubtful[part[p]] = doubtful[part[q]] = None
+                    unchecked[part[p]] = unchecked[part[q]] = None
         else:
             for c, name in enumerate(part):
                 if name == old and any(
-                    part[d] == new and (way == 1 or line in lines[number]) for d, number in links[c]
+                    part[d] == new and (kind == 1 or line in lines[number]) for d, number in links[c]
                 ):
                     child[c] = new
-        return self.repair(child, rng, list(doubtful))
+        return self.repair(child, rng, list(unchecked))
 
     def _side(self, a: int, b: int) -> bool:
         """Return True if atom a lies before its neighbour b along the axes.
@@ -322,7 +324,7 @@ class Segmentations:
                 keys.append((0.55 if follow else 0.25) + 0.2 * rng.real())
             else:
                 keys.append(0.1 + 0.8 * (rng.real() * 0.5 + (0.5 if rng.real() < bias else 0.0)))
-        return self._assemble(keys, NEAR, rng)
+        return self._assemble(keys, THRESHOLD, rng)
 
     def _patch(self, rng: BufferedRandom) -> list[bool]:
         """Return a random connected set of 20 to 80 % of the atoms."""

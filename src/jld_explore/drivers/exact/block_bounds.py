@@ -1,0 +1,396 @@
+"""Bounds by block relaxations: several at a time for the tree, and one over all blocks for any long proof.
+
+`BlockBoundPool` solves the programs that the branch and bound (`block_tree`) requests together. The batch solver
+computes them in two threads. Without it one program of each request goes to a worker process. A thread would not help
+there, because the interior-point solver holds the interpreter lock. Each program is solved from scratch, so the tree
+under one load case does not depend on the number of workers. A program whose worker dies is solved in this process.
+
+`BlockBoundTightening` bounds all labellings by one program over all possible blocks (docs/method.md (6.5)). Its bound
+is much closer than the relaxation face by face where blocks have several cells and the gap is wide. The program takes
+as long as thousands of relaxations in the batch solver, so a proof solves it only after spending about the same time
+itself. Its mechanism may refute single blocks. Each refuted block becomes a conflict: all faces inside it inner, all
+faces around it dry. The next program leaves those blocks out, so it is smaller and its bound tighter. A large program
+is solved in a separate process, which can be stopped before it ends.
+"""
+
+from __future__ import annotations
+
+import math
+import pickle
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from typing import Final
+
+import cloudpickle
+import numpy as np
+
+from jld_core.arrays import Bools, Ints
+from jld_core.limit import LimitAnalysis
+from jld_core.limit.block_relaxation import Asked, Choice, applies_to
+from jld_core.limit.case_relaxation import AnyBlockRelaxation, block_relaxation_of
+from jld_core.threads import one_thread
+from jld_explore.drivers.exact.context import ProofContext
+from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
+from jld_explore.drivers.exact.proof_state import Conflict, Evidence
+from jld_explore.evaluation.cluster import client_of_cluster
+from jld_explore.evaluation.worker_pool import LOST, PoolWorker, WorkerPool
+from jld_explore.space import SearchSpace
+
+SOLO_PROGRAMS: Final = 40
+"""Programs solved in this process before the worker process starts.
+
+The worker process needs two seconds before it can solve programs.
+"""
+
+SolvedProgram = tuple[Choice, int]
+"""Result of one block relaxation, and the number of programs solved for that result."""
+
+_relaxations: dict[str, AnyBlockRelaxation] = {}
+
+
+@dataclass(frozen=True)
+class BlockSpace:
+    """Search space and possible blocks, as sent to a worker process."""
+
+    space: SearchSpace
+    blocks: PossibleBlocks
+
+    def relaxation(self, analyses: Sequence[LimitAnalysis] = (), seconds: float = math.inf) -> AnyBlockRelaxation:
+        """Return the block relaxation of the space.
+
+        Parameters
+        ----------
+        analyses : sequence of LimitAnalysis, optional
+            Analyses of the load cases, in their order, where they exist already.
+        seconds : float, default inf
+            Time limit of one program, s.
+        """
+        members, inside = self.blocks.members, self.blocks.inside
+        return block_relaxation_of(self.space.assembly, members, inside, analyses, seconds)
+
+
+@one_thread()
+def bound_blocks(name: str, block_space: bytes | None, program: Asked | None) -> SolvedProgram | None:
+    """Solve a block relaxation in this worker process.
+
+    Parameters
+    ----------
+    name : str
+        Name of the worker, under which the relaxation is stored between calls.
+    block_space : bytes or None
+        Pickled `BlockSpace` that replaces every stored relaxation; None keeps them.
+    program : Asked or None
+        Arguments of `BlockRelaxation.choose`; None only sets up the relaxation.
+
+    Returns
+    -------
+    tuple of Choice and int, or None
+        Result and number of programs solved. None if `program` is None or no relaxation is stored under the name.
+    """
+    if block_space is not None:
+        _relaxations.clear()
+        made: BlockSpace = pickle.loads(block_space)
+        _relaxations[name] = made.relaxation()
+    if program is None or name not in _relaxations:
+        return None
+    relaxation = _relaxations[name]
+    before = relaxation.solves
+    choice = relaxation.choose(*program)
+    return choice, relaxation.solves - before
+
+
+class BlockBoundPool:
+    """Block relaxation of a space, solved in this process and in a worker process.
+
+    Parameters
+    ----------
+    context : ProofContext
+        What never changes during the proof.
+    blocks : PossibleBlocks
+        Possible blocks of the space.
+
+    Attributes
+    ----------
+    solves_in_worker : int
+        Programs solved by the worker process.
+    """
+
+    def __init__(self, context: ProofContext, blocks: PossibleBlocks) -> None:
+        self._block_space = BlockSpace(context.space, blocks)
+        self._here = self._block_space.relaxation(context.analyses)
+        self._worker_allowed = False
+        self._workers: WorkerPool | None = None
+        self._worker: PoolWorker | None = None
+        self._ready: Future[SolvedProgram | None] | None = None
+        self._threads: ThreadPoolExecutor | None = None
+        self.solves_in_worker = 0
+
+    @property
+    def solves(self) -> int:
+        """Number of programs solved, here and in the worker process."""
+        return self._here.solves + self.solves_in_worker
+
+    def set_workers(self, jobs: int) -> None:
+        """Allow a second thread or process if `jobs` exceeds 1 or a cluster is connected."""
+        self._worker_allowed = jobs > 1 or client_of_cluster() is not None
+
+    def close(self) -> None:
+        """Stop the worker process and the thread pool."""
+        self._worker_allowed = False
+        if self._workers is not None:
+            self._workers.close()
+        self._workers = self._worker = self._ready = None
+        if self._threads is not None:
+            self._threads.shutdown()
+            self._threads = None
+
+    def choose(self, allowed: Bools, threshold: float, most: float) -> Choice:
+        """Solve one block relaxation in this process; see `BlockRelaxation.choose`."""
+        return self._here.bound_all([(allowed, threshold, most)])[0]
+
+    @property
+    def batched(self) -> bool:
+        """True if the batch solver solves many programs in one call."""
+        return self._here.batched
+
+    def bound_all(self, programs: Sequence[Asked]) -> list[Choice]:
+        """Solve several block relaxations and return their results in the same order.
+
+        The batch solver uses a second thread where `set_workers` allows it. Without the batch solver the last program
+        goes to the worker process if that process is ready.
+        """
+        if self._here.batched:
+            if self._worker_allowed and self._threads is None:
+                self._threads = ThreadPoolExecutor(1)
+            return self._here.bound_all(programs, self._threads)
+        future = self._submit_program(programs[-1]) if len(programs) > 1 else None
+        found = [self._here.choose(*one) for one in (programs if future is None else programs[:-1])]
+        if future is not None:
+            result = self._result(future)
+            if result is None:
+                found.append(self._here.choose(*programs[-1]))
+            else:
+                found.append(result[0])
+                self.solves_in_worker += result[1]
+        return found
+
+    def _submit_program(self, program: Asked) -> Future[SolvedProgram | None] | None:
+        """Submit a program to the worker process; return None while that process is unavailable."""
+        if not self._worker_allowed or self._here.solves < SOLO_PROGRAMS:
+            return None
+        if self._workers is None:
+            self._workers = WorkerPool(1)
+        if self._ready is None:
+            self._worker = self._workers.first()
+            if self._worker is not None:
+                self._ready = self._submit(cloudpickle.dumps(self._block_space), None)
+        if self._worker is None or self._ready is None or not self._ready.done():
+            return None
+        if self._workers.result(self._worker, self._ready) is LOST:
+            self._ready = None
+            return None
+        return self._submit(None, program)
+
+    def _submit(self, block_space: bytes | None, program: Asked | None) -> Future[SolvedProgram | None] | None:
+        """Submit a set-up or a program to the worker process; return None if it has died."""
+        worker, future = self._worker, None
+        if self._workers is not None and worker is not None:
+            future = self._workers.submit(worker, bound_blocks, worker.name, block_space, program)
+        if future is None:
+            self._ready = None
+        return future
+
+    def _result(self, future: Future[SolvedProgram | None]) -> SolvedProgram | None:
+        """Return the result of the worker process; None if it died or lacks the block relaxation."""
+        if self._workers is None or self._worker is None:
+            return None
+        result = self._workers.result(self._worker, future)
+        if result is not None and result is not LOST:
+            return result
+        self._ready = None  # send the block relaxation again, to another process where this one died
+        return None
+
+
+_RELAXATIONS: Final = (5.0, 0.25)
+"""Relaxations face by face that take as long as the program takes per side of a block.
+
+The first value applies with the batch solver, the second without it. The program takes 1 ms per side.
+"""
+
+_MOST_SIDES: Final = 60_000
+"""Largest number of sides of blocks; the program of 40 000 sides takes 41 s."""
+
+_SIDES_HERE: Final = 2000
+"""Largest number of sides for which this process solves the program.
+
+Such a program takes at most two seconds, which is the time that another process needs to start.
+"""
+
+_DEADLINE_CHECK_SECONDS: Final = 0.2
+"""Interval, s, at which the deadline is checked while another process solves the program."""
+
+_REMAINING_SHARE: Final = 0.9
+"""Largest share of the blocks that may remain for another program to be solved."""
+
+_INCREASE: Final = 1e-3
+"""Relative increase of the best known λ after which the programs are solved again."""
+
+_TIME_SHARE: Final = 0.5
+"""Share of the remaining time that the programs may take."""
+
+
+@dataclass(frozen=True)
+class TightenedBound:
+    """Result of `BlockBoundTightening.tighten`.
+
+    Attributes
+    ----------
+    bound : float
+        Scaled λ that no labelling exceeds.
+    conflicts : tuple of Conflict
+        One conflict for each refuted block.
+    """
+
+    bound: float
+    conflicts: tuple[Conflict, ...]
+
+
+class BlockBoundTightening:
+    """Repeated block relaxation of one space without the blocks that are refuted.
+
+    Parameters
+    ----------
+    context : ProofContext
+        What never changes during the proof.
+    wanted : bool
+        Whether the block relaxation may be used at all.
+
+    Attributes
+    ----------
+    solves : int
+        Number of programs solved.
+    """
+
+    def __init__(self, context: ProofContext, *, wanted: bool) -> None:
+        self._context, self._blocks = context, context.blocks
+        blocks, space = context.blocks, context.space
+        self._allowed: Bools = np.ones(0 if blocks is None else len(blocks), dtype=bool)
+        self._sides = 0 if blocks is None else _sides_of(space, blocks)
+        usable = (
+            wanted and blocks is not None and 0 < self._sides <= _MOST_SIDES and all(map(applies_to, context.analyses))
+        )
+        self._next = _RELAXATIONS[not context.relaxation.batched] * self._sides if usable else math.inf
+        self._least: float | None = None
+        self.solves = 0
+
+    @property
+    def _listed_blocks(self) -> PossibleBlocks:
+        """The possible blocks; raises RuntimeError where they are not listed."""
+        if self._blocks is None:
+            raise RuntimeError("the possible blocks are not listed, so their bounds cannot be tightened")
+        return self._blocks
+
+    def disable(self) -> None:
+        """Disable the tightening from now on."""
+        self._next = math.inf
+
+    def is_due(self, relaxations: int, least: float) -> bool:
+        """Return True if the programs should be solved now.
+
+        Parameters
+        ----------
+        relaxations : int
+            Number of relaxations solved so far.
+        least : float
+            Scaled λ that a labelling must exceed.
+        """
+        before = self._least
+        return relaxations >= self._next and (before is None or least > before + _INCREASE * abs(before))
+
+    def tighten(self, least: float, most: float, left: float, time_is_up: Callable[[], bool]) -> TightenedBound:
+        """Solve block relaxations until no further block is refuted or time runs out.
+
+        Parameters
+        ----------
+        least, most : float
+            Scaled λ to reach, and scaled λ that no labelling exceeds.
+        left : float
+            Time until the deadline, s; inf for no deadline.
+        time_is_up : callable
+            Returns True once the deadline has passed; called between programs.
+
+        Returns
+        -------
+        TightenedBound
+            Bound not above `most`, and the conflicts of the refuted blocks.
+        """
+        self._next *= 4.0
+        self._least = least
+        end = time.perf_counter() + _TIME_SHARE * left
+        conflicts: list[Conflict] = []
+        while not time_is_up() and time.perf_counter() < end:
+            before = int(self._allowed.sum())
+            remaining = np.flatnonzero(self._allowed)
+            choice = self._solve(remaining, (least, most), end - time.perf_counter(), time_is_up)
+            if choice is None:
+                break
+            most = min(most, least if choice.refuted else choice.bound)
+            out = remaining if choice.refuted else remaining[choice.useless]
+            if not choice.refuted:
+                self._allowed[out] = False
+            conflicts += [one for one in (self._conflict_of_block(p, least) for p in out.tolist()) if len(one.faces)]
+            if choice.refuted or self._allowed.sum() > _REMAINING_SHARE * before or not self._allowed.any():
+                break
+        return TightenedBound(most, tuple(conflicts))
+
+    def _solve(
+        self, remaining: Ints, ends: tuple[float, float], seconds: float, time_is_up: Callable[[], bool]
+    ) -> Choice | None:
+        """Solve the relaxation of some blocks (k,); return None if time runs out first."""
+        listed, chosen = self._listed_blocks, remaining.tolist()
+        some = PossibleBlocks(tuple(listed.members[p] for p in chosen), tuple(listed.inside[p] for p in chosen))
+        block_space = BlockSpace(self._context.space, some)
+        program = np.ones(len(remaining), dtype=bool), *ends
+        if self._sides <= _SIDES_HERE:
+            relaxation = block_space.relaxation(self._context.analyses, seconds)
+            choice = relaxation.choose(*program)
+            self.solves += relaxation.solves
+            return choice
+        workers = WorkerPool(1)
+        try:
+            worker = workers.first()
+            if worker is None:
+                return None
+            future = workers.submit(worker, bound_blocks, worker.name, cloudpickle.dumps(block_space), program)
+            if future is None:
+                return None
+            end = time.perf_counter() + seconds
+            while not wait([future], timeout=_DEADLINE_CHECK_SECONDS).done:
+                if time_is_up() or time.perf_counter() > end:
+                    return None
+            result = workers.result(worker, future)
+        finally:
+            workers.close()
+        if result is None or result is LOST:  # if the process is killed only this bound is lost
+            return None
+        self.solves += result[1]
+        return result[0]
+
+    def _conflict_of_block(self, p: int, least: float) -> Conflict:
+        """Return the conflict that no labelling with block p exceeds the scaled λ `least`."""
+        faces, members = self._context.space.assembly.interfaces, self._listed_blocks.members[p]
+        touched = (np.isin(faces.a, members) | np.isin(faces.b, members)) & self._context.space.candidates
+        labels = np.ones(len(touched), dtype=bool)
+        labels[list(self._listed_blocks.inside[p])] = False
+        where = np.flatnonzero(touched)
+        return Conflict(where, labels[where], least, Evidence.BLOCKS)
+
+
+def _sides_of(space: SearchSpace, blocks: PossibleBlocks) -> int:
+    """Return the number of faces around all blocks, counted once per block."""
+    faces = space.assembly.interfaces
+    around = np.bincount(np.concatenate([faces.a, faces.b]), minlength=len(space.assembly.elements))
+    pairs = zip(blocks.members, blocks.inside, strict=True)
+    return int(sum(around[list(members)].sum() - 2 * len(inside) for members, inside in pairs))

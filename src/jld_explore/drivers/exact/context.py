@@ -1,0 +1,145 @@
+"""Define what never changes during a proof: the space, its possible blocks and its relaxation."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from typing import Final
+
+import cloudpickle
+import numpy as np
+
+from jld_core.arrays import Bits, Bools
+from jld_core.deadline import Deadline, DeadlinePassed, time_left
+from jld_core.limit import LimitAnalysis
+from jld_core.limit.case_relaxation import AnyRelaxation, relaxation_of
+from jld_explore.drivers.exact.possible_blocks import PossibleBlocks, possible_blocks
+from jld_explore.space import Count, SearchSpace
+
+_LISTING_SHARE: Final = 0.3
+"""Largest share of the time left for listing the possible blocks; the formula works without the list."""
+
+SEED_STEP: Final = 1000
+"""Difference of the seeds of two threads or of two workers, so that each prefers other labels."""
+
+
+@dataclass(frozen=True)
+class ProofContext:
+    """Space of a proof by conflicts, with what is derived from it once.
+
+    Attributes
+    ----------
+    space : SearchSpace
+        The search space.
+    blocks : PossibleBlocks or None
+        Possible blocks, where they are listed.
+    free : (m,) bool array
+        Faces that may take either label in some labelling.
+    seed : int
+        Seed of the preferred labels.
+    analyses : tuple of LimitAnalysis
+        Analyses of the load cases, in their order.
+    relaxation : Relaxation or CaseRelaxation
+        Relaxation face by face, which refutes labellings and evaluates mechanisms. It counts its solves.
+    """
+
+    space: SearchSpace
+    blocks: PossibleBlocks | None
+    free: Bools
+    seed: int
+    analyses: tuple[LimitAnalysis, ...]
+    relaxation: AnyRelaxation
+
+    @classmethod
+    def of(
+        cls, space: SearchSpace, seed: int, counted: Count | None = None, *, list_blocks: bool = True
+    ) -> ProofContext | None:
+        """Make the context of a space.
+
+        Parameters
+        ----------
+        space : SearchSpace
+            The search space.
+        seed : int
+            Seed of the preferred labels.
+        counted : Count, optional
+            Count that the formula must express besides the limited counts.
+        list_blocks : bool
+            Whether to list the possible blocks where they are few enough.
+
+        Returns
+        -------
+        ProofContext or None
+            None where the space has no formula or no relaxation, so that conflicts prove nothing.
+        """
+        analyses = tuple(LimitAnalysis(case) for case in space.assembly.by_case)
+        blocks = _list_blocks(space) if list_blocks else None
+        counts = [count for count, _ in space.limits.on_counts] + ([] if counted is None else [counted])
+        terms = [count.terms(space.assembly) if count.terms else None for count in counts]
+        if any(one is None or (one.blocks and blocks is None) for one in terms):
+            return None
+        relaxation = relaxation_of(space.assembly, analyses)
+        if relaxation is None:
+            return None
+        free = space.candidates.copy()
+        if blocks is not None:
+            joined = {face for inside in blocks.inside for face in inside}
+            free &= np.isin(np.arange(len(free)), list(joined))
+        return cls(space, blocks, free, seed, analyses, relaxation)
+
+    @property
+    def labels(self) -> Bits:
+        """Labels (m,) for relaxations in which all free faces are undecided, True = dry.
+
+        Candidates outside every possible block are dry whatever the label of the scene.
+        """
+        return np.asarray(self.space.fixed | (self.space.candidates & ~self.free))
+
+    def packed(self, seed: int) -> bytes:
+        """Return the context with another seed, pickled for a worker.
+
+        The worker makes a relaxation of its own. cloudpickle is used because limits hold lambdas, which pickle refuses.
+        """
+        content: bytes = cloudpickle.dumps((self.space, self.blocks, self.free, seed))
+        return content
+
+    @classmethod
+    def unpacked(cls, content: bytes) -> ProofContext:
+        """Return the context that `packed` has pickled, with analyses and a relaxation of its own."""
+        given: tuple[SearchSpace, PossibleBlocks | None, Bools, int] = cloudpickle.loads(content)
+        space, blocks, free, seed = given
+        analyses = tuple(LimitAnalysis(case) for case in space.assembly.by_case)
+        relaxation = relaxation_of(space.assembly, analyses)
+        if relaxation is None:
+            raise RuntimeError("a proof by conflicts needs a relaxation, and the assembly has none")
+        return cls(space, blocks, free, seed, analyses, relaxation)
+
+    @property
+    def key(self) -> str:
+        """Hash of all data that conflicts depend on.
+
+        The hash covers the numbers of the programs, the free faces, the symmetry group and the possible blocks.
+        """
+        space = self.space
+        parts = [
+            space.candidates.tobytes(),
+            space.fixed.tobytes(),
+            space.group.tobytes(),
+            space.assembly.required.tobytes(),
+        ]
+        for analysis in self.analyses:
+            template = analysis.template
+            pattern = template.yield_set.pattern
+            numbers = (template.matrix.data, template.dead, template.live, pattern.dry, pattern.inner)
+            parts += [part.tobytes() for part in (*numbers, pattern.h_dry, pattern.h_inner)]
+        names = repr(None if self.blocks is None else self.blocks.members).encode()
+        return hashlib.sha256(b"".join([*parts, names])).hexdigest()
+
+
+def _list_blocks(space: SearchSpace) -> PossibleBlocks | None:
+    """List the possible blocks of a space; None also if that takes too long."""
+    try:
+        with Deadline(_LISTING_SHARE * time_left()).enforced():
+            return possible_blocks(space)
+    except DeadlinePassed:
+        return None
