@@ -18,6 +18,7 @@ from jld_core.limit import LimitAnalysisResult
 from jld_core.scene.cracks import FieldCracks, cracks_to_json
 from jld_explore.drivers.choice import what_would_prove
 from jld_explore.evaluation.records import RECORDS_FILE
+from jld_explore.evaluation.refined_records import REFINED_FILE
 from jld_explore.report import required, tables
 from jld_explore.report.columns import columns, csv_of
 from jld_explore.report.evidence import front_rows, values_on, with_evidence
@@ -44,7 +45,7 @@ BESIDE_FACES: Final = "--driver enumeration without a budget proves the best of 
 RESERVED: Final = frozenset(
     [
         *("scene.json", "summary.json", "columns.json", "results.parquet", "report.html", "results.csv", "pareto.csv"),
-        *("faces.csv", "blocks.csv", "convergence.csv", "experiments.csv", RECORDS_FILE),
+        *("faces.csv", "blocks.csv", "convergence.csv", "experiments.csv", RECORDS_FILE, REFINED_FILE),
         *(f"{name}.png" for name in PICTURES),
     ]
 )
@@ -148,7 +149,7 @@ def write_tables(study: Study, reason: StopReason) -> Exploration:
     own = study.settings.own_objective
     wide = isinstance(study.scene.cracks, FieldCracks)
     results = tables.results_table(
-        study.records, study.assembly, study.space, study.driver.name, own_objective=own is not None, wide=wide
+        study.table_records, study.assembly, study.space, study.driver.name, own_objective=own is not None, wide=wide
     )
     real = study.assembly if study.space.void is None else study.space.void.real
     axes = study.scene.search.front.axes
@@ -173,7 +174,7 @@ def write_tables(study: Study, reason: StopReason) -> Exploration:
     found["proven"] &= not wide or int((results["rank"] == 1).sum()) == 1
     aimed = study.driver.settings.get("aim") == "front"
     sure = complete and bool(found["proven"])
-    asked = required.facts(results, study.scene.search, complete=complete, finished=study.driver.finished)
+    asked = required.facts(results, study.scene.search, complete=complete, finished=study.driver.finished, wide=wide)
     # A proof for the count under a required load factor is no proof for the front of λ.
     known = {**found, "proven": found["proven"] and not asked}
     every = front_rows(front, known, counts, complete=sure, aimed=aimed)
@@ -192,7 +193,7 @@ def write_tables(study: Study, reason: StopReason) -> Exploration:
     with whole_file(study.folder / "results.parquet") as fresh:
         results.to_parquet(fresh, index=False)
     write_text(study.folder / "pareto.csv", csv_of(front))
-    write_text(study.folder / tables.CONVERGENCE, csv_of(tables.convergence_table(study.records)))
+    write_text(study.folder / tables.CONVERGENCE, csv_of(tables.convergence_table(study.table_records)))
     write_text(study.folder / "columns.json", json.dumps(columns(real), indent=1, ensure_ascii=False))
     write_text(study.folder / "summary.json", json.dumps(found, indent=1))
     done = Exploration(study.scene, real, results, front, Summary.of(found), study.folder, reason, model)

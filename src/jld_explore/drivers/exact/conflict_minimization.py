@@ -11,12 +11,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.limit.case_relaxation import AnyRelaxation
 from jld_core.limit.dual_bounds import DualBound
 
 _TRIES: Final = 2
@@ -24,6 +23,20 @@ _TRIES: Final = 2
 
 Faces are tried in the order of their cost to the excess, least first.
 """
+
+
+class Refuting(Protocol):
+    """Relaxation that refutes λ of partial labellings and weighs mechanisms, by rigid blocks or by fields."""
+
+    def refute_all(
+        self, labellings: Bits, undecided: Bools, thresholds: Floats, thorough: Bools | None = None
+    ) -> list[DualBound | None]:
+        """Refute thresholds (k,) for partial labellings (k, m); see `Relaxation.refute_all`."""
+        ...
+
+    def weigh(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
+        """Evaluate known mechanisms of one load case; see `Relaxation.weigh`."""
+        ...
 
 
 class Evidence(IntEnum):
@@ -95,12 +108,14 @@ class Conflict:
         return self.faces.tobytes(), self.labels.tobytes()
 
 
-def conflict_of(relaxation: AnyRelaxation, labels: Bits, candidates: Bools, threshold: float) -> Conflict | None:
+def conflict_of(
+    relaxation: Refuting, labels: Bits, candidates: Bools, threshold: float, tries: int = _TRIES
+) -> Conflict | None:
     """Minimise one labelling to a conflict that refutes it.
 
     Parameters
     ----------
-    relaxation : Relaxation or CaseRelaxation
+    relaxation : Refuting
         Relaxation of the structure.
     labels : (m,) bool array
         Labels, True = dry.
@@ -108,6 +123,8 @@ def conflict_of(relaxation: AnyRelaxation, labels: Bits, candidates: Bools, thre
         Faces that may take either label.
     threshold : float
         Scaled λ that the labelling must not reach.
+    tries : int
+        Single faces that may be tried in vain.
 
     Returns
     -------
@@ -141,7 +158,7 @@ def conflict_of(relaxation: AnyRelaxation, labels: Bits, candidates: Bools, thre
             continue
         bound = min(found.bound, threshold)
         face = next((f for f in order.tolist() if f not in tried), None)
-        if face is None or vain >= _TRIES:
+        if face is None or vain >= tries:
             return _conflict(labels, decided, bound, found)
         tried.add(face)
         decided[face] = False

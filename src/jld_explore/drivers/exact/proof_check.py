@@ -16,8 +16,7 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats
-from jld_core.limit.case_relaxation import AnyRelaxation
-from jld_explore.drivers.exact.conflict_minimization import Conflict, Evidence
+from jld_explore.drivers.exact.conflict_minimization import Conflict, Evidence, Refuting
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.drivers.exact.proof_state import ProofState
@@ -101,7 +100,7 @@ class ProofCheck:
 
 
 def check_proof(
-    relaxation: AnyRelaxation,
+    relaxation: Refuting,
     space: SearchSpace,
     blocks: PossibleBlocks | None,
     free: Bools,
@@ -115,7 +114,7 @@ def check_proof(
 
     Parameters
     ----------
-    relaxation : Relaxation or CaseRelaxation
+    relaxation : Refuting
         Evaluates mechanisms.
     space : SearchSpace
         The search space of the claims.
@@ -157,7 +156,7 @@ def check_proof(
 class _Weighing:
     """Repeated evaluation of conflicts; `done` counts those that were evaluated again."""
 
-    def __init__(self, relaxation: AnyRelaxation, space: SearchSpace, free: Bools) -> None:
+    def __init__(self, relaxation: Refuting, space: SearchSpace, free: Bools) -> None:
         self._relaxation, self._free = relaxation, free
         # candidates outside every possible block are dry
         self._labels = space.fixed | (space.candidates & ~free)

@@ -1,0 +1,191 @@
+"""Searches by fields beside the race: the exact driver against enumeration, resuming, fronts and required factors."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import joblib
+import numpy as np
+import pandas as pd
+import pytest
+
+from cases import grid_document
+from jld_core import InputError, build_assembly, parse_scene
+from jld_core.fields.adaptive import CoarseBounds, FieldSetting
+from jld_core.fields.undecided import PartialUpperBound
+from jld_explore import Exploration, ExploreSettings, explore
+from jld_explore.drivers.field_conflicts import CONFLICTS_FILE
+from jld_explore.evaluation.refined_records import REFINED_FILE
+from jld_explore.space import search_space
+from jld_explore.study_state import Interrupted, Progress
+
+FIELDS: dict[str, Any] = {"kind": "fields", "gap": 0.1}
+PUSHED: list[dict[str, Any]] = [{"element": "c1r0", "force": [0, -1], "at": [0.15, 0.3]}]
+
+
+def document(**more: Any) -> dict[str, Any]:
+    """A wall of 2 × 3 cells of 0.1 m, weak enough to crack, pushed aside."""
+    return grid_document(["aa", "aa", "aa", "##"], tension=3e3, shear=3e3, block_cells=[1, 3]) | more
+
+
+def searched(folder: Path, cracks: Any = FIELDS, scene: dict[str, Any] | None = None, **more: Any) -> Exploration:
+    settings = ExploreSettings(**{"jobs": 1, "pictures": False, "small": 1000, **more})
+    return explore(parse_scene((scene or document()) | {"cracks": cracks}), folder, settings)
+
+
+@pytest.fixture(scope="module")
+def proven(tmp_path_factory: pytest.TempPathFactory) -> Exploration:
+    return searched(tmp_path_factory.mktemp("proven") / "out", driver="exact")
+
+
+def test_the_proof_agrees_with_the_race_of_all(proven: Exploration, tmp_path: Path) -> None:
+    """Both bracket the strongest layout, so that neither lower bound exceeds the other's bound."""
+    raced = searched(tmp_path / "out")
+    for one, other in ((proven, raced), (raced, proven)):
+        assert one.summary.best is not None
+        assert other.summary.bound is not None
+        assert one.summary.best <= other.summary.bound * (1 + 1e-9)
+    assert proven.summary["stop_reason"] == "proven"
+    assert proven.summary["proof_check"]["passed"]
+    assert proven.summary["proof_check"]["conflicts"] == proven.summary["proof_check"]["weighed"] > 0
+    assert proven.summary["race"]["decided"]
+    assert proven.summary["gap"] <= FIELDS["gap"]
+    both = raced.results.set_index("labelling").join(
+        proven.results.set_index("labelling"), rsuffix="_exact", how="inner"
+    )
+    assert len(both) > 5
+    assert (both["bracket_lo"] <= both["bracket_hi_exact"] * (1 + 1e-9)).all()
+    assert (both["bracket_lo_exact"] <= both["bracket_hi"] * (1 + 1e-9)).all()
+    assert proven.results["bracket_hi"].max() <= proven.summary.bound * (1 + 1e-9)
+
+
+def test_a_proof_does_not_depend_on_jobs(proven: Exploration, tmp_path: Path) -> None:
+    with joblib.parallel_config(backend="threading"):  # processes take seconds to start
+        other = searched(tmp_path / "out", driver="exact", jobs=2)
+    columns = [name for name in proven.results.columns if name != "seconds"]
+    pd.testing.assert_frame_equal(proven.results[columns], other.results[columns])
+    assert proven.summary.bound == other.summary.bound
+
+
+def test_an_interrupted_proof_is_resumed(proven: Exploration, tmp_path: Path) -> None:
+    """What was found before the interrupt is kept: evaluations, and conflicts with their velocity fields."""
+    told: list[Progress] = []
+
+    def stop(state: Progress) -> None:
+        told.append(state)
+        if len(told) > 1 and not np.isnan(state.bound):
+            raise Interrupted
+
+    settings = ExploreSettings(jobs=1, pictures=False, small=1000, driver="exact")
+    scene = parse_scene(document() | {"cracks": FIELDS})
+    with pytest.raises(Interrupted):
+        explore(scene, tmp_path / "out", settings, stop)
+    assert (tmp_path / "out" / CONFLICTS_FILE).exists()
+    done = searched(tmp_path / "out", driver="exact", resume=True)
+    assert done.summary["race"]["decided"]
+    assert done.summary.best is not None
+    assert proven.summary.bound is not None
+    assert done.summary.best <= proven.summary.bound * (1 + 1e-9)
+    assert done.summary["proof_check"]["passed"]
+    again = searched(tmp_path / "out", driver="exact", resume=True)
+    assert again.summary["bound"] <= done.summary["bound"] * (1 + 1e-9)
+
+
+def test_a_damaged_file_of_conflicts_is_named(tmp_path: Path) -> None:
+    searched(tmp_path / "out", driver="exact")
+    path = tmp_path / "out" / CONFLICTS_FILE
+    path.write_bytes(path.read_bytes()[:300])
+    with pytest.raises(InputError, match=r"conflicts\.npz.*damaged"):
+        searched(tmp_path / "out", driver="exact", resume=True)
+
+
+def test_a_race_is_resumed(tmp_path: Path) -> None:
+    """A race that time ended goes on from the bounds on record, and ends where one in one piece does."""
+    searched(tmp_path / "out", seconds=0.0, driver="enumeration")
+    done = searched(tmp_path / "out", resume=True, driver="enumeration")
+    whole = searched(tmp_path / "whole", driver="enumeration")
+    assert (tmp_path / "out" / REFINED_FILE).exists()
+    assert done.summary["race"]["decided"]
+    assert done.summary.best is not None
+    assert whole.summary.bound is not None
+    assert done.summary.best <= whole.summary.bound * (1 + 1e-9)
+    assert len(done.results) == len(whole.results)
+
+
+def test_a_required_factor_counts_by_the_lower_bound(tmp_path: Path) -> None:
+    """Layouts meet what their lower bound reaches; the best count among them is the least of all that meet it."""
+    plain = searched(tmp_path / "plain")
+    middle = float(plain.results["bracket_lo"].median())
+    required = document(search={"block_cells": [1, 3], "require": {"load_factor": middle}})
+    for driver in ("enumeration", "genetic"):
+        done = searched(tmp_path / driver, scene=required, driver=driver, budget=None)
+        table, facts = done.results, done.summary["require"]
+        assert (table["meets"] == (table["bracket_lo"] >= middle * (1 - 1e-6))).all()
+        assert facts["met"] == int(table["meets"].sum()) > 0
+        assert facts["best"] == table[table["meets"]][facts["count"]].min()
+    with pytest.raises(InputError, match="exact by fields"):
+        searched(tmp_path / "exact", scene=required, driver="exact")
+
+
+def test_a_front_is_refined_for_every_count(tmp_path: Path) -> None:
+    done = searched(tmp_path / "out", driver="genetic", options={"aim": "front"}, seed=3)
+    table = done.results
+    for count in sorted(set(table["dry_faces"])):
+        rivals = table[table["dry_faces"] <= count]
+        low = rivals["bracket_lo"].max()
+        own = table[table["dry_faces"] == count]["bracket_hi"].max()
+        assert own <= low / (1 - FIELDS["gap"]) * (1 + 1e-9) or np.isnan(low)
+
+
+def test_low_values_are_searched(tmp_path: Path) -> None:
+    """λ is that of the scene with low strengths; the best has its bound at nominal values beside."""
+    scene = document()
+    scene["materials"]["inner"]["tensile_strength"] = {"nominal": 4e3, "low": 3e3}
+    done = searched(tmp_path / "low", scene=scene, robust=True, driver="enumeration")
+    plain = searched(tmp_path / "plain", driver="enumeration")
+    assert done.summary.best == pytest.approx(plain.summary.best, rel=1e-9)
+    assert done.summary["best_nominal"] >= done.summary.best * (1 - 1e-9)
+
+
+def test_partial_bounds_enclose_those_of_every_labelling() -> None:
+    """Undecided faces: the bound of a partial labelling is no less than the lower bound of any that completes it."""
+    rng = np.random.default_rng(5)
+    for more in ({}, {"cohesion": 500.0}, {"crush_dry": 2e4}, {"inner_friction": 0.5, "crush_inner": 4e4}):
+        scene = parse_scene(grid_document(["aa", "aa", "##"], tension=3e3, shear=3e3, block_cells=[1, 4], **more))
+        assembly = build_assembly(scene)
+        space = search_space(scene, assembly)
+        setting = FieldSetting.of(assembly)
+        partial, coarse = PartialUpperBound(setting.problem(setting.coarse)), CoarseBounds(setting)
+        labels = rng.random(len(space.fixed)) < 0.5
+        labels[~space.candidates] = space.fixed[~space.candidates]
+        undecided = space.candidates & (rng.random(len(labels)) < 0.5)
+        found = partial.field(labels, undecided)
+        whole = partial.field(labels, np.zeros_like(undecided))
+        assert found is not None
+        assert whole is not None
+        # a whole labelling has the bound that the other route gives
+        assert whole.bound == pytest.approx(coarse.upper(labels)[0], rel=2e-3)
+        assert found.bound >= whole.bound * (1 - 2e-3)
+        assert partial.weigh(found.velocity).bound_of(labels, undecided) == found.bound
+        for _ in range(4):
+            other = np.where(undecided, rng.random(len(labels)) < 0.5, labels)
+            assert coarse.lower(other)[0] <= found.bound * (1 + 1e-9)
+            assert found.mechanism.bounds(other[None])[0] <= found.bound * (1 + 1e-12)
+            # the rise by one more undecided face is what was said
+            face = int(rng.choice(np.flatnonzero(space.candidates & ~undecided)))
+            more_open = undecided | (np.arange(len(labels)) == face)
+            rise = found.mechanism.bound_of(labels, more_open) - found.bound
+            assert rise == pytest.approx(found.mechanism.costs(labels)[face], abs=1e-9 * abs(found.bound)) or np.isinf(
+                rise
+            )
+
+
+def test_a_structure_that_falls_has_a_bound_below_zero() -> None:
+    """Blocks too weak for their own weight: one mechanism proves it for every labelling."""
+    scene = parse_scene(grid_document(["aa"] * 5 + ["##"], tension=100.0, shear=100.0, block_cells=[1, 3]))
+    assembly = build_assembly(scene)
+    space, setting = search_space(scene, assembly), FieldSetting.of(assembly)
+    found = PartialUpperBound(setting.problem(setting.coarse)).field(space.fixed, space.candidates)
+    assert found is not None
+    assert found.bound < 0.0
