@@ -129,6 +129,12 @@ class FieldStudy(Study):
             self._record(pool)
             self.records.close()
 
+    def _count(self, evaluations: list[Evaluation]) -> None:
+        """Report progress, with what refinement found beside the evaluations."""
+        if isinstance(self.driver, FieldExact) and self.driver.best >= 0.0:
+            self._best = float(np.fmax(self._best, self.driver.best))
+        super()._count(evaluations)
+
     def _until(self, deadline: Any) -> None:
         """Set the deadline of what follows."""
         self.deadline, self._end = deadline, deadline.end
@@ -139,7 +145,10 @@ class FieldStudy(Study):
 
     def _race(self, pool: FieldPool) -> None:
         """Refine the layouts of a pool as far as the aim of the search asks for."""
-        self.race = FieldRace(pool, self.gap, self._shown, self._aim(pool.labellings)).run()
+        try:
+            self.race = FieldRace(pool, self.gap, self._shown, self._aim(pool.labellings)).run()
+        finally:
+            pool.tasks.close()
 
     def _aim(self, labellings: Bits) -> RaceAim:
         """Return what a race of labellings (k, m) is to find out."""
@@ -159,7 +168,7 @@ class FieldStudy(Study):
         nothing = (math.nan, math.nan)
         bounds = np.array([known.get(key, nothing) for key in keys(labellings)]).reshape(-1, 2)
         pool = FieldPool(self.assembly, np.empty((0, labellings.shape[1]), dtype=bool), self.deadline)
-        pool.jobs = self.settings.jobs
+        pool.tasks.jobs = self.settings.jobs
         pool.add(labellings, bounds[:, 0], bounds[:, 1])
         return pool
 
@@ -173,16 +182,18 @@ class FieldStudy(Study):
         low, high = race.best
         bound = high if self._complete else self.bound
         gap = None
-        if bound is not None and math.isfinite(bound) and math.isfinite(low):
+        # a lower bound below zero is no λ of a layout that stands
+        if bound is not None and math.isfinite(bound) and low >= 0.0:
             gap = max((bound - low) / max(abs(bound), abs(low), 1e-300), 0.0)
         bound = _finite(bound)
         tied = int((results["rank"] == 1).sum())
         alone = self._complete and bound is not None and tied == 1 and race.rivals <= 1
+        falls = bound is not None and bound < 0.0
         return {
-            "proven": bool(alone),
+            "proven": bool(alone) or falls,
             "bound": bound,
             "gap": gap,
-            "next": None if alone else self._next(race, gap),
+            "next": None if alone or falls else self._next(race, gap),
             "race": {
                 "refined": race.refined,
                 "programs": race.programs,

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import cloudpickle
-import joblib
 import numpy as np
 import pandas as pd
 import pytest
@@ -20,6 +20,7 @@ from jld_core.fields import bounds_by_fields
 from jld_core.fields.adaptive import Fields, FieldSetting
 from jld_core.refinement.cells import crack_cells
 from jld_explore import Exploration, ExploreSettings, explore, read_folder
+from jld_explore.evaluation import task_pool
 from jld_explore.evaluation.field_evaluator import field_evaluation
 from jld_explore.evaluation.field_pool import FieldPool
 from jld_explore.evaluation.field_race import FieldRace
@@ -82,9 +83,9 @@ def test_the_words_of_a_race(raced: Exploration) -> None:
     assert "discretisation" in facts["next"] or raced.summary["proven"]
 
 
-def test_jobs_do_not_matter(raced: Exploration, tmp_path: Path) -> None:
-    with joblib.parallel_config(backend="threading"):  # processes take seconds to start
-        other = searched(tmp_path / "out", FIELDS, jobs=2)
+def test_jobs_do_not_matter(raced: Exploration, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(task_pool, "make_executor", ThreadPoolExecutor)  # processes take seconds to start
+    other = searched(tmp_path / "out", FIELDS, jobs=2)
     columns = [name for name in raced.results.columns if name != "seconds"]
     pd.testing.assert_frame_equal(raced.results[columns], other.results[columns])
 

@@ -5,6 +5,7 @@ What is loaded is weighed again, and its bound is what the weighing gives: nothi
 
 from __future__ import annotations
 
+import io
 import zipfile
 from dataclasses import fields, replace
 from pathlib import Path
@@ -84,7 +85,7 @@ def load_conflicts(folder: Path, proof: FieldProof) -> list[Conflict]:
     if not path.exists():
         return []
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
             content = {name: file[name] for name in file.files}
         found = _conflicts_in(content, proof)
     except (OSError, ValueError, KeyError, IndexError, zipfile.BadZipFile) as error:

@@ -125,6 +125,11 @@ class FieldExact(Driver):
         """Labellings whose meshes were refined, with their bounds."""
         return self._proof.pool
 
+    @property
+    def best(self) -> float:
+        """Largest governing factor that a layout is proven to carry, −inf without any."""
+        return self._proof.best
+
     def bounds_above(self, labellings: Bits) -> Floats:
         """Return upper bounds (k,) on the governing factor of labellings (k, m) that the conflicts prove."""
         if self.complaints:
@@ -174,7 +179,7 @@ class FieldExact(Driver):
 
     def set_workers(self, jobs: int) -> None:
         """Set the number of processes that refute and refine; see `Driver.set_workers`."""
-        self._proof.jobs = self._proof.pool.jobs = jobs
+        self._proof.pool.tasks.jobs = jobs
 
     def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
         """Set deadline and heartbeat, and take over the conflicts of a resumed study; see `Driver.start`."""
@@ -187,7 +192,8 @@ class FieldExact(Driver):
             self._proof.take(load_conflicts(self._folder, self._proof))
 
     def close(self) -> None:
-        """Save the conflicts; see `Driver.close`."""
+        """Stop the processes and save the conflicts; see `Driver.close`."""
+        self._proof.pool.tasks.close()
         if self._folder is not None and self._folder.is_dir():
             save_conflicts(self._folder, self._proof)
 

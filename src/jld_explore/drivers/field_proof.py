@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
-import joblib
 import numpy as np
 
 from jld_core.arrays import Bits, Floats, Ints
@@ -111,7 +110,7 @@ class FieldProof:
         self._known: dict[bytes, tuple[float, float]] = {}
         self._rows: dict[bytes, None] = {}
         self._rng = np.random.default_rng([seed, 3])
-        self.jobs, self.programs, self._drawn = 1, 0, 0
+        self.programs, self._drawn = 0, 0
         self.deadline = Deadline()
         self.restart()
 
@@ -310,11 +309,7 @@ class FieldProof:
             drawn.append(labels)
         levels = self._levels()
         tasks = [(self._setup, labels, self._aimed, levels) for labels in drawn]
-        if self.jobs == 1 or len(tasks) < 2:
-            found = [level_conflict(*task) for task in tasks]
-        else:
-            run = joblib.Parallel(n_jobs=min(self.jobs, len(tasks)))
-            found = run(joblib.delayed(level_conflict)(*task) for task in tasks)
+        found = self.pool.tasks.run(level_conflict, tasks)
         self.programs += sum(one.solves for one in found)
         for labels, one in zip(drawn, found, strict=True):
             for level in levels[: levels.index(one.level) + 1 if one.level >= 0 else None]:
@@ -375,5 +370,5 @@ class FieldProof:
         for key, low in zip(self._rows, self.pool.low().tolist(), strict=True):
             lows[key] = max(low, lows.get(key, -math.inf))
         stands = sorted((-low, key) for key, low in lows.items() if math.isfinite(low))[:_COMPARED]
-        rows = np.frombuffer(b"".join(key for _, key in stands), dtype=bool).reshape(len(stands), -1)
+        rows = np.frombuffer(b"".join(key for _, key in stands), dtype=bool).reshape(len(stands), len(self._free))
         return rows, np.array([-low for low, _ in stands])

@@ -5,6 +5,7 @@ What a task returns depends on its arguments alone, so that a proof does not dep
 
 from __future__ import annotations
 
+import threading
 import time
 from collections import OrderedDict
 from dataclasses import dataclass
@@ -27,7 +28,15 @@ _KEPT: Final = 4
 _TRIES: Final = 6
 """Single faces tried in vain before a conflict is accepted: conflicts have few faces, and each one less halves them."""
 
-_relaxations: OrderedDict[tuple[str, int], FieldRelaxation] = OrderedDict()
+
+class _Kept(threading.local):
+    """Relaxations of a thread, by proof and mesh, the one used last at the end."""
+
+    def __init__(self) -> None:
+        self.relaxations: OrderedDict[tuple[str, int], FieldRelaxation] = OrderedDict()
+
+
+_kept = _Kept()
 
 
 @dataclass(frozen=True)
@@ -113,13 +122,14 @@ def level_conflict(setup: ProofSetup, labels: Bits, threshold: float, levels: tu
 
 def _relaxation(setup: ProofSetup, level: int) -> FieldRelaxation:
     """Return the relaxation on one mesh, which this process keeps."""
-    name = setup.name, level
-    if name not in _relaxations:
-        _relaxations[name] = FieldRelaxation(setup.problems(level))
-        while len(_relaxations) > _KEPT:
-            _relaxations.popitem(last=False)
-    _relaxations[name].restart()
-    return _relaxations[name]
+    name, known = (setup.name, level), _kept.relaxations
+    if name not in known:
+        known[name] = FieldRelaxation(setup.problems(level))
+        while len(known) > _KEPT:
+            known.popitem(last=False)
+    known.move_to_end(name)
+    known[name].restart()
+    return known[name]
 
 
 @one_thread()

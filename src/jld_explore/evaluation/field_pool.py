@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-import joblib
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats
@@ -18,6 +17,7 @@ from jld_core.fields.adaptive import CoarseBounds, Fields, FieldSetting
 from jld_core.fields.mesh import Mesh
 from jld_core.fields.transfer import FieldMechanism, FieldStresses
 from jld_core.threads import one_thread
+from jld_explore.evaluation.task_pool import TaskPool
 
 TOGETHER: Final = 4
 """Layouts refined at a time, whatever the number of jobs, so that results do not depend on it."""
@@ -102,12 +102,14 @@ class FieldPool:
         Whether any was given up for lack of time.
     programs : int
         Number of cone programs solved.
+    tasks : TaskPool
+        Processes that refine; close it at the end.
     rate : float
         Time of a mesh over a power of its triangles, s.
     """
 
     def __init__(self, assembly: Assembly, labellings: Bits, deadline: Deadline | None = None, jobs: int = 1) -> None:
-        self.deadline, self.jobs = Deadline() if deadline is None else deadline, jobs
+        self.deadline, self.tasks = Deadline() if deadline is None else deadline, TaskPool(jobs)
         self.settings = [FieldSetting.of(case) for case in assembly.by_case]
         self._coarse: list[CoarseBounds] | None = None
         self.required = assembly.required
@@ -234,11 +236,7 @@ class FieldPool:
                 continue
             required, least = float(self.required[case]), float(enough[row])
             tasks.append((row, case, mesh, (self.settings[case], self.labellings[row], mesh, required, least, *more)))
-        if self.jobs == 1 or len(tasks) <= 1:
-            found = [step(*arguments) for *_, arguments in tasks]
-        else:
-            run = joblib.Parallel(n_jobs=min(self.jobs, len(tasks)))
-            found = run(joblib.delayed(step)(*arguments) for *_, arguments in tasks)
+        found = self.tasks.run(step, [arguments for *_, arguments in tasks])
         self.programs += 2 * len(tasks)
         for (row, case, mesh, _), one in zip(tasks, found, strict=True):
             self.rate = max(self.rate, one.seconds / len(mesh) ** _GROWTH)

@@ -6,6 +6,7 @@ coarsest mesh. Tables show the narrower bounds.
 
 from __future__ import annotations
 
+import io
 import zipfile
 from collections.abc import Sequence
 from typing import Final
@@ -52,7 +53,7 @@ class RefinedRecords:
     def _read(self) -> Rows:
         """Read the refined rows; raise InputError if they are not as they were written."""
         try:
-            with np.load(self._path, allow_pickle=False) as content:
+            with np.load(io.BytesIO(self._path.read_bytes()), allow_pickle=False) as content:
                 rows, made = np.asarray(content["rows"]), content["checksum"].tolist()
         except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
             raise damaged(self._path, str(error)) from None

@@ -105,7 +105,7 @@ class WorkerPool:
         if self._client is None:
             while len(self._seats) < self._jobs and self._left > 0:
                 self._left -= 1
-                self._seats.append(PoolWorker(_process()))
+                self._seats.append(PoolWorker(local_processes(1)))
             return []
         if time.monotonic() - self._looked < _LOOK:
             return []
@@ -152,9 +152,9 @@ def is_lost(error: BaseException) -> bool:
     return isinstance(error, _DEATHS) or type(error).__module__.startswith("distributed")
 
 
-def _process() -> ProcessPoolExecutor:
-    """Start the executor of one local process."""
-    return ProcessPoolExecutor(max_workers=1, initializer=_begin, initargs=(os.getpid(),), env=SINGLE_THREADED)
+def local_processes(count: int) -> ProcessPoolExecutor:
+    """Return an executor of local processes, which start with its first task."""
+    return ProcessPoolExecutor(max_workers=count, initializer=_begin, initargs=(os.getpid(),), env=SINGLE_THREADED)
 
 
 def _begin(parent: int) -> None:

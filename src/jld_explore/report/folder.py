@@ -17,6 +17,7 @@ from jld_core.files import require_writable, whole_file
 from jld_core.limit import LimitAnalysisResult
 from jld_core.scene.cracks import FieldCracks, cracks_to_json
 from jld_explore.drivers.choice import what_would_prove
+from jld_explore.drivers.field_conflicts import CONFLICTS_FILE
 from jld_explore.evaluation.records import RECORDS_FILE
 from jld_explore.evaluation.refined_records import REFINED_FILE
 from jld_explore.report import required, tables
@@ -45,7 +46,7 @@ BESIDE_FACES: Final = "--driver enumeration without a budget proves the best of 
 RESERVED: Final = frozenset(
     [
         *("scene.json", "summary.json", "columns.json", "results.parquet", "report.html", "results.csv", "pareto.csv"),
-        *("faces.csv", "blocks.csv", "convergence.csv", "experiments.csv", RECORDS_FILE, REFINED_FILE),
+        *("faces.csv", "blocks.csv", "convergence.csv", "experiments.csv", RECORDS_FILE, REFINED_FILE, CONFLICTS_FILE),
         *(f"{name}.png" for name in PICTURES),
     ]
 )
@@ -171,7 +172,7 @@ def write_tables(study: Study, reason: StopReason) -> Exploration:
     of_study = study.facts(results)
     found |= study.driver.facts(results, complete) | of_study
     # of wide brackets the first row is proven strongest only where it stands alone
-    found["proven"] &= not wide or int((results["rank"] == 1).sum()) == 1
+    found["proven"] &= not wide or int((results["rank"] == 1).sum()) <= 1
     aimed = study.driver.settings.get("aim") == "front"
     sure = complete and bool(found["proven"])
     asked = required.facts(results, study.scene.search, complete=complete, finished=study.driver.finished, wide=wide)
