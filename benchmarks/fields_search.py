@@ -23,7 +23,7 @@ from jld_explore import Exploration, explore
 GAP: Final = 0.05
 """Gap of the walls."""
 
-WIDE: Final = 0.04
+WIDE: Final = 0.08
 """Gap of the random scenes."""
 
 SLACK: Final = 1e-9
@@ -108,7 +108,7 @@ class Comparison:
     problem: str
 
 
-def compare(scene: Scene, seconds: float = 240.0) -> Comparison:
+def compare(scene: Scene, seconds: float = 60.0) -> Comparison:
     """Race all layouts of a scene, prove its best by the exact driver, and hold the two against each other."""
     try:
         raced, proven = (_searched(scene, driver, seconds) for driver in ("enumeration", "exact"))

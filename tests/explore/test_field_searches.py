@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -205,6 +205,50 @@ def test_partial_bounds_enclose_those_of_every_labelling() -> None:
             assert rise == pytest.approx(found.mechanism.costs(labels)[face], abs=1e-9 * abs(found.bound)) or np.isinf(
                 rise
             )
+
+
+def test_an_undecided_joint_bears_what_the_better_label_bears() -> None:
+    """Two cells lifted at the upper one: a dry joint leaves one weight to lift, an inner one both; undecided, both."""
+    lift = [{"element": "c0r0", "force": [0, 1]}]
+    scene = parse_scene(grid_document(["a", "a", "#"], tension=1e7, shear=1e7, live=lift, block_cells=[1, 2]))
+    assembly = build_assembly(scene)
+    space, setting = search_space(scene, assembly), FieldSetting.of(assembly)
+    partial = PartialUpperBound(setting.problem(setting.coarse))
+    weight, none = 1400.0 * 9.81 * 0.1**3, np.zeros_like(space.candidates)
+    for labels, undecided, cells in (
+        (space.fixed | space.candidates, none, 1.0),
+        (space.fixed & ~space.candidates, none, 2.0),
+        (space.fixed, space.candidates, 2.0),
+    ):
+        found = partial.field(labels, undecided)
+        assert found is not None
+        assert found.bound == pytest.approx(cells * weight, rel=1e-5)
+
+
+def test_a_wall_slides_on_its_support_whatever_its_labels() -> None:
+    """Strong cells under a horizontal body load: μ bounds all labellings, by one mechanism."""
+    scene = parse_scene(grid_document(["aa", "##"], tension=1e6, shear=1e6, friction=0.6, block_cells=[1, 2]))
+    assembly = build_assembly(scene)
+    space, setting = search_space(scene, assembly), FieldSetting.of(assembly)
+    found = PartialUpperBound(setting.problem(setting.coarse)).field(space.fixed, space.candidates)
+    assert found is not None
+    assert found.bound == pytest.approx(0.6, rel=1e-6)
+
+
+def test_a_task_whose_process_died_is_done_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Dying(ThreadPoolExecutor):
+        def submit(self, work: Any, *task: Any) -> Any:  # type: ignore[override]
+            future: Future[Any] = Future()
+            future.set_exception(TimeoutError())
+            return future
+
+    monkeypatch.setattr(task_pool, "make_executor", Dying)
+    pool = task_pool.TaskPool(2)
+    assert pool.run(divmod, [(7, 2), (9, 4)]) == [(3, 1), (2, 1)]
+    monkeypatch.setattr(task_pool, "make_executor", ThreadPoolExecutor)
+    with pytest.raises(ZeroDivisionError):
+        pool.run(divmod, [(7, 0), (9, 4)])
+    pool.close()
 
 
 def test_a_structure_that_falls_has_a_bound_below_zero() -> None:

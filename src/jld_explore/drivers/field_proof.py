@@ -360,6 +360,7 @@ class FieldProof:
         """End the proof and check it."""
         self.settled = True
         proof = self.relaxation, self.space, self._blocks, self._free, self.state
+        self.relaxation.forget()  # all mechanisms are weighed again
         claim = Claim(None, max(self.bound, 0.0))
         problem = "" if math.isfinite(self.bound) else "a layout has no upper bound"
         self.check = check_proof(*proof, [claim], self._strongest(), problem, self.deadline.elapsed())

@@ -7,6 +7,7 @@ A velocity field bounds λ of every labelling by a sum over faces, as mechanisms
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections import OrderedDict
 from collections.abc import Sequence
@@ -19,6 +20,7 @@ from jld_core.arrays import Bits, Bools, Floats
 from jld_core.deadline import checkpoint
 from jld_core.fields.adaptive import FieldSetting
 from jld_core.fields.mesh import Mesh
+from jld_core.fields.transfer import FieldMechanism
 from jld_core.fields.undecided import PartialUpperBound
 from jld_core.limit.dual_bounds import DualBound
 
@@ -75,6 +77,7 @@ class FieldRelaxation:
         self.problems = list(problems)
         self._order = list(range(len(problems)))
         self._asked = [PartialUpperBound(one.setting.problem(one.mesh)) for one in problems]
+        self._known: dict[tuple[int, bytes], FieldMechanism | None] = {}
         self._others: OrderedDict[int, PartialUpperBound] = OrderedDict()
 
     @property
@@ -180,10 +183,21 @@ class FieldRelaxation:
         """
         if not 0 <= case < len(self.problems):
             raise ValueError(f"case: there is no problem {case}; expected 0 to {len(self.problems) - 1}")
-        partial, required = self._of(case), self.problems[case].required
-        found = [partial.weigh(velocity) for velocity in velocities]
+        required = self.problems[case].required
+        found = [self.weighed(case, velocity) for velocity in velocities]
         rows = zip(found, labellings, undecided, strict=True)
         return np.array([math.inf if m is None else raised(m.bound_of(*part) / required) for m, *part in rows])
+
+    def weighed(self, number: int, velocity: Floats) -> FieldMechanism | None:
+        """Return what a mechanism of a problem dissipates; several conflicts rest on one, which is weighed once."""
+        key = number, hashlib.sha256(np.ascontiguousarray(velocity).tobytes()).digest()
+        if key not in self._known:
+            self._known[key] = self._of(number).weigh(velocity)
+        return self._known[key]
+
+    def forget(self) -> None:
+        """Forget what was weighed, so that all is weighed again."""
+        self._known.clear()
 
     def _of(self, number: int) -> PartialUpperBound:
         """Return the bounds of a problem; those that are only weighed are set up anew where they were dropped."""

@@ -25,8 +25,8 @@ from jld_explore.evaluation.field_pool import FieldStep, step_of
 _KEPT: Final = 4
 """Number of meshes whose programs a process keeps."""
 
-_TRIES: Final = 6
-"""Single faces tried in vain before a conflict is accepted: conflicts have few faces, and each one less halves them."""
+_TRIES: Final = 3
+"""Single faces tried in vain before a conflict is accepted."""
 
 
 class _Kept(threading.local):
