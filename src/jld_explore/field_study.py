@@ -210,7 +210,7 @@ class FieldStudy(Study):
                 within = gap is not None and gap <= self.gap
                 return finer if within else "the gap is of the discretisation: some layouts have the finest mesh"
             return "the gap is of the search: time ended the proof; more --seconds, with --resume, narrow the bound"
-        if not self._complete and not isinstance(self.driver, Enumeration):
+        if not self._complete and (self.settings.budget or not isinstance(self.driver, Enumeration)):
             ended = "" if race.decided else " and time ended refinement of those that were"
             return f"layouts that were not evaluated have no bound{ended}: --driver exact bounds all"
         if gap is None or not self._complete:

@@ -58,6 +58,7 @@ def refuse_beside_cracks(scene: Scene, settings: ExploreSettings, assembly: Asse
         ("certificate", settings.certificate is not None),
         ("experiment", settings.experiment is not None or settings.by_experiment),
         ("driver", isinstance(settings.driver, str) and settings.driver == Exact.name and not fields),
+        ("objective", settings.own_objective is not None and fields),
         ("search.void", scene.search.void is not None),
     ):
         if asked:

@@ -83,6 +83,7 @@ class FieldExact(Driver):
         self._heartbeat: Callable[[], None] = lambda: None
         self._before = Deadline()
         self._folder: Path | None = None
+        self._asked = False
         self._contradictions: list[str] = []
 
     @classmethod
@@ -205,6 +206,13 @@ class FieldExact(Driver):
 
     def ask(self, limit: int | None = None) -> Bits:
         """Return the next labellings (k, m) to evaluate, working on the proof until there are any; see `Driver.ask`."""
+        if not self._asked:
+            self._asked = True
+            self._proof.bound_all()
+            if self._proof.reached:
+                self._left = 1  # a study has one result
+        elif self._proof.reached:
+            self._left = 0
         if self._left > 0 and not self._before.passed():
             found = self._search.ask(self._left if limit is None else min(limit, self._left))
             self._left = self._left - len(found) if len(found) else 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 import uuid
 from collections.abc import Sequence
 from dataclasses import replace
@@ -41,8 +42,8 @@ _DRY: Final = 0.5
 _COMPARED: Final = 300
 """Number of the strongest labellings compared with all conflicts at the end of a proof."""
 
-_ROOT_PARTS: Final = (1, 2, 4)
-"""Parts of each edge of the coarsest mesh, for the meshes that bound all labellings at once."""
+_ROOT_PARTS: Final = (2, 4)
+"""Parts of each edge of the coarsest mesh, for the finer meshes that bound all labellings at once."""
 
 _LEVELS: Final = (1, 2)
 """Parts of each edge of the coarsest mesh, for the meshes on which all labellings are refuted."""
@@ -55,6 +56,9 @@ _RARELY: Final = 0.1
 
 _AGAIN: Final = 8
 """A mesh that is left out is still tried once in this number of batches."""
+
+_CAUTION: Final = 1.5
+"""Multiple of the longest batch of labellings that must be left of the time for another one."""
 
 _BELOW: Final = 1e-9
 """Relative distance from best / (1 − gap), below which the bound ends, that covers rounding of the gap."""
@@ -110,7 +114,7 @@ class FieldProof:
         self._known: dict[bytes, tuple[float, float]] = {}
         self._rows: dict[bytes, None] = {}
         self._rng = np.random.default_rng([seed, 3])
-        self.programs, self._drawn = 0, 0
+        self.programs, self._drawn, self._batch_seconds = 0, 0, 0.0
         self.deadline = Deadline()
         self.restart()
 
@@ -220,22 +224,32 @@ class FieldProof:
             self._aim()
 
     def _begin(self) -> None:
-        """Bound all labellings by one program, and put the best evaluated ones into the pool."""
+        """Bound all labellings on finer meshes, and put the best evaluated ones into the pool."""
         self._begun = True
-        labels = self._root_labels
-        nothing = np.empty(0, dtype=np.int64)
         for parts in _ROOT_PARTS:
-            if self.deadline.passed():
+            # four times the triangles take some ten times as long
+            if self.reached or self.deadline.remaining() < 10.0 * self._batch_seconds:
                 break
-            for case, setting in enumerate(self._setup.settings):
-                one = FieldProblem(setting, subdivide(setting.coarse, parts), self._setup.required[case])
-                found = FieldRelaxation([one]).refute(labels, self._free, self.bound)
-                if found is not None:
-                    mechanism = Mechanism(self.add_problem(case, one.mesh), found.velocity)
-                    self._add([Conflict(nothing, nothing.astype(bool), found.bound, mechanism=mechanism)])
-                    self.bound = found.bound
+            self.bound_all(parts)
         self._join([labels for labels in self._promising() if labels.tobytes() not in self._rows])
         self._aim()
+
+    def bound_all(self, parts: int = 1) -> None:
+        """Bound all labellings by one program for each load case, with edges of the coarsest mesh in some parts."""
+        start, nothing = time.perf_counter(), np.empty(0, dtype=np.int64)
+        for case, setting in enumerate(self._setup.settings):
+            one = FieldProblem(setting, subdivide(setting.coarse, parts), self._setup.required[case])
+            found = FieldRelaxation([one]).refute(self._root_labels, self._free, self.bound)
+            if found is not None:
+                mechanism = Mechanism(self.add_problem(case, one.mesh), found.velocity)
+                self._add([Conflict(nothing, nothing.astype(bool), found.bound, mechanism=mechanism)])
+                self.bound = found.bound
+        self._batch_seconds = time.perf_counter() - start
+
+    @property
+    def reached(self) -> bool:
+        """Whether the bound is as near to the best as the gap asks for, or no layout stands."""
+        return self.bound <= self._goal
 
     def _promising(self) -> list[Bits]:
         """Return the evaluated labellings of greatest lower bounds, of those alike one."""
@@ -307,9 +321,13 @@ class FieldProof:
                 break
             formula.set_aside(np.arange(len(labels)), labels)
             drawn.append(labels)
-        levels = self._levels()
+        if _CAUTION * self._batch_seconds > self.deadline.remaining():
+            self.stopped = True
+            return True
+        start, levels = time.perf_counter(), self._levels()
         tasks = [(self._setup, labels, self._aimed, levels) for labels in drawn]
         found = self.pool.tasks.run(level_conflict, tasks)
+        self._batch_seconds = max(self._batch_seconds, time.perf_counter() - start)
         self.programs += sum(one.solves for one in found)
         for labels, one in zip(drawn, found, strict=True):
             for level in levels[: levels.index(one.level) + 1 if one.level >= 0 else None]:
