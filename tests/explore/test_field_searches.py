@@ -138,6 +138,20 @@ def test_a_race_is_resumed(tmp_path: Path) -> None:
     assert len(done.results) == len(whole.results)
 
 
+def test_load_cases_are_proven_by_the_governing_factor(tmp_path: Path) -> None:
+    """The proof and the race of a small wall that is pushed either way, one way twice as hard."""
+    there, back = ({"name": name, "live": [{"body": [push, 0]}]} for name, push in (("there", 1), ("back", -1)))
+    scene = document(loads={"cases": [there | {"required": 2.0}, back]})
+    raced, done = (searched(tmp_path / driver, WIDE, scene=scene, driver=driver) for driver in ("enumeration", "exact"))
+    single = searched(tmp_path / "single", WIDE, driver="exact")
+    for one, other in ((raced, done), (done, raced)):
+        assert one.summary.best <= other.summary.bound * (1 + 1e-9)
+    assert done.summary["proof_check"]["passed"]
+    # the wall is symmetric, so that the case that is asked for twice governs
+    assert 2.0 * done.summary.best <= single.summary.bound * (1 + 1e-9)
+    assert single.summary.best <= 2.0 * done.summary.bound * (1 + 1e-9)
+
+
 def test_a_required_factor_counts_by_the_lower_bound(tmp_path: Path) -> None:
     """Layouts meet what their lower bound reaches; the best count among them is the least of all that meet it."""
     plain = searched(tmp_path / "plain", WIDE)
