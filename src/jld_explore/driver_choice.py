@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from typing import Final
 
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import InputError, ParameterError
+from jld_core.scene.cracks import FieldCracks
 from jld_explore.drivers import DRIVERS, Driver, make_driver
 from jld_explore.drivers.choice import driver_for
 from jld_explore.drivers.enumeration import Enumeration, size_up_to
+from jld_explore.drivers.field_exact import FieldExact
 from jld_explore.settings import ExploreSettings
 from jld_explore.space import SearchSpace
 
@@ -22,7 +25,12 @@ COUNTING: Final = 0.2
 
 
 def choose_driver(
-    space: SearchSpace, settings: ExploreSettings, deadline: Deadline | None = None, *, many: bool = False
+    space: SearchSpace,
+    settings: ExploreSettings,
+    deadline: Deadline | None = None,
+    *,
+    many: bool = False,
+    cracks_by_fields: FieldCracks | None = None,
 ) -> tuple[Driver, int | None]:
     """Choose the driver and count the classes of the space if it is small.
 
@@ -36,6 +44,8 @@ def choose_driver(
         Deadline of the search; a count that exceeds a share of it means a large space.
     many : bool
         Take no driver that proves by bounds on faces alone.
+    cracks_by_fields : FieldCracks, optional
+        Crack model of a search by fields, whose gap the exact driver proves the best to.
 
     Returns
     -------
@@ -64,7 +74,11 @@ def choose_driver(
         return wanted, known
     if wanted is None:
         many = many or settings.by_experiment or settings.experiment is not None or settings.own_objective is not None
-        make = partial(driver_for, space, settings.seed, settings.model, known, settings.options, many=many)
+        make: Callable[[], Driver] = partial(
+            driver_for, space, settings.seed, settings.model, known, settings.options, many=many
+        )
+    elif wanted == FieldExact.name and cracks_by_fields is not None:
+        make = partial(FieldExact.to_gap, cracks_by_fields.gap, space, settings.seed, settings.options)
     else:
         make = partial(make_driver, wanted, space, settings.seed, **settings.options)
     try:

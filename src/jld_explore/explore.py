@@ -26,7 +26,6 @@ from jld_core.threads import one_thread
 from jld_explore.driver_choice import CLASSES, choose_driver, nothing_found
 from jld_explore.drivers import Driver
 from jld_explore.drivers.choice import bound_of_all
-from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact.certifying import certify
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.evaluation import MakeEvaluator, evaluator_of
@@ -230,12 +229,13 @@ def _search(
     space = _space_of(scene, assembly, settings.driver)
     assembly = space.assembly if isinstance(settings.driver, Driver) else assembly
     settings = _affordable(assembly, settings, said)
-    chosen, total = choose_driver(space, settings, deadline, many=scene.cracks != "faces")
+    fields = scene.cracks if isinstance(scene.cracks, FieldCracks) else None
+    chosen, total = choose_driver(space, settings, deadline, many=scene.cracks != "faces", cracks_by_fields=fields)
     said.append(f"driver: {chosen.name}" + (f", {total} {CLASSES}" if total is not None else ""))
     if scene.cracks != "faces":
         said.append(f"cracks: {cracks_in_words(scene.cracks)}")
     refuse_unfit(scene, assembly, settings, chosen)
-    kind, make = _makers(scene, assembly, chosen, settings)
+    kind, make = _makers(scene, assembly, settings)
     if space.void is not None:
         refuse_beside_void(settings, chosen)
         assembly, make = space.assembly, VoidCellsEvaluator
@@ -287,26 +287,22 @@ def _certify(driver: Exact, scene: Scene, path: Path, done: Exploration) -> None
     certify(driver, scene, path, None if best is None or load is None else (from_string(best), load))
 
 
-def _makers(
-    scene: Scene, assembly: Assembly, driver: Driver, settings: ExploreSettings
-) -> tuple[type[Study], MakeEvaluator]:
+def _makers(scene: Scene, assembly: Assembly, settings: ExploreSettings) -> tuple[type[Study], MakeEvaluator]:
     """Return the kind of study and the evaluators that the objective and the crack model of a scene need."""
-    kind, make = _by_cracks(scene, assembly, driver, settings.budget)
+    kind, make = _by_cracks(scene, assembly)
     if settings.own_objective is not None:
         make = partial(OwnObjectiveEvaluator, settings.own_objective)
     return kind, make
 
 
-def _by_cracks(
-    scene: Scene, assembly: Assembly, driver: Driver, budget: int | None
-) -> tuple[type[Study], MakeEvaluator]:
+def _by_cracks(scene: Scene, assembly: Assembly) -> tuple[type[Study], MakeEvaluator]:
     """Return the kind of study and the evaluators that the crack model of a scene needs."""
     if isinstance(scene.cracks, CellCracks):
         cells = crack_cells(scene, assembly, scene.cracks.cell)
         # where no element is larger than a cell, the evaluators of the joint grid are the same and faster
         return Study, evaluator_of if cells.fine is assembly else MakeCellEvaluator(cells)
     if isinstance(scene.cracks, FieldCracks):
-        return FieldStudy if isinstance(driver, Enumeration) and not budget else Study, FieldEvaluator
+        return FieldStudy, FieldEvaluator
     return Study, evaluator_of
 
 

@@ -1,16 +1,25 @@
-"""Search a space whose layouts can be enumerated by a race of bounds by fields."""
+"""Search a space by bounds by fields: race all layouts, race the best that a driver found, or prove the strongest."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from jld_core.arrays import Bits
 from jld_core.scene.cracks import FieldCracks
+from jld_explore.drivers.enumeration import Enumeration
+from jld_explore.drivers.field_exact import FieldExact
+from jld_explore.evaluation import Evaluation
 from jld_explore.evaluation.field_evaluator import field_evaluation
+from jld_explore.evaluation.field_pool import FieldPool
 from jld_explore.evaluation.field_race import FieldRace, RaceResult
+from jld_explore.evaluation.race_aims import BestAim, FrontAim, RaceAim, RequirementAim
+from jld_explore.evaluation.ranking import front_counts
+from jld_explore.evaluation.refined_records import RefinedRecords
+from jld_explore.evaluation.rows import keys_of, statuses
+from jld_explore.space import keys, unpack
 from jld_explore.space.labelling import orbit_sizes
 from jld_explore.study import Study
 from jld_explore.study_state import Progress, StopReason
@@ -20,83 +29,195 @@ if TYPE_CHECKING:
 
     from jld_core.arrays import Floats
 
+_SEARCHED: Final = 0.6
+"""Share of a time limit in which a driver proposes layouts; in the rest the best of them race."""
+
+_UNSTABLE: Final = -float(np.finfo(float).tiny)
+"""Upper bound on λ of a layout on record that is known to fall whatever the load."""
+
 
 class FieldStudy(Study):
-    """Study whose layouts race: all are bounded together, and only what may be the strongest is refined.
+    """Study of a scene that cracks by fields.
 
-    Parameters and attributes are those of `Study`; the driver is exhaustive and the scene cracks by fields.
+    An exhaustive driver has all its layouts race: they are bounded together, and only what may be the strongest is
+    refined. The exact driver refines what its proof asks for. Other drivers search on the coarsest mesh, and the best
+    of what they found race at the end. Parameters and attributes are those of `Study`.
     """
 
     race: RaceResult | None = None
     _complete = False
+    _refined: RefinedRecords | None = None
+
+    @property
+    def gap(self) -> float:
+        """Relative gap that the scene asks for."""
+        cracks = self.scene.cracks
+        if not isinstance(cracks, FieldCracks):
+            raise RuntimeError("a study by fields needs a scene that cracks by fields")
+        return cracks.gap
+
+    @property
+    def table_records(self) -> RefinedRecords:
+        """Evaluations with the bounds of finer meshes."""
+        if self._refined is None:
+            self._refined = RefinedRecords(self.records)
+        return self._refined
 
     def run(self) -> StopReason:
-        """Enumerate all layouts, race them, and record the bounds of each.
+        """Search by the driver, and record the bounds of each layout.
 
         Returns
         -------
         StopReason
-            Exhausted where all layouts were enumerated and the race came to its end, else time.
+            Reason why the search ended, as `Study.run`.
 
         Raises
         ------
         Interrupted
             If a signal arrives; bounds known by then are recorded first.
         """
-        cracks = self.scene.cracks
-        assert isinstance(cracks, FieldCracks)
-        race: FieldRace | None = None
+        if isinstance(self.driver, Enumeration) and not self.settings.budget:
+            return self._run_all()
+        if isinstance(self.driver, FieldExact):
+            return self._run_proof(self.driver)
+        return self._run_search()
+
+    def _run_all(self) -> StopReason:
+        """Enumerate all layouts and race them."""
+        pool: FieldPool | None = None
         try:
             labellings = self._enumerated()
-            race = FieldRace(self.assembly, labellings, cracks.gap, self.deadline, self.settings.jobs, self._shown)
-            self.race = race.run()
+            pool = self._pool(labellings)
+            self._race(pool)
         finally:
             try:
-                if race is not None:
-                    self._record(race)
+                if pool is not None:
+                    self._record(pool)
             finally:
                 self.driver.close()
                 self.records.close()
         late = self.deadline.passed() or not self._complete
         return StopReason.TIME if late else StopReason.EXHAUSTED
 
+    def _run_search(self) -> StopReason:
+        """Search on the coarsest mesh, then race what was found."""
+        whole = self.deadline
+        if whole.limited:
+            self._until(whole.earlier((1.0 - _SEARCHED) * whole.remaining()))
+        reason = super().run()
+        self._until(whole)
+        self._complete = reason is StopReason.EXHAUSTED and self.driver.exhaustive
+        self._open_again()
+        pool = self._pool(unpack(self.records.rows["labelling"], len(self.assembly.interfaces)))
+        try:
+            self._race(pool)
+        finally:
+            self._record(pool)
+            self.records.close()
+        return reason
+
+    def _run_proof(self, driver: FieldExact) -> StopReason:
+        """Prove by the exact driver, and keep what its pool and its conflicts prove of each layout."""
+        try:
+            return super().run()
+        finally:
+            self._open_again()
+            pool = self._pool(unpack(self.records.rows["labelling"], len(self.assembly.interfaces)))
+            pool.take_from(driver.pool)
+            pool.cap(driver.bounds_above(pool.labellings))
+            self.race = FieldRace(pool, self.gap).result()
+            self._record(pool)
+            self.records.close()
+
+    def _count(self, evaluations: list[Evaluation]) -> None:
+        """Report progress, with what refinement found beside the evaluations."""
+        if isinstance(self.driver, FieldExact) and self.driver.best >= 0.0:
+            self._best = float(np.fmax(self._best, self.driver.best))
+        super()._count(evaluations)
+
+    def _until(self, deadline: Any) -> None:
+        """Set the deadline of what follows."""
+        self.deadline, self._end = deadline, deadline.end
+
+    def _open_again(self) -> None:
+        """Open the record that a finished search closed."""
+        self.records, self._refined = self.open_records(), None
+
+    def _race(self, pool: FieldPool) -> None:
+        """Refine the layouts of a pool as far as the aim of the search asks for."""
+        try:
+            self.race = FieldRace(pool, self.gap, self._shown, self._aim(pool.labellings)).run()
+        finally:
+            pool.tasks.close()
+
+    def _aim(self, labellings: Bits) -> RaceAim:
+        """Return what a race of labellings (k, m) is to find out."""
+        required = self.space.search.require
+        if required is not None:
+            return RequirementAim(required.threshold, front_counts(self.space, labellings)[:, 0])
+        if self.driver.settings.get("aim") == "front":
+            return FrontAim(front_counts(self.space, labellings))
+        return BestAim()
+
+    def _pool(self, labellings: Bits) -> FieldPool:
+        """Return a pool of labellings (k, m) with the bounds on record."""
+        rows = self.table_records.rows
+        unstable = statuses(rows) == "unstable"
+        high = np.where(unstable, _UNSTABLE, rows["high"])
+        known = dict(zip(keys_of(rows), zip(rows["low"].tolist(), high.tolist(), strict=True), strict=True))
+        nothing = (math.nan, math.nan)
+        bounds = np.array([known.get(key, nothing) for key in keys(labellings)]).reshape(-1, 2)
+        pool = FieldPool(self.assembly, np.empty((0, labellings.shape[1]), dtype=bool), self.deadline)
+        pool.tasks.jobs = self.settings.jobs
+        pool.add(labellings, bounds[:, 0], bounds[:, 1])
+        return pool
+
+    # --- what is told -----------------------------------------------------------------------------------
+
     def facts(self, results: pd.DataFrame) -> dict[str, Any]:
-        """Return what the race proves: the bound over all layouts, its gap, and whether one layout is the strongest."""
+        """Return what is proven: the bound over all layouts, its gap, and whether one layout is the strongest."""
         race = self.race
         if race is None:
             return {}
-        bound = _finite(float((race.high / self.assembly.required).min(axis=1).max(initial=-math.inf)))
-        bound = bound if self._complete else None
-        gap = _finite(race.gap) if self._complete else None
-        first = results[results["rank"] == 1]
-        alone = bound is not None and len(first) == 1 and not self._tied(race, first)
-        cracks = self.scene.cracks
-        assert isinstance(cracks, FieldCracks)
+        low, high = race.best
+        bound = high if self._complete else self.bound
+        gap = None
+        # a lower bound below zero is no λ of a layout that stands
+        if bound is not None and math.isfinite(bound) and low >= 0.0:
+            gap = max((bound - low) / max(abs(bound), abs(low), 1e-300), 0.0)
+        bound = _finite(bound)
+        tied = int((results["rank"] == 1).sum())
+        alone = self._complete and bound is not None and tied == 1 and race.rivals <= 1
+        falls = bound is not None and bound < 0.0
         return {
-            "proven": bool(alone),
+            "proven": bool(alone) or falls,
             "bound": bound,
             "gap": gap,
-            "next": None if alone else self._next(gap, cracks.gap),
+            "next": None if alone or falls else self._next(race, gap),
             "race": {
                 "refined": race.refined,
                 "programs": race.programs,
-                "decided": gap is not None and gap <= cracks.gap,
-                "tied": int((results["rank"] == 1).sum()),
+                "decided": gap is not None and gap <= self.gap,
+                "tied": tied,
             },
         }
 
-    def _tied(self, race: RaceResult, first: pd.DataFrame) -> bool:
-        """Return whether another layout may carry more than the first row is proven to."""
-        high = (race.high / self.assembly.required).min(axis=1)
-        return int((high >= float(first["bracket_lo"].iloc[0])).sum()) > 1
-
-    def _next(self, gap: float | None, wanted: float) -> str:
+    def _next(self, race: RaceResult, gap: float | None) -> str:
         """Say whether the gap that is left is of the discretisation or of the search, and what narrows it."""
-        if gap is None:
+        finer = f"the gap is of the discretisation: --cracks fields:{0.5 * self.gap:g} refines further"
+        if isinstance(self.driver, FieldExact):
+            if self.driver.finished:
+                within = gap is not None and gap <= self.gap
+                return finer if within else "the gap is of the discretisation: some layouts have the finest mesh"
+            return "the gap is of the search: time ended the proof; more --seconds, with --resume, narrow the bound"
+        if not self._complete and (self.settings.budget or not isinstance(self.driver, Enumeration)):
+            ended = "" if race.decided else " and time ended refinement of those that were"
+            return f"layouts that were not evaluated have no bound{ended}: --driver exact bounds all"
+        if gap is None or not self._complete:
             return "the gap is of the search: time ended it before all layouts were bounded; more --seconds bound them"
-        if self.deadline.passed() and gap > wanted:
+        if self.deadline.passed() and gap > self.gap:
             return "the gap is of the discretisation: time ended refinement; more --seconds narrow it"
-        return f"the gap is of the discretisation: --cracks fields:{0.5 * wanted:g} refines further"
+        return finer
 
     def _enumerated(self) -> Bits:
         """Return all layouts (k, m), those found in time where there are too many."""
@@ -122,16 +243,34 @@ class FieldStudy(Study):
         ends = (best if math.isfinite(best) else math.nan, bound if math.isfinite(bound) else math.nan)
         self.report(Progress(done, self.total, 0, ends[0], self.elapsed, ends[1], gap))
 
-    def _record(self, race: FieldRace) -> None:
-        """Record the bounds of all layouts."""
-        labellings, required = race.labellings, self.assembly.required
-        best = float(race.low().max(initial=-math.inf))
-        low, high = race.bounds
-        found = [field_evaluation(*ends, required, best=best) for ends in zip(low, high, strict=True)]
-        self.records.append(labellings, orbit_sizes(labellings, self.space.group).tolist(), found)
-        self.evaluated, self.solved = len(found), race.programs
+    def _record(self, pool: FieldPool) -> None:
+        """Record the bounds of all layouts of a pool: those that are new, and refined ones of the others."""
+        labellings, required = pool.labellings, self.assembly.required
+        low, most = pool.bounds[0], pool.high()[:, None] * required
+        enough = self._aim(labellings).enough(pool.low())
+        nominal = self._nominal(pool) if self.assembly.nominal is not None else [None] * len(labellings)
+        rows = zip(low, most, enough.tolist(), nominal, strict=True)
+        found: list[Evaluation] = [
+            field_evaluation(least, high, required, best=best, nominal=value) for least, high, best, value in rows
+        ]
+        sizes = orbit_sizes(labellings, self.space.group).tolist()
+        before = len(self.records)
+        self.records.append(labellings, sizes, found)
+        if before:
+            self.table_records.keep(labellings, sizes, found)
+        self.evaluated, self.solved = len(found), max(self.solved, pool.programs)
+
+    def _nominal(self, pool: FieldPool) -> list[float | None]:
+        """Return the lower bound of the best layout at nominal material values; NaN for the others."""
+        found: list[float | None] = [math.nan] * len(pool)
+        best = int(np.argmax(pool.low())) if len(pool) else -1
+        if best >= 0 and math.isfinite(pool.low()[best]):
+            alone = FieldPool(self.assembly.at_nominal, pool.labellings[[best]], self.deadline)
+            FieldRace(alone, self.gap).run()
+            found[best] = float(alone.low()[0])
+        return found
 
 
-def _finite(value: float) -> float | None:
+def _finite(value: float | None) -> float | None:
     """Return a number for JSON, None for one that is not finite."""
-    return value if math.isfinite(value) else None
+    return value if value is not None and math.isfinite(value) else None

@@ -13,6 +13,7 @@ from jld_core.scene.cracks import FieldCracks
 from jld_explore.drivers import Driver
 from jld_explore.drivers.exact.certifying import check_certifiable
 from jld_explore.drivers.exact.driver import Exact
+from jld_explore.drivers.field_exact import FieldExact
 from jld_explore.settings import ExploreSettings
 
 
@@ -56,11 +57,9 @@ def refuse_beside_cracks(scene: Scene, settings: ExploreSettings, assembly: Asse
     for option, asked in (
         ("certificate", settings.certificate is not None),
         ("experiment", settings.experiment is not None or settings.by_experiment),
-        ("robust", settings.robust and fields),
-        ("resume", settings.resume and fields),
-        ("driver", isinstance(settings.driver, str) and settings.driver == Exact.name),
+        ("driver", isinstance(settings.driver, str) and settings.driver == Exact.name and not fields),
+        ("objective", settings.own_objective is not None and fields),
         ("search.void", scene.search.void is not None),
-        ("search.require", scene.search.require is not None and fields),
     ):
         if asked:
             raise ParameterError(option, "it knows cracks by faces alone", 'a search without it, or "cracks": "faces"')
@@ -74,6 +73,8 @@ def refuse_unfit(scene: Scene, assembly: Assembly, settings: ExploreSettings, dr
     """
     if driver.modular and scene.cracks != "faces":
         raise ParameterError("driver", f"{driver.name} knows cracks by faces alone", "another driver")
+    if isinstance(driver, FieldExact) and not isinstance(scene.cracks, FieldCracks):
+        raise ParameterError("driver", "FieldExact proves by fields, and the scene cracks otherwise", "`Exact`")
     if driver.modular and not replace(settings.model, friction="associative").supports_bounds_over_labellings:
         raise ParameterError(
             "driver", f"{driver.name} has no bounds for this model", "convex contact on whole faces, uncoupled bending"

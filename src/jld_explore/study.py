@@ -29,6 +29,7 @@ from jld_explore.drivers.first import first_layout
 from jld_explore.evaluation import Evaluation, EvaluatorSettings, MakeEvaluator, Records, evaluator_of
 from jld_explore.evaluation.pruning import IncumbentFront
 from jld_explore.evaluation.recorded import PendingEvaluations, RecordedEvaluator
+from jld_explore.evaluation.refined_records import RefinedRecords
 from jld_explore.evaluation.worker_tasks import WorkerSpec
 from jld_explore.evaluation.workers import HANG_SECONDS, Workers
 from jld_explore.settings import ExploreSettings
@@ -125,6 +126,11 @@ class Study:
         own = self.settings.own_objective is not None
         values = len(self.assembly.cases) + (self.assembly.nominal is not None) + own
         return Records(self.folder, self.header, len(self.assembly.interfaces), values)
+
+    @property
+    def table_records(self) -> Records | RefinedRecords:
+        """Evaluations that tables show."""
+        return self.records
 
     @property
     def elapsed(self) -> float:

@@ -55,12 +55,13 @@ class Rows:
 
 @dataclass(frozen=True)
 class Answer:
-    """What the solver returned: point (columns,), multipliers (rows,), whether it is of use, its own status."""
+    """What the solver returned: point (columns,), multipliers (rows,), whether it is of use, status, objective."""
 
     point: Floats
     dual: Floats
     usable: bool
     status: str
+    value: float = np.nan
 
 
 class ConeProgram:
@@ -104,7 +105,7 @@ class ConeProgram:
         answer = self._solver.solve()
         status = str(answer.status)
         usable = status in ("Solved", "AlmostSolved", "InsufficientProgress", "MaxIterations")
-        return Answer(np.array(answer.x), np.array(answer.z), usable, status)
+        return Answer(np.array(answer.x), np.array(answer.z), usable, status, float(answer.obj_val))
 
 
 def _settings() -> Any:

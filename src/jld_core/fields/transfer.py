@@ -16,7 +16,7 @@ from jld_core.arrays import Bits, Bools, Floats
 from jld_core.fields.lower import LowerBound, StressField
 from jld_core.fields.upper import UpperBound, VelocityField
 
-_REPAIRED = (1e-7, 1e-9, 0.0)
+REPAIRED = (1e-7, 1e-9, 0.0)
 """Opening that a flow rule may lack, over the largest velocity, and that an opening motion makes good.
 
 The first that costs little is taken: where cells hardly open, their motion dissipates much.
@@ -61,6 +61,30 @@ class FieldMechanism:
         # sums in another order round differently
         size = abs(self.constant) + float((np.abs(dry) + np.abs(inner)).sum())
         return np.where(wrong.any(axis=1), np.inf, found + tolerances.SUMMATION * size)
+
+    def bound_of(self, labels: Bits, undecided: Bools) -> float:
+        """Return the upper bound on λ of all labellings that agree on the decided faces.
+
+        Parameters
+        ----------
+        labels : (m,) bool array
+            Labels, True = dry; ignored where undecided.
+        undecided : (m,) bool array
+            Faces that may have either label.
+
+        Returns
+        -------
+        float
+            Bound, inf where the mechanism proves none.
+        """
+        parts = np.where(undecided, np.maximum(self.dry, self.inner), np.where(labels, self.dry, self.inner))
+        size = abs(self.constant) + float(np.abs(parts).sum())
+        return self.constant + float(parts.sum()) + tolerances.SUMMATION * size
+
+    def costs(self, labels: Bits) -> Floats:
+        """Return the rise (m,) of the bound if a face with a label (m,) becomes undecided; inf where none remains."""
+        own, other = np.where(labels, self.dry, self.inner), np.where(labels, self.inner, self.dry)
+        return np.where(np.isfinite(own), np.maximum(other, own) - np.where(np.isfinite(own), own, 0.0), np.inf)
 
 
 @dataclass(frozen=True)
@@ -114,15 +138,18 @@ def mechanism_of(upper: UpperBound, field: VelocityField, labels: Bits) -> Field
         None where the live load does no work, or the blocks would dissipate without limit.
     """
     own = field.factor * upper.problem.units.load
-    for share in _REPAIRED:
-        found = _mechanism(upper, upper.repaired(field.velocity, share))
+    for share in REPAIRED:
+        found = weighed(upper, upper.repaired(field.velocity, share))
         if found is not None and found.bounds(labels[None])[0] <= own + _COST * abs(own):
             return found
     return None
 
 
-def _mechanism(upper: UpperBound, velocity: Floats) -> FieldMechanism | None:
-    """Weigh a velocity field (t, 3, 2) in the blocks, and on each face under both labels."""
+def weighed(upper: UpperBound, velocity: Floats) -> FieldMechanism | None:
+    """Weigh a velocity field (t, 3, 2) in the blocks, and on each face under both labels.
+
+    Returns None where the live load does no work, or the blocks would dissipate without limit.
+    """
     p, e = upper.problem, upper.problem.edges
     rates = upper.rates(velocity)
     allowance = upper.allowance(velocity)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jld_core import tolerances
-from jld_core.arrays import Bits, Floats, Ints
+from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.fields.conic import Answer
 from jld_core.fields.opening import opening_motion
 from jld_core.fields.problem import Problem
@@ -90,11 +90,12 @@ class UpperBound:
             return replace(found, factor=max(found.factor, _RAY))
         return found
 
-    def propose(self, labels: Bits) -> Answer:
-        """Return what the solver proposes."""
+    def propose(self, labels: Bits, undecided: Bools | None = None) -> Answer:
+        """Return what the solver proposes for labels (m,), of which some faces (m,) may be undecided."""
         if self._program is None:
             self._program = VelocityProgram(self.problem, self.live, self.dead)
-        return self._program.solve(self.problem.is_dry(labels))
+        either = None if undecided is None else self.problem.is_dry(undecided)
+        return self._program.solve(self.problem.is_dry(labels), either)
 
     def certify(self, velocity: Floats, labels: Bits) -> VelocityField | None:
         """Open a proposed field (t, 3, 2) until every flow rule holds, and compute the λ that it bounds.

@@ -49,6 +49,7 @@ class VelocityProgram:
         self._linear, self._cones = Rows(), Rows()
         self._owner: tuple[list[Ints], list[Ints]] = ([], [])
         self._when_dry: tuple[list[Bools], list[Bools]] = ([], [])
+        self._cohesive: list[Ints] = []
         self._columns = live.size
         self._costs: list[Floats] = []
         self._base = -dead.ravel().astype(float)
@@ -65,14 +66,23 @@ class VelocityProgram:
         matrix = sp.csr_array(sp.vstack([part.matrix(self._columns) for part in parts]))
         self._off_owner = np.concatenate([np.array([-1]), *self._owner[0], *self._owner[1]])
         self._off_dry = np.concatenate([np.array([False]), *self._when_dry[0], *self._when_dry[1]])
+        self._off_cohesion = np.zeros(len(self._off_dry), dtype=bool)
+        self._off_cohesion[1 + np.concatenate([np.empty(0, dtype=np.int64), *self._cohesive])] = True
         self._fixed = np.concatenate([self._base, *self._costs])
         rhs = np.concatenate([part.right for part in parts])
         sizes = (1, self._linear.count, self._cones.count // 3)
         self._program = ConeProgram(self._fixed, matrix, rhs, sizes)
 
-    def solve(self, dry: Bools) -> Answer:
-        """Solve with some edges (e,) dry."""
+    def solve(self, dry: Bools, undecided: Bools | None = None) -> Answer:
+        """Solve with some edges (e,) dry; undecided ones keep the flow rules of both labels and cost as inner ones.
+
+        Crushing of undecided joints costs as well; their cohesion does not, as cracks rarely dissipate less.
+        """
         off = (self._off_owner >= 0) & (dry[self._off_owner] != self._off_dry)
+        if undecided is not None:
+            either = (self._off_owner >= 0) & undecided[self._off_owner]
+            off = np.where(either, self._off_cohesion, off)
+            dry = dry & ~undecided
         objective = self._fixed.copy()
         for edge, column, cost in self._edge_costs:
             np.add.at(objective, column, np.where(dry[edge], 0.0, cost))
@@ -160,4 +170,5 @@ class VelocityProgram:
             self._rows([(stuck, -one)], 0.0, len(rows), None, False, False)
             for sign in (1.0, -1.0):
                 entries = [(c, sign * v) for c, v in slip] + [(stuck, -one)]
+                self._cohesive.append(self._linear.count + np.arange(len(rows)))
                 self._rows(entries, 0.0, len(rows), rows, True, False)

@@ -20,7 +20,13 @@ from jld_explore.evaluation.protocol import EvaluatorSettings, LabellingEvaluato
 
 
 def field_evaluation(
-    low: Floats, high: Floats, required: Floats, *, best: float = -math.inf, seconds: float = 0.0
+    low: Floats,
+    high: Floats,
+    required: Floats,
+    *,
+    best: float = -math.inf,
+    seconds: float = 0.0,
+    nominal: float | None = None,
 ) -> Evaluation:
     """Return the evaluation of a labelling from its bounds by fields.
 
@@ -34,6 +40,9 @@ def field_evaluation(
         Governing factor that another layout is proven to carry; one with a lower upper bound counts as pruned.
     seconds : float
         Time spent on the labelling, s.
+    nominal : float or None
+        Lower bound on the governing factor at nominal material values, NaN where it is not known; None without such
+        values.
 
     Returns
     -------
@@ -45,6 +54,9 @@ def field_evaluation(
     least, most = float(low[governing] / required[governing]), float((high / required).min())
     several = len(low) > 1
     cases = tuple(float(value) if math.isfinite(value) else math.nan for value in low) if several else ()
+    if nominal is not None:
+        # with nominal values the entries of load cases and then that value are expected
+        cases = (*cases, nominal if math.isfinite(nominal) else math.nan)
     case = governing if several else -1
     nan = math.nan
     low_end, high_end = (end if math.isfinite(end) else nan for end in (least, most))
@@ -64,7 +76,7 @@ class FieldEvaluator(LabellingEvaluator):
     Parameters
     ----------
     assembly : Assembly
-        Planar assembly.
+        Planar assembly, with low and nominal material values or with one value of each.
     settings : EvaluatorSettings
         Ignored: fields have one model.
     """
@@ -72,6 +84,9 @@ class FieldEvaluator(LabellingEvaluator):
     def __init__(self, assembly: Assembly, settings: EvaluatorSettings | None = None) -> None:
         self._coarse = [CoarseBounds(FieldSetting.of(case)) for case in assembly.by_case]
         self._required = assembly.required
+        self._nominal: list[CoarseBounds] | None = None
+        if assembly.nominal is not None:
+            self._nominal = [CoarseBounds(FieldSetting.of(case)) for case in assembly.at_nominal.by_case]
 
     def evaluate_all(
         self,
@@ -95,7 +110,14 @@ class FieldEvaluator(LabellingEvaluator):
         start = time.perf_counter()
         low = np.array([coarse.lower(labels)[0] for coarse in self._coarse])
         high = np.array([coarse.upper(labels)[0] for coarse in self._coarse])
-        return field_evaluation(low, high, self._required, seconds=time.perf_counter() - start)
+        nominal = None
+        if self._nominal is not None:
+            nominal = float(min(self._nominal_low(labels) / self._required))
+        return field_evaluation(low, high, self._required, seconds=time.perf_counter() - start, nominal=nominal)
+
+    def _nominal_low(self, labels: Bits) -> Floats:
+        """Return lower bounds (c,) on λ of one labelling (m,) at nominal material values."""
+        return np.array([coarse.lower(labels)[0] for coarse in self._nominal or ()])
 
 
 @dataclass(frozen=True)

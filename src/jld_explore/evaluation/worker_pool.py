@@ -124,7 +124,7 @@ class WorkerPool:
         if self._client is None:
             while len(self._workers) < self._jobs and self._starts_left > 0:
                 self._starts_left -= 1
-                self._workers.append(PoolWorker(_start_process()))
+                self._workers.append(PoolWorker(local_processes(1)))
             return []
         if time.monotonic() - self._queried_at < _QUERY_SECONDS:
             return []
@@ -213,9 +213,11 @@ class WorkerPool:
                 self.remove(worker)
 
 
-def _start_process() -> ProcessPoolExecutor:
-    """Start the executor of one local process."""
-    return ProcessPoolExecutor(max_workers=1, initializer=_init_process, initargs=(os.getpid(),), env=SINGLE_THREADED)
+def local_processes(count: int) -> ProcessPoolExecutor:
+    """Return an executor of local processes, which start with its first task."""
+    return ProcessPoolExecutor(
+        max_workers=count, initializer=_init_process, initargs=(os.getpid(),), env=SINGLE_THREADED
+    )
 
 
 def _init_process(parent: int) -> None:

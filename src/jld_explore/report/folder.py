@@ -16,7 +16,9 @@ from jld_core.files import require_folder, require_writable, whole_file, write_t
 from jld_core.limit import LimitAnalysisResult
 from jld_core.scene.cracks import FieldCracks, cracks_to_json
 from jld_explore.drivers.choice import what_would_prove
+from jld_explore.drivers.field_conflicts import CONFLICTS_FILE
 from jld_explore.evaluation.records import RECORDS_FILE
+from jld_explore.evaluation.refined_records import REFINED_FILE
 from jld_explore.report import required, tables
 from jld_explore.report.columns import columns, csv_of
 from jld_explore.report.evidence import front_rows, values_on, with_evidence
@@ -45,7 +47,7 @@ BESIDE_FACES: Final = "--driver enumeration without a budget proves the best of 
 RESERVED: Final = frozenset(
     [
         *("scene.json", "summary.json", "columns.json", "results.parquet", "report.html", "results.csv", "pareto.csv"),
-        *("faces.csv", "blocks.csv", "convergence.csv", "experiments.csv", RECORDS_FILE),
+        *("faces.csv", "blocks.csv", "convergence.csv", "experiments.csv", RECORDS_FILE, REFINED_FILE, CONFLICTS_FILE),
         *(f"{name}.png" for name in PICTURES),
     ]
 )
@@ -127,7 +129,7 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
     own = study.settings.own_objective
     wide = isinstance(study.scene.cracks, FieldCracks)
     results = tables.results_table(
-        study.records,
+        study.table_records,
         study.assembly,
         study.space,
         study.driver.name,
@@ -155,10 +157,10 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
     of_study = study.facts(results)
     found |= study.driver.facts(results, complete) | of_study
     # of wide brackets the first row is proven strongest only where it stands alone
-    found["proven"] &= not wide or int((results["rank"] == 1).sum()) == 1
+    found["proven"] &= not wide or int((results["rank"] == 1).sum()) <= 1
     aimed = study.driver.settings.get("aim") == "front"
     sure = complete and bool(found["proven"])
-    asked = required.facts(results, study.scene.search, complete=complete, finished=study.driver.finished)
+    asked = required.facts(results, study.scene.search, complete=complete, finished=study.driver.finished, wide=wide)
     # A proof for the count under a required load factor is no proof for the front of λ.
     known = {**found, "proven": found["proven"] and not asked}
     every = front_rows(front, known, counts, complete=sure, aimed=aimed)
@@ -177,7 +179,7 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
     with whole_file(study.folder / "results.parquet") as fresh:
         results.to_parquet(fresh, index=False)
     write_text(study.folder / "pareto.csv", csv_of(front))
-    write_text(study.folder / tables.CONVERGENCE, csv_of(tables.convergence_table(study.records)))
+    write_text(study.folder / tables.CONVERGENCE, csv_of(tables.convergence_table(study.table_records)))
     write_text(study.folder / "columns.json", json.dumps(columns(real), indent=1, ensure_ascii=False))
     write_text(study.folder / "summary.json", json.dumps(found, indent=1))
     done = Exploration(study.scene, real, results, front, Summary.of(found), study.folder, reason, model)

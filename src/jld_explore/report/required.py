@@ -43,17 +43,19 @@ def order(table: pd.DataFrame, search: Search) -> list[Floats]:
     return [np.where(met, _signed(table, search), 0.0), np.where(met, 0.0, 1.0)]
 
 
-def facts(table: pd.DataFrame, search: Search, *, complete: bool, finished: bool) -> dict[str, Any]:
+def facts(table: pd.DataFrame, search: Search, *, complete: bool, finished: bool, wide: bool = False) -> dict[str, Any]:
     """Return the entries of summary.json on the requirement: `require` and `proven`.
 
     `complete` is True if every class has been evaluated; `finished` is True if the driver's proof is complete.
+    With `wide` brackets a layout that has a load factor may reach more than it is proven to.
     """
     if search.require is None:
         return {}
     met, (count, sense) = table[table[COLUMN]], search.front.axes[0]
     sign = _signed(met, search)
     best = None if met.empty else met.iloc[int(np.argmin(sign))]
-    open_rows = table[~table[COLUMN] & table["status"].isin([str(Status.UNCERTIFIED), str(Status.FAILED)])]
+    open_status = [Status.UNCERTIFIED, Status.FAILED, *([Status.COLLAPSE] if wide else [])]
+    open_rows = table[~table[COLUMN] & table["status"].isin([str(status) for status in open_status])]
     high = open_rows["bracket_hi"].to_numpy(float)
     # Undecided layouts matter only if their count is better.
     may = ~(high < search.require.threshold) & (open_rows["settled"] != BOUND).to_numpy(bool)

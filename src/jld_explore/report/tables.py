@@ -18,6 +18,7 @@ from jld_core.tolerances import GAP
 from jld_explore.evaluation import Records
 from jld_explore.evaluation.evaluation import BOUND
 from jld_explore.evaluation.ranking import ORDER
+from jld_explore.evaluation.refined_records import RefinedRecords
 from jld_explore.evaluation.rows import load_factors, settled, statuses
 from jld_explore.report import required
 from jld_explore.report.front import on_front
@@ -62,7 +63,7 @@ def faces_table(assembly: Assembly, space: SearchSpace) -> pd.DataFrame:
 
 
 def results_table(
-    records: Records,
+    records: Records | RefinedRecords,
     assembly: Assembly,
     space: SearchSpace,
     driver: str,
@@ -77,7 +78,7 @@ def results_table(
 
     Parameters
     ----------
-    records : Records
+    records : Records or RefinedRecords
         Evaluations.
     assembly : Assembly
         Structure.
@@ -209,7 +210,7 @@ def front_table(results: pd.DataFrame, axes: Sequence[tuple[str, str]], *, wide:
     return front.drop_duplicates(list(names))
 
 
-def convergence_table(records: Records) -> pd.DataFrame:
+def convergence_table(records: Records | RefinedRecords) -> pd.DataFrame:
     """Return convergence.csv: the best λ so far at each improvement and at the end.
 
     Columns are solves, seconds of solver time summed over all workers, and best.

@@ -100,6 +100,8 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
         most += ", no layout carries more" if tried["none_better"] else ""
         carried = {"experiments": f"{tried['runs']}: {most}; {tried['not_standing']} do not stand"}
     ended = STOPPED[facts["stop_reason"]]
+    if "race" in facts and facts["stop_reason"] == "proven" and not facts["proven"]:
+        ended = "proven to the gap" if facts["race"]["decided"] else "nothing left to refine"
     # those of the assembly were printed when the search began
     complaints = [line for line in facts.get("warnings", []) if line not in done.assembly.warnings]
     once = f"those alike by symmetry once ({facts['labellings']} labellings)"

@@ -28,9 +28,8 @@ from jld_core import Assembly
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.batch import ConflictRequest
 from jld_core.batch.conflict_request import MinimizationOptions
-from jld_core.limit.case_relaxation import AnyRelaxation
 from jld_core.limit.dual_bounds import DualBound, MinimizedConflict
-from jld_explore.drivers.exact.context import SEED_STEP, ProofContext
+from jld_explore.drivers.exact.context import SEED_STEP, PartialLabellingRelaxation, ProofContext
 from jld_explore.drivers.exact.cubes import EVERYTHING, Cube
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.proof_state import Conflict, Mechanism
@@ -106,12 +105,18 @@ Faces are tried in the order of their cost to the excess, least first.
 """
 
 
-def conflict_of(relaxation: AnyRelaxation, labels: Bits, candidates: Bools, threshold: float) -> Conflict | None:
+def conflict_of(
+    relaxation: PartialLabellingRelaxation,
+    labels: Bits,
+    candidates: Bools,
+    threshold: float,
+    tries: int = _FAILED_TRIES,
+) -> Conflict | None:
     """Minimise one labelling to a conflict that refutes it.
 
     Parameters
     ----------
-    relaxation : Relaxation or CaseRelaxation
+    relaxation : PartialLabellingRelaxation
         Relaxation of the structure.
     labels : (m,) bool array
         Labels, True = dry.
@@ -119,6 +124,8 @@ def conflict_of(relaxation: AnyRelaxation, labels: Bits, candidates: Bools, thre
         Faces that may take either label.
     threshold : float
         Scaled λ that the labelling must not reach.
+    tries : int
+        Single faces that may be tried in vain.
 
     Returns
     -------
@@ -152,7 +159,7 @@ def conflict_of(relaxation: AnyRelaxation, labels: Bits, candidates: Bools, thre
             continue
         bound = min(found.bound, threshold)
         face = next((f for f in order.tolist() if f not in tried), None)
-        if face is None or failed >= _FAILED_TRIES:
+        if face is None or failed >= tries:
             return _conflict(labels, decided, bound, found)
         tried.add(face)
         decided[face] = False

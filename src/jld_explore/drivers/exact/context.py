@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Protocol
 
 import cloudpickle
 import numpy as np
 
-from jld_core.arrays import Bits, Bools
+from jld_core.arrays import Bits, Bools, Floats
 from jld_core.deadline import Deadline, DeadlinePassed, time_left
 from jld_core.limit import LimitAnalysis
 from jld_core.limit.case_relaxation import AnyRelaxation, relaxation_of
+from jld_core.limit.dual_bounds import DualBound
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks, possible_blocks
 from jld_explore.space import Count, SearchSpace
 
@@ -21,6 +22,44 @@ _LISTING_SHARE: Final = 0.3
 
 SEED_STEP: Final = 1000
 """Difference of the seeds of two threads or of two workers, so that each prefers other labels."""
+
+
+class PartialLabellingRelaxation(Protocol):
+    """Relaxation that bounds λ of partial labellings, by rigid blocks or by fields."""
+
+    def refute_all(
+        self, labellings: Bits, undecided: Bools, thresholds: Floats, thorough: Bools | None = None
+    ) -> list[DualBound | None]:
+        """Refute thresholds (k,) for partial labellings (k, m); see `Relaxation.refute_all`."""
+        ...
+
+    def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
+        """Evaluate known mechanisms of one load case; see `Relaxation.evaluate_mechanisms`."""
+        ...
+
+
+class CheckedProof(Protocol):
+    """What the check of a proof needs of its context: `ProofContext` has it, and so has a proof by fields."""
+
+    @property
+    def space(self) -> SearchSpace:
+        """The search space."""
+
+    @property
+    def blocks(self) -> PossibleBlocks | None:
+        """Possible blocks, where they are listed."""
+
+    @property
+    def free(self) -> Bools:
+        """Faces (m,) that may take either label in some labelling."""
+
+    @property
+    def relaxation(self) -> PartialLabellingRelaxation:
+        """Relaxation that refutes labellings and evaluates mechanisms."""
+
+    @property
+    def labels(self) -> Bits:
+        """Labels (m,) in which all free faces are undecided, True = dry."""
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats
-from jld_explore.drivers.exact.context import ProofContext
+from jld_explore.drivers.exact.context import CheckedProof
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.drivers.exact.proof_state import Conflict, Evidence, ProofState
@@ -100,7 +100,7 @@ class ProofCheck:
 
 
 def check_proof(
-    context: ProofContext,
+    context: CheckedProof,
     state: ProofState,
     claims: Sequence[Claim],
     evaluated: tuple[Bits, Floats],
@@ -111,7 +111,7 @@ def check_proof(
 
     Parameters
     ----------
-    context : ProofContext
+    context : ProofContext or FieldProofContext
         Space, possible blocks, free faces and relaxation of the proof.
     state : ProofState
         Conflicts and handed-over labellings.
@@ -147,7 +147,7 @@ def check_proof(
 class _ConflictCheck:
     """Repeated evaluation of conflicts; `done` counts those that were evaluated again."""
 
-    def __init__(self, context: ProofContext) -> None:
+    def __init__(self, context: CheckedProof) -> None:
         self._relaxation, self._free, self._labels = context.relaxation, context.free, context.labels
         self.done = 0
 

@@ -1,0 +1,138 @@
+"""Upper bounds of partial labellings: velocity fields for whatever labels undecided faces take.
+
+A face that may have either label dissipates at most the larger of what both labels dissipate, and is subject to the
+flow rules of both. Formulas: docs/method.md (9.15) and (9.16).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from jld_core.arrays import Bits, Bools, Floats
+from jld_core.fields.problem import Problem
+from jld_core.fields.settled import Settling
+from jld_core.fields.transfer import REPAIRED, FieldMechanism, weighed
+from jld_core.fields.upper import UpperBound
+
+_FAR: Final = (1e2, 1e4, 1e6)
+"""Multiples of a motion under the dead load alone that are added to a mechanism of the live load."""
+
+_COST: Final = 1e-3
+"""Relative distance from the solver's objective up to which a repaired field counts as good."""
+
+_LEAST: Final = -1.0
+"""Scaled bound below which the size of such a multiple is chance."""
+
+
+@dataclass(frozen=True)
+class WeighedField:
+    """Velocity field with the bound that it proves for a partial labelling.
+
+    Attributes
+    ----------
+    velocity : (t, 3, 2) float array
+        Velocities at the corners of the triangles, scaled.
+    mechanism : FieldMechanism
+        What the field dissipates, scene units of λ.
+    bound : float
+        λ that no labelling exceeds that agrees on the decided faces, scene units.
+    """
+
+    velocity: Floats
+    mechanism: FieldMechanism
+    bound: float
+
+
+class PartialUpperBound:
+    """Upper bounds on λ of partial labellings on one mesh.
+
+    Parameters
+    ----------
+    problem : Problem
+        The scaled problem on the mesh.
+
+    Attributes
+    ----------
+    solves : int
+        Number of programs solved.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self._upper = UpperBound(problem)
+        self._settling: Settling | None = None
+        self._weightless: PartialUpperBound | None = None
+        joints, material = problem.joints, problem.material
+        # the flow rule that asks for more opening is the one that undecided faces are moved onto
+        self._as_dry = (joints.friction >= material.friction) & np.isinf(joints.crushing)
+        self.solves = 0
+
+    def field(self, labels: Bits, undecided: Bools) -> WeighedField | None:
+        """Find the velocity field with the least bound for a partial labelling.
+
+        Parameters
+        ----------
+        labels : (m,) bool array
+            Labels, True = dry; ignored where undecided.
+        undecided : (m,) bool array
+            Faces that may have either label.
+
+        Returns
+        -------
+        WeighedField or None
+            None where no field with a finite bound was found.
+        """
+        p = self._upper.problem
+        self.solves += 1
+        answer = self._upper.propose(labels, undecided)
+        ray = answer.status == "DualInfeasible"
+        if not (answer.usable or ray):
+            return None
+        velocity = answer.point[: 6 * len(p.mesh)].reshape(-1, 3, 2)
+        if ray:
+            return self._along(velocity, labels, undecided)
+        wanted = (1.0 + _COST) * answer.value if answer.value > 0.0 else (1.0 - _COST) * answer.value
+        found = self._least(velocity, labels, undecided, wanted * p.units.load)
+        if found is not None and found.bound <= wanted * p.units.load:
+            return found
+        if self._settling is None:
+            self._settling = Settling(p)
+        own = np.where(undecided, self._as_dry, labels)
+        near = self._settling.settled(velocity, p.is_dry(own))
+        both = [found, self._least(near, labels, undecided, wanted * p.units.load)]
+        return min((one for one in both if one is not None), key=lambda one: one.bound, default=None)
+
+    def weigh(self, velocity: Floats) -> FieldMechanism | None:
+        """Compute what a velocity field (t, 3, 2) dissipates, without a solver; see `transfer.weighed`."""
+        return weighed(self._upper, velocity)
+
+    def _least(self, velocity: Floats, labels: Bits, undecided: Bools, enough: float) -> WeighedField | None:
+        """Return a velocity field (t, 3, 2), repaired as far as leads to a bound up to `enough`, else to the least."""
+        best: WeighedField | None = None
+        for share in REPAIRED:
+            moved = self._upper.repaired(velocity, share)
+            found = weighed(self._upper, moved)
+            bound = np.inf if found is None else found.bound_of(labels, undecided)
+            if found is not None and np.isfinite(bound) and (best is None or bound < best.bound):
+                best = WeighedField(moved, found, float(bound))
+                if bound <= enough:
+                    break
+        return best
+
+    def _along(self, ray: Floats, labels: Bits, undecided: Bools) -> WeighedField | None:
+        """Return a field of a partial labelling that falls under its dead load alone: a mechanism and much of a ray."""
+        p, size = self._upper.problem, float(abs(ray).max())
+        if self._weightless is None:
+            self._weightless = PartialUpperBound(replace(p, dead=np.zeros_like(p.dead)))
+        base = self._weightless.field(labels, undecided)
+        if base is None or not size > 0.0:
+            return None
+        ray = ray * (float(abs(base.velocity).max()) / size)
+        least = _LEAST * p.units.load
+        for far in _FAR:
+            found = self._least(base.velocity + far * ray, labels, undecided, least)
+            if found is not None and found.bound <= least:
+                return WeighedField(found.velocity, found.mechanism, least)
+        return None

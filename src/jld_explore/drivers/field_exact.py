@@ -1,0 +1,260 @@
+"""Prove the strongest layout of blocks that crack anywhere, to a gap, where a space cannot be enumerated.
+
+A velocity field bounds λ of every labelling by a sum over faces. A labelling that is proven too weak is therefore
+minimised to a conflict, as by rigid blocks (`drivers.exact`), and a formula is asked for labellings that no conflict
+rules out. On the coarsest mesh a labelling costs some hundredths of a second. One that this mesh does not refute is
+evaluated and joins a pool, whose meshes are refined until its own velocity field refutes it, or its own stress field
+makes it the strongest. A labelling whose bracket is as narrow as the gap is always refuted above best / (1 − gap), so
+that a formula without a model there proves the best to the gap. The proof is checked when it ends (`proof_check`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from jld_core.arrays import Bits, Floats
+from jld_core.deadline import Deadline, DeadlinePassed, time_left
+from jld_core.errors import ParameterError
+from jld_core.limit import Status
+from jld_explore.drivers.anneal import Anneal
+from jld_explore.drivers.base import Aim, Driver
+from jld_explore.drivers.exact.conflict_driver import ExactOptions
+from jld_explore.drivers.exact.possible_blocks import PossibleBlocks, possible_blocks
+from jld_explore.drivers.field_conflicts import load_conflicts, save_conflicts
+from jld_explore.drivers.field_proof import FieldProof
+from jld_explore.evaluation import Evaluation, Records
+from jld_explore.evaluation.field_pool import FieldPool
+from jld_explore.space import SearchSpace
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import pandas as pd
+
+_LISTING: Final = 0.3
+"""Largest share of the time left for listing the possible blocks; the formula works without the list."""
+
+_ANNEALED: Final = 0.25
+"""Largest share of a time limit for the labellings evaluated before the proof."""
+
+
+class FieldExact(Driver):
+    """Driver that proves the largest λ of a search space whose blocks crack anywhere, to a gap.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        The search space, of a planar assembly.
+    seed : int
+        Seed of the random choices.
+    aim : {"best"}
+        A front has no proof by fields.
+    gap : float
+        Relative distance between the best lower bound and the bound on all labellings at which the proof ends.
+    search : int
+        Labellings evaluated before the proof, per face that can change.
+
+    Raises
+    ------
+    InputError
+        If cells may be left out, a load factor is required, a front is aimed at, or the scene limits a count that no
+        formula expresses.
+    """
+
+    name = "exact"
+    remembers = True
+    checks = True
+    Options = ExactOptions
+
+    def __init__(
+        self, space: SearchSpace, seed: int = 0, aim: Aim = "best", *, gap: float = 0.05, search: int = 30
+    ) -> None:
+        super().__init__(space, seed)
+        if aim != "best":
+            raise ParameterError("aim", "exact by fields proves the strongest layout alone", "best, or another driver")
+        blocks = _listed(space)
+        _require_formula(space, blocks)
+        self._proof = FieldProof(space, blocks, seed, gap)
+        self._search, self._left = Anneal(space, seed), search * int(space.candidates.sum())
+        self._heartbeat: Callable[[], None] = lambda: None
+        self._before = Deadline()
+        self._folder: Path | None = None
+        self._asked = False
+        self._contradictions: list[str] = []
+
+    @classmethod
+    def to_gap(cls, gap: float, space: SearchSpace, seed: int, given: Mapping[str, Any]) -> FieldExact:
+        """Make a driver that proves to a gap.
+
+        Parameters
+        ----------
+        gap : float
+            Relative gap at which the proof ends.
+        space : SearchSpace
+            The search space.
+        seed : int
+            Seed of the random choices.
+        given : mapping of str to object
+            Options by name, None for the default; see `Driver.made`.
+
+        Returns
+        -------
+        FieldExact
+            The driver.
+
+        Raises
+        ------
+        InputError
+            If an option is unknown or has a wrong value, and as the class.
+        """
+        options = {key: value for key, value in given.items() if value is not None}
+        for key in options:
+            if key not in cls.Options.model_fields:
+                raise ParameterError(key, "the driver exact has no such option", "an option that it has")
+        driver = cls.made(space, seed, options)
+        driver._proof.gap = gap
+        return driver
+
+    # --- what is known ----------------------------------------------------------------------------------
+
+    @property
+    def pool(self) -> FieldPool:
+        """Labellings whose meshes were refined, with their bounds."""
+        return self._proof.pool
+
+    @property
+    def best(self) -> float:
+        """Largest governing factor that a layout is proven to carry, −inf without any."""
+        return self._proof.best
+
+    def bounds_above(self, labellings: Bits) -> Floats:
+        """Return upper bounds (k,) on the governing factor of labellings (k, m) that the conflicts prove."""
+        if self.complaints:
+            return np.full(len(labellings), np.inf)
+        return self._proof.bounds_above(labellings)
+
+    @property
+    def bound(self) -> float | None:
+        """Upper bound on the governing factor of all labellings; see `Driver.bound`."""
+        failed = self._proof.check is not None and not self._proof.check.passed
+        return None if failed or self._given_up or not math.isfinite(self._proof.bound) else self._proof.bound
+
+    @property
+    def finished(self) -> bool:
+        """Whether the proof ended and passed its check; see `Driver.finished`."""
+        return self._proof.check is not None and self._proof.check.passed
+
+    @property
+    def working(self) -> bool:
+        """Whether the proof goes on; see `Driver.working`."""
+        return not self._proof.settled and not self._given_up
+
+    @property
+    def _given_up(self) -> bool:
+        """Whether the proof was contradicted again after its restart."""
+        return len(self._contradictions) > 1
+
+    @property
+    def complaints(self) -> list[str]:
+        """Contradictions found, and a failed check of the proof; see `Driver.complaints`."""
+        check = self._proof.check
+        return [*self._contradictions, *([] if check is None or check.passed else [f"not proven: {check.problem}"])]
+
+    def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
+        """Return the cost of the proof and the result of its check; see `Driver.facts`."""
+        proof = self._proof
+        found: dict[str, Any] = {
+            "conflicts": len(proof.state.conflicts),
+            "relaxations": proof.programs + proof.pool.programs,
+        }
+        return found if proof.check is None else {**found, "proof_check": proof.check.to_dict()}
+
+    def withdraw(self, reason: str) -> None:
+        """Forget all conflicts and start the proof again; see `Driver.withdraw`."""
+        self._contradictions.append(reason)
+        self._proof.restart()
+
+    def set_workers(self, jobs: int) -> None:
+        """Set the number of processes that refute and refine; see `Driver.set_workers`."""
+        self._proof.pool.tasks.jobs = jobs
+
+    def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
+        """Set deadline and heartbeat, and take over the conflicts of a resumed study; see `Driver.start`."""
+        own = Deadline() if deadline is None else deadline.earlier(0.3)
+        self._proof.deadline = self._proof.pool.deadline = own
+        self._before = own.within(_ANNEALED * own.remaining())
+        self._heartbeat = heartbeat
+        if records is not None:
+            self._folder = records.folder
+            self._proof.take(load_conflicts(self._folder, self._proof))
+
+    def close(self) -> None:
+        """Stop the processes and save the conflicts; see `Driver.close`."""
+        self._proof.pool.tasks.close()
+        if self._folder is not None and self._folder.is_dir():
+            save_conflicts(self._folder, self._proof)
+
+    def restore(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
+        """Take over the evaluations of a resumed study; see `Driver.restore`."""
+        self._learn(labellings, evaluations)
+
+    # --- ask and tell -----------------------------------------------------------------------------------
+
+    def ask(self, limit: int | None = None) -> Bits:
+        """Return the next labellings (k, m) to evaluate, working on the proof until there are any; see `Driver.ask`."""
+        if not self._asked:
+            self._asked = True
+            self._proof.bound_all()
+            if self._proof.reached:
+                self._left = 1  # a study has one result
+        elif self._proof.reached:
+            self._left = 0
+        if self._left > 0 and not self._before.passed():
+            found = self._search.ask(self._left if limit is None else min(limit, self._left))
+            self._left = self._left - len(found) if len(found) else 0
+            if len(found):
+                return found
+        self._left = 0
+        proof = self._proof
+        while not proof.waiting and self.working and not proof.stopped and not proof.deadline.passed():
+            proof.work()
+            self._heartbeat()
+        count = len(proof.waiting) if limit is None else limit
+        given, proof.waiting = proof.waiting[:count], proof.waiting[count:]
+        return np.array(given, dtype=bool).reshape(len(given), len(self.space.fixed))
+
+    def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
+        """Take in evaluations of labellings (k, m) on the coarsest mesh; see `Driver.tell`."""
+        self._search.tell(labellings, evaluations)
+        self._learn(labellings, evaluations)
+
+    def _learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
+        """Keep the bounds of evaluated labellings."""
+        for labels, found in zip(labellings, evaluations, strict=True):
+            low = found.low if found.status is Status.COLLAPSE else -math.inf
+            self._proof.learn(labels, low, found.high if math.isfinite(found.high) else math.inf)
+
+
+def _listed(space: SearchSpace) -> PossibleBlocks | None:
+    """List the possible blocks of a space; None also if that takes too large a share of the time left."""
+    try:
+        with Deadline(_LISTING * time_left()).enforced():
+            return possible_blocks(space)
+    except DeadlinePassed:
+        return None
+
+
+def _require_formula(space: SearchSpace, blocks: PossibleBlocks | None) -> None:
+    """Raise InputError for what a proof by fields does not know."""
+    if space.void is not None:
+        raise ParameterError("driver", "exact proves nothing where cells may be left out", "enumeration or genetic")
+    if space.search.require is not None:
+        raise ParameterError("driver", "exact by fields proves the largest λ, no count of search.require", "genetic")
+    for count, _ in space.limits.on_counts:
+        terms = count.terms(space.assembly) if count.terms else None
+        if terms is None or (terms.blocks and blocks is None):
+            raise ParameterError("driver", f"exact by fields has no formula for the count {count.name}", "enumeration")

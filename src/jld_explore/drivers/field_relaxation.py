@@ -1,0 +1,245 @@
+"""Refute load factors of partial labellings by velocity fields, as the exact driver does by rigid blocks.
+
+A velocity field bounds λ of every labelling by a sum over faces, as mechanisms of rigid blocks do (docs/method.md
+(9.13), (9.15) and (9.16)). Conflicts, their minimisation and the check of a proof are therefore those of
+`drivers.exact`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from jld_core.arrays import Bits, Bools, Floats
+from jld_core.deadline import checkpoint
+from jld_core.fields.adaptive import FieldSetting
+from jld_core.fields.mesh import Mesh
+from jld_core.fields.transfer import FieldMechanism
+from jld_core.fields.undecided import PartialUpperBound
+from jld_core.limit.dual_bounds import DualBound
+from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
+from jld_explore.space import SearchSpace
+
+_ROUNDING: Final = 4.0 * float(np.finfo(float).eps)
+"""Relative amount by which bounds are raised on a change of units, so that they stay valid."""
+
+_KEPT: Final = 4
+"""Meshes, beside those that refute, whose problems are kept in memory."""
+
+
+@dataclass(frozen=True)
+class FieldProblem:
+    """Mesh on which velocity fields refute load factors under one load case.
+
+    Attributes
+    ----------
+    setting : FieldSetting
+        What all meshes of the load case have in common.
+    mesh : Mesh
+        The mesh, scene units.
+    required : float
+        Required factor of the load case.
+    """
+
+    setting: FieldSetting
+    mesh: Mesh
+    required: float
+
+
+class FieldRelaxation:
+    """Upper bounds on the governing factor of partial labellings by velocity fields.
+
+    Bounds and thresholds are governing factors in scene units. A mechanism belongs to a **problem**: a load case on one
+    mesh. The first problems are asked for refutations, in the order in which they refuted most; those that were added
+    later only weigh mechanisms.
+
+    Parameters
+    ----------
+    problems : sequence of FieldProblem
+        Problems that are asked, at least one.
+
+    Attributes
+    ----------
+    problems : list of FieldProblem
+        All problems; `Mechanism.case` and `DualBound.case` are their positions.
+    solves : int
+        Number of programs solved.
+    """
+
+    many = False
+    unit = 1.0
+
+    def __init__(self, problems: Sequence[FieldProblem]) -> None:
+        self.problems = list(problems)
+        self._order = list(range(len(problems)))
+        self._asked = [PartialUpperBound(one.setting.problem(one.mesh)) for one in problems]
+        self._known: dict[tuple[int, bytes], FieldMechanism | None] = {}
+        self._others: OrderedDict[int, PartialUpperBound] = OrderedDict()
+
+    @property
+    def solves(self) -> int:
+        """Number of programs solved for refutations."""
+        return sum(one.solves for one in self._asked)
+
+    def restart(self) -> None:
+        """Ask the problems in their first order again, so that answers do not depend on earlier ones."""
+        self._order = list(range(len(self._asked)))
+
+    def add(self, problem: FieldProblem) -> int:
+        """Add a problem whose mechanisms are to be weighed; return its position."""
+        self.problems.append(problem)
+        return len(self.problems) - 1
+
+    def refute(self, labels: Bits, undecided: Bools, threshold: float = math.inf) -> DualBound | None:
+        """Refute a governing factor for all labellings that agree on the decided faces.
+
+        Parameters
+        ----------
+        labels : (m,) bool array
+            Labels, True = dry; ignored where undecided.
+        undecided : (m,) bool array
+            Faces that may have either label.
+        threshold : float
+            Governing factor to refute.
+
+        Returns
+        -------
+        DualBound or None
+            Mechanism of the first problem that proves it; None where no proof is found.
+        """
+        for place, number in enumerate(self._order):
+            checkpoint()
+            found = self._asked[number].field(labels, undecided)
+            if found is None:
+                continue
+            required = self.problems[number].required
+            bound = raised(found.bound / required)
+            if bound < threshold:
+                if place:
+                    self._order.remove(number)
+                    self._order.insert(0, number)
+                cost = np.where(undecided, 0.0, found.mechanism.costs(labels) / required)
+                return DualBound(threshold - bound, cost, bound, found.velocity, number)
+        return None
+
+    def refute_all(
+        self, labellings: Bits, undecided: Bools, thresholds: Floats, thorough: Bools | None = None
+    ) -> list[DualBound | None]:
+        """Refute governing factors of many partial labellings one by one; see `refute`.
+
+        Parameters
+        ----------
+        labellings, undecided : (k, m) bool arrays
+            Labels, True = dry, and faces that may have either.
+        thresholds : (k,) float array
+            Governing factors to refute.
+        thorough : (k,) bool array or None
+            Ignored: there is one solver.
+
+        Returns
+        -------
+        list of DualBound or None
+            One entry for each labelling.
+        """
+        return [self.refute(*one) for one in zip(labellings, undecided, thresholds.tolist(), strict=True)]
+
+    def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
+        """Return the mechanism of any problem with the least bound for a partial labelling (m,), None without any."""
+        best: DualBound | None = None
+        for number, partial in enumerate(self._asked):
+            found = partial.field(labels, undecided)
+            required = self.problems[number].required
+            bound = math.inf if found is None else raised(found.bound / required)
+            if found is not None and (best is None or bound < best.bound):
+                cost = np.where(undecided, 0.0, found.mechanism.costs(labels) / required)
+                best = DualBound(math.inf, cost, bound, found.velocity, number)
+        return best
+
+    def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
+        """Compute again, without a solver, what mechanisms of one problem prove.
+
+        Parameters
+        ----------
+        case : int
+            Position of the problem.
+        velocities : (k, t, 3, 2) float array
+            Mechanisms, scaled.
+        labellings, undecided : (k, m) bool arrays
+            Labels, True = dry, and faces that may have either.
+
+        Returns
+        -------
+        (k,) float array
+            Governing factors that no labelling exceeds that agrees where decided; inf where a mechanism proves none.
+
+        Raises
+        ------
+        ValueError
+            If the problem does not exist.
+        """
+        if not 0 <= case < len(self.problems):
+            raise ValueError(f"case: there is no problem {case}; expected 0 to {len(self.problems) - 1}")
+        required = self.problems[case].required
+        found = [self.weighed(case, velocity) for velocity in velocities]
+        rows = zip(found, labellings, undecided, strict=True)
+        return np.array([math.inf if m is None else raised(m.bound_of(*part) / required) for m, *part in rows])
+
+    def weighed(self, number: int, velocity: Floats) -> FieldMechanism | None:
+        """Return what a mechanism of a problem dissipates; several conflicts rest on one, which is weighed once."""
+        key = number, hashlib.sha256(np.ascontiguousarray(velocity).tobytes()).digest()
+        if key not in self._known:
+            self._known[key] = self._of(number).weigh(velocity)
+        return self._known[key]
+
+    def forget(self) -> None:
+        """Forget what was weighed, so that all is weighed again."""
+        self._known.clear()
+
+    def _of(self, number: int) -> PartialUpperBound:
+        """Return the bounds of a problem; those that are only weighed are set up anew where they were dropped."""
+        if number < len(self._asked):
+            return self._asked[number]
+        if number not in self._others:
+            one = self.problems[number]
+            self._others[number] = PartialUpperBound(one.setting.problem(one.mesh))
+            while len(self._others) > _KEPT:
+                self._others.popitem(last=False)
+        return self._others[number]
+
+
+def raised(bound: float) -> float:
+    """Raise a bound by the rounding of a change of units."""
+    return bound + abs(bound) * _ROUNDING if math.isfinite(bound) else bound
+
+
+@dataclass(frozen=True)
+class FieldProofContext:
+    """What never changes during a proof by fields, for its check.
+
+    Attributes
+    ----------
+    relaxation : FieldRelaxation
+        Relaxation that refutes labellings and evaluates mechanisms.
+    space : SearchSpace
+        The search space.
+    blocks : PossibleBlocks or None
+        Possible blocks, where they are listed.
+    free : (m,) bool array
+        Faces that may take either label in some labelling.
+    """
+
+    relaxation: FieldRelaxation
+    space: SearchSpace
+    blocks: PossibleBlocks | None
+    free: Bools
+
+    @property
+    def labels(self) -> Bits:
+        """Labels (m,) in which all free faces are undecided, True = dry."""
+        return np.asarray(self.space.fixed | (self.space.candidates & ~self.free))

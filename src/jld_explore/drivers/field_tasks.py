@@ -1,0 +1,182 @@
+"""Tasks of a proof by fields that processes share: conflicts on the coarsest mesh, and on a mesh refined for a layout.
+
+What a task returns depends on its arguments alone, so that a proof does not depend on the number of processes.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import OrderedDict
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from jld_core.arrays import Bits, Bools
+from jld_core.fields.adaptive import Fields, FieldSetting
+from jld_core.fields.mesh import Mesh, subdivide
+from jld_core.fields.transfer import weighed
+from jld_core.threads import one_thread
+from jld_explore.drivers.exact.conflict_generation import conflict_of
+from jld_explore.drivers.exact.proof_state import Conflict, Mechanism
+from jld_explore.drivers.field_relaxation import FieldProblem, FieldRelaxation, raised
+from jld_explore.evaluation.field_pool import FieldStep, step_of
+
+_KEPT: Final = 4
+"""Number of meshes whose programs a process keeps."""
+
+_TRIES: Final = 3
+"""Single faces tried in vain before a conflict is accepted."""
+
+
+class _Kept(threading.local):
+    """Relaxations of a thread, by proof and mesh, the one used last at the end."""
+
+    def __init__(self) -> None:
+        self.relaxations: OrderedDict[tuple[str, int], FieldRelaxation] = OrderedDict()
+
+
+_kept = _Kept()
+
+
+@dataclass(frozen=True)
+class ProofSetup:
+    """What all tasks of a proof have in common.
+
+    Attributes
+    ----------
+    name : str
+        Name of the proof, unlike that of any other.
+    settings : tuple of FieldSetting
+        Setting of each load case.
+    required : tuple of float
+        Required factor of each load case.
+    free : (m,) bool array
+        Faces that may take either label.
+    levels : tuple of int
+        Parts of each edge of the coarsest mesh, for each mesh that all labellings share; the coarsest is first.
+    """
+
+    name: str
+    settings: tuple[FieldSetting, ...]
+    required: tuple[float, ...]
+    free: Bools
+    levels: tuple[int, ...]
+
+    def problems(self, level: int) -> list[FieldProblem]:
+        """Return the problems of all load cases on one of the meshes that all labellings share."""
+        pairs = zip(self.settings, self.required, strict=True)
+        parts = self.levels[level]
+        return [FieldProblem(setting, subdivide(setting.coarse, parts), required) for setting, required in pairs]
+
+
+@dataclass(frozen=True)
+class LevelConflict:
+    """Result of minimising a labelling on the meshes that all labellings share.
+
+    Attributes
+    ----------
+    level : int
+        Position of the mesh that refutes it, −1 where none does.
+    conflict : Conflict or None
+        The conflict, with a mechanism of that mesh.
+    solves : int
+        Programs solved.
+    """
+
+    level: int
+    conflict: Conflict | None
+    solves: int
+
+
+@one_thread()
+def level_conflict(setup: ProofSetup, labels: Bits, threshold: float, levels: tuple[int, ...]) -> LevelConflict:
+    """Minimise a labelling on the first mesh that refutes a factor.
+
+    Parameters
+    ----------
+    setup : ProofSetup
+        The proof.
+    labels : (m,) bool array
+        Labels, True = dry.
+    threshold : float
+        Governing factor to refute.
+    levels : tuple of int
+        Meshes to try, by their positions in `setup.levels`, in this order.
+
+    Returns
+    -------
+    LevelConflict
+        Conflict of the first of these meshes that refutes the labelling.
+    """
+    solves = 0
+    for level in levels:
+        relaxation = _relaxation(setup, level)
+        before = relaxation.solves
+        found = conflict_of(relaxation, labels, setup.free, threshold, _TRIES)
+        solves += relaxation.solves - before
+        if found is not None:
+            return LevelConflict(level, found, solves)
+    return LevelConflict(-1, None, solves)
+
+
+def _relaxation(setup: ProofSetup, level: int) -> FieldRelaxation:
+    """Return the relaxation on one mesh, which this process keeps."""
+    name, known = (setup.name, level), _kept.relaxations
+    if name not in known:
+        known[name] = FieldRelaxation(setup.problems(level))
+        while len(known) > _KEPT:
+            known.popitem(last=False)
+    known.move_to_end(name)
+    known[name].restart()
+    return known[name]
+
+
+@one_thread()
+def refuting_step(
+    setting: FieldSetting, labels: Bits, mesh: Mesh, required: float, enough: float, free: Bools, over: float
+) -> FieldStep:
+    """Solve on one mesh as `refined_step`, and minimise the labelling if its velocity field refutes a factor.
+
+    Parameters
+    ----------
+    setting : FieldSetting
+        Setting of the load case.
+    labels : (m,) bool array
+        Labels, True = dry.
+    mesh : Mesh
+        The mesh.
+    required : float
+        Required factor of the load case.
+    enough : float
+        Governing factor below which no lower bound is asked for.
+    free : (m,) bool array
+        Faces that may take either label.
+    over : float
+        Governing factor to refute.
+
+    Returns
+    -------
+    FieldStep
+        With a conflict as what it adds: that of a refuted labelling, else the bound of the labelling alone, or None.
+    """
+    start = time.perf_counter()
+    fields = Fields.on(setting, mesh, labels, enough * required)
+    conflict = None
+    if fields.bounds[1] < over * required:
+        relaxation = FieldRelaxation([FieldProblem(setting, mesh, required)])
+        conflict = conflict_of(relaxation, labels, free, over, tries=0)
+    return step_of(fields, start, _whole(fields, required, free) if conflict is None else conflict)
+
+
+def _whole(fields: Fields, required: float, free: Bools) -> Conflict | None:
+    """Return what a velocity field proves of its own labelling alone, as a conflict of all its labels."""
+    if fields.velocity is None:
+        return None
+    found = weighed(fields.upper, fields.velocity.velocity)
+    bound = np.inf if found is None else found.bound_of(fields.labels, np.zeros_like(free)) / required
+    if not np.isfinite(bound):
+        return None
+    faces = np.flatnonzero(free)
+    return Conflict(faces, fields.labels[faces], raised(bound), mechanism=Mechanism(0, fields.velocity.velocity))

@@ -1,0 +1,264 @@
+"""Pool of layouts bounded by fields: every field that one of them asks for bounds the others too."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from jld_core.arrays import Bits, Bools, Floats
+from jld_core.assembly import Assembly
+from jld_core.deadline import Deadline
+from jld_core.fields.adaptive import CoarseBounds, Fields, FieldSetting
+from jld_core.fields.mesh import Mesh
+from jld_core.fields.transfer import FieldMechanism, FieldStresses
+from jld_core.threads import one_thread
+from jld_explore.evaluation.field_time import mesh_seconds, time_rate
+from jld_explore.evaluation.task_pool import TaskPool
+
+TOGETHER: Final = 4
+"""Layouts refined at a time, whatever the number of jobs, so that results do not depend on it."""
+
+_MOST_TRIANGLES: Final = 12_000
+"""Triangles at which refinement of one layout ends."""
+
+_CAUTION: Final = 1.5
+"""Factor on the expected time of a mesh, which a busy machine exceeds."""
+
+_PATIENCE: Final = 6
+"""Meshes after which a layout without one of the bounds is given up."""
+
+
+@dataclass(frozen=True)
+class FieldStep:
+    """What one mesh proves of one labelling under one load case.
+
+    Attributes
+    ----------
+    bounds : (float, float)
+        Lower and upper bound on λ of the labelling, scene units; infinite where there is none.
+    stresses, mechanism : FieldStresses and FieldMechanism, or None
+        What its fields prove for other labellings.
+    finer : Mesh or None
+        The next mesh, None where refinement ends.
+    seconds : float
+        Wall-clock time, s.
+    more : object
+        What a step of a search adds.
+    """
+
+    bounds: tuple[float, float]
+    stresses: FieldStresses | None
+    mechanism: FieldMechanism | None
+    finer: Mesh | None
+    seconds: float
+    more: Any = None
+
+
+def step_of(fields: Fields, start: float, more: Any = None) -> FieldStep:
+    """Return the step of fields that were begun at a time of `time.perf_counter`, s."""
+    stresses, mechanism = fields.for_all
+    finer = fields.finer()
+    stops = len(finer) > _MOST_TRIANGLES or len(finer) == len(fields.mesh)
+    return FieldStep(fields.bounds, stresses, mechanism, None if stops else finer, time.perf_counter() - start, more)
+
+
+@one_thread()
+def refined_step(setting: FieldSetting, labels: Bits, mesh: Mesh, required: float, enough: float) -> FieldStep:
+    """Solve for both fields of a labelling on a mesh; without stresses where λ / required is proven below `enough`."""
+    start = time.perf_counter()
+    return step_of(Fields.on(setting, mesh, labels, enough * required), start)
+
+
+class FieldPool:
+    """Bounds by fields on many labellings of one assembly, refined one by one.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Planar assembly, with or without load cases.
+    labellings : (k, m) bool array
+        Labels, True = dry.
+    deadline : Deadline
+        Time after which no further program is begun.
+    jobs : int
+        Number of processes; results do not depend on it.
+
+    Attributes
+    ----------
+    labellings : (k, m) bool array
+        All labellings.
+    settings : list of FieldSetting
+        What all labellings have in common under each load case.
+    given_up : (k,) bool array
+        Labellings that are refined no more, whatever is left of their brackets.
+    late : bool
+        Whether any was given up for lack of time.
+    programs : int
+        Number of cone programs solved.
+    tasks : TaskPool
+        Processes that refine; close it at the end.
+    rate : float
+        Time of a mesh over a power of its triangles, s.
+    """
+
+    def __init__(self, assembly: Assembly, labellings: Bits, deadline: Deadline | None = None, jobs: int = 1) -> None:
+        self.deadline, self.tasks = Deadline() if deadline is None else deadline, TaskPool(jobs)
+        self.settings = [FieldSetting.of(case) for case in assembly.by_case]
+        self._coarse: list[CoarseBounds] | None = None
+        self.required = assembly.required
+        self.labellings = np.empty((0, len(assembly.interfaces)), dtype=bool)
+        self._low, self._high = np.empty((2, 0, len(self.settings)))
+        self._least, self._most = np.empty((2, 0))
+        self.bounded = np.zeros(0, dtype=bool)
+        self.given_up = np.zeros(0, dtype=bool)
+        self._meshes: dict[tuple[int, int], Mesh] = {}
+        self._steps: dict[tuple[int, int], int] = {}
+        self.rate, self.programs, self.late = 0.0, 0, False
+        self.add(labellings)
+
+    def add(self, labellings: Bits, low: Floats | None = None, high: Floats | None = None) -> None:
+        """Add labellings (k, m) with known bounds on the governing factor (k,), NaN or None where there are none."""
+        count, cases = len(labellings), len(self.settings)
+        self.labellings = np.concatenate([self.labellings, labellings])
+        self._low = np.concatenate([self._low, np.full((count, cases), -np.inf)])
+        self._high = np.concatenate([self._high, np.full((count, cases), np.inf)])
+        least = np.full(count, -np.inf) if low is None else np.where(np.isnan(low), -np.inf, low)
+        most = np.full(count, np.inf) if high is None else np.where(np.isnan(high), np.inf, high)
+        self._least, self._most = np.concatenate([self._least, least]), np.concatenate([self._most, most])
+        self.bounded = np.concatenate([self.bounded, np.isfinite(most)])
+        self.given_up = np.concatenate([self.given_up, np.zeros(count, dtype=bool)])
+
+    def take_from(self, other: FieldPool) -> None:
+        """Take over the bounds, and the cost, of another pool of the same assembly."""
+        place = {labels.tobytes(): row for row, labels in enumerate(self.labellings)}
+        for labels, low, high in zip(other.labellings, other.low().tolist(), other.high().tolist(), strict=True):
+            row = place.get(labels.tobytes())
+            if row is not None:
+                self._least[row], self._most[row] = max(self._least[row], low), min(self._most[row], high)
+        self._steps.update(other._steps)
+        self.programs += other.programs
+
+    def cap(self, high: Floats) -> None:
+        """Take upper bounds (k,) on the governing factor that are proven elsewhere."""
+        self._most = np.minimum(self._most, high)
+
+    def __len__(self) -> int:
+        return len(self.labellings)
+
+    @property
+    def refined(self) -> int:
+        """Number of labellings that were bounded on finer meshes."""
+        return len({row for row, _ in self._steps})
+
+    @property
+    def coarse(self) -> list[CoarseBounds]:
+        """Bounds on the coarsest mesh under each load case, set up when first asked for."""
+        if self._coarse is None:
+            self._coarse = [CoarseBounds(setting) for setting in self.settings]
+        return self._coarse
+
+    @property
+    def bounds(self) -> tuple[Floats, Floats]:
+        """Lower and upper bounds (k, c) on λ under each load case, scene units; infinite where there is none."""
+        # bounds on the governing factor that were known before hold for every case from below
+        return np.maximum(self._low, self._least[:, None] * self.required), self._high
+
+    def low(self) -> Floats:
+        """Return lower bounds (k,) on the governing factor."""
+        return np.asarray(np.maximum(self._least, (self._low / self.required).min(axis=1)))
+
+    def high(self) -> Floats:
+        """Return upper bounds (k,) on the governing factor."""
+        return np.asarray(np.minimum(self._most, (self._high / self.required).min(axis=1)))
+
+    def closed(self, gap: float) -> Bools:
+        """Return (k,) whether the own bracket of each labelling is as narrow as a relative gap."""
+        low, high = self.low(), self.high()
+        known = np.isfinite(low) & np.isfinite(high)
+        low, high = np.where(known, low, 0.0), np.where(known, high, 0.0)
+        return np.asarray(known & (high - low <= gap * np.maximum(abs(high), abs(low))))
+
+    def bound_above(self, row: int) -> None:
+        """Bound one labelling from above on the coarsest mesh."""
+        self.bounded[row] = True
+        for case, coarse in enumerate(self.coarse):
+            bound, mechanism = coarse.upper(self.labellings[row])
+            self.programs += 1
+            self._learn(row, case, (-math.inf, bound), None, mechanism)
+
+    def bound_below(self, row: int) -> None:
+        """Bound one labelling from below on the coarsest mesh, under the cases that lack a bound."""
+        for case, coarse in enumerate(self.coarse):
+            if not math.isfinite(self._low[row, case]):
+                bound, stresses = coarse.lower(self.labellings[row])
+                self.programs += 1
+                self._learn(row, case, (bound, math.inf), stresses, None)
+
+    def refine(
+        self,
+        rows: Sequence[int],
+        enough: Floats,
+        step: Callable[..., FieldStep] = refined_step,
+        more: tuple[Any, ...] = (),
+    ) -> list[tuple[int, int, Mesh, FieldStep]]:
+        """Take one mesh further the weakest load case of some labellings.
+
+        Parameters
+        ----------
+        rows : sequence of int
+            Labellings to refine; those that would be late are given up.
+        enough : (k,) float array
+            Governing factor of each labelling below which no lower bound is asked for.
+        step : callable
+            Solves on one mesh: setting, labels, mesh, required, enough, then `more`.
+        more : tuple
+            Further arguments of `step`.
+
+        Returns
+        -------
+        list of (int, int, Mesh, FieldStep)
+            Labelling, load case, mesh and what it proves, in the order of `rows`.
+        """
+        tasks = []
+        for row in rows:
+            # the case that is known worst decides next
+            case = int(np.argmin(self._low[row] / self.required))
+            mesh = self._meshes.get((row, case), self.settings[case].coarse)
+            if _CAUTION * mesh_seconds(self.rate, len(mesh)) > self.deadline.remaining():
+                self.given_up[row] = self.late = True
+                continue
+            required, least = float(self.required[case]), float(enough[row])
+            tasks.append((row, case, mesh, (self.settings[case], self.labellings[row], mesh, required, least, *more)))
+        found = self.tasks.run(step, [arguments for *_, arguments in tasks])
+        self.programs += 2 * len(tasks)
+        for (row, case, mesh, _), one in zip(tasks, found, strict=True):
+            self.rate = max(self.rate, time_rate(one.seconds, len(mesh)))
+            self._steps[row, case] = self._steps.get((row, case), 0) + 1
+            self._learn(row, case, one.bounds, one.stresses, one.mechanism)
+            lacking = not (math.isfinite(self._low[row, case]) and math.isfinite(self._high[row, case]))
+            if one.finer is None or (lacking and self._steps[row, case] >= _PATIENCE):
+                self.given_up[row] = True
+            else:
+                self._meshes[row, case] = one.finer
+        return [(row, case, mesh, one) for (row, case, mesh, _), one in zip(tasks, found, strict=True)]
+
+    def _learn(
+        self,
+        row: int,
+        case: int,
+        bounds: tuple[float, float],
+        stresses: FieldStresses | None,
+        mechanism: FieldMechanism | None,
+    ) -> None:
+        """Take the bounds of one labelling under one load case, and what its fields prove for all others."""
+        low, high = self._low[:, case], self._high[:, case]
+        if stresses is not None:
+            np.maximum(low, stresses.bounds(self.labellings), out=low)
+        if mechanism is not None:
+            np.minimum(high, mechanism.bounds(self.labellings), out=high)
+        low[row], high[row] = max(low[row], bounds[0]), min(high[row], bounds[1])

@@ -1,0 +1,89 @@
+"""Keep bounds that finer meshes prove, beside the record of a study and under its lock.
+
+A driver that is resumed is told what it was told before, so that the record itself keeps the evaluations on the
+coarsest mesh. Tables show the narrower bounds.
+"""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from jld_core.arrays import Bits
+from jld_core.files import whole_file
+from jld_explore.evaluation.evaluation import Evaluation
+from jld_explore.evaluation.record_file import damaged
+from jld_explore.evaluation.records import Records
+from jld_explore.evaluation.rows import Rows, checksums, keys_of, rows_of
+
+REFINED_FILE: Final = "refined.npz"
+"""Name of the file of refined evaluations in the folder of a study."""
+
+
+class RefinedRecords:
+    """Rows of a record with refined evaluations in the place of those of the coarsest mesh.
+
+    Parameters
+    ----------
+    records : Records
+        Record of the study, open or closed.
+
+    Attributes
+    ----------
+    faces : int
+        Number m of faces.
+
+    Raises
+    ------
+    InputError
+        If the file of refined evaluations is damaged.
+    """
+
+    def __init__(self, records: Records) -> None:
+        self.faces, self._records = records.faces, records
+        self._path = records.folder / REFINED_FILE
+        self._refined = np.empty(0, dtype=records.type)
+        if self._path.exists():
+            self._refined = self._read()
+
+    def _read(self) -> Rows:
+        """Read the refined rows; raise InputError if they are not as they were written."""
+        try:
+            with np.load(io.BytesIO(self._path.read_bytes()), allow_pickle=False) as content:
+                rows, made = np.asarray(content["rows"]), content["checksum"].tolist()
+        except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+            raise damaged(self._path, str(error)) from None
+        if rows.dtype != self._records.type or checksums(rows) != made:
+            raise damaged(self._path, "its rows are not as they were written")
+        return rows
+
+    @property
+    def rows(self) -> Rows:
+        """All rows, in the order of the record; see `Records.rows`."""
+        rows = self._records.rows.copy()
+        place = {key: n for n, key in enumerate(keys_of(rows))}
+        for own, key in zip(self._refined, keys_of(self._refined), strict=True):
+            if key in place:
+                rows[place[key]] = own
+        return rows
+
+    def keep(self, labellings: Bits, multiplicities: Sequence[int], evaluations: Sequence[Evaluation]) -> None:
+        """Write refined evaluations in one step, in the place of all that were kept before.
+
+        Parameters
+        ----------
+        labellings : (k, m) bool array
+            Labels, True = dry.
+        multiplicities : sequence of k int
+            Orbit sizes under the symmetries.
+        evaluations : sequence of Evaluation
+            Evaluations of the k labellings.
+        """
+        rows = rows_of(self._records.type, labellings, multiplicities, evaluations)
+        with whole_file(self._path) as fresh, fresh.open("wb") as file:
+            np.savez_compressed(file, rows=rows, checksum=np.array(checksums(rows), dtype=np.int64))
+        self._refined = rows

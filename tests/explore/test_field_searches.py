@@ -1,0 +1,276 @@
+"""Searches by fields beside the race: the exact driver against enumeration, resuming, fronts and required factors."""
+
+from __future__ import annotations
+
+import shutil
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from cases import grid_document
+from jld_core import InputError, build_assembly, parse_scene
+from jld_core.fields.adaptive import CoarseBounds, FieldSetting
+from jld_core.fields.undecided import PartialUpperBound
+from jld_explore import Exploration, ExploreSettings, explore
+from jld_explore.drivers.field_conflicts import CONFLICTS_FILE
+from jld_explore.drivers.field_exact import FieldExact
+from jld_explore.evaluation import task_pool
+from jld_explore.evaluation.field_evaluator import FieldEvaluator
+from jld_explore.evaluation.refined_records import REFINED_FILE
+from jld_explore.space import search_space
+from jld_explore.study_state import Interrupted, Progress
+
+FIELDS: dict[str, Any] = {"kind": "fields", "gap": 0.15}
+WIDE: dict[str, Any] = {"kind": "fields", "gap": 0.3}
+
+
+def document(**more: Any) -> dict[str, Any]:
+    """A wall of 2 × 2 cells of 0.1 m, weak enough to crack, pushed aside."""
+    return grid_document(["aa", "aa", "##"], tension=3e3, shear=3e3, block_cells=[1, 3]) | more
+
+
+def searched(folder: Path, cracks: Any = FIELDS, scene: dict[str, Any] | None = None, **more: Any) -> Exploration:
+    settings = ExploreSettings(**{"jobs": 1, "pictures": False, "small": 1000, **more})
+    return explore(parse_scene((scene or document()) | {"cracks": cracks}), folder, settings)
+
+
+@pytest.fixture(scope="module")
+def proven(tmp_path_factory: pytest.TempPathFactory) -> Exploration:
+    return searched(tmp_path_factory.mktemp("proven") / "out", driver="exact")
+
+
+def test_the_proof_agrees_with_the_race_of_all(proven: Exploration, tmp_path: Path) -> None:
+    """Both bracket the strongest layout, so that neither lower bound exceeds the other's bound."""
+    raced = searched(tmp_path / "out")
+    for one, other in ((proven, raced), (raced, proven)):
+        assert one.summary.best is not None
+        assert other.summary.bound is not None
+        assert one.summary.best <= other.summary.bound * (1 + 1e-9)
+    assert proven.summary["stop_reason"] == "proven"
+    assert proven.summary["proof_check"]["passed"]
+    assert proven.summary["proof_check"]["conflicts"] == proven.summary["proof_check"]["weighed"] > 0
+    assert proven.summary["race"]["decided"]
+    assert proven.summary["gap"] <= FIELDS["gap"]
+    both = raced.results.merge(proven.results, on="labelling", suffixes=("", "_exact"))
+    assert len(both) > 5
+    assert (both["bracket_lo"] <= both["bracket_hi_exact"] * (1 + 1e-9)).all()
+    assert (both["bracket_lo_exact"] <= both["bracket_hi"] * (1 + 1e-9)).all()
+    assert proven.results["bracket_hi"].max() <= proven.summary.bound * (1 + 1e-9)
+
+
+def test_a_proof_does_not_depend_on_jobs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same labellings are asked for, and the same bound is proven, whatever the number of jobs."""
+    monkeypatch.setattr(task_pool, "make_executor", ThreadPoolExecutor)  # processes take seconds to start
+    scene = parse_scene(document())
+    assembly = build_assembly(scene)
+    space, told = search_space(scene, assembly), []
+    for jobs in (1, 2):
+        driver, evaluator, asked = FieldExact(space, gap=0.2, search=1), FieldEvaluator(assembly), []
+        driver.set_workers(jobs)
+        driver.start(None, lambda: None)
+        while len(labellings := driver.ask()):
+            asked += labellings.tolist()
+            driver.tell(labellings, evaluator.evaluate_all(labellings))
+        assert driver.finished
+        told.append((asked, driver.bound, driver.facts(pd.DataFrame(), False)["conflicts"]))
+    assert told[0] == told[1]
+
+
+def test_an_interrupted_proof_is_resumed(proven: Exploration, tmp_path: Path) -> None:
+    """What was found before the interrupt is kept: evaluations, and conflicts with their velocity fields."""
+    told: list[Progress] = []
+
+    def stop(state: Progress) -> None:
+        told.append(state)
+        if len(told) > 1 and not np.isnan(state.bound):
+            raise Interrupted
+
+    settings = ExploreSettings(jobs=1, pictures=False, small=1000, driver="exact")
+    scene = parse_scene(document() | {"cracks": FIELDS})
+    with pytest.raises(Interrupted):
+        explore(scene, tmp_path / "out", settings, stop)
+    assert (tmp_path / "out" / CONFLICTS_FILE).exists()
+    done = searched(tmp_path / "out", driver="exact", resume=True)
+    assert done.summary["race"]["decided"]
+    assert done.summary.best is not None
+    assert proven.summary.bound is not None
+    assert done.summary.best <= proven.summary.bound * (1 + 1e-9)
+    assert done.summary["proof_check"]["passed"]
+    again = searched(tmp_path / "out", driver="exact", resume=True)
+    assert again.summary["bound"] <= done.summary["bound"] * (1 + 1e-9)
+
+
+def test_a_damaged_file_of_conflicts_is_named(proven: Exploration, tmp_path: Path) -> None:
+    shutil.copytree(proven.folder, tmp_path / "out")
+    path = tmp_path / "out" / CONFLICTS_FILE
+    path.write_bytes(path.read_bytes()[:300])
+    with pytest.raises(InputError, match=r"conflicts\.npz.*damaged"):
+        searched(tmp_path / "out", driver="exact", resume=True)
+
+
+def test_conflicts_on_disk_are_weighed_and_not_believed(proven: Exploration, tmp_path: Path) -> None:
+    """A velocity field that was scaled down in one triangle proves less, or nothing; it never proves more."""
+    shutil.copytree(proven.folder, tmp_path / "out")
+    path = tmp_path / "out" / CONFLICTS_FILE
+    with np.load(path) as file:
+        content = {name: file[name] for name in file.files}
+    content["velocity"][::7] *= 0.5
+    np.savez(path, **content)
+    done = searched(tmp_path / "out", driver="exact", resume=True)
+    assert done.summary["proof_check"]["passed"]
+    assert done.summary.bound >= proven.summary.best * (1 - 1e-9)
+
+
+def test_a_race_is_resumed(tmp_path: Path) -> None:
+    """A race that time ended goes on from the bounds on record, and ends where one in one piece does."""
+    searched(tmp_path / "out", WIDE, seconds=0.0, driver="enumeration")
+    done = searched(tmp_path / "out", WIDE, resume=True, driver="enumeration")
+    whole = searched(tmp_path / "whole", WIDE, driver="enumeration")
+    assert (tmp_path / "out" / REFINED_FILE).exists()
+    assert done.summary["race"]["decided"]
+    assert done.summary.best is not None
+    assert whole.summary.bound is not None
+    assert done.summary.best <= whole.summary.bound * (1 + 1e-9)
+    assert len(done.results) == len(whole.results)
+
+
+def test_load_cases_are_proven_by_the_governing_factor(tmp_path: Path) -> None:
+    """The proof and the race of a small wall that is pushed either way, one way twice as hard."""
+    there, back = ({"name": name, "live": [{"body": [push, 0]}]} for name, push in (("there", 1), ("back", -1)))
+    scene = document(loads={"cases": [there | {"required": 2.0}, back]})
+    raced, done = (searched(tmp_path / driver, WIDE, scene=scene, driver=driver) for driver in ("enumeration", "exact"))
+    single = searched(tmp_path / "single", WIDE, driver="exact")
+    for one, other in ((raced, done), (done, raced)):
+        assert one.summary.best <= other.summary.bound * (1 + 1e-9)
+    assert done.summary["proof_check"]["passed"]
+    # the wall is symmetric, so that the case that is asked for twice governs
+    assert 2.0 * done.summary.best <= single.summary.bound * (1 + 1e-9)
+    assert single.summary.best <= 2.0 * done.summary.bound * (1 + 1e-9)
+
+
+def test_a_required_factor_counts_by_the_lower_bound(tmp_path: Path) -> None:
+    """Layouts meet what their lower bound reaches; the best count among them is the least of all that meet it."""
+    plain = searched(tmp_path / "plain", WIDE)
+    middle = float(plain.results["bracket_lo"].median())
+    required = document(search={"block_cells": [1, 3], "require": {"load_factor": middle}})
+    for driver in ("enumeration", "genetic"):
+        done = searched(tmp_path / driver, WIDE, scene=required, driver=driver, budget=None)
+        table, facts = done.results, done.summary["require"]
+        assert (table["meets"] == (table["bracket_lo"] >= middle * (1 - 1e-6))).all()
+        assert facts["met"] == int(table["meets"].sum()) > 0
+        counts = table[table["meets"]][facts["count"]]
+        assert facts["best"] == (counts.min() if facts["sense"] == "min" else counts.max())
+        assert facts["proven"]
+    with pytest.raises(InputError, match="exact by fields"):
+        searched(tmp_path / "exact", WIDE, scene=required, driver="exact")
+
+
+def test_a_front_is_refined_for_every_count(tmp_path: Path) -> None:
+    done = searched(tmp_path / "out", WIDE, driver="genetic", options={"aim": "front"}, seed=3, budget=12)
+    table = done.results
+    for count in sorted(set(table["dry_faces"])):
+        rivals = table[table["dry_faces"] <= count]
+        low = rivals["bracket_lo"].max()
+        own = table[table["dry_faces"] == count]["bracket_hi"].max()
+        assert own <= low / (1 - WIDE["gap"]) * (1 + 1e-9) or np.isnan(low)
+
+
+def test_low_values_are_searched(tmp_path: Path) -> None:
+    """λ is that of the scene with low strengths; the best has its bound at nominal values beside."""
+    scene = document()
+    scene["materials"]["inner"]["tensile_strength"] = {"nominal": 4e3, "low": 3e3}
+    done = searched(tmp_path / "low", WIDE, scene=scene, robust=True, driver="enumeration")
+    plain = searched(tmp_path / "plain", WIDE, driver="enumeration")
+    assert done.summary.best == pytest.approx(plain.summary.best, rel=1e-9)
+    assert done.summary["best_nominal"] >= done.summary.best * (1 - 1e-9)
+
+
+def test_partial_bounds_enclose_those_of_every_labelling() -> None:
+    """Undecided faces: the bound of a partial labelling is no less than the lower bound of any that completes it."""
+    rng = np.random.default_rng(5)
+    for more in ({}, {"cohesion": 500.0}, {"crush_dry": 2e4}, {"inner_friction": 0.5, "crush_inner": 4e4}):
+        scene = parse_scene(grid_document(["aa", "aa", "##"], tension=3e3, shear=3e3, block_cells=[1, 4], **more))
+        assembly = build_assembly(scene)
+        space = search_space(scene, assembly)
+        setting = FieldSetting.of(assembly)
+        partial, coarse = PartialUpperBound(setting.problem(setting.coarse)), CoarseBounds(setting)
+        labels = rng.random(len(space.fixed)) < 0.5
+        labels[~space.candidates] = space.fixed[~space.candidates]
+        undecided = space.candidates & (rng.random(len(labels)) < 0.5)
+        found = partial.field(labels, undecided)
+        whole = partial.field(labels, np.zeros_like(undecided))
+        assert found is not None
+        assert whole is not None
+        # a whole labelling has the bound that the other route gives
+        assert whole.bound == pytest.approx(coarse.upper(labels)[0], rel=2e-3)
+        assert found.bound >= whole.bound * (1 - 2e-3)
+        assert partial.weigh(found.velocity).bound_of(labels, undecided) == found.bound
+        for _ in range(4):
+            other = np.where(undecided, rng.random(len(labels)) < 0.5, labels)
+            assert coarse.lower(other)[0] <= found.bound * (1 + 1e-9)
+            assert found.mechanism.bounds(other[None])[0] <= found.bound * (1 + 1e-12)
+            # the rise by one more undecided face is what was said
+            face = int(rng.choice(np.flatnonzero(space.candidates & ~undecided)))
+            more_open = undecided | (np.arange(len(labels)) == face)
+            rise = found.mechanism.bound_of(labels, more_open) - found.bound
+            assert rise == pytest.approx(found.mechanism.costs(labels)[face], abs=1e-9 * abs(found.bound)) or np.isinf(
+                rise
+            )
+
+
+def test_an_undecided_joint_bears_what_the_better_label_bears() -> None:
+    """Two cells lifted at the upper one: a dry joint leaves one weight to lift, an inner one both; undecided, both."""
+    lift = [{"element": "c0r0", "force": [0, 1]}]
+    scene = parse_scene(grid_document(["a", "a", "#"], tension=1e7, shear=1e7, live=lift, block_cells=[1, 2]))
+    assembly = build_assembly(scene)
+    space, setting = search_space(scene, assembly), FieldSetting.of(assembly)
+    partial = PartialUpperBound(setting.problem(setting.coarse))
+    weight, none = 1400.0 * 9.81 * 0.1**3, np.zeros_like(space.candidates)
+    for labels, undecided, cells in (
+        (space.fixed | space.candidates, none, 1.0),
+        (space.fixed & ~space.candidates, none, 2.0),
+        (space.fixed, space.candidates, 2.0),
+    ):
+        found = partial.field(labels, undecided)
+        assert found is not None
+        assert found.bound == pytest.approx(cells * weight, rel=1e-5)
+
+
+def test_a_wall_slides_on_its_support_whatever_its_labels() -> None:
+    """Strong cells under a horizontal body load: μ bounds all labellings, by one mechanism."""
+    scene = parse_scene(grid_document(["aa", "##"], tension=1e6, shear=1e6, friction=0.6, block_cells=[1, 2]))
+    assembly = build_assembly(scene)
+    space, setting = search_space(scene, assembly), FieldSetting.of(assembly)
+    found = PartialUpperBound(setting.problem(setting.coarse)).field(space.fixed, space.candidates)
+    assert found is not None
+    assert found.bound == pytest.approx(0.6, rel=1e-6)
+
+
+def test_a_task_whose_process_died_is_done_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Dying(ThreadPoolExecutor):
+        def submit(self, work: Any, *task: Any) -> Any:  # type: ignore[override]
+            future: Future[Any] = Future()
+            future.set_exception(TimeoutError())
+            return future
+
+    monkeypatch.setattr(task_pool, "make_executor", Dying)
+    pool = task_pool.TaskPool(2)
+    assert pool.run(divmod, [(7, 2), (9, 4)]) == [(3, 1), (2, 1)]
+    monkeypatch.setattr(task_pool, "make_executor", ThreadPoolExecutor)
+    with pytest.raises(ZeroDivisionError):
+        pool.run(divmod, [(7, 0), (9, 4)])
+    pool.close()
+
+
+def test_a_structure_that_falls_has_a_bound_below_zero() -> None:
+    """Blocks too weak for their own weight: one mechanism proves it for every labelling."""
+    scene = parse_scene(grid_document(["aa"] * 5 + ["##"], tension=100.0, shear=100.0, block_cells=[1, 3]))
+    assembly = build_assembly(scene)
+    space, setting = search_space(scene, assembly), FieldSetting.of(assembly)
+    found = PartialUpperBound(setting.problem(setting.coarse)).field(space.fixed, space.candidates)
+    assert found is not None
+    assert found.bound < 0.0
