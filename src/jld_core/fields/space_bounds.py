@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jld_core.arrays import Bits, Bools, Floats
+from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.fields.bounds import FieldStatus
@@ -18,23 +18,26 @@ from jld_core.fields.requirements import require_labels
 from jld_core.fields.space_cones import normal_map, tensors
 from jld_core.fields.space_loads import SpatialLoads, loaded_solids
 from jld_core.fields.space_lower import SpatialLowerBound, SpatialStress
-from jld_core.fields.space_mesh import SolidMesh, bisect
+from jld_core.fields.space_mesh import SolidMesh, bisect, split_at_centroids
 from jld_core.fields.space_problem import SpatialProblem, spatial_problem, spatial_units
 from jld_core.fields.space_upper import SpatialUpperBound, SpatialVelocity
 
 _MOST_TETRAHEDRA = 12_000
 """Tetrahedra at which refinement ends: programs of more take many minutes and gigabytes."""
 
-_SHARE = 0.6
-"""Share of the indicator that marked tetrahedra hold together (Dörfler marking)."""
+_SHARE = 0.5
+"""Share of the indicator that tetrahedra hold together which are marked at a time (Dörfler marking)."""
 
 _MOST_MARKED = 0.3
-"""Largest share of tetrahedra that one refinement marks."""
+"""Largest share of tetrahedra that are marked at a time."""
 
-_EVERYWHERE = 0.1
+_GROWTH = 1.5
+"""Number of tetrahedra of the next mesh over that of the last: marks are set and halved again until it is reached."""
+
+_EVERYWHERE = 0.02
 """Share of the volume in the indicator, so that no tetrahedron stays coarse for ever."""
 
-_GROWTH = 1.7
+_POWER = 1.7
 """Power of the number of tetrahedra that the time of both programs grows with, for the forecast of the next mesh."""
 
 _PATIENCE = 8
@@ -161,7 +164,7 @@ def spatial_bounds(
         No mesh is begun that is not expected to be done by then; the first one always is.
     patch : float, optional
         Side of the square that each live force on a free face is spread on; by default the whole face (docs/method.md
-        (9.15)).
+        (10.3)).
     adaptive : bool
         Refine where the fields disagree; otherwise everywhere.
     most_tetrahedra : int
@@ -179,7 +182,7 @@ def spatial_bounds(
     """
     start = time.perf_counter()
     labels = _require(assembly, labels, gap, patch)
-    material, units = material_of(assembly), None
+    material = material_of(assembly)
     mesh, loads = loaded_solids(assembly, patch)
     units = spatial_units(assembly, material)
     setting = _Setting(assembly, labels, material, units, loads)
@@ -192,8 +195,8 @@ def spatial_bounds(
         lone = best.status is not FieldStatus.OPEN and len(best.history) >= _PATIENCE
         if best.status in (FieldStatus.CLOSED, FieldStatus.UNSTABLE) or lone:
             return best
-        finer = bisect(mesh, fields.marks(adaptive))
-        growth = (len(finer) / len(mesh)) ** _GROWTH
+        finer = fields.finer(adaptive)
+        growth = (len(finer) / len(mesh)) ** _POWER
         late = seconds is not None and now - start + growth * (now - began) > seconds
         if late or len(finer) > most_tetrahedra or len(finer) == len(mesh):
             return best
@@ -244,22 +247,33 @@ class _Setting:
     units: Units
     loads: SpatialLoads
 
+    def problem(self, mesh: SolidMesh) -> SpatialProblem:
+        """Return the scaled problem on a mesh."""
+        return spatial_problem(self.assembly, self.labels, self.material, self.units, mesh, self.loads)
+
 
 @dataclass(frozen=True)
 class _Fields:
-    """Both certified fields on one mesh, None where none was certified."""
+    """Both certified fields on one mesh, None where none was certified.
+
+    mesh: tetrahedra of the velocities. split: the same split at their centroids, for the stresses: four times as many
+    tetrahedra, and far more freedom than as many of a finer mesh. problem, fine: the scaled problem on either.
+    """
 
     mesh: SolidMesh
+    split: SolidMesh
     problem: SpatialProblem
+    fine: SpatialProblem
     stress: SpatialStress | None
     velocity: SpatialVelocity | None
 
     @classmethod
     def on(cls, setting: _Setting, mesh: SolidMesh) -> _Fields:
         """Solve for both fields."""
-        s = setting
-        problem = spatial_problem(s.assembly, s.labels, s.material, s.units, mesh, s.loads)
-        return cls(mesh, problem, SpatialLowerBound(problem).bound(), SpatialUpperBound(problem).bound())
+        split = split_at_centroids(mesh)
+        problem, fine = setting.problem(mesh), setting.problem(split)
+        velocity = SpatialUpperBound(problem).bound()
+        return cls(mesh, split, problem, fine, SpatialLowerBound(fine).bound(), velocity)
 
     def improved(self, best: SpatialBounds, seconds: float, gap: float) -> SpatialBounds:
         """Return the best bounds of those before and these, scene units, with their status."""
@@ -267,7 +281,7 @@ class _Fields:
         if self.stress is not None:
             lower = units.load * self.stress.factor
             if lower > best.lower:
-                held = SpatialStresses(self.mesh, units.stress * tensors(self.stress.stress))
+                held = SpatialStresses(self.split, units.stress * tensors(self.stress.stress))
                 best = replace(best, lower=lower, stresses=held)
         if self.velocity is not None:
             upper = units.load * self.velocity.factor
@@ -285,41 +299,93 @@ class _Fields:
             status = FieldStatus.NO_UPPER
         return replace(best, status=status)
 
-    def marks(self, adaptive: bool) -> Bools:
-        """Tetrahedra to split (t,): where the fields disagree, where the stress field is weak, a little everywhere."""
-        volume = self.problem.mesh.volume
+    def finer(self, adaptive: bool) -> SolidMesh:
+        """Return the next mesh: refined where the fields disagree and where the stress field is weak, or everywhere."""
         if not adaptive or self.stress is None:
-            return np.ones(len(volume), dtype=bool)
-        parts = [np.maximum(self.stress.rate, 0.0)]
+            return bisect(self.mesh, np.ones(len(self.mesh), dtype=bool))
+        mesh, volume = self.problem.mesh, self.problem.mesh.volume
+        corner = self._weak_corners()
+        error = corner.sum(axis=1)
         if self.velocity is not None:
-            parts.append(np.maximum(disagreement(self.problem, self.stress, self.velocity), 0.0))
-        error = _EVERYWHERE * volume / volume.sum()
-        for part in parts:
-            error = error + part / max(float(part.sum()), 1e-300)
-        order = np.argsort(-error, kind="stable")
-        share = np.cumsum(error[order])
-        enough = int(np.searchsorted(share, _SHARE * share[-1])) + 1
-        marks = np.zeros(len(volume), dtype=bool)
-        marks[order[: min(enough, max(1, int(_MOST_MARKED * len(volume))))]] = True
-        return marks
+            moved = self._moved(self.velocity.velocity)
+            power = stress_power(self.fine, self.stress, moved)
+            error = error + np.maximum(self.velocity.dissipation - power.reshape(-1, 4).sum(axis=1), 0.0)
+            corner = corner + self._joint_corners(moved)
+        error = error + _EVERYWHERE * error.sum() * volume / volume.sum()
+        finer = replace(mesh, root=np.arange(len(mesh)))
+        while len(finer) < _GROWTH * len(mesh):
+            # half of a tetrahedron keeps a quarter of its share: strips along hinges lose in proportion to their width
+            left = error[finer.root] * (finer.volume / volume[finer.root]) ** 2
+            away = finer.corners[:, :, None] - mesh.corners[finer.root][:, None]
+            share = 1.0 + np.einsum("tcki,tki->tck", away, mesh.gradient[finer.root])
+            weight = np.maximum(np.einsum("tck,tk->tc", share, corner[finer.root]), 0.0)
+            finer = bisect(finer, _marks(left), weight / np.maximum(weight.sum(axis=1, keepdims=True), 1e-300))
+        units = self.problem.units
+        return replace(finer, points=finer.points * units.length + units.origin, root=self.mesh.root[finer.root])
+
+    def _weak_corners(self) -> Floats:
+        """Multipliers of yield (t, 4) at the corners; those at the centroid count for all corners alike."""
+        assert self.stress is not None
+        rate = np.maximum(self.stress.rate, 0.0).reshape(-1, 4, 4)
+        middle = np.diagonal(rate, axis1=1, axis2=2)
+        return np.asarray(rate.sum(axis=1) - middle + 0.25 * middle.sum(axis=1, keepdims=True))
+
+    def _moved(self, velocity: Floats) -> Floats:
+        """Velocities (4t, 4, 3) of the parts at centroids, from those of the tetrahedra."""
+        rows = np.arange(4)
+        parts = np.repeat(velocity[:, None], 4, axis=1)
+        parts[:, rows, rows] = velocity.mean(axis=1)[:, None]
+        return parts.reshape(-1, 4, 3)
+
+    def _joint_corners(self, velocity: Floats) -> Floats:
+        """Share (t, 4) of the corners in the power of tractions on dry joints, which either open or press."""
+        assert self.stress is not None
+        p, s = self.fine, self.fine.sides
+        shares = np.zeros((len(self.mesh), 4))
+        pull, jump = _across_sides(p, self.stress, velocity, p.dry)
+        lost = np.maximum(-np.einsum("fi,fki->fk", pull.sum(axis=1), jump), 0.0) * (s.area[p.dry] / 24.0)[:, None]
+        both = s.b[p.dry] >= 0
+        np.add.at(shares, (s.a[p.dry][:, None] // 4, s.corner_a[p.dry]), lost)
+        np.add.at(shares, (s.b[p.dry][both][:, None] // 4, s.corner_b[p.dry][both]), lost[both])
+        return shares
 
 
-def disagreement(problem: SpatialProblem, stress: SpatialStress, velocity: SpatialVelocity) -> Floats:
-    """Return dissipation less stress power (t,), each tetrahedron with half of its triangles.
+def _marks(error: Floats) -> Bools:
+    """Mark (t,) the tetrahedra that hold most of an error (t,) together."""
+    order = np.argsort(-error, kind="stable")
+    share = np.cumsum(error[order])
+    enough = int(np.searchsorted(share, _SHARE * share[-1])) + 1
+    marks = np.zeros(len(error), dtype=bool)
+    marks[order[: min(enough, max(1, int(_MOST_MARKED * len(error))))]] = True
+    return marks
 
-    Both fields are scaled; the sum is that of the scaled bounds.
+
+def stress_power(problem: SpatialProblem, stress: SpatialStress, velocity: Floats) -> Floats:
+    """Return the power (t,) of stresses on velocities (t, 4, 3), each tetrahedron with half of its triangles.
+
+    Both are scaled. By virtual power the sum is λ times live work plus dead work, where the velocities vanish on
+    supports or jump there.
     """
-    p, s, v = problem, problem.sides, velocity.velocity
+    p, s, v = problem, problem.sides, velocity
     slope = np.einsum("tki,tkj->tij", v, p.mesh.gradient)
     power = p.mesh.volume * np.einsum("tij,tij->t", tensors(stress.stress.mean(axis=1)), slope)
     rows = np.flatnonzero((s.b >= 0) | (p.face >= 0))
-    jump = -v[s.a[rows][:, None], s.corner_a[rows]]
-    both = s.b[rows] >= 0
-    jump[both] += v[s.b[rows[both]][:, None], s.corner_b[rows[both]]]
-    own = stress.stress[s.a[rows][:, None], s.corner_a[rows]]
-    pull = np.einsum("fij,fkj->fki", normal_map(s.normal[rows]), own)
+    pull, jump = _across_sides(p, stress, v, rows)
     ends = np.einsum("fki,fki->f", pull, jump) + np.einsum("fi,fi->f", pull.sum(axis=1), jump.sum(axis=1))
     total = s.area[rows] * ends / 12.0
+    both = s.b[rows] >= 0
     np.add.at(power, s.a[rows], np.where(both, 0.5, 1.0) * total)
     np.add.at(power, s.b[rows[both]], 0.5 * total[both])
-    return np.asarray(velocity.dissipation - power)
+    return np.asarray(power)
+
+
+def _across_sides(
+    problem: SpatialProblem, stress: SpatialStress, velocity: Floats, rows: Ints
+) -> tuple[Floats, Floats]:
+    """Tractions and jumps (k, 3, 3) at the corners of some triangles."""
+    s = problem.sides
+    jump = -velocity[s.a[rows][:, None], s.corner_a[rows]]
+    both = s.b[rows] >= 0
+    jump[both] += velocity[s.b[rows[both]][:, None], s.corner_b[rows[both]]]
+    own = stress.stress[s.a[rows][:, None], s.corner_a[rows]]
+    return np.einsum("fij,fkj->fki", normal_map(s.normal[rows]), own), jump

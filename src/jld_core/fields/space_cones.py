@@ -24,11 +24,15 @@ DIAGONAL = (0, 2, 5)
 _FEASIBILITY = 1e-9
 """Residual that the solver is asked for: less than the margins that its answers keep to the flow rule and to yield."""
 
-_GAP = 1e-6
+_GAP = 1e-5
 """Relative duality gap that the solver is asked for: far below the gap of two meshes."""
 
 _MOST_STEPS = 100
 """Most steps of the interior point."""
+
+_REGULAR = 1e-7
+"""Regularisation of the solver's equations: with its own 1e-8 it fails half way, as rows of equilibrium depend on each
+other around edges."""
 
 _PLACES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
 
@@ -53,7 +57,7 @@ def tensors(vectors: Floats) -> Floats:
 
 
 def normal_map(normals: Floats) -> Floats:
-    """Return matrices (..., 3, 6) that map the vector of a stress to its traction σ n on planes with normals (..., 3)."""
+    """Return matrices (..., 3, 6) from vectors of stresses to tractions σ n on planes with normals (..., 3)."""
     found = np.zeros((*normals.shape[:-1], 3, 6))
     for place, (i, j) in enumerate(_PLACES):
         found[..., i, place] = normals[..., j] / (1.0 if i == j else ROOT_TWO)
@@ -94,6 +98,8 @@ def _settings() -> Any:
     settings.input_sparse_dropzeros = True
     settings.chordal_decomposition_enable = False
     settings.max_iter = _MOST_STEPS
+    settings.direct_solve_method = "qdldl"
+    settings.static_regularization_constant = _REGULAR
     settings.tol_feas = _FEASIBILITY
     settings.tol_gap_abs = settings.tol_gap_rel = _GAP
     return settings

@@ -1,6 +1,6 @@
 """Loads of spatial cells as body forces and tractions, statically equivalent to forces and moments of the scene.
 
-Rules: docs/method.md (9.5) and (9.15). Self-weight and body loads are uniform in each cell. A force on a free face of
+Rules: docs/method.md (9.5) and (10.3). Self-weight and body loads are uniform in each cell. A force on a free face of
 its cell is a traction that is linear on that face, or on a patch of it. All other forces and moments are body forces
 that are constant in each tetrahedron of the coarsest mesh, so that refinement never changes the load.
 """
@@ -196,7 +196,7 @@ def _stated(assembly: Assembly, facet: Facet, region: shapely.Polygon, force: _F
 
 
 def _linear(facet: Facet, region: shapely.Polygon, forces: list[_Force]) -> Traction:
-    """Return the traction on a region with the resultants of forces: F/A + n g·x + ω n × x, docs/method.md (9.15)."""
+    """Return the traction on a region with the resultants of forces: F/A + n g·x + ω n × x, docs/method.md (10.3)."""
     area = float(region.area)
     middle = np.array(region.centroid.coords[0])
     origin = facet.placed(middle[None])[0]
@@ -279,6 +279,8 @@ def _body(assembly: Assembly, mesh: SolidMesh, loads: Floats) -> Floats:
         away = middle[own] - centroid
         size = float(np.cbrt(volume.sum()))
         if np.linalg.norm(moment) > tolerances.ROUNDING * size * np.linalg.norm(force):
-            inertia = np.einsum("t,ti,ti->", volume, away, away) * np.eye(3) - np.einsum("t,ti,tj->ij", volume, away, away)
+            inertia = np.einsum("t,ti,ti->", volume, away, away) * np.eye(3) - np.einsum(
+                "t,ti,tj->ij", volume, away, away
+            )
             body[own] += np.cross(np.linalg.solve(inertia, moment), away)
     return body

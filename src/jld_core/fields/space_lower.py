@@ -1,7 +1,7 @@
 """Lower bound in space: stresses that are linear in each tetrahedron, in equilibrium and within yield everywhere.
 
-Formulas: docs/method.md (9.15) to (9.18). The solver proposes a field; what counts is computed here: its projection
-onto equilibrium, and the room to every yield condition by the eigenvalues of the stresses.
+Formulas: docs/method.md (10.1), (10.4) and (10.5). The solver proposes a field; what counts is computed here: its
+projection onto equilibrium, and the room to every yield condition by the eigenvalues of the stresses.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class SpatialStress:
 
     factor: λ that it carries, scaled. stress: (t, 4, 6) vectors of the stresses at the corners, scaled. room: least
     slack of a yield condition, after `charge` was subtracted. charge: stress that covers the residual of equilibrium.
-    rate: (t,) derivative of λ by the strength of each tetrahedron, from the multipliers of the solver. It steers
+    rate: (t, 4) derivative of λ by the strength at each corner, from the multipliers of the solver. It steers
     refinement.
     """
 
@@ -93,7 +93,7 @@ class SpatialLowerBound:
         projected, rest = self._project(stress, factor)
         field = projected.reshape(-1, 4, 6)
         room = self.room(field) - rest
-        return SpatialStress(factor, field, room, rest, np.zeros(self._solids)) if room >= 0.0 else None
+        return SpatialStress(factor, field, room, rest, np.zeros((self._solids, 4))) if room >= 0.0 else None
 
     def room(self, stress: Floats) -> float:
         """Return the least room of stresses (t, 4, 6) to any yield condition, scaled stress."""
@@ -246,9 +246,8 @@ class SpatialLowerBound:
             threes.add([(np.repeat(columns[rough], 3, axis=0), wide.reshape(-1, 6))], right.ravel(), 3 * len(wide))
 
     def _rate(self, dual: Floats) -> Floats:
-        """Multipliers of yield times strengths (t,), of all corners of each tetrahedron together."""
+        """Multipliers of yield times strengths (t, 4) at the corners."""
         lines = self.problem.material.lines
         start, count = self._yields
         shares = dual[start : start + len(lines) * count].reshape(len(lines), count)
-        return np.asarray((lines[:, :1] * shares).sum(axis=0).reshape(-1, 4).sum(axis=1))
-
+        return np.asarray((lines[:, :1] * shares).sum(axis=0).reshape(-1, 4))

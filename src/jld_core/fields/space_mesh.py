@@ -16,6 +16,9 @@ _SIDES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 _EDGES = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
 """Local corners of the six edges of a tetrahedron."""
 
+_ASPECT = 0.05
+"""Weight that length has by itself in the choice of an edge: layers end at an aspect ratio of half its inverse."""
+
 _DIGITS = 9
 """Digits to which lengths of edges are compared: edges that are equal but for rounding are told apart by number."""
 
@@ -132,11 +135,11 @@ def patch_tag(patch: int) -> int:
     return -2 - patch
 
 
-def bisect(mesh: SolidMesh, marked: Bools) -> SolidMesh:
-    """Return the mesh with marked tetrahedra bisected at their longest edges, and others where conformity asks for it.
+def bisect(mesh: SolidMesh, marked: Bools, weight: Floats | None = None) -> SolidMesh:
+    """Return the mesh with one edge of each marked tetrahedron halved, and others where quality asks for it.
 
-    An edge is halved in all tetrahedra around it at once; whoever has a halved edge has its longest one halved before
-    (Rivara 1991, longest-edge bisection).
+    An edge is halved in all tetrahedra around it at once, so that the mesh stays conforming. Without weights a
+    tetrahedron with a halved edge has its longest one halved before (Rivara 1991, longest-edge bisection).
 
     Parameters
     ----------
@@ -144,6 +147,9 @@ def bisect(mesh: SolidMesh, marked: Bools) -> SolidMesh:
         Any mesh.
     marked : (t,) bool array
         Tetrahedra to split.
+    weight : (t, 4) float array, optional
+        Weights of the corners of each tetrahedron, of sum 1 or all 0. Its edge is then the one with the greatest
+        length × (difference of the weights + a little), so that layers grow along edges where weights are great.
 
     Returns
     -------
@@ -157,16 +163,46 @@ def bisect(mesh: SolidMesh, marked: Bools) -> SolidMesh:
     rank = np.empty(len(unique), dtype=np.int64)
     order = np.lexsort((-np.arange(len(unique)), np.round(length / length.max(), _DIGITS)))
     rank[order] = np.arange(len(unique))
-    longest = number[np.arange(len(mesh)), np.argmax(rank[number], axis=1)]
     split = np.zeros(len(unique), dtype=bool)
+    every = np.arange(len(mesh))
+    if weight is not None:
+        steep = _ASPECT + abs(weight[:, _EDGES[:, 0]] - weight[:, _EDGES[:, 1]])
+        best = np.argmax(np.round(length[number] * steep / length.max(), _DIGITS) + 1e-12 * rank[number], axis=1)
+        split[number[every, best][marked]] = True
+        return _halved(mesh, unique[[edge for edge in order[::-1].tolist() if split[edge]]])
+    longest = number[every, np.argmax(rank[number], axis=1)]
     split[longest[marked]] = True
     while True:
         more = split[number].any(axis=1) & ~split[longest]
         if not more.any():
             break
         split[longest[more]] = True
-    chosen = [edge for edge in order[::-1].tolist() if split[edge]]
-    return _halved(mesh, unique[chosen])
+    return _halved(mesh, unique[[edge for edge in order[::-1].tolist() if split[edge]]])
+
+
+def split_at_centroids(mesh: SolidMesh) -> SolidMesh:
+    """Return the mesh with every tetrahedron split in four at its centroid (Alfeld 1984).
+
+    Parameters
+    ----------
+    mesh : SolidMesh
+        Any mesh.
+
+    Returns
+    -------
+    SolidMesh
+        Part k of tetrahedron i is number 4 i + k; its corner k is the centroid, the others are those of i.
+    """
+    parts = np.repeat(mesh.tetrahedra[:, None], 4, axis=1)
+    parts[:, np.arange(4), np.arange(4)] = len(mesh.points) + np.arange(len(mesh))[:, None]
+    return SolidMesh(
+        points=np.concatenate([mesh.points, mesh.corners.mean(axis=1)]),
+        tetrahedra=parts.reshape(-1, 4),
+        cell=np.repeat(mesh.cell, 4),
+        root=np.repeat(mesh.root, 4),
+        tagged=mesh.tagged,
+        tag=mesh.tag,
+    )
 
 
 def _halved(mesh: SolidMesh, edges: Ints) -> SolidMesh:
@@ -216,4 +252,4 @@ def _halved(mesh: SolidMesh, edges: Ints) -> SolidMesh:
     )
 
 
-__all__ = ["FREE", "Sides", "SolidMesh", "bisect", "patch_tag"]
+__all__ = ["FREE", "Sides", "SolidMesh", "bisect", "patch_tag", "split_at_centroids"]

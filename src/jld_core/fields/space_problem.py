@@ -19,8 +19,8 @@ from jld_core.fields.space_mesh import Sides, SolidMesh, patch_tag
 class SpatialProblem:
     """Scaled limit analysis of the blocks of one labelling on one mesh.
 
-    mesh: scaled coordinates. dead, live: (t, 3) forces per volume. pull: (f, 3, 3) live tractions (corner, axis) of each
-    triangle, zero where no load acts. labels: (m,) True = dry.
+    mesh: scaled coordinates. dead, live: (t, 3) forces per volume. pull: (f, 3, 3) live tractions (corner, axis) of
+    each triangle, zero where no load acts. labels: (m,) True = dry.
     """
 
     units: Units

@@ -63,7 +63,8 @@ class Surface:
     """Surfaces of all free cells over common nodes.
 
     points: (p, 3) nodes, scene units. facets: of all free cells. faces: nodes of each interface, None between
-    supports. patches: facet and nodes of the rings of each load patch. reach: distance within which nodes are one, length.
+    supports. patches: facet and nodes of the rings of each load patch. reach: distance within which nodes are
+    one, length.
     """
 
     points: Floats
@@ -74,7 +75,9 @@ class Surface:
 
     def covered(self, facet: Facet) -> list[shapely.Polygon]:
         """Return the interfaces on a facet as polygons in its plane."""
-        return [shapely.Polygon(facet.flat(self.points[ring])) for f in facet.faces if (ring := self.faces[f]) is not None]
+        return [
+            shapely.Polygon(facet.flat(self.points[ring])) for f in facet.faces if (ring := self.faces[f]) is not None
+        ]
 
     def free(self, facet: Facet) -> list[shapely.Polygon]:
         """Return the regions of a facet outside its interfaces, in its plane."""
@@ -168,8 +171,8 @@ def _ring(points: Floats, corners: Ints, reach: float) -> Ints:
 class _Filler:
     """Triangles and tetrahedra under construction: nodes are added where fans need a centre."""
 
-    def __init__(self, surface: Surface) -> None:
-        self.surface = surface
+    def __init__(self, surface: Surface, ids: tuple[str, ...]) -> None:
+        self.surface, self.ids = surface, ids
         self.points = surface.points.tolist()
 
     def triangles(self, facet: Facet, region: shapely.Polygon) -> list[tuple[int, int, int]]:
@@ -187,7 +190,9 @@ class _Filler:
                     raise self._refusal(facet)
                 nodes.append(min(close, key=lambda k: float(np.hypot(*(facet.flat(fixed[[k]])[0] - place)))))
             named.append(_ring(fixed, np.array(nodes), reach))
-        region = shapely.Polygon(*[facet.flat(fixed[nodes]) for nodes in named[:1]], [facet.flat(fixed[n]) for n in named[1:]])
+        region = shapely.Polygon(
+            *[facet.flat(fixed[nodes]) for nodes in named[:1]], [facet.flat(fixed[n]) for n in named[1:]]
+        )
         if not region.is_valid:
             raise self._refusal(facet)
         outer = named[0].tolist() if region.exterior.is_ccw else named[0][::-1].tolist()
@@ -197,7 +202,11 @@ class _Filler:
             centre = len(self.points)
             self.points.append(facet.placed(np.array([region.centroid.coords[0]]))[0].tolist())
             return [(a, b, centre) for a, b in zip(outer, outer[1:] + outer[:1], strict=True)]
-        known = {tuple(place): int(k) for nodes in named for k, place in zip(nodes, facet.flat(fixed[nodes]).tolist(), strict=True)}
+        known = {
+            tuple(place): int(k)
+            for nodes in named
+            for k, place in zip(nodes, facet.flat(fixed[nodes]).tolist(), strict=True)
+        }
         found = []
         for part in shapely.get_parts(shapely.constrained_delaunay_triangles(region)):
             a, b, c = (known[tuple(place)] for place in shapely.get_coordinates(part)[:3].tolist())
@@ -207,7 +216,7 @@ class _Filler:
 
     def _refusal(self, facet: Facet) -> InputError:
         return InputError(
-            "cracks", f"the faces on element number {facet.cell} cannot be filled with triangles", "a plainer contact"
+            f"element {self.ids[facet.cell]!r}", "its faces cannot be filled with triangles", "plainer contacts"
         )
 
 
@@ -232,7 +241,7 @@ def coarse_solids(assembly: Assembly, surface: Surface) -> SolidMesh:
     InputError
         An interface that does not lie on the surfaces of both of its cells.
     """
-    filler = _Filler(surface)
+    filler = _Filler(surface, assembly.elements.ids)
     skins: dict[int, list[tuple[int, int, int]]] = {}
     tags: dict[tuple[int, ...], int] = {}
     done: dict[int, list[tuple[int, int, int]]] = {}

@@ -1,6 +1,6 @@
 """Upper bound in space: velocities that are linear in each tetrahedron, with jumps on every triangle between two.
 
-Formulas: docs/method.md (9.16), (9.19) and (9.20). The solver proposes velocities that keep a margin to every flow
+Formulas: docs/method.md (10.2) and (10.6). The solver proposes velocities that keep a margin to every flow
 rule; what counts is computed here: flow rules are checked, then dissipation and work follow from the velocities alone.
 """
 
@@ -19,6 +19,12 @@ from jld_core.fields.space_problem import SpatialProblem
 
 _MARGINS = (1e-8, 1e-7, 1e-6, 1e-5)
 """Opening that the solver keeps to every flow rule, at live work one: more than its residual. The first that does."""
+
+_UNBOUNDED = ("DualInfeasible", "AlmostDualInfeasible")
+"""Statuses of programs whose cost has no lower end: the blocks are too weak for their dead load."""
+
+_RAY = -1.0
+"""Scaled bound that stands for all below it, where the program is unbounded."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +80,8 @@ class SpatialUpperBound:
         for margin in _MARGINS:
             answer = self.propose(margin)
             self.status = answer.status
+            if answer.status in _UNBOUNDED:
+                return self._falling()
             if not answer.usable:
                 return None
             found = self.certify(answer.point[: self.live.size].reshape(-1, 4, 3))
@@ -81,8 +89,24 @@ class SpatialUpperBound:
                 return found
         return None
 
+    def _falling(self) -> SpatialVelocity | None:
+        """Return a mechanism that dissipates less than the dead load works while the live load does not resist.
+
+        The blocks fall whatever the live load. How far below zero the bound lies is chance; any larger one holds too.
+        """
+        answer = _Program(self.problem, self.dead, np.zeros_like(self.dead), _MARGINS[1], self.live).solve()
+        if not answer.usable:
+            return None
+        velocity = answer.point[: self.live.size].reshape(-1, 4, 3)
+        work, dead = float((self.live * velocity).sum()), self.dead * velocity
+        power = self.power(self.rates(velocity))
+        excess = float(power.sum() - dead.sum()) + tolerances.SUMMATION * float(power.sum() + abs(dead).sum())
+        if not (work > 0.0 and excess < 0.0):
+            return None
+        return SpatialVelocity(max(excess / work, _RAY), velocity / work, power / work)
+
     def certify(self, velocity: Floats) -> SpatialVelocity | None:
-        """Check the flow rules of velocities (t, 4, 3) and compute the λ that they bound; None where one is violated."""
+        """Compute the λ that velocities (t, 4, 3) bound; None where a flow rule is violated."""
         rates = self.rates(velocity)
         work = float((self.live * velocity).sum())
         if not work > 0.0:
@@ -145,14 +169,23 @@ class SpatialUpperBound:
 
 
 class _Program:
-    """Cone program of the upper bound under construction; multipliers y1, y3 as in docs/method.md (9.3)."""
+    """Cone program of the upper bound under construction; multipliers y1, y3 as in docs/method.md (9.3).
 
-    def __init__(self, problem: SpatialProblem, live: Floats, dead: Floats, margin: float) -> None:
+    live: (t, 4, 3) nodal forces that do unit work. dead: those whose work is subtracted. driving: those whose work must
+    not be negative, where given.
+    """
+
+    def __init__(
+        self, problem: SpatialProblem, live: Floats, dead: Floats, margin: float, driving: Floats | None = None
+    ) -> None:
         self.problem, self._margin = problem, margin
         self._work, self._linear, self._threes, self._fours, self._psd = (Rows() for _ in range(5))
         self._columns = live.size
         self._costs = [-dead.ravel()]
-        self._work.add([(np.arange(live.size)[None], live.reshape(1, -1))], 1.0, 1)
+        every = np.arange(live.size)[None]
+        self._work.add([(every, live.reshape(1, -1))], 1.0, 1)
+        if driving is not None:
+            self._linear.add([(every, -driving.reshape(1, -1))], -margin, 1)
         self._solids()
         for corner in range(3):
             self._cut_corners(corner)
@@ -206,9 +239,7 @@ class _Program:
         trace = strain[:, DIAGONAL].sum(axis=1)
         negative = self._new(np.zeros(6 * count)).reshape(count, 6)
         total = self._multipliers(mesh.volume / height, (columns, trace))
-        self._linear.add(
-            [(columns, trace), (negative[:, DIAGONAL], 2.0), *((c, -v) for c, v in total)], 0.0, count
-        )
+        self._linear.add([(columns, trace), (negative[:, DIAGONAL], 2.0), *((c, -v) for c, v in total)], 0.0, count)
         rows = 6 * count
         self._psd.add([(negative.ravel(), -1.0)], 0.0, rows)
         self._psd.add([(np.repeat(columns, 6, axis=0), -strain.reshape(rows, 12)), (negative.ravel(), -1.0)], 0.0, rows)
@@ -220,7 +251,9 @@ class _Program:
         there = s.b[rows] >= 0
         other = np.where(there, 12 * s.b[rows] + 3 * s.corner_b[rows, corner], own)
         columns = np.concatenate([own[:, None] + np.arange(3), other[:, None] + np.arange(3)], axis=1)
-        values = np.concatenate([np.broadcast_to(-np.eye(3), (len(rows), 3, 3)), there[:, None, None] * np.eye(3)], axis=2)
+        values = np.concatenate(
+            [np.broadcast_to(-np.eye(3), (len(rows), 3, 3)), there[:, None, None] * np.eye(3)], axis=2
+        )
         return columns, values
 
     def _cut_corners(self, corner: int) -> None:
@@ -251,9 +284,7 @@ class _Program:
         self._cone(self._threes, [(slid, 1.0)], tail, len(rows))
 
     @staticmethod
-    def _cone(
-        rows: Rows, head: list[tuple[Ints, Floats | float]], tail: list[tuple[Ints, Floats]], count: int
-    ) -> None:
+    def _cone(rows: Rows, head: list[tuple[Ints, Floats | float]], tail: list[tuple[Ints, Floats]], count: int) -> None:
         """Append second-order cones: head ≥ |tail|, each with all of its rows together."""
         parts = [head, *([one] for one in tail)]
         size = len(parts)
@@ -261,7 +292,9 @@ class _Program:
         for place, part in enumerate(parts):
             for columns, values in part:
                 flat = np.asarray(columns).reshape(count, -1)
-                value = np.broadcast_to(np.asarray(values) if np.ndim(values) else values, np.shape(columns)).reshape(count, -1)
+                value = np.broadcast_to(np.asarray(values) if np.ndim(values) else values, np.shape(columns)).reshape(
+                    count, -1
+                )
                 wide = np.zeros((count, size, flat.shape[1]))
                 wide[:, place] = -value
                 entries.append((np.repeat(flat, size, axis=0), wide.reshape(count * size, -1)))
