@@ -21,18 +21,16 @@ from jld_core.threads import one_thread
 GAP: Final = 0.15
 """Relative width at which refinement ends."""
 
-MOST: Final = 1500
-"""Tetrahedra of the velocities that no mesh exceeds: those of one that is as large take some minutes."""
-
 
 @dataclass(frozen=True)
 class Case:
-    """One structure: its name, what it is, how it is built, and λ in closed form where there is one."""
+    """One structure: name, what it is, how it is built, λ in closed form, and tetrahedra that no mesh exceeds."""
 
     name: str
     what: str
     build: Callable[[], Assembly]
     exact: str
+    most: int
 
 
 def assembled(elements: list[dict[str, Any]], live: list[Any], inner: dict[str, float], label: str) -> Assembly:
@@ -81,31 +79,26 @@ def corner() -> Assembly:
     return assembled(parts, [{"body": [0.7071, 0.7071, 0.0]}], strength, "dry")
 
 
-def arch(stone: samples.Stone | None = None) -> Assembly:
+def arch() -> Assembly:
     """A semicircular arch of seven voussoirs, 0.3 m thick and 0.5 m deep, under a horizontal body load."""
+    stone = samples.Stone(tension=1e6, shear=2e6)
     made = samples.vault(voussoirs=7, courses=1, length=0.5, radius=1.5, thickness=0.3, load="push", stone=stone)
     return build_assembly(made)
 
 
 CASES: Final = (
-    Case("cube under shear", "a stone 1 × 1 × 0.1 m glued to its support", cube, "τ A / W = 5.0986"),
-    Case("cantilever", "2.0 × 0.25 × 0.5 m, plastic bending", cantilever, "1562.5 to 1785.7"),
-    Case("corner", "25 stones in five courses, dry joints", corner, "–"),
-    Case("arch", "seven voussoirs, σt = τ = 0.2 MPa", arch, "–"),
-    Case(
-        "arch of strong stone",
-        "the same, σt = 1 MPa, τ = 2 MPa",
-        lambda: arch(samples.Stone(tension=1e6, shear=2e6)),
-        "–",
-    ),
+    Case("cube under shear", "a stone 1 × 1 × 0.1 m glued to its support", cube, "5.0968", 200),
+    Case("cantilever", "2.0 × 0.25 × 0.5 m, plastic bending", cantilever, "1562.5 to 1785.7", 250),
+    Case("corner", "25 stones in five courses, dry joints", corner, "–", 700),
+    Case("arch", "seven voussoirs, dry joints, σt = 1 MPa, τ = 2 MPa", arch, "–", 300),
 )
 
 
 @one_thread()
-def bounds_of(assembly: Assembly) -> tuple[SpatialBounds, float]:
+def bounds_of(assembly: Assembly, most: int) -> tuple[SpatialBounds, float]:
     """Bounds of the labelling of a scene, and the processor time that they took."""
     start = time.process_time()
-    found = spatial_bounds(assembly, gap=GAP, most_tetrahedra=MOST)
+    found = spatial_bounds(assembly, gap=GAP, most_tetrahedra=most)
     return found, time.process_time() - start
 
 
@@ -115,7 +108,7 @@ def main() -> None:
     for case in CASES:
         assembly = case.build()
         faces = solve(assembly).load_factor
-        found, seconds = bounds_of(assembly)
+        found, seconds = bounds_of(assembly, case.most)
         rows.append(
             [
                 case.name,
@@ -135,7 +128,7 @@ def main() -> None:
     text = [
         "# Bounds by fields in space",
         about(__doc__),
-        f"One layout each, refined to a gap of {100 * GAP:.0f} % or {MOST} tetrahedra (`python -m benchmarks.space_fields`).",
+        f"One layout each, refined to a gap of {100 * GAP:.0f} % or as many tetrahedra as half a minute allows.",
         table(head, rows),
         "All meshes:",
         table(["structure", "tetrahedra", "lower", "upper"], steps),
