@@ -195,7 +195,7 @@ def test_bounds_stay_in_order_under_refinement() -> None:
     """Every lower bound lies below every upper bound, and bounds of nested meshes do not get worse."""
     parts = [GROUND, box("a", [0, 0, 0], [1, 1, 1], weight=1.0)]
     assembly = scene(parts, [{"body": [1, 0, 0]}], "dry", dry={"friction_coefficient": 0.7})
-    found = spatial_bounds(assembly, gap=1e-3, adaptive=False, most_tetrahedra=50)
+    found = spatial_bounds(assembly, gap=1e-3, adaptive=False, most_tetrahedra=120)
     steps = found.history
     assert len(steps) == 2
     assert max(step.lower for step in steps) <= min(step.upper for step in steps)

@@ -182,10 +182,8 @@ def spatial_bounds(
     """
     start = time.perf_counter()
     labels = _require(assembly, labels, gap, patch)
-    material = material_of(assembly)
-    mesh, loads = loaded_solids(assembly, patch)
-    units = spatial_units(assembly, material)
-    setting = _Setting(assembly, labels, material, units, loads)
+    mesh, loads = loaded_solids(assembly, patch, labels)
+    setting = _Setting.of(assembly, labels, loads)
     best = SpatialBounds(-math.inf, math.inf, FieldStatus.OPEN, 0, 0.0, (), None, None)
     while True:
         began = time.perf_counter()
@@ -246,6 +244,12 @@ class _Setting:
     material: Material
     units: Units
     loads: SpatialLoads
+
+    @classmethod
+    def of(cls, assembly: Assembly, labels: Bits, loads: SpatialLoads) -> _Setting:
+        """Return the setting of a labelling (m,) with its loads."""
+        material = material_of(assembly)
+        return cls(assembly, labels, material, spatial_units(assembly, material), loads)
 
     def problem(self, mesh: SolidMesh) -> SpatialProblem:
         """Return the scaled problem on a mesh."""

@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 
 from jld_core import tolerances
-from jld_core.arrays import Floats
+from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.fields.space_mesh import SolidMesh
@@ -65,7 +65,9 @@ _Piece = tuple[shapely.Polygon, Traction]
 """Part of a facet in its plane, and the traction on it."""
 
 
-def loaded_solids(assembly: Assembly, patch: float | None = None) -> tuple[SolidMesh, SpatialLoads]:
+def loaded_solids(
+    assembly: Assembly, patch: float | None = None, labels: Bits | None = None
+) -> tuple[SolidMesh, SpatialLoads]:
     """Return the coarsest mesh of a spatial assembly with its loads.
 
     Parameters
@@ -76,6 +78,8 @@ def loaded_solids(assembly: Assembly, patch: float | None = None) -> tuple[Solid
         Side of the square that each live force without a width of its own is spread on, centred at its place. By
         default all of these on one free region become one linear traction: over the whole region where its normal part
         has one sign, else over the largest part that is symmetric about the resultant.
+    labels : (m,) bool array, optional
+        True = dry: such interfaces have a ring of triangles along their edges. By default none.
 
     Returns
     -------
@@ -109,7 +113,8 @@ def loaded_solids(assembly: Assembly, patch: float | None = None) -> tuple[Solid
         arm = force.place - assembly.elements.centroid[cell]
         taken[cell] += (*force.vector, *np.cross(arm, force.vector))
     patches, tractions = _patches(assembly, plain, chosen)
-    mesh = coarse_solids(assembly, surface_of(assembly, tuple(patches)) if patches else plain)
+    dry = np.zeros(len(assembly.interfaces), dtype=bool) if labels is None else labels
+    mesh = coarse_solids(assembly, surface_of(assembly, tuple(patches)) if patches else plain, dry)
     rest = assembly.live - taken
     gross = abs(assembly.live) + abs(taken)
     gross[:, 3:] += gross[:, :3].sum(axis=1)[:, None] * assembly.size
