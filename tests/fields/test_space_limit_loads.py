@@ -61,10 +61,9 @@ def test_sheared_slab() -> None:
     parts = [GROUND, box("slab", [0, 0, 0], [1, 1, 0.1])]
     found = spatial_bounds(
         scene(parts, [{"element": "slab", "force": [1, 0, 0]}], inner={"tensile_strength": 5.0}),
-        gap=0.5,
-        most_tetrahedra=60,
+        gap=0.7,
     )
-    holds(found, 1.0, 0.5)
+    holds(found, 1.0, 0.7)
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])
@@ -96,7 +95,7 @@ def test_cantilever_in_plastic_bending(tension: float) -> None:
     length, depth = 4.0, 1.0
     parts = [box("wall", [-1, 0, 0], [0, 0.5, depth], support=True), box("beam", [0, 0, 0], [length, 0.5, depth])]
     live = [{"element": "beam", "force": [0, 0, -1], "at": [length, 0.25, 0.5 * depth]}]
-    found = spatial_bounds(scene(parts, live, inner={"tensile_strength": tension}), gap=0.5, most_tetrahedra=40)
+    found = spatial_bounds(scene(parts, live, inner={"tensile_strength": tension}), gap=0.6, most_tetrahedra=30)
     plastic = tension * 2.0 * 0.5 * depth**2 / (2.0 * (tension + 2.0))
     # at the clamp the beam cannot thin, which strengthens it; a section h/2 away does not feel the clamp
     assert found.lower <= plastic / (length - 0.5 * depth)
@@ -109,12 +108,12 @@ def test_blocks_too_weak_for_their_own_weight() -> None:
     parts = [box("ceiling", [0, 0, 2], [1, 1, 3], support=True), box("bar", [0, 0, 0], [1, 1, 2], density=1.0)]
     live = [{"element": "bar", "force": [0, 0, -1], "at": [0.5, 0.5, 0]}]
     weak = spatial_bounds(
-        scene(parts, live, inner={"tensile_strength": 1.9, "shear_strength": 5.0}), gap=0.01, most_tetrahedra=100
+        scene(parts, live, inner={"tensile_strength": 1.9, "shear_strength": 5.0}), gap=0.01, most_tetrahedra=50
     )
     assert weak.status is FieldStatus.UNSTABLE
     assert weak.upper == pytest.approx(1.9 - 2.0, rel=1e-4)
     strong = spatial_bounds(
-        scene(parts, live, inner={"tensile_strength": 2.1, "shear_strength": 5.0}), gap=0.01, most_tetrahedra=100
+        scene(parts, live, inner={"tensile_strength": 2.1, "shear_strength": 5.0}), gap=0.01, most_tetrahedra=50
     )
     holds(strong, 0.1, 0.01)
 
@@ -125,7 +124,7 @@ def test_more_weight_than_any_live_load_can_hold() -> None:
     parts.append(box("stub", [2, 0, 1], [3, 1, 2]))
     live = [{"element": "stub", "force": [0, 0, -1], "at": [2.5, 0.5, 1]}]
     found = spatial_bounds(
-        scene(parts, live, inner={"tensile_strength": 1.9, "shear_strength": 5.0}), gap=0.01, most_tetrahedra=100
+        scene(parts, live, inner={"tensile_strength": 1.9, "shear_strength": 5.0}), gap=0.01, most_tetrahedra=50
     )
     assert found.status is FieldStatus.UNSTABLE
     assert found.upper < 0.0
@@ -160,7 +159,7 @@ def test_planar_fields_bound_extruded_blocks_from_both_sides() -> None:
     dry = np.array([solid.pair(face) == "a–b" for face in range(len(solid.interfaces))])
     assert dry.sum() == 1
     found = spatial_bounds(solid, dry, gap=0.5, most_tetrahedra=30)
-    above, below = bounds_by_fields(flat(), gap=0.1), bounds_by_fields(flat(compressive_strength=1.2), gap=0.1)
+    above, below = bounds_by_fields(flat(), gap=0.3), bounds_by_fields(flat(compressive_strength=1.2), gap=0.3)
     assert found.lower <= above.upper
     assert found.upper >= below.lower
     assert found.gap <= 0.5
@@ -194,8 +193,7 @@ def test_position_rotation_and_units_leave_the_bounds() -> None:
 def test_bounds_stay_in_order_under_refinement() -> None:
     """Every lower bound lies below every upper bound, and bounds of nested meshes do not get worse."""
     parts = [GROUND, box("a", [0, 0, 0], [1, 1, 1], weight=1.0)]
-    assembly = scene(parts, [{"body": [1, 0, 0]}], "dry", dry={"friction_coefficient": 0.7})
-    found = spatial_bounds(assembly, gap=1e-3, adaptive=False, most_tetrahedra=120)
+    found = spatial_bounds(scene(parts, [{"body": [1, 0, 0]}]), gap=1e-3, adaptive=False, most_tetrahedra=70)
     steps = found.history
     assert len(steps) == 2
     assert max(step.lower for step in steps) <= min(step.upper for step in steps)
