@@ -63,6 +63,10 @@ def refuse_beside_cracks(scene: Scene, settings: ExploreSettings, assembly: Asse
     ):
         if asked:
             raise ParameterError(option, "it knows cracks by faces alone", 'a search without it, or "cracks": "faces"')
+    if fields and assembly.dimension == 3:
+        raise ParameterError(
+            "cracks", "one layout in space takes minutes by fields", "a search by faces, then solve by fields"
+        )
     require_cracks(scene, assembly, settings.model)
 
 

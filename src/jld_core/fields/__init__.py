@@ -1,6 +1,8 @@
-"""Stress and velocity fields in the blocks: λ of planar blocks that may crack anywhere, from both sides.
+"""Stress and velocity fields in the blocks: λ of blocks that may crack anywhere, from both sides.
 
-- `bounds_by_fields`: bounds on λ of one labelling
+`space_bounds` has the same for one layout in space.
+
+- `bounds_by_fields`: bounds on λ of one labelling of planar blocks
 """
 
 from __future__ import annotations

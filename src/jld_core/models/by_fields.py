@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -15,6 +16,7 @@ from jld_core.errors import InputError, ParameterError
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import FieldBounds, FieldStatus
 from jld_core.fields.requirements import require_fields
+from jld_core.fields.space_bounds import SpatialBounds, require_spatial_fields, spatial_bounds
 from jld_core.limit import CaseBounds, SolveOptions, Status, governing, number
 from jld_core.limit.governing import Governing
 from jld_core.scene import Scene
@@ -37,7 +39,7 @@ class FieldResult:
         Labels, True = dry.
     cracks : FieldCracks
         The crack model, with the gap asked for.
-    cases : dict of str to FieldBounds
+    cases : dict of str to FieldBounds or SpatialBounds
         Bounds of each load case by its name; a single load has the name "".
     seconds : float
         Wall-clock time, s.
@@ -46,7 +48,7 @@ class FieldResult:
     assembly: Assembly
     labels: Bits
     cracks: FieldCracks
-    cases: dict[str, FieldBounds]
+    cases: dict[str, FieldBounds | SpatialBounds]
     seconds: float
 
     @property
@@ -99,7 +101,9 @@ class FieldResult:
                     "cases": {name: _bounds_to_json(bounds) for name, bounds in self.cases.items()},
                 }
                 if several
-                else {key: value for key, value in _bounds_to_json(first).items() if key in ("triangles", "history")}
+                else {
+                    key: value for key, value in _bounds_to_json(first).items() if key in (_parts(first)[0], "history")
+                }
             ),
             "faces": [
                 {"index": k, "elements": [ids[a], ids[b]], "label": "dry" if dry else "inner"}
@@ -133,7 +137,8 @@ class FieldResult:
                 facts[f"λ {name}"] = f"{ends} of {required:g} required ({bounds.status.value})"
         stands = _stands(found)
         facts["stands at 0"] = "undecided" if stands is None else "yes" if stands else "no"
-        facts["triangles"] = ", ".join(str(bounds.triangles) for bounds in self.cases.values())
+        parts = [_parts(bounds) for bounds in self.cases.values()]
+        facts[parts[0][0]] = ", ".join(str(count) for _, count in parts)
         facts["seconds"] = f"{self.seconds:.3g}"
         return facts
 
@@ -144,16 +149,16 @@ class FieldResult:
             FieldStatus.NO_LOWER: "no stress field was found: the blocks may be too weak for their own weight",
             FieldStatus.NO_UPPER: "no velocity field could be certified",
         }
-        limit = f"time or triangles ended refinement before the gap of {self.cracks.gap:g}"
+        limit = f"time or {_parts(bounds)[0]} ended refinement before the gap of {self.cracks.gap:g}"
         return words.get(bounds.status, f"{limit}; a larger gap or more --seconds may settle it")
 
 
-def case_bounds_of(bounds: FieldBounds) -> CaseBounds:
+def case_bounds_of(bounds: FieldBounds | SpatialBounds) -> CaseBounds:
     """Return status and bounds of one load case.
 
     Parameters
     ----------
-    bounds : FieldBounds
+    bounds : FieldBounds or SpatialBounds
         Bounds by fields.
 
     Returns
@@ -178,13 +183,13 @@ def solve_by_fields(
     Parameters
     ----------
     assembly : Assembly
-        Planar assembly, with or without load cases.
+        Assembly with or without load cases; in space of convex cells.
     labels : (m,) bool array, optional
         Labels, True = dry. Default: the labels of the scene.
     gap : float
         Relative width of the bracket at which refinement ends; above 0.
     seconds : float
-        Time for each load case, s (see `bounds_by_fields`).
+        Time for each load case, s (see `bounds_by_fields` and `spatial_bounds`).
 
     Returns
     -------
@@ -194,19 +199,17 @@ def solve_by_fields(
     Raises
     ------
     InputError
-        As `bounds_by_fields`.
+        As `bounds_by_fields`, or in space as `spatial_bounds`.
 
     Notes
     -----
-    Formulas: docs/method.md (9.6) to (9.12).
+    Formulas: docs/method.md (9.6) to (9.12), in space (10.1) to (10.6).
     """
     start = time.perf_counter()
     own = assembly.labels if labels is None else np.asarray(labels, dtype=bool)
     names = [case.name for case in assembly.cases] or [""]
-    cases = {
-        name: bounds_by_fields(one, own, gap=gap, seconds=seconds)
-        for name, one in zip(names, assembly.by_case, strict=True)
-    }
+    bound: Callable[..., FieldBounds | SpatialBounds] = spatial_bounds if assembly.dimension == 3 else bounds_by_fields
+    cases = {name: bound(one, own, gap=gap, seconds=seconds) for name, one in zip(names, assembly.by_case, strict=True)}
     return FieldResult(assembly, own, FieldCracks(kind="fields", gap=gap), cases, time.perf_counter() - start)
 
 
@@ -229,7 +232,8 @@ def require_cracks(
     Raises
     ------
     InputError
-        Cells that do not divide the grid, options that fields do not know, and what `require_fields` refuses.
+        Cells that do not divide the grid, options that fields do not know, and what `require_fields` or
+        `require_spatial_fields` refuses.
     """
     if isinstance(scene.cracks, CellCracks):
         _require_cells(scene, scene.cracks.cell, where)
@@ -239,7 +243,7 @@ def require_cracks(
     for name, value in vars(options or default).items():
         if value != getattr(default, name):
             raise ParameterError(name, "cracks by fields do not know it", "the default, or cracks by faces")
-    require_fields(assembly)
+    (require_spatial_fields if assembly.dimension == 3 else require_fields)(assembly)
 
 
 def _require_cells(scene: Scene, cell: float, where: str) -> None:
@@ -263,17 +267,23 @@ _DIVIDES: Final = 1e-9
 """Relative error that a whole number of cells may have."""
 
 
-def _bounds_to_json(bounds: FieldBounds) -> dict[str, Any]:
+def _parts(bounds: FieldBounds | SpatialBounds) -> tuple[str, int]:
+    """Return what the last mesh consists of, and how many of them."""
+    return ("tetrahedra", bounds.tetrahedra) if isinstance(bounds, SpatialBounds) else ("triangles", bounds.triangles)
+
+
+def _bounds_to_json(bounds: FieldBounds | SpatialBounds) -> dict[str, Any]:
     """Return the bounds of one load case as plain numbers."""
     known = case_bounds_of(bounds)
+    name, count = _parts(bounds)
     return {
         "load_factor": number(known.low),
         "bracket": [number(known.low), number(known.high)],
         "gap": number(_width(known.low, known.high)),
         "status": str(known.status),
-        "triangles": bounds.triangles,
+        name: count,
         "history": [
-            {"triangles": s.triangles, "lower": number(s.lower), "upper": number(s.upper), "seconds": s.seconds}
+            {name: getattr(s, name), "lower": number(s.lower), "upper": number(s.upper), "seconds": s.seconds}
             for s in bounds.history
         ],
     }

@@ -1,0 +1,105 @@
+"""Conic programs with semidefinite cones of size 3 by Clarabel, and symmetric tensors as their vectors.
+
+A symmetric tensor is the vector (xx, √2 xy, yy, √2 xz, √2 yz, zz) of its upper triangle, so that products of tensors
+are products of vectors.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import clarabel
+import numpy as np
+import scipy.sparse as sp
+
+from jld_core.arrays import Floats
+from jld_core.fields.conic import Answer
+
+ROOT_TWO = float(np.sqrt(2.0))
+
+DIAGONAL = (0, 2, 5)
+"""Places of xx, yy and zz in the vector of a tensor."""
+
+_FEASIBILITY = 1e-9
+"""Residual that the solver is asked for: less than the margins that its answers keep to the flow rule and to yield."""
+
+_GAP = 1e-5
+"""Relative duality gap that the solver is asked for: far below the gap of two meshes."""
+
+_MOST_STEPS = 100
+"""Most steps of the interior point."""
+
+_REGULAR = 1e-7
+"""Regularisation of the solver's equations: with its own 1e-8 it fails half way, as rows of equilibrium depend on each
+other around edges."""
+
+_PLACES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
+
+
+@dataclass(frozen=True)
+class ConeSizes:
+    """Numbers of rows or cones in their order: zero rows, non-negative rows, cones of 3, cones of 4, tensors."""
+
+    zero: int
+    linear: int
+    threes: int
+    fours: int
+    tensors: int
+
+
+def tensors(vectors: Floats) -> Floats:
+    """Return symmetric tensors (..., 3, 3) of vectors (..., 6)."""
+    found = np.empty((*vectors.shape[:-1], 3, 3))
+    for place, (i, j) in enumerate(_PLACES):
+        found[..., i, j] = found[..., j, i] = vectors[..., place] / (1.0 if i == j else ROOT_TWO)
+    return found
+
+
+def normal_map(normals: Floats) -> Floats:
+    """Return matrices (..., 3, 6) from vectors of stresses to tractions σ n on planes with normals (..., 3)."""
+    found = np.zeros((*normals.shape[:-1], 3, 6))
+    for place, (i, j) in enumerate(_PLACES):
+        found[..., i, place] = normals[..., j] / (1.0 if i == j else ROOT_TWO)
+        found[..., j, place] = normals[..., i] / (1.0 if i == j else ROOT_TWO)
+    return found
+
+
+def across(normals: Floats) -> tuple[Floats, Floats]:
+    """Return two unit directions (k, 3) each, in the planes with normals (k, 3)."""
+    axis = np.eye(3)[np.argmin(abs(normals), axis=1)]
+    one = np.cross(normals, axis)
+    one = one / np.linalg.norm(one, axis=1)[:, None]
+    return one, np.cross(normals, one)
+
+
+def solve_cones(objective: Floats, matrix: sp.csr_array, rhs: Floats, sizes: ConeSizes) -> Answer:
+    """Minimise q x where A x + s = b, s in the cones of some sizes in their order."""
+    cones = [clarabel.ZeroConeT(sizes.zero), clarabel.NonnegativeConeT(sizes.linear)]
+    cones += [clarabel.SecondOrderConeT(3)] * sizes.threes
+    cones += [clarabel.SecondOrderConeT(4)] * sizes.fours
+    cones += [clarabel.PSDTriangleConeT(3)] * sizes.tensors
+    width = len(objective)
+    solver: Any = clarabel.DefaultSolver(
+        sp.csc_matrix((width, width)), objective, sp.csc_matrix(matrix), rhs, cones, _settings()
+    )
+    answer = solver.solve()
+    status = str(answer.status)
+    usable = status in ("Solved", "AlmostSolved", "InsufficientProgress", "MaxIterations", "NumericalError")
+    point = np.array(answer.x)
+    return Answer(point, np.array(answer.z), usable and bool(np.isfinite(point).all()), status)
+
+
+def _settings() -> Any:
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.max_threads = 1
+    settings.presolve_enable = False
+    settings.input_sparse_dropzeros = True
+    settings.chordal_decomposition_enable = False
+    settings.max_iter = _MOST_STEPS
+    settings.direct_solve_method = "qdldl"
+    settings.static_regularization_constant = _REGULAR
+    settings.tol_feas = _FEASIBILITY
+    settings.tol_gap_abs = settings.tol_gap_rel = _GAP
+    return settings
