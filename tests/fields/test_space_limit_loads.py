@@ -242,13 +242,14 @@ def test_what_is_refused() -> None:
     """Cells that are not convex, forces without room, and one line for each."""
     ell = prism("ell", [[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]], 0.0, 1.0, weight=1.0)
     cube = box("a", [0, 0, 0], [1, 1, 1])
-    for parts, live, words in (
+    refused: list[tuple[list[dict[str, Any]], list[Any], str]] = [
         ([GROUND, ell], [{"body": [1, 0, 0]}], "convex"),
         ([GROUND, cube], [{"element": "a", "force": [0, 0, -1], "at": [1, 1, 1]}], "no room"),
         ([GROUND, cube], [{"element": "a", "force": [0, 0, -1], "at": [0.9, 0.5, 1], "width": 0.5}], "no room"),
         ([GROUND, cube], [{"element": "a", "force": [0, 0, 1], "at": [0.5, 0.5, 0]}], "no free face"),
         ([GROUND, cube], [{"element": "a", "force": [0, 0, 1], "at": [0.5, 0.5, 0.5], "width": 0.1}], "no free face"),
-    ):
+    ]
+    for parts, live, words in refused:
         with pytest.raises(InputError, match=words):
             spatial_bounds(scene(parts, live), most_tetrahedra=30)
     with pytest.raises(InputError, match="gap"):
