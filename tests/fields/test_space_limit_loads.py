@@ -11,8 +11,12 @@ from cases_spatial import box, prism, rotation
 from jld_core import Assembly, InputError, build_assembly, parse_scene
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import FieldStatus
-from jld_core.fields.space_bounds import SpatialBounds, spatial_bounds
+from jld_core.fields.material import material_of
+from jld_core.fields.space_bounds import SpatialBounds, spatial_bounds, stress_power
 from jld_core.fields.space_loads import loaded_solids
+from jld_core.fields.space_lower import SpatialLowerBound
+from jld_core.fields.space_problem import spatial_problem, spatial_units
+from jld_core.fields.space_upper import SpatialUpperBound
 
 STRONG = {"tensile_strength": 1e3, "shear_strength": 1e3}
 
@@ -198,6 +202,24 @@ def test_bounds_stay_in_order_under_refinement() -> None:
     assert len(steps) == 2
     assert max(step.lower for step in steps) <= min(step.upper for step in steps)
     assert [s.upper for s in steps] == pytest.approx(sorted((s.upper for s in steps), reverse=True), rel=1e-5)
+
+
+def test_virtual_power_of_both_fields() -> None:
+    """Dissipation less stress power is the width of the bracket: both fields meet equilibrium and compatibility."""
+    parts = [GROUND, box("a", [0, 0, 0], [1, 1, 1], weight=1.0)]
+    assembly = scene(parts, [{"element": "a", "force": [1, 0, -0.2], "at": [0.5, 0.5, 1.0]}], "dry")
+    material = material_of(assembly)
+    mesh, loads = loaded_solids(assembly, None, assembly.labels)
+    units = spatial_units(assembly, material)
+    given = spatial_problem(assembly, assembly.labels, material, units, mesh, loads)
+    stress, velocity = SpatialLowerBound(given).bound(), SpatialUpperBound(given).bound()
+    assert stress is not None
+    assert velocity is not None
+    power = stress_power(given, stress, velocity.velocity)
+    width = velocity.factor - stress.factor
+    assert velocity.dissipation.sum() - power.sum() == pytest.approx(width, abs=1e-9)
+    # no tetrahedron dissipates less than the stresses work on it
+    assert (velocity.dissipation - power).min() >= -1e-9
 
 
 LOADS = [
