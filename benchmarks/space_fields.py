@@ -44,15 +44,15 @@ def assembled(elements: list[dict[str, Any]], live: list[Any], inner: dict[str, 
 
 def cube() -> Assembly:
     """A flat stone glued to its support under a horizontal body load: λ W = τ A where it shears off."""
-    parts = [box("base", [0, 0, -1], [1, 1, 0], support=True), box("stone", [0, 0, 0], [1, 1, 0.1])]
+    parts = [box("base", (0, 0, -1), (1, 1, 0), support=True), box("stone", (0, 0, 0), (1, 1, 0.1))]
     strength = {"tensile_strength": 5e4, "shear_strength": 1e4}
     return assembled(parts, [{"body": [1, 0, 0]}], strength, "inner")
 
 
 def cantilever() -> Assembly:
     """A cantilever of 2.0 × 0.25 × 0.5 m under a force at its end: λ between M/l and M/(l − h/2), M = σt b h²/4."""
-    parts = [box("wall", [-0.5, 0, 0], [0, 0.25, 0.5], support=True)]
-    parts.append(box("beam", [0, 0, 0], [2.0, 0.25, 0.5], weight=0.0))
+    parts = [box("wall", (-0.5, 0, 0), (0, 0.25, 0.5), support=True)]
+    parts.append(box("beam", (0, 0, 0), (2.0, 0.25, 0.5), weight=0.0))
     strength = {"tensile_strength": 2e5, "shear_strength": 1e5}
     return assembled(parts, [{"element": "beam", "force": [0, 0, -1], "at": [2.0, 0.125, 0.25]}], strength, "inner")
 
@@ -60,7 +60,7 @@ def cantilever() -> Assembly:
 def corner() -> Assembly:
     """A corner of two walls of five courses, two and a half stones long, bonded in turn, pushed along its bisector."""
     long, wide, high, reach = 0.4, 0.2, 0.2, 0.8
-    parts = [box("ground", [-0.2, -0.2, -0.2], [1.0, 1.0, 0.0], support=True)]
+    parts = [box("ground", (-0.2, -0.2, -0.2), (1.0, 1.0, 0.0), support=True)]
     for course in range(5):
         low, top = course * high, (course + 1) * high
         for axis in (0, 1):
@@ -72,7 +72,7 @@ def corner() -> Assembly:
                 lower, upper = [start, 0.0, low], [end, wide, top]
                 if axis:
                     lower[:2], upper[:2] = lower[1::-1], upper[1::-1]
-                parts.append(box(f"{'xy'[axis]}{course}.{k}", lower, upper))
+                parts.append(box(f"{'xy'[axis]}{course}.{k}", tuple(lower), tuple(upper)))
     strength = {"tensile_strength": 2e5, "shear_strength": 5e5, "friction_coefficient": 0.5}
     return assembled(parts, [{"body": [0.7071, 0.7071, 0.0]}], strength, "dry")
 

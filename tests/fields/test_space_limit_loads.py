@@ -11,8 +11,12 @@ from cases_spatial import box, prism, rotation
 from jld_core import Assembly, InputError, build_assembly, parse_scene
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import FieldStatus
-from jld_core.fields.space_bounds import SpatialBounds, spatial_bounds
+from jld_core.fields.material import material_of
+from jld_core.fields.space_bounds import SpatialBounds, spatial_bounds, stress_power
 from jld_core.fields.space_loads import loaded_solids
+from jld_core.fields.space_lower import SpatialLowerBound
+from jld_core.fields.space_problem import spatial_problem, spatial_units
+from jld_core.fields.space_upper import SpatialUpperBound
 
 STRONG = {"tensile_strength": 1e3, "shear_strength": 1e3}
 
@@ -200,6 +204,24 @@ def test_bounds_stay_in_order_under_refinement() -> None:
     assert [s.upper for s in steps] == pytest.approx(sorted((s.upper for s in steps), reverse=True), rel=1e-5)
 
 
+def test_virtual_power_of_both_fields() -> None:
+    """Dissipation less stress power is the width of the bracket: both fields meet equilibrium and compatibility."""
+    parts = [GROUND, box("a", [0, 0, 0], [1, 1, 1], weight=1.0)]
+    assembly = scene(parts, [{"element": "a", "force": [1, 0, -0.2], "at": [0.5, 0.5, 1.0]}], "dry")
+    material = material_of(assembly)
+    mesh, loads = loaded_solids(assembly, None, assembly.labels)
+    units = spatial_units(assembly, material)
+    given = spatial_problem(assembly, assembly.labels, material, units, mesh, loads)
+    stress, velocity = SpatialLowerBound(given).bound(), SpatialUpperBound(given).bound()
+    assert stress is not None
+    assert velocity is not None
+    power = stress_power(given, stress, velocity.velocity)
+    width = velocity.factor - stress.factor
+    assert velocity.dissipation.sum() - power.sum() == pytest.approx(width, abs=1e-9)
+    # no tetrahedron dissipates less than the stresses work on it
+    assert (velocity.dissipation - power).min() >= -1e-9
+
+
 LOADS = [
     [{"element": "a", "force": [1, 2, -3], "at": [0.5, 0.4, 1.0]}],
     [{"element": "a", "force": [1, 2, -3], "at": [0.9, 0.4, 1.0]}],
@@ -242,13 +264,14 @@ def test_what_is_refused() -> None:
     """Cells that are not convex, forces without room, and one line for each."""
     ell = prism("ell", [[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]], 0.0, 1.0, weight=1.0)
     cube = box("a", [0, 0, 0], [1, 1, 1])
-    for parts, live, words in (
+    refused: list[tuple[list[dict[str, Any]], list[Any], str]] = [
         ([GROUND, ell], [{"body": [1, 0, 0]}], "convex"),
         ([GROUND, cube], [{"element": "a", "force": [0, 0, -1], "at": [1, 1, 1]}], "no room"),
         ([GROUND, cube], [{"element": "a", "force": [0, 0, -1], "at": [0.9, 0.5, 1], "width": 0.5}], "no room"),
         ([GROUND, cube], [{"element": "a", "force": [0, 0, 1], "at": [0.5, 0.5, 0]}], "no free face"),
         ([GROUND, cube], [{"element": "a", "force": [0, 0, 1], "at": [0.5, 0.5, 0.5], "width": 0.1}], "no free face"),
-    ):
+    ]
+    for parts, live, words in refused:
         with pytest.raises(InputError, match=words):
             spatial_bounds(scene(parts, live), most_tetrahedra=30)
     with pytest.raises(InputError, match="gap"):

@@ -104,6 +104,7 @@ def test_support_function_is_the_largest_power_over_the_set(friction: float, cru
         if found.status == 3:
             assert power == np.inf
         else:
+            assert found.fun is not None
             assert power == pytest.approx(-found.fun, rel=1e-9, abs=1e-9)
 
 

@@ -120,7 +120,7 @@ class SpatialLowerBound:
         face = p.face[rows]
         mu, c, crush = (v[face][:, None] for v in (p.joints.friction, p.joints.cohesion, p.joints.crushing))
         slides = np.where(self._frictionless[:, None], np.inf, c - mu * normal - shear)
-        return np.minimum(np.minimum(-normal, slides), crush + normal)
+        return np.asarray(np.minimum(np.minimum(-normal, slides), crush + normal))
 
     @cached_property
     def _frictionless(self) -> Bools:

@@ -6,6 +6,7 @@ rule; what counts is computed here: flow rules are checked, then dissipation and
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -286,7 +287,7 @@ class _Program:
     @staticmethod
     def _cone(rows: Rows, head: list[tuple[Ints, Floats | float]], tail: list[tuple[Ints, Floats]], count: int) -> None:
         """Append second-order cones: head ≥ |tail|, each with all of its rows together."""
-        parts = [head, *([one] for one in tail)]
+        parts: list[Sequence[tuple[Ints, Floats | float]]] = [head, *([one] for one in tail)]
         size = len(parts)
         entries = []
         for place, part in enumerate(parts):

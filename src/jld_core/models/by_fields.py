@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -16,12 +16,14 @@ from jld_core.errors import InputError, ParameterError
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import FieldBounds, FieldStatus
 from jld_core.fields.requirements import require_fields
-from jld_core.fields.space_bounds import SpatialBounds, require_spatial_fields, spatial_bounds
 from jld_core.limit import CaseBounds, SolveOptions, Status, governing, number
 from jld_core.limit.governing import Governing
 from jld_core.scene import Scene
 from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_in_words, cracks_to_json
 from jld_core.threads import one_thread
+
+if TYPE_CHECKING:
+    from jld_core.fields.space_bounds import SpatialBounds
 
 FIELD_SECONDS: Final = 60.0
 """Default time for the bounds of one load case, s; no mesh is begun that is not expected to be done by then."""
@@ -208,7 +210,11 @@ def solve_by_fields(
     start = time.perf_counter()
     own = assembly.labels if labels is None else np.asarray(labels, dtype=bool)
     names = [case.name for case in assembly.cases] or [""]
-    bound: Callable[..., FieldBounds | SpatialBounds] = spatial_bounds if assembly.dimension == 3 else bounds_by_fields
+    bound: Callable[..., FieldBounds | SpatialBounds] = bounds_by_fields
+    if assembly.dimension == 3:
+        from jld_core.fields.space_bounds import spatial_bounds  # planar scenes do not load it
+
+        bound = spatial_bounds
     cases = {name: bound(one, own, gap=gap, seconds=seconds) for name, one in zip(names, assembly.by_case, strict=True)}
     return FieldResult(assembly, own, FieldCracks(kind="fields", gap=gap), cases, time.perf_counter() - start)
 
@@ -243,7 +249,12 @@ def require_cracks(
     for name, value in vars(options or default).items():
         if value != getattr(default, name):
             raise ParameterError(name, "cracks by fields do not know it", "the default, or cracks by faces")
-    (require_spatial_fields if assembly.dimension == 3 else require_fields)(assembly)
+    if assembly.dimension == 3:
+        from jld_core.fields.space_bounds import require_spatial_fields  # planar scenes do not load it
+
+        require_spatial_fields(assembly)
+    else:
+        require_fields(assembly)
 
 
 def _require_cells(scene: Scene, cell: float, where: str) -> None:
@@ -269,7 +280,7 @@ _DIVIDES: Final = 1e-9
 
 def _parts(bounds: FieldBounds | SpatialBounds) -> tuple[str, int]:
     """Return what the last mesh consists of, and how many of them."""
-    return ("tetrahedra", bounds.tetrahedra) if isinstance(bounds, SpatialBounds) else ("triangles", bounds.triangles)
+    return ("triangles", bounds.triangles) if isinstance(bounds, FieldBounds) else ("tetrahedra", bounds.tetrahedra)
 
 
 def _bounds_to_json(bounds: FieldBounds | SpatialBounds) -> dict[str, Any]:
