@@ -24,6 +24,7 @@ BENCHMARKS: Final = (
     "reductions",
     "throughput",
     "field",
+    "crack_fields",
     "scale",
     "growth",
     "lanes",
