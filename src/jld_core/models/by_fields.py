@@ -57,6 +57,12 @@ class FieldResult:
         return Governing(found.status, found.low, found.high, found.low, found.case)
 
     @property
+    def governing_case(self) -> tuple[Assembly, Bits, FieldBounds]:
+        """Assembly under the governing load case, labels (m,), and the bounds of that case."""
+        case = self.governing.case
+        return self.assembly.by_case[case], self.labels, list(self.cases.values())[case]
+
+    @property
     def status(self) -> Status:
         """Collapse where the gap is reached, unstable where an upper bound is below 0, else uncertified."""
         return self.governing.status
