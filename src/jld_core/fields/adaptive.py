@@ -13,7 +13,7 @@ from jld_core.assembly import Assembly
 from jld_core.fields.loads import FieldLoads, loaded_mesh
 from jld_core.fields.lower import LowerBound, StressField
 from jld_core.fields.material import Material, material_of
-from jld_core.fields.mesh import Mesh, refine
+from jld_core.fields.mesh import Mesh, fanned, refine
 from jld_core.fields.problem import Problem, Units, problem_of, units_of
 from jld_core.fields.transfer import FieldMechanism, FieldStresses, mechanism_of, stresses_of
 from jld_core.fields.upper import UpperBound, VelocityField
@@ -75,7 +75,8 @@ class FieldSetting:
         """Return the setting of an assembly; raise InputError as `material_of` and `loaded_mesh`."""
         material = material_of(assembly)
         coarse, loads = loaded_mesh(assembly, patch)
-        return cls(assembly, material, units_of(assembly, material), coarse, loads)
+        ends = [end for segment in loads.segments for end in segment.ends]
+        return cls(assembly, material, units_of(assembly, material), fanned(coarse, ends), loads)
 
     def problem(self, mesh: Mesh) -> Problem:
         """Return the scaled problem on a mesh."""

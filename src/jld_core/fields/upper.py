@@ -22,6 +22,12 @@ from jld_core.fields.velocity_program import VelocityProgram
 _CHEAP = 1e-7
 """Relative rise of λ above the solver's up to which an opened field is not settled: ten times what is usual."""
 
+_COSTLY = 1e-4
+"""Relative rise of λ above the solver's from which a program with margins is tried: opening then costs too much."""
+
+_MARGINS = (1e-8, 1e-6)
+"""Room of flow rules in such programs, scaled velocity: above residuals of the solver, below what moves λ."""
+
 _RAY = -1.0
 """Scaled bound that stands for all below it, where the program is unbounded."""
 
@@ -89,9 +95,24 @@ class UpperBound:
         if not (answer.usable or answer.status == "DualInfeasible"):
             return None
         found = self.certify(answer.point[: 6 * self._triangles].reshape(-1, 3, 2), labels, answer.objective)
+        if answer.usable and (found is None or found.factor - answer.objective > _COSTLY * abs(found.factor)):
+            found = self._with_margins(labels, found, answer.objective)
         if found is not None and not answer.usable:
             # how far below zero a ray leads is chance; any larger bound holds as well
             return replace(found, factor=max(found.factor, _RAY))
+        return found
+
+    def _with_margins(self, labels: Bits, found: VelocityField | None, expected: float) -> VelocityField | None:
+        """Return the better of a field and those of programs whose flow rules have room to start with."""
+        for margin in _MARGINS:
+            answer = VelocityProgram(self.problem, self.live, self.dead, margin).solve(self.problem.is_dry(labels))
+            if not answer.usable:
+                continue
+            other = self.certify(answer.point[: 6 * self._triangles].reshape(-1, 3, 2), labels, answer.objective)
+            if other is not None and (found is None or other.factor < found.factor):
+                found = other
+            if found is not None and found.factor - expected <= _COSTLY * abs(found.factor):
+                break
         return found
 
     def propose(self, labels: Bits) -> Answer:
