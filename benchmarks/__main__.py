@@ -25,6 +25,7 @@ BENCHMARKS: Final = (
     "throughput",
     "field",
     "crack_fields",
+    "crack_models",
     "scale",
     "growth",
     "lanes",
