@@ -382,6 +382,5 @@ def fanned(mesh: Mesh, ends: Sequence[Floats]) -> Mesh:
     few = np.zeros(len(mesh.points), dtype=bool)
     few[nodes] = (abs(around[nodes] - np.pi) <= _STRAIGHT) & (count[nodes] < 3)
     at = few[mesh.triangles]
-    if not at.any():
-        return mesh
-    return refine(mesh, at.any(axis=1), np.where(at.any(axis=1), at.argmax(axis=1), -1))
+    marked = np.asarray(at.any(axis=1))
+    return refine(mesh, marked, np.where(marked, at.argmax(axis=1), -1)) if marked.any() else mesh
