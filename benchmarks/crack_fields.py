@@ -58,7 +58,7 @@ def flagship() -> tuple[Assembly, Bits, Bits]:
 def to_gap(name: str, assembly: Assembly, labels: Bits, gap: float, goal: float) -> list[str]:
     """One row: a layout until its bracket is as narrow as a gap."""
     start = time.process_time()
-    found = bounds_by_fields(assembly, labels, gap=gap, seconds=4.0 * goal)
+    found = bounds_by_fields(assembly, labels, gap=gap, seconds=40.0 * goal)
     seconds = time.process_time() - start
     bracket = f"{found.lower:.4g} {found.upper:.4g}"
     meshes = f"{found.triangles} in {len(found.history)} meshes"

@@ -23,7 +23,6 @@ from jld_core.fields.bounds import FieldBounds
 from jld_core.scene import parse_cracks
 from jld_core.views.field_figures import draw_cracks, draw_stresses
 from jld_core.views.figure_layout import figure_for, finish
-from jld_experiment import Joints, run_experiment
 from jld_explore import Exploration, ExploreSettings
 from jld_explore.space import from_string
 from studies.crack_models import HALVES, bridge, finer, rows_of, wall
@@ -143,6 +142,8 @@ def stronger(scene: Scene, factor: float) -> Scene:
 
 def brittle(found: Findings, names: tuple[str, ...], strengths: tuple[float, ...]) -> list[dict[str, Any]]:
     """Experiments on halved cells with brittle cracks, by strength of the blocks, beside the lower bound by fields."""
+    from jld_experiment import Joints, run_experiment  # needs numba, which the rest does not
+
     rows = []
     for factor in strengths:
         scene = stronger(found.case.scene, factor)
