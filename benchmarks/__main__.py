@@ -25,6 +25,8 @@ BENCHMARKS: Final = (
     "reductions",
     "throughput",
     "field",
+    "crack_fields",
+    "crack_models",
     "scale",
     "growth",
     "lanes",

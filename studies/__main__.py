@@ -26,6 +26,7 @@ STUDIES: Final = (
     "corner",
     "virtual_experiment",
     "brittle_front",
+    "whose_cracks",
     "cracking_units",
     "non_planar_faces",
     "two_loads",

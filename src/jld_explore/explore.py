@@ -359,9 +359,11 @@ def _experimented(study: Study, done: Exploration) -> Exploration:
 def _draw(
     done: Exploration, deadline: Deadline, settings: ExploreSettings, announce: Callable[[str], None] | None
 ) -> None:
-    """Write the page, then the pictures for which there is time."""
+    """Write the page, then the pictures for which there is time; a page of fields shows one of them."""
     write_report(done, deadline=_later(deadline, settings, OVER))
-    missing = write_pictures(done, deadline=_later(deadline, settings, LAST))[1]
+    written, missing = write_pictures(done, deadline=_later(deadline, settings, LAST))
+    if isinstance(done.scene.cracks, FieldCracks) and written:
+        write_report(done, deadline=_later(deadline, settings, OVER))  # now with the picture of the best layout
     if missing and announce is not None:
         announce(f"not drawn for lack of time: {', '.join(missing)}; jld plot {done.folder} draws them")
 

@@ -54,6 +54,11 @@ def answered(found: Visit) -> dict[str, object]:
     return dict(found.run("() => studio.solution.cases[0]"))
 
 
+def leave(found: Visit) -> None:
+    """Leave a page whose studio is about to end: its next request would be an error."""
+    found.page.goto("about:blank")
+
+
 def state(found: Visit) -> dict[str, object]:
     """Labels, materials and loads as the page has them."""
     return dict(found.run("() => studio.steps.now"))
@@ -236,6 +241,7 @@ def test_a_results_folder_is_gone_on_with(visit: Open, tmp_path: Path) -> None:
         assert found.text("h1") == " ".join(HOSTILE.split())
         assert found.page.locator("#candidates li:has(.name:text-is('this folder, rank 1'))").count() == 1
         assert found.text("li[data-job=study]").startswith("study")
+        leave(found)
     finally:
         running.close()
 
@@ -263,5 +269,6 @@ def test_a_spatial_scene_is_toggled_too(visit: Open, tmp_path: Path) -> None:
         assert str(state(found)["labelling"]) != before
         assert after["load_factor"] == pytest.approx(proven(found, path), rel=1e-6)
         assert first["status"] == "collapse"
+        leave(found)
     finally:
         running.close()

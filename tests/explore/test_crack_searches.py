@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -25,6 +26,7 @@ from jld_explore.evaluation.field_evaluator import field_evaluation
 from jld_explore.evaluation.field_pool import FieldPool
 from jld_explore.evaluation.field_race import FieldRace
 from jld_explore.report import words
+from jld_explore.report.page_of_study import study_data
 from jld_explore.space import from_string
 
 PUSHED: list[dict[str, Any]] = [{"element": "c1r0", "force": [0, -1], "at": [0.15, 0.3]}]
@@ -203,5 +205,12 @@ def test_the_command_line_searches_by_fields(jld: Command, tmp_path: Path) -> No
     rank = json.loads(jld("solve", tmp_path / "out", "--rank", "1", "--json").out)
     assert rank["cracks"]["kind"] == "fields"
     assert (tmp_path / "out" / "best.png").exists()
-    assert (tmp_path / "out" / "report.html").exists()
-    assert jld("plot", tmp_path / "out", "--rank", "1").code == 2
+    assert jld("plot", tmp_path / "out", "--rank", "1").code == 0
+    assert (tmp_path / "out" / "layouts_1.png").stat().st_size > 10_000
+    told = jld("plot", tmp_path / "out", "--format", "gif")
+    assert told.code == 2
+    assert "rigid elements" in told.err
+    # the page shows the picture of the best layout
+    data = study_data(read_folder(tmp_path / "out"))
+    assert [base64.b64decode(one["png"]) for one in data["pictures"]] == [(tmp_path / "out" / "best.png").read_bytes()]
+    assert len((tmp_path / "out" / "report.html").read_text(encoding="utf-8")) > len(data["pictures"][0]["png"])

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from studies.crack_models import HALVES, VORONOI, finer
 
 from cases import grid_document
 from command import Command
@@ -231,3 +232,17 @@ def test_cells_by_hand() -> None:
     found = solve(cells.fine, cells.labels(joints.labels))
     assert len(cells.fine.elements.free) == 12
     assert found.load_factor == pytest.approx(1.0 + PULLED / (9.81 * 0.75), rel=1e-6)
+
+
+def test_cells_of_the_study_are_those_of_the_crack_model() -> None:
+    """Halved cells against `crack_cells` of half the size: the same λ. Voronoi cells cover the same area."""
+    scene = parse_scene(grid_document(["aab", "cdd", "#.#"], tension=2e6, shear=2e5))
+    assembly = build_assembly(scene)
+    halves, cells = finer(scene, assembly, HALVES), crack_cells(scene, assembly, 0.05)
+    assert len(halves.fine.interfaces) == len(cells.fine.interfaces)
+    one, other = (solve(own.fine, own.labels(assembly.labels)).load_factor for own in (halves, cells))
+    assert one == pytest.approx(other, rel=1e-9)
+    random = finer(scene, assembly, VORONOI)
+    assert set(random.face.tolist()) == set(range(-1, len(assembly.interfaces)))
+    area = random.fine.elements.volume[random.fine.elements.free].sum()
+    assert area == pytest.approx(assembly.elements.volume[assembly.elements.free].sum(), rel=1e-9)

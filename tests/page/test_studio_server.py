@@ -13,6 +13,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +21,14 @@ import pytest
 
 from command import command, environment
 from jld_core import InputError, build_assembly, parse_scene, solve
+from jld_core.fields import bounds_by_fields
+from jld_explore import ExploreSettings, explore
 from jld_explore.report.page import asset_names
-from scenes_of_pages import HOSTILE, small_scene
+from scenes_of_pages import HOSTILE, scene_of_cases, small_scene, spatial_scene
 
 uvicorn = pytest.importorskip("uvicorn", reason="the extra studio is not installed")
 
-from jld_explore.studio import guard, server  # noqa: E402
+from jld_explore.studio import field_brackets, guard, server  # noqa: E402
 from jld_explore.studio.app import Api, build_app  # noqa: E402
 from jld_explore.studio.jobs import MOST, ORDERS, Jobs  # noqa: E402
 from jld_explore.studio.session import StudioSession  # noqa: E402
@@ -110,6 +113,94 @@ def test_an_older_state_is_not_solved(local: Local) -> None:
     asked = {"page": "c", "labelling": letters(local), "changes": {}}
     assert "solution" in local.api("solve", {**asked, "revision": 5})[1]
     assert local.api("solve", {**asked, "revision": 4})[1] == {"revision": 4, "superseded": True}
+
+
+PUSHED = {"live": [{"body": [1, 0]}]}
+"""Loads that fields take; a force of the small scene acts on an edge between cells, which they refuse."""
+
+
+def soft() -> dict[str, Any]:
+    """Changes to the small scene: loads that fields take, and blocks of 5 kPa, which crack before they slide."""
+    inner = {"tensile_strength": 5e3, "shear_strength": 5e3}
+    return {"materials": {**small_scene()["materials"], "inner": inner}, "loads": PUSHED}
+
+
+def test_blocks_are_bracketed_at_once_and_refined(local: Local, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The coarsest mesh first, then narrower brackets, as `bounds_by_fields` has them, until time is up."""
+    for name in ("SECONDS", "STEP"):  # a busy machine would end refinement early
+        monkeypatch.setattr(field_brackets, name, 60.0)
+    asked = {"page": "d", "revision": 1, "labelling": letters(local), "changes": soft()}
+    answers = [local.api("fields", asked)[1] for _ in range(3)]
+    assert [one["more"] for one in answers] == [True] * 3
+    assembly = build_assembly(parse_scene(small_scene() | soft()))
+    alone = bounds_by_fields(assembly, gap=0.05, most_triangles=answers[-1]["triangles"])
+    assert [one["triangles"] for one in answers] == [step.triangles for step in alone.history]
+    assert answers[-1]["bracket"] == pytest.approx([alone.lower, alone.upper], rel=1e-9)
+    for one, after in pairwise(answers):
+        assert one["bracket"][0] < after["bracket"][0] < after["bracket"][1] < one["bracket"][1]
+    monkeypatch.setattr(field_brackets, "SECONDS", answers[-1]["seconds"])
+    assert local.api("fields", asked)[1] == {**answers[-1], "more": False}
+
+
+def test_an_older_state_is_not_bracketed(local: Local) -> None:
+    asked = {"page": "e", "labelling": letters(local), "changes": {"loads": PUSHED}}
+    assert "bracket" in local.api("fields", {**asked, "revision": 5})[1]
+    assert local.api("fields", {**asked, "revision": 4})[1] == {"revision": 4, "superseded": True}
+
+
+def test_brackets_follow_the_materials(local: Local) -> None:
+    """Blocks of a quarter of the strength are proven weaker."""
+    strong = {"page": "f", "revision": 1, "labelling": letters(local), "changes": {"loads": PUSHED}}
+    weak = {**strong, "page": "g", "changes": soft()}
+    one, other = (local.api("fields", asked)[1]["bracket"] for asked in (weak, strong))
+    assert one[1] < other[0]
+
+
+def test_what_fields_do_not_know_is_said() -> None:
+    """Space, a force on an edge between cells, and too many triangles: one line each, no failure."""
+    spatial = StudioSession(parse_scene(spatial_scene()))
+    told = spatial.fields("d" * len(spatial.setup({}).assembly.interfaces), {})
+    assert "spatial" in told["refused"]
+    assert not told["more"]
+    small = StudioSession(parse_scene(small_scene()))
+    told = small.fields("d" * len(small.setup({}).assembly.interfaces), {})
+    assert "no free face" in told["refused"]
+    wide = StudioSession(parse_scene(small_scene(rows=["ab" * 14] * 28 + ["#" * 28]) | {"loads": PUSHED}))
+    told = wide.fields("d" * len(wide.setup({}).assembly.interfaces), {})
+    assert "triangles are too many" in told["refused"]
+    assert "\n" not in told["refused"]
+
+
+def test_load_cases_are_bracketed_together() -> None:
+    """The least over cases of λ / required, once every case has a mesh."""
+    desk = StudioSession(parse_scene(scene_of_cases()))
+    assembly = desk.setup({}).assembly
+    own = "".join("d" if dry else "i" for dry in assembly.labels)
+    assert desk.fields(own, {})["bracket"][0] is None
+    found = desk.fields(own, {})
+    each = [bounds_by_fields(case, assembly.labels, gap=1e-9, most_triangles=1) for case in assembly.by_case]
+    sides = [one.lower for one in each], [one.upper for one in each]
+    ends = [min(end / need for end, need in zip(side, assembly.required, strict=True)) for side in sides]
+    assert found["bracket"] == pytest.approx(ends, rel=1e-9)
+
+
+def test_scenes_by_fields_are_opened_and_those_by_cells_are_not(tmp_path: Path) -> None:
+    path = tmp_path / "scene.json"
+    path.write_text(json.dumps(small_scene() | {"cracks": {"kind": "cells", "cell": 0.1}}))
+    with pytest.raises(InputError, match="faces and fields alone"):
+        server.opened(path)
+    path.write_text(json.dumps(small_scene() | {"cracks": {"kind": "fields"}}))
+    assert server.opened(path)[0].cracks != "faces"
+
+
+def test_a_search_by_fields_is_opened_with_a_layout(tmp_path: Path) -> None:
+    """The page of a folder by fields begins with the best layout, solved by faces, and its table."""
+    asked = parse_scene(small_scene() | {"cracks": {"kind": "fields", "gap": 0.5}, "loads": PUSHED})
+    done = explore(asked, tmp_path / "out", ExploreSettings(jobs=1, pictures=False))
+    scene, root, study = server.opened(tmp_path / "out")
+    data = server.first_data(StudioSession(scene), root, study)
+    assert data["solutions"]["0"]["labelling"] == done.summary.best_labelling
+    assert data["table"] is not None
 
 
 @pytest.mark.parametrize(

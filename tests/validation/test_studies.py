@@ -22,6 +22,7 @@ from studies import (
     two_loads,
     wall_with_opening,
     walls_of_section_3_1,
+    whose_cracks,
 )
 from studies.__main__ import STUDIES, gallery
 from studies.report import RESULTS
@@ -226,3 +227,19 @@ def test_how_low_can_it_go(tmp_path: Path) -> None:
     assert table.loc["flat arch", "lowest_found"] == pytest.approx(1305.8653, rel=1e-6)
     assert table.loc["flat arch", "highest_found"] == pytest.approx(2093.9777, rel=1e-6)
     assert table.loc["wall 2 × 3", "highest_found"] == pytest.approx(0.65, rel=1e-7)
+
+
+def test_whose_cracks() -> None:
+    """The small wall: proven 0.75 by faces, sliding, and at most 0.60 of its blocks; bounds in order on every mesh."""
+    found = whose_cracks.found_of(whose_cracks.cases(quick=True)[1], 1.0)
+    table = pd.DataFrame(found.rows)
+    fields = table[table["cracks"].str.startswith("fields")]
+    assert (fields["lower"] <= fields["upper"]).all()
+    (row,) = whose_cracks.summary(table).to_dict("records")
+    assert row["faces"] == pytest.approx(0.75, rel=1e-6)
+    assert 0.0 < row["fields, lower"] < row["fields, upper"] < 0.6
+    strong = whose_cracks.stronger(found.case.scene, 2.0).materials.inner
+    assert strong is not None
+    assert strong.shear_strength == pytest.approx(1e4)
+    ratios = table.assign(part="brittle", ratio=[0.5] * len(table), strength=1.0, layout="one")
+    assert "unsafe for them at every strength" in whose_cracks._unsafe(ratios)[0]

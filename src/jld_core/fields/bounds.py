@@ -19,6 +19,8 @@ from jld_core.fields.requirements import require_labels, require_planar
 _MOST_TRIANGLES = 20_000
 """Triangles at which refinement ends: programs of more take minutes."""
 
+_GROWTH = 1.3
+"""Power of the number of triangles that the time of a mesh grows with."""
 
 _PATIENCE = 8
 """Meshes after which bounds of which one is missing are given up: the dead load needs fine meshes at few places."""
@@ -45,7 +47,7 @@ class FieldStep:
     lower, upper : float
         Bounds on λ from this mesh alone, infinite where none was found.
     seconds : float
-        Processor time since the start, s.
+        Time since the start, s.
     """
 
     triangles: int
@@ -104,7 +106,7 @@ class FieldBounds:
     triangles : int
         Number of triangles of the last mesh.
     seconds : float
-        Processor time, s.
+        Time, s.
     history : tuple of FieldStep
         One entry for each mesh.
     stresses : Stresses or None
@@ -173,29 +175,95 @@ def bounds_by_fields(
     InputError
         Scenes in space, load cases, a gap that is not above 0, and what `material_of` and `loaded_mesh` refuse.
     """
-    start = time.perf_counter()
-    labels = _require(assembly, labels, gap, parts, patch)
-    setting = FieldSetting.of(assembly, patch)
-    mesh = subdivide(setting.coarse, parts)
-    best = _Best()
-    steps: list[FieldStep] = []
-    while True:
-        began = time.perf_counter()
-        fields = Fields.on(setting, mesh, labels)
-        best.take(fields)
-        now = time.perf_counter()
-        steps.append(FieldStep(len(mesh), *fields.bounds, now - start))
-        found = best.result(tuple(steps), gap)
+    refinement = FieldRefinement(
+        assembly, labels, gap=gap, patch=patch, parts=parts, adaptive=adaptive, most_triangles=most_triangles
+    )
+    found = refinement.step()
+    while not refinement.ended and (seconds is None or refinement.expected <= seconds):
+        found = refinement.step()
+    return found
+
+
+class FieldRefinement:
+    """Bounds of one labelling, mesh by mesh: each step solves one mesh and keeps the best of both bounds so far.
+
+    Parameters
+    ----------
+    assembly, labels, gap, patch, parts, adaptive, most_triangles
+        As for `bounds_by_fields`.
+    """
+
+    def __init__(
+        self,
+        assembly: Assembly,
+        labels: Bits | None = None,
+        *,
+        gap: float = 0.05,
+        patch: float | None = None,
+        parts: int = 1,
+        adaptive: bool = True,
+        most_triangles: int = _MOST_TRIANGLES,
+    ) -> None:
+        self._spent, start = 0.0, time.perf_counter()
+        self._labels = _require(assembly, labels, gap, parts, patch)
+        self._gap, self._adaptive, self._most = gap, adaptive, most_triangles
+        self._setting = FieldSetting.of(assembly, patch)
+        self._mesh: Mesh | None = subdivide(self._setting.coarse, parts)
+        self._best, self._steps, self._last = _Best(), list[FieldStep](), 0.0
+        self._growth = 1.0
+        self._spent += time.perf_counter() - start
+
+    @property
+    def ended(self) -> bool:
+        """Return whether no further mesh follows: gap reached, given up, or too many triangles."""
+        return self._mesh is None
+
+    @property
+    def spent(self) -> float:
+        """Return the time of all meshes so far, s of work."""
+        return self._spent
+
+    @property
+    def expected(self) -> float:
+        """Return the time after which one more step is expected to be done, s of work since the start."""
+        return self._spent + self._growth * self._last
+
+    @property
+    def triangles(self) -> int:
+        """Return the number of triangles of the next mesh, 0 where none follows."""
+        return 0 if self._mesh is None else len(self._mesh)
+
+    def step(self) -> FieldBounds:
+        """Solve the next mesh.
+
+        Returns
+        -------
+        FieldBounds
+            The best of both bounds over all meshes so far.
+
+        Raises
+        ------
+        ValueError
+            Refinement has ended.
+        """
+        if self._mesh is None:
+            raise ValueError("refinement has ended; expected a step before")
+        began, mesh = time.perf_counter(), self._mesh
+        fields = Fields.on(self._setting, mesh, self._labels)
+        self._best.take(fields)
+        self._last = time.perf_counter() - began
+        self._steps.append(FieldStep(len(mesh), *fields.bounds, self._spent + self._last))
+        found = self._best.result(tuple(self._steps), self._gap)
         # without one of the bounds refinement helps only so far
-        lone = found.status is not FieldStatus.OPEN and len(steps) >= _PATIENCE
+        lone = found.status is not FieldStatus.OPEN and len(self._steps) >= _PATIENCE
         if found.status in (FieldStatus.CLOSED, FieldStatus.UNSTABLE) or lone:
-            return found
-        finer = fields.finer(adaptive)
-        growth = (len(finer) / len(mesh)) ** 1.3
-        late = seconds is not None and now - start + growth * (now - began) > seconds
-        if late or len(finer) > most_triangles or len(finer) == len(mesh):
-            return found
-        mesh = finer
+            self._mesh = None
+        else:
+            finer = fields.finer(self._adaptive)
+            self._growth = (len(finer) / len(mesh)) ** _GROWTH
+            self._mesh = None if len(finer) > self._most or len(finer) == len(mesh) else finer
+        self._spent += time.perf_counter() - began
+        return found
 
 
 def _require(assembly: Assembly, labels: Bits | None, gap: float, parts: int, patch: float | None) -> Bits:

@@ -14,6 +14,12 @@ from jld_core.arrays import Bools, Floats, Ints
 
 _RESIDUAL = 1e-9
 
+_ENDED = ("Solved", "PrimalInfeasible", "DualInfeasible")
+"""Statuses of the solver that more exact linear systems would not change."""
+
+_NEAR = 1e-7
+"""Residuals and relative duality gap up to which an answer that the solver calls almost solved is taken as it is."""
+
 
 @dataclass
 class Rows:
@@ -55,13 +61,13 @@ class Rows:
 
 @dataclass(frozen=True)
 class Answer:
-    """What the solver returned: point (columns,), multipliers (rows,), whether it is of use, status, objective."""
+    """What the solver returned: point (columns,), multipliers (rows,), objective, whether of use, its own status."""
 
     point: Floats
     dual: Floats
+    objective: float
     usable: bool
     status: str
-    value: float = np.nan
 
 
 class ConeProgram:
@@ -83,36 +89,56 @@ class ConeProgram:
         self._idle = np.ones(len(rhs))
         head = zero + linear + np.arange(3 * cones).reshape(-1, 3)
         self._idle[head[:, 1:]] = 0.0
-        self._solver: Any = None
+        self._solvers: dict[bool, Any] = {}
 
     def solve(self, off: Bools | None = None, objective: Floats | None = None) -> Answer:
-        """Solve; off: (rows,) True for rows switched off, whole cones only; objective: another q (columns,)."""
+        """Solve; off: (rows,) True for rows switched off, whole cones only; objective: another q (columns,).
+
+        Linear systems are refined iteratively only where the solver does not reach its residual without: refinement
+        takes a third of the time, and bounds are computed from repaired answers in any case.
+        """
+        answer = self._solve(off, objective, careful=False)
+        if answer.status in _ENDED or (answer.status == "AlmostSolved" and self._residual(False) <= _NEAR):
+            return answer
+        return self._solve(off, objective, careful=True)
+
+    def _residual(self, careful: bool) -> float:
+        """Return the larger of primal residual and relative duality gap of the last answer of a solver.
+
+        The dual residual moves no bound: it belongs to the multipliers, which only steer refinement.
+        """
+        info = self._solvers[careful].get_info()
+        return max(float(info.res_primal), float(info.gap_rel))
+
+    def _solve(self, off: Bools | None, objective: Floats | None, careful: bool) -> Answer:
+        """Solve with or without iterative refinement of linear systems."""
         data, rhs = self._data, self._rhs
         if off is not None:
             data = np.where(off[self._row], 0.0, data)
             rhs = np.where(off, self._idle, rhs)
-        if self._solver is None:
+        if careful not in self._solvers:
             width = len(self._objective)
             matrix = sp.csc_matrix((self._data, self._matrix.indices, self._matrix.indptr), shape=self._matrix.shape)
-            settings = _settings()
-            self._solver = clarabel.DefaultSolver(
-                sp.csc_matrix((width, width)), self._objective, matrix, self._rhs, self._cones, settings
+            self._solvers[careful] = clarabel.DefaultSolver(
+                sp.csc_matrix((width, width)), self._objective, matrix, self._rhs, self._cones, _settings(careful)
             )
+        solver = self._solvers[careful]
         if off is not None:
-            self._solver.update(A=data, b=rhs)
+            solver.update(A=data, b=rhs)
         if objective is not None:
-            self._solver.update(q=objective)
-        answer = self._solver.solve()
+            solver.update(q=objective)
+        answer = solver.solve()
         status = str(answer.status)
         usable = status in ("Solved", "AlmostSolved", "InsufficientProgress", "MaxIterations")
-        return Answer(np.array(answer.x), np.array(answer.z), usable, status, float(answer.obj_val))
+        return Answer(np.array(answer.x), np.array(answer.z), float(answer.obj_val), usable, status)
 
 
-def _settings() -> Any:
+def _settings(careful: bool) -> Any:
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.max_threads = 1
     settings.presolve_enable = False
+    settings.iterative_refinement_enable = careful
     settings.input_sparse_dropzeros = False
     settings.chordal_decomposition_enable = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = _RESIDUAL

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -349,3 +350,37 @@ def _bisected(mesh: Mesh, middle: Ints, first: Ints) -> tuple[list[tuple[int, in
         triangles += new
         parent += [t] * len(new)
     return triangles, parent
+
+
+def fanned(mesh: Mesh, ends: Sequence[Floats]) -> Mesh:
+    """Return the mesh with at least three triangles at each end of a load on a straight outline.
+
+    There tractions jump from p to 0. Across one edge between two triangles stresses may differ along the edge alone, by
+    k t tᵀ, which meets the jump only where the edge is normal to the outline: else no λ but 0 has a stress field.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Coarsest mesh; the ends of loads are among its nodes.
+    ends : sequence of (2,) float arrays
+        Ends of loaded parts of the outline, scene units.
+
+    Returns
+    -------
+    Mesh
+        Triangles at such a node are bisected there; others are split only where conformity asks for it.
+    """
+    if not len(ends):
+        return mesh
+    near = _STRAIGHT * float(np.ptp(mesh.points, axis=0).max())
+    nodes = np.flatnonzero((abs(mesh.points[:, None] - np.array(ends)).max(axis=2) <= near).any(axis=1))
+    corners = mesh.corners
+    one, two = np.roll(corners, -1, axis=1) - corners, np.roll(corners, -2, axis=1) - corners
+    angle = np.arctan2(one[..., 0] * two[..., 1] - one[..., 1] * two[..., 0], (one * two).sum(axis=2))
+    around = np.bincount(mesh.triangles.ravel(), angle.ravel(), minlength=len(mesh.points))
+    count = np.bincount(mesh.triangles.ravel(), minlength=len(mesh.points))
+    few = np.zeros(len(mesh.points), dtype=bool)
+    few[nodes] = (abs(around[nodes] - np.pi) <= _STRAIGHT) & (count[nodes] < 3)
+    at = few[mesh.triangles]
+    marked = np.asarray(at.any(axis=1))
+    return refine(mesh, marked, np.where(marked, at.argmax(axis=1), -1)) if marked.any() else mesh

@@ -87,7 +87,8 @@ def solve_cones(objective: Floats, matrix: sp.csr_array, rhs: Floats, sizes: Con
     status = str(answer.status)
     usable = status in ("Solved", "AlmostSolved", "InsufficientProgress", "MaxIterations", "NumericalError")
     point = np.array(answer.x)
-    return Answer(point, np.array(answer.z), usable and bool(np.isfinite(point).all()), status)
+    usable = usable and bool(np.isfinite(point).all())
+    return Answer(point, np.array(answer.z), float(answer.obj_val), usable, status)
 
 
 def _settings() -> Any:

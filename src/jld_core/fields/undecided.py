@@ -93,7 +93,7 @@ class PartialUpperBound:
         velocity = answer.point[: 6 * len(p.mesh)].reshape(-1, 3, 2)
         if ray:
             return self._along(velocity, labels, undecided)
-        wanted = (1.0 + _COST) * answer.value if answer.value > 0.0 else (1.0 - _COST) * answer.value
+        wanted = (1.0 + _COST) * answer.objective if answer.objective > 0.0 else (1.0 - _COST) * answer.objective
         found = self._least(velocity, labels, undecided, wanted * p.units.load)
         if found is not None and found.bound <= wanted * p.units.load:
             return found

@@ -6,6 +6,7 @@ opened until every flow rule holds, then their dissipation and work are recomput
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +18,15 @@ from jld_core.fields.opening import opening_motion
 from jld_core.fields.problem import Problem
 from jld_core.fields.settled import Settling
 from jld_core.fields.velocity_program import VelocityProgram
+
+_CHEAP = 1e-7
+"""Relative rise of λ above the solver's up to which an opened field is not settled: ten times what is usual."""
+
+_COSTLY = 1e-4
+"""Relative rise of λ above the solver's from which a program with margins is tried: opening then costs too much."""
+
+_MARGINS = (1e-8, 1e-6)
+"""Room of flow rules in such programs, scaled velocity: above residuals of the solver, below what moves λ."""
 
 _RAY = -1.0
 """Scaled bound that stands for all below it, where the program is unbounded."""
@@ -84,10 +94,25 @@ class UpperBound:
         # a ray of an unbounded program is a mechanism too: the blocks are too weak for their dead load
         if not (answer.usable or answer.status == "DualInfeasible"):
             return None
-        found = self.certify(answer.point[: 6 * self._triangles].reshape(-1, 3, 2), labels)
+        found = self.certify(answer.point[: 6 * self._triangles].reshape(-1, 3, 2), labels, answer.objective)
+        if answer.usable and (found is None or found.factor - answer.objective > _COSTLY * abs(found.factor)):
+            found = self._with_margins(labels, found, answer.objective)
         if found is not None and not answer.usable:
             # how far below zero a ray leads is chance; any larger bound holds as well
             return replace(found, factor=max(found.factor, _RAY))
+        return found
+
+    def _with_margins(self, labels: Bits, found: VelocityField | None, expected: float) -> VelocityField | None:
+        """Return the better of a field and those of programs whose flow rules have room to start with."""
+        for margin in _MARGINS:
+            answer = VelocityProgram(self.problem, self.live, self.dead, margin).solve(self.problem.is_dry(labels))
+            if not answer.usable:
+                continue
+            other = self.certify(answer.point[: 6 * self._triangles].reshape(-1, 3, 2), labels, answer.objective)
+            if other is not None and (found is None or other.factor < found.factor):
+                found = other
+            if found is not None and found.factor - expected <= _COSTLY * abs(found.factor):
+                break
         return found
 
     def propose(self, labels: Bits, undecided: Bools | None = None) -> Answer:
@@ -97,17 +122,20 @@ class UpperBound:
         either = None if undecided is None else self.problem.is_dry(undecided)
         return self._program.solve(self.problem.is_dry(labels), either)
 
-    def certify(self, velocity: Floats, labels: Bits) -> VelocityField | None:
+    def certify(self, velocity: Floats, labels: Bits, expected: float = -math.inf) -> VelocityField | None:
         """Open a proposed field (t, 3, 2) until every flow rule holds, and compute the λ that it bounds.
 
-        Settling may lead away from a field whose active flow rules contradict each other; the lower of the bounds of
-        both fields stands.
+        expected: scaled λ that the solver expects of the field. Where opening alone costs next to nothing, the field is
+        not settled before, which takes as long as the program. Settling may lead away from a field whose active flow
+        rules contradict each other; the lower of the bounds of both fields stands.
         """
+        opened = self._opened(velocity, labels)
+        if opened is not None and opened.factor - expected <= _CHEAP * abs(opened.factor):
+            return opened
         if self._settling is None:
             self._settling = Settling(self.problem)
-        near = self._settling.settled(velocity, self.problem.is_dry(labels))
-        found = [self._opened(field, labels) for field in (near, velocity)]
-        return min((one for one in found if one is not None), key=lambda one: one.factor, default=None)
+        near = self._opened(self._settling.settled(velocity, self.problem.is_dry(labels)), labels)
+        return min((one for one in (near, opened) if one is not None), key=lambda one: one.factor, default=None)
 
     def _opened(self, velocity: Floats, labels: Bits) -> VelocityField | None:
         """Open one field until every flow rule holds, and compute the λ that it bounds."""

@@ -44,8 +44,9 @@ class VelocityProgram:
     With e and g of a triangle or jump, y2 = e − sin φ y1 + y3 ≥ 0 and g ≤ y1 + y2 + y3, docs/method.md (9.3).
     """
 
-    def __init__(self, problem: Problem, live: Floats, dead: Floats) -> None:
-        self.problem = problem
+    def __init__(self, problem: Problem, live: Floats, dead: Floats, margin: float = 0.0) -> None:
+        """Set up the program; margin: room of all flow rules, scaled velocity, that the solver's residual may use."""
+        self.problem, self._margin = problem, margin
         self._linear, self._cones = Rows(), Rows()
         self._owner: tuple[list[Ints], list[Ints]] = ([], [])
         self._when_dry: tuple[list[Bools], list[Bools]] = ([], [])
@@ -116,7 +117,7 @@ class VelocityProgram:
             positive.append(third)
         for column in positive:
             self._rows([(column, -one)], 0.0, count, None, False, False)
-        self._rows([(column, -value) for column, value in second], 0.0, count, owner, False, False)
+        self._rows([(column, -value) for column, value in second], -self._margin, count, owner, False, False)
         stacked = [head, *shear]
         # the three rows of a cone stand together
         entries: Entries = []
@@ -164,7 +165,7 @@ class VelocityProgram:
         size = np.maximum(1.0, mu)
         for sign in (1.0, -1.0):
             entries = [(c, -v / size) for c, v in opening] + [(c, sign * mu * v / size) for c, v in slip]
-            self._rows(entries + [(c, v / size) for c, v in extra], 0.0, len(rows), rows, True, False)
+            self._rows(entries + [(c, v / size) for c, v in extra], -self._margin, len(rows), rows, True, False)
         if cohesion.any():
             stuck = self._new(half * cohesion)
             self._rows([(stuck, -one)], 0.0, len(rows), None, False, False)

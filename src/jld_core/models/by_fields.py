@@ -64,6 +64,15 @@ class FieldResult:
         return Governing(found.status, found.low, found.high, found.low, found.case)
 
     @property
+    def governing_case(self) -> tuple[Assembly, Bits, FieldBounds]:
+        """Assembly under the governing load case, labels (m,), and the planar bounds of that case, for pictures."""
+        case = self.governing.case
+        bounds = list(self.cases.values())[case]
+        if not isinstance(bounds, FieldBounds):
+            raise InputError("cracks", "fields in space have no picture", "a planar scene")
+        return self.assembly.by_case[case], self.labels, bounds
+
+    @property
     def status(self) -> Status:
         """Return the outcome of the bounds by fields.
 

@@ -75,10 +75,10 @@ def crack_cells(scene: Scene, assembly: Assembly, cell: float) -> CrackCells:
     if len(refined.parent) == len(assembly.elements):
         return CrackCells(assembly, np.arange(len(assembly.interfaces)))
     fine = build_assembly(refined.scene) if assembly.nominal is None else build_robust(refined.scene)
-    return CrackCells(fine, _joint_faces(assembly, fine, refined.parent))
+    return CrackCells(fine, joint_faces(assembly, fine, refined.parent))
 
 
-def _joint_faces(joints: Assembly, fine: Assembly, parent: dict[str, str]) -> Ints:
+def joint_faces(joints: Assembly, fine: Assembly, parent: dict[str, str]) -> Ints:
     """Return for each face of the cells (M,) the joint face that it is a piece of, −1 inside an element."""
     element = np.array([joints.elements.index[parent[name]] for name in fine.elements.ids])
     between: dict[tuple[int, int], list[int]] = {}

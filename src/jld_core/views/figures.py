@@ -62,7 +62,7 @@ def draw_assembly(ax: Axes, assembly: Assembly, labels: Bits | None = None, *, p
     Raises ValueError for labels of another length than the interfaces.
     """
     labels = _labels(assembly, labels)
-    drawn = paint(ax, assembly, labels, _tints(assembly, labels))
+    drawn = paint(ax, assembly, labels, tints_of(assembly, labels))
     if plain:
         notes.frame(ax, assembly, list(extent(assembly, projection_of(assembly))), bare=True)
         return drawn
@@ -200,8 +200,8 @@ def draw_mechanism(ax: Axes, result: LimitAnalysisResult, share: float = 1.0) ->
         """Return the points of an element at full displacement."""
         return np.asarray(points + scale * displacement(assembly, velocity, element, points))
 
-    drawn = paint(ax, assembly, labels, _tints(assembly, labels), LineStyle(ink.colours, 0.8 * ink.widths), move)
-    drawn["rest"] = _draw_rest(ax, assembly)
+    drawn = paint(ax, assembly, labels, tints_of(assembly, labels), LineStyle(ink.colours, 0.8 * ink.widths), move)
+    drawn["rest"] = draw_rest(ax, assembly)
     kinds, places = quantities.movements(result)
     size = float(np.clip(0.13 * element_points(ax, assembly), 2.0, 6.0))
     for kind, style in notes.MOVES.items():
@@ -218,7 +218,7 @@ def draw_mechanism(ax: Axes, result: LimitAnalysisResult, share: float = 1.0) ->
     return drawn
 
 
-def _draw_rest(ax: Axes, assembly: Assembly) -> list[Artist]:
+def draw_rest(ax: Axes, assembly: Assembly) -> list[Artist]:
     """Draw thin outlines of the free elements at rest, as one line with gaps."""
     projection, rings = projection_of(assembly), []
     for k in assembly.elements.free:
@@ -326,7 +326,7 @@ def _labels(assembly: Assembly, labels: Bits | None) -> Bits:
     return labels
 
 
-def _tints(assembly: Assembly, labels: Bits) -> list[str]:
+def tints_of(assembly: Assembly, labels: Bits) -> list[str]:
     """Return the fill colour of each element, by block."""
     colours = quantities.block_colours(assembly, labels, len(TINTS))
     return [TINTS[colour] if colour >= 0 else SUPPORT for colour in colours]

@@ -12,10 +12,11 @@ import typer
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError, ParameterError
+from jld_core.fields.bounds import FieldBounds
 from jld_core.files import require_folder, write_text
 from jld_core.limit import LimitAnalysisResult, SolveOptions, Status
 from jld_core.models import solve_by_fields
-from jld_core.models.by_fields import require_cracks
+from jld_core.models.by_fields import FieldResult, require_cracks
 from jld_core.refinement.cells import crack_cells
 from jld_core.scene import Scene, parse_cracks
 from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_in_words, cracks_to_json
@@ -59,9 +60,23 @@ def say_by_fields(
         require_folder(out)
         out.mkdir(parents=True, exist_ok=True)
         write_text(out / "result.json", content)
+        _draw(found, out)
     say(content if as_json else aligned(found.facts()))
     if found.status is Status.UNCERTIFIED:
         raise typer.Exit(UNCERTIFIED)
+
+
+def _draw(found: FieldResult, out: Path) -> None:
+    """Draw labels, stress trajectories and cracks under each load case into a folder, as png and svg."""
+    from jld_core.views import field_figures, figures  # importing matplotlib takes longer than many solves
+
+    several = len(found.cases) > 1
+    for k, (case, bounds) in enumerate(zip(found.assembly.by_case, found.cases.values(), strict=True), 1):
+        if not isinstance(bounds, FieldBounds):
+            continue  # fields in space have no picture
+        figure = field_figures.figure_of_fields(case, found.labels, bounds)
+        for ending in ("png", "svg"):
+            figures.save_figure(figure, out / f"result{f'-{k}' if several else ''}.{ending}")
 
 
 def rigid_cells(scene: Scene, assembly: Assembly, labels: Bits) -> tuple[Assembly, Bits]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
@@ -11,7 +11,11 @@ from jld_core.build import build_assembly
 from jld_core.errors import ParameterError, error_context
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.scene import Scene, load_scene
+from jld_core.scene.cracks import FieldCracks
 from jld_explore.report import Exploration, read_folder
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _MOST: Final = 6
 """Largest number of layouts drawn side by side."""
@@ -49,12 +53,15 @@ def plot_ranks(source: Path, text: str, out: Path | None, ending: str) -> Path:
     if not 1 <= len(ranks) <= _MOST:
         raise ParameterError("rank", f"{len(ranks)} layouts do not fit side by side", f"at most {_MOST}")
     done = read_folder(source)
-    results = [done.result(rank) for rank in ranks]
     target = out or source / f"layouts_{'_'.join(map(str, ranks))}.{ending}"
     if target.suffix not in (".png", ".svg", ".pdf"):
         raise ParameterError("out", f"{target.name!r} has no known ending", ".png, .svg or .pdf")
     from jld_core.views import figures
 
+    if isinstance(done.scene.cracks, FieldCracks):
+        figures.save_figure(_by_fields(done, ranks), target)
+        return target
+    results = [done.result(rank) for rank in ranks]
     counts = [sum(1 for block in done.layout(rank).blocks if block.cells) for rank in ranks]
     titles = [
         f"{_named(done, rank)}: {_value(result)}, {count} block{'s' if count != 1 else ''}"
@@ -62,6 +69,18 @@ def plot_ranks(source: Path, text: str, out: Path | None, ending: str) -> Path:
     ]
     figures.save_figure(figures.figure_of_layouts(results, titles), target)
     return target
+
+
+def _by_fields(done: Exploration, ranks: list[int]) -> Figure:
+    """Draw stress trajectories and cracks of layouts side by side, each under its governing load case."""
+    from jld_core.views.field_figures import figure_of_field_layouts
+
+    found = [done.field_result(rank) for rank in ranks]
+    titles = [
+        f"{_named(done, rank)}: λ in [{one.governing.low:.4g}, {one.governing.high:.4g}]"
+        for rank, one in zip(ranks, found, strict=True)
+    ]
+    return figure_of_field_layouts([one.governing_case for one in found], titles)
 
 
 def _named(done: Exploration, number: int) -> str:

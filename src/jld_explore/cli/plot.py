@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from jld_core.build import build_assembly
-from jld_core.errors import ParameterError, error_context
+from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.files import write_text
 from jld_core.models import solve
 from jld_core.scene import load_scene
@@ -76,7 +76,11 @@ def _animate(source: Path, rank: str | None, out: Path | None, kind: str) -> Pat
         number = None if rank is None else int(rank)
     except ValueError:
         raise ParameterError("rank", f"{rank!r} is wrong", "one rank for an animation") from None
-    _, assembly, labels = layout_of(source, number)
+    scene, assembly, labels = layout_of(source, number)
+    if scene.cracks != "faces":
+        raise InputError(
+            f"{source}: cracks", "animations show rigid elements of the grid", 'a still picture, or "faces"'
+        )
     name = f"mechanism_{rank or 1}.{kind}"
     target = out or (source / name if source.is_dir() else Path(source.with_suffix(f".{kind}").name))
     refuse_itself(source, target)

@@ -26,7 +26,6 @@ from jld_explore.report.exploration import Exploration
 from jld_explore.report.reading import history_of
 from jld_explore.report.summary import Summary
 from jld_explore.space import registered
-from jld_explore.space.void import cut
 from jld_explore.study import Study, name_of
 from jld_explore.study_state import StopReason
 
@@ -249,7 +248,7 @@ def _drawings(name: str, done: Exploration) -> dict[str, Callable[[], Figure]]:
     if name == "best":
         # With load cases "best" shows the governing case, and every case has a picture of its own.
         if isinstance(done.scene.cracks, FieldCracks):
-            return {name: partial(_layout_picture, done)}
+            return {name: partial(_field_picture, done)}
         best = _Best(done)
         each = {f"best-{k}": partial(best.draw, case.name) for k, case in enumerate(done.assembly.cases, 1)}
         return {name: best.draw, **each}
@@ -276,11 +275,11 @@ class _Best:
         return drawings.plot_best(self._found if case is None else self._found.cases[case])
 
 
-def _layout_picture(done: Exploration) -> Figure:
-    """Draw the best layout without forces, which rigid elements have and fields have not."""
-    from jld_core.views.figures import figure_of_assembly
+def _field_picture(done: Exploration) -> Figure:
+    """Draw the best layout with stress trajectories and cracks, under the load case that governs."""
+    from jld_core.views.field_figures import figure_of_fields
 
-    return figure_of_assembly(*cut(done.assembly, done.summary.best_labelling or ""))
+    return figure_of_fields(*done.field_result().governing_case)
 
 
 def _drawn(name: str, done: Exploration) -> Figure:

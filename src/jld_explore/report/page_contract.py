@@ -246,6 +246,15 @@ class Curve(TypedDict):
 
 
 @with_config(_EXACT)
+class Picture(TypedDict):
+    """A picture drawn by Python, shown as it is."""
+
+    title: str
+    png: Base64
+    """Base64 of a PNG file."""
+
+
+@with_config(_EXACT)
 class PageData(TypedDict):
     """All data of a page."""
 
@@ -266,6 +275,8 @@ class PageData(TypedDict):
     solutions: dict[str, Solution]
     """Solutions by number of the row."""
     convergence: list[Curve]
+    pictures: list[Picture]
+    """Pictures of what the page itself cannot draw: stress and velocity fields."""
     scene: dict[str, Any]
     """The scene file."""
     summary: dict[str, Any]

@@ -27,6 +27,7 @@ from jld_explore.report.page_contract import (
     Load,
     Look,
     PageData,
+    Picture,
     Solution,
     Structure,
     Table,
@@ -52,6 +53,7 @@ def page_data(
     table: Table | None = None,
     solutions: Mapping[int, Solution] | None = None,
     convergence: Sequence[Curve] = (),
+    pictures: Sequence[Picture] = (),
     summary: Mapping[str, Any] | None = None,
     studio: Mapping[str, Any] | None = None,
 ) -> PageData:
@@ -79,6 +81,8 @@ def page_data(
         Data from `solution_of` by the number of the row.
     convergence : sequence of dict
         Curves with name, solves, seconds and best.
+    pictures : sequence of dict
+        Pictures with title and png, base64.
     summary : mapping, optional
         Summary of the study.
     studio : mapping, optional
@@ -104,6 +108,7 @@ def page_data(
         "table": table,
         "solutions": {str(row): solution for row, solution in (solutions or {}).items()},
         "convergence": list(convergence),
+        "pictures": list(pictures),
         "scene": scene.model_dump(mode="json", exclude_defaults=True),
         "summary": dict(summary or {}),
         "studio": None if studio is None else dict(studio),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import math
 import time
 from collections.abc import Mapping, Sequence
@@ -15,11 +16,12 @@ from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.files import write_text
 from jld_core.models.case_analysis import CaseAnalysis
 from jld_core.scene import Scene
+from jld_core.scene.cracks import FieldCracks
 from jld_core.views import facts_of_assembly, facts_of_result
 from jld_explore.report import words
 from jld_explore.report.exploration import Exploration
 from jld_explore.report.page import page
-from jld_explore.report.page_contract import PageData, Solution
+from jld_explore.report.page_contract import PageData, Picture, Solution
 from jld_explore.report.page_data import page_data, solution_of, within
 from jld_explore.report.page_table import chosen_rows, curve_of, facts_of_summary, table_of
 from jld_explore.report.reading import history_of
@@ -139,9 +141,19 @@ def study_data(
         # rigid elements of the joint grid have other forces than what cracks elsewhere
         solutions=_solutions(rows, done, patience, dear) if done.scene.cracks == "faces" else {},
         convergence=curves,
+        pictures=_pictures(done),
         summary=done.summary.facts,
         studio=studio,
     )
+
+
+def _pictures(done: Exploration) -> list[Picture]:
+    """Return the picture of the best layout by fields, which the folder has once it was drawn."""
+    path = done.folder / "best.png"
+    if not isinstance(done.scene.cracks, FieldCracks) or not path.exists():
+        return []
+    title = "The strongest layout: labels, stress trajectories of its lower bound, cracks of its upper bound"
+    return [{"title": title, "png": base64.b64encode(path.read_bytes()).decode("ascii")}]
 
 
 def _solutions(rows: pd.DataFrame, done: Exploration, patience: float, dear: float) -> dict[int, Solution]:

@@ -80,6 +80,13 @@ class Api:
                 return {"revision": revision, "superseded": True}
             return {"revision": revision, **self.desk.solve(asked.get("labelling"), _changes(asked))}
 
+    def fields(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """Return the bracket of the blocks by fields, one mesh further, or that a newer revision supersedes it."""
+        page, revision = str(asked.get("page", "")), _whole(asked.get("revision"))
+        if self._note(page, revision) > revision:
+            return {"revision": revision, "superseded": True}
+        return {"revision": revision, **self.desk.fields(asked.get("labelling"), _changes(asked))}
+
     def _note(self, page: str, revision: int) -> int:
         """Record a revision of a page and return the newest one."""
         with self._counting:
@@ -231,6 +238,7 @@ def build_app(answers: Api, token: str, hosts: tuple[str, ...]) -> Guard:
 
     calls: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
         "solve": answers.solve,
+        "fields": answers.fields,
         "start": answers.start_job,
         "stop": answers.stop_job,
         "resume": answers.resume_job,

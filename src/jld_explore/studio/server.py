@@ -14,6 +14,7 @@ from typing import Any
 from jld_core.errors import InputError, ParameterError
 from jld_core.exchange import FORMATS
 from jld_core.scene import Scene, load_scene, parse_scene
+from jld_core.scene.cracks import CellCracks
 from jld_explore.report import read_folder
 from jld_explore.report.page_contract import PageData
 from jld_explore.report.page_data import page_data, solution_of
@@ -106,8 +107,8 @@ def opened(source: Path | None) -> tuple[Scene, Path, Path | None]:
     if source is None:
         return parse_scene(START), Path("studio"), None
     scene = read_folder(source).scene if source.is_dir() else load_scene(source)
-    if scene.cracks != "faces":
-        raise InputError(f"{source}: cracks", "the studio shows λ by faces alone", '"faces", or jld solve')
+    if isinstance(scene.cracks, CellCracks):
+        raise InputError(f"{source}: cracks", "the studio knows faces and fields alone", '"faces" or "fields"')
     if source.is_dir():
         return scene, source / "studio", source
     return scene, source.with_name(f"{source.stem}_studio"), None
@@ -118,7 +119,13 @@ def first_data(desk: StudioSession, root: Path, study: Path | None) -> PageData:
     extra: dict[str, Any] = {"folder": str(root), "formats": list(FORMATS)}
     extra |= {"changes": {key: desk.document.get(key, {}) for key in ("materials", "loads")}}
     if study is not None:
-        return study_data(read_folder(study), patience=0.5, kind="studio", studio=extra)
+        done = read_folder(study)
+        found = study_data(done, patience=0.5, kind="studio", studio=extra)
+        best = done.summary.best_labelling
+        if found["solutions"] or best is None:
+            return found
+        # a table by fields holds no forces of rigid elements, which the page begins with
+        return {**found, "solutions": {"0": solution_of(desk.setup({}).solver.solve(desk.labels(best)))}}
     setup = desk.setup({})
     assembly = setup.assembly
     return page_data(

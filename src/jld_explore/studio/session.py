@@ -19,9 +19,11 @@ from jld_core.build.assemble import build_geometry
 from jld_core.errors import InputError
 from jld_core.models.case_analysis import CaseAnalysis
 from jld_core.scene import Scene, parse_scene
+from jld_core.scene.cracks import FieldCracks
 from jld_explore.report.page_data import loads_of, solution_of
 from jld_explore.space import LETTERS, SearchSpace, from_string, search_space
 from jld_explore.space.reasons import reasons_against
+from jld_explore.studio.field_brackets import FieldBrackets
 
 KEPT: Final = 16
 """Number of cached assemblies; the cache key contains all changes except labels."""
@@ -66,6 +68,7 @@ class StudioSession:
         self.document: dict[str, Any] = scene.model_dump(mode="json", exclude_defaults=True)
         self._kept: OrderedDict[str, ScenarioCache] = OrderedDict()
         self._turn = threading.RLock()
+        self._brackets = FieldBrackets()
         self._geometry = build_geometry(scene)
         self._first: ScenarioCache | None = None
         self._first = self.setup({})
@@ -119,6 +122,12 @@ class StudioSession:
             "against": against,
             "seconds": {"solve": solved - start, "total": time.perf_counter() - start},
         }
+
+    def fields(self, letters: object, changes: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the bracket of the blocks of a labelling by fields, one mesh further each time it is asked for."""
+        setup, cracks = self.setup(changes), self.scene.cracks
+        gap = cracks.gap if isinstance(cracks, FieldCracks) else FieldCracks(kind="fields").gap
+        return self._brackets.step(setup.assembly, self.labels(letters), gap)
 
     def scene_with(self, letters: object, changes: Mapping[str, Any]) -> dict[str, Any]:
         """Return the scene file of a state of the page, with its labels by pairs of elements.

@@ -121,6 +121,12 @@ export const VERSION = 1;
  * @property {string} meaning
  */
 
+/**
+ * @typedef {object} Picture A picture drawn by Python, shown as it is.
+ * @property {string} title
+ * @property {string} png Base64 of a PNG file.
+ */
+
 /** @typedef {number[]} Point */
 
 /**
@@ -182,6 +188,7 @@ export const VERSION = 1;
  * @property {Table | null} table
  * @property {Record<string, Solution>} solutions Solutions by number of the row.
  * @property {Curve[]} convergence
+ * @property {Picture[]} pictures Pictures of what the page itself cannot draw: stress and velocity fields.
  * @property {Record<string, unknown>} scene The scene file.
  * @property {Record<string, unknown>} summary Content of summary.json, or empty.
  * @property {Record<string, unknown> | null} studio Data that only the studio has.
@@ -199,11 +206,12 @@ export const REQUIRED = Object.freeze({
   Load: ["case", "kind", "element", "at", "vector"],
   Look: ["tints", "plain", "support", "hatch", "ink", "soft", "rest", "load", "press", "used", "thrust", "thrust_dash", "inner_dash", "movements", "yielding", "evidence", "front", "small", "yields", "eye"],
   Mark: ["shape", "fill", "edge", "meaning"],
+  Picture: ["title", "png"],
   Solution: ["labelling", "load_factor", "bracket", "status", "governing", "cases"],
   Structure: ["dimension", "units", "size", "typical", "elements", "faces", "edges", "resultants", "touching"],
   Table: ["rows", "columns", "labellings", "beside", "evidence", "count", "sense", "line", "counts", "left_out"],
   Units: ["length", "force"],
-  PageData: ["format", "version", "kind", "title", "facts", "warnings", "how", "look", "structure", "cases", "loads", "table", "solutions", "convergence", "scene", "summary", "studio"],
+  PageData: ["format", "version", "kind", "title", "facts", "warnings", "how", "look", "structure", "cases", "loads", "table", "solutions", "convergence", "pictures", "scene", "summary", "studio"],
 });
 
 // End of what is generated.

@@ -28,6 +28,16 @@ export function downloads(host, data) {
   ].filter(Boolean));
 }
 
+/**
+ * Pictures that Python drew.
+ * @param {HTMLElement} host
+ * @param {import("./contract.js").Picture[]} given
+ */
+export function pictures(host, given) {
+  host.replaceChildren(...given.map(({ title, png }) => el("figure", { class: "drawn" },
+    el("img", { src: `data:image/png;base64,${png}`, alt: title }), el("figcaption", { class: "hint" }, title))));
+}
+
 /** @param {import("./contract.js").Table} table */
 function csv(table) {
   // a text that a spreadsheet would run stands after an apostrophe, as in results.csv

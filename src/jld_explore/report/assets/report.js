@@ -5,7 +5,7 @@ import { bytesOf, lettersOf } from "./blocks.js";
 import { convergence } from "./curves.js";
 import { embedded } from "./data.js";
 import { byId, el, say, shown } from "./dom.js";
-import { downloads, facts } from "./facts.js";
+import { downloads, facts, pictures } from "./facts.js";
 import { Scatter } from "./scatter.js";
 import { LayoutTable } from "./table.js";
 import { Viewer } from "./viewer.js";
@@ -18,6 +18,8 @@ function start(data) {
   byId("title").textContent = data.title;
   facts(byId("facts"), data);
   downloads(byId("downloads"), data);
+  byId("fields").hidden = data.pictures.length === 0;
+  pictures(byId("field-pictures"), data.pictures);
   byId("history").hidden = data.convergence.length === 0;
   const ranked = table?.columns.find((c) => c.name === "load_factor")?.title ?? "λ";
   convergence(byId("convergence"), data.convergence, data.look.front, ranked);

@@ -98,6 +98,30 @@ class Studio {
     ].filter(Boolean));
     this.draw();
     this.lists();
+    if (this.data.structure.dimension === 2) this.blocks(answer.revision);
+  }
+
+  /** Bracket the blocks by fields, mesh by mesh as long as this state is shown. @param {number} revision */
+  async blocks(revision) {
+    const box = byId("answer");
+    const line = el("span", { class: "bracket", id: "blocks" }, "blocks that crack anywhere: …");
+    box.append(line);
+    const state = { page: this.live.page, revision, labelling: this.steps.now.labelling, changes: this.changes() };
+    for (let more = true; more;) {
+      let found;
+      try {
+        found = await ask("fields", state);
+      } catch (error) {
+        found = { refused: error instanceof Error ? error.message : String(error), more: false };
+      }
+      // of another state nothing is said here
+      if (revision !== this.live.revision || found.superseded) return;
+      more = found.more;
+      line.textContent = found.refused ? `blocks that crack anywhere: not bounded (${found.refused})`
+        : found.status === "unstable" ? "blocks that crack anywhere: they fall under their own weight"
+          : `blocks that crack anywhere: ${shownBracket(found.bracket)} by ${found.triangles} triangles${more ? " …" : ""}`;
+      line.dataset.more = String(more);
+    }
   }
 
   /** @param {string} message */

@@ -1,0 +1,131 @@
+"""Bracket the blocks of the layout at hand by fields: the coarsest mesh at once, finer ones as long as it is shown."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections import OrderedDict
+from typing import Any, Final
+
+import numpy as np
+
+from jld_core.arrays import Bits
+from jld_core.assembly import Assembly
+from jld_core.errors import InputError
+from jld_core.fields.bounds import FieldBounds, FieldRefinement
+from jld_core.limit import governing, number
+from jld_core.models.by_fields import case_bounds_of
+
+SECONDS: Final = 2.0
+"""Time within which the bracket of a layout is refined, s of work; no mesh is begun that is expected to end later."""
+
+STEP: Final = 0.6
+"""Longest expected time of one mesh, s: a change of the page waits for the mesh that is being solved."""
+
+LARGEST: Final = 3000
+"""Triangles of the coarsest mesh above which nothing is bounded: both bounds would take longer than `SECONDS`."""
+
+KEPT: Final = 8
+"""Number of layouts whose refinement is kept, so that a layout that is shown again goes on where it stopped."""
+
+
+class FieldBracket:
+    """Refinement of both bounds of one layout, under every load case.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure.
+    labels : (m,) bool array
+        Labels, True = dry.
+    gap : float
+        Relative width of the bracket at which refinement ends.
+    """
+
+    def __init__(self, assembly: Assembly, labels: Bits, gap: float) -> None:
+        self._assembly = assembly
+        self._cases = [FieldRefinement(case, labels, gap=gap) for case in assembly.by_case]
+        largest = max(case.triangles for case in self._cases)
+        if largest > LARGEST:
+            raise InputError(
+                "cracks", f"{largest} triangles are too many to follow by hand", "jld solve --cracks fields"
+            )
+        self._bounds: list[FieldBounds | None] = [None] * len(self._cases)
+
+    def step(self) -> dict[str, Any]:
+        """Solve one more mesh of the load case that is known worst, if there is time, and return what is known.
+
+        Returns
+        -------
+        dict
+            bracket, status, triangles, seconds of work, and `more`: whether a further step would narrow the bracket.
+        """
+        case = self._next()
+        if case is not None:
+            self._bounds[case] = self._cases[case].step()
+        known = [bounds for bounds in self._bounds if bounds is not None]
+        found = governing([case_bounds_of(bounds) for bounds in known], self._assembly.required.tolist()[: len(known)])
+        ready = len(known) == len(self._bounds)
+        return {
+            "bracket": [number(found.low) if ready else None, number(found.high)],
+            "status": str(found.status),
+            "triangles": sum(bounds.triangles for bounds in known),
+            "seconds": self._spent,
+            "more": self._next() is not None,
+        }
+
+    @property
+    def _spent(self) -> float:
+        """Time of all meshes, s of work."""
+        return sum(bounds.seconds for bounds in self._bounds if bounds is not None)
+
+    def _next(self) -> int | None:
+        """Load case whose next mesh is solved, None where all ended or the next would take too long."""
+        for case, bounds in enumerate(self._bounds):
+            if bounds is None:
+                return case
+        lower = [math.inf if one is None else one.lower for one in self._bounds]
+        for case in np.argsort(np.array(lower) / self._assembly.required, kind="stable").tolist():
+            refinement = self._cases[case]
+            wait = refinement.expected - refinement.spent
+            if not refinement.ended and wait <= STEP and self._spent + wait <= SECONDS:
+                return int(case)
+        return None
+
+
+class FieldBrackets:
+    """Brackets of the layouts that were shown last; thread-safe, one mesh is solved at a time."""
+
+    def __init__(self) -> None:
+        self._kept: OrderedDict[tuple[int, bytes], tuple[Assembly, FieldBracket]] = OrderedDict()
+        self._turn = threading.Lock()
+
+    def step(self, assembly: Assembly, labels: Bits, gap: float) -> dict[str, Any]:
+        """Take the bracket of a layout one mesh further.
+
+        Parameters
+        ----------
+        assembly : Assembly
+            Structure with the materials and loads shown; the same object for the same state of the page.
+        labels : (m,) bool array
+            Labels, True = dry.
+        gap : float
+            Relative width of the bracket at which refinement ends.
+
+        Returns
+        -------
+        dict
+            As `FieldBracket.step`, or `refused` with the reason where fields do not apply.
+        """
+        key = (id(assembly), labels.tobytes())
+        with self._turn:
+            try:
+                if key not in self._kept:
+                    # the assembly is kept beside its bracket, so that its id stays its own
+                    self._kept[key] = (assembly, FieldBracket(assembly, labels, gap))
+                self._kept.move_to_end(key)
+                while len(self._kept) > KEPT:
+                    self._kept.popitem(last=False)
+                return self._kept[key][1].step()
+            except InputError as error:
+                return {"refused": str(error), "more": False}
