@@ -30,7 +30,7 @@ from jld_core.limit import (
     Status,
 )
 from jld_core.mechanics import require_materials
-from jld_core.models import cost_estimate, require_memory, require_model, sensitivities
+from jld_core.models import cost_estimate, require_memory, require_model
 from jld_core.models import solve as solve_assembly
 from jld_core.models.by_fields import FIELD_SECONDS, require_cracks
 from jld_core.scene import Scene, load_scene
@@ -64,6 +64,7 @@ from jld_explore.cli.model_options import (
     Strict,
     current_bending,
 )
+from jld_explore.cli.moving import draw_rates, move, with_rates
 from jld_explore.cli.options import AsJson, Rank, SceneFile, refuse_itself
 from jld_explore.cli.progress import ProgressBar
 from jld_explore.cli.search_options import (
@@ -124,6 +125,7 @@ plot.add_to(app)
 app.command()(experiment)
 app.command(name="assembly")(laying)
 app.command(name="settlement")(settlement)
+app.command()(move)
 app.command(name="verify")(verify_command)
 
 
@@ -215,8 +217,7 @@ def solve(
         result = solve_assembly(assembly, labels, **vars(options))
     if robust:
         result = _with_nominal(assembly, result)
-    rates = {name: rate.to_json() for name, rate in sensitivities(result).items()}
-    result = named(parsed, replace(result, facts={**result.facts, "sensitivities": rates}))
+    result = named(parsed, with_rates(result))
     if out is not None:
         _write_result(result, out)
     say(json.dumps(result.to_json(), indent=1) if as_json else result_in_words(parsed, result))
@@ -268,6 +269,7 @@ def _write_result(result: LimitAnalysisResult, out: Path) -> None:
 
     out.mkdir(parents=True, exist_ok=True)
     write_text(out / "result.json", json.dumps(result.to_json(), indent=1))
+    draw_rates(result, out)
     drawn = {"": result} if not result.cases else {f"-{k}": one for k, one in enumerate(result.cases.values(), 1)}
     for after, one in drawn.items():
         figure = figures.figure_of_result(one)
