@@ -6,6 +6,7 @@ Structures are those of the trial on version 0.2. Loads of arches act on the mid
 
 from __future__ import annotations
 
+import itertools
 import json
 import time
 from typing import Any, Final
@@ -50,7 +51,7 @@ def wall(friction: float, **move: Any) -> Document:
         if course % 2:
             cuts = [0.0, *np.arange(0.2, 1.5, 0.4).tolist(), 1.6]
         low, high = 0.2 * course, 0.2 * (course + 1)
-        for k, (a, b) in enumerate(zip(cuts[:-1], cuts[1:], strict=True)):
+        for k, (a, b) in enumerate(itertools.pairwise(cuts)):
             elements.append({"id": f"c{course}b{k}", "polygon": [[a, low], [b, low], [b, high], [a, high]]})
     cases = [{"name": name, "live": [{"body": [sign, 0.0]}]} for name, sign in (("right", 1.0), ("left", -1.0))]
     materials = {"density": 1800.0, "dry": {"friction_coefficient": friction}}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import itertools
 import json
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import pytest
 from structures import HEIGHT, Document, block, flat_arch, flat_arch_load
 
 from command import Command
-from jld_core import InputError, build_assembly, parse_scene, samples, solve
+from jld_core import InputError, Status, build_assembly, parse_scene, samples, solve
 from jld_core.geometry_optimisation.optimise import MovedJoints, move_joints
 from jld_core.geometry_optimisation.search import GeometrySearch
 
@@ -50,12 +51,15 @@ def test_an_unstable_start_is_made_to_stand() -> None:
     assert done.value > 1500.0
 
 
-def test_a_key_that_locks_is_named() -> None:
-    """A rough key between rigid abutments has no collapse load: the end is locked, with no λ."""
-    done = moved(flat_arch(35.0, 1.2, 0.2, along=[{"at": [s * 0.2, HEIGHT], "direction": [s, 0]} for s in (1, -1)],
-                           vertices="along", ties="mirror-x", edge=0.01, angle=[5, 175]))  # fmt: skip
-    assert done.end in ("locked", "stationary")
-    assert done.value > done.start
+def test_a_locked_end_is_named() -> None:
+    """From a half width L/2 − B h/H_p of the key on, no thrust overturns the piers of (10.8): λ has no end."""
+    paths = [{"at": [s * 0.2, HEIGHT], "direction": [s, 0]} for s in (1, -1)]
+    limits = {"vertices": "along", "ties": "mirror-x", "edge": 0.01, "angle": [5, 175]}
+    done = moved(flat_arch(55.0, 1.2, 0.2, along=paths, **limits))
+    assert (done.end, done.value) == ("locked", np.inf)
+    assert done.after is not None
+    assert done.after.status is Status.LOCKED
+    assert 0.2 + abs(done.moved).max() >= 1.0 - 1.0 * HEIGHT / 5.0
 
 
 def test_least_friction_of_a_semicircle() -> None:
@@ -88,6 +92,25 @@ def test_least_thickness_of_a_semicircle() -> None:
     first = search.first()
     assert first is not None
     assert search.value_of(first) == pytest.approx(0.106710, rel=2e-5)
+
+
+def test_a_wall_reaches_what_no_geometry_can_exceed() -> None:
+    """λ ≤ μ for every cut that leaves the base joint: a wall pushed both ways that reaches it is proven best."""
+    elements: list[Document] = [{"id": "g", "polygon": [[-1, -1], [2, -1], [2, 0], [-1, 0]], "support": True}]
+    for course, cuts in enumerate(([0.0, 0.2, 0.4, 0.6], [0.0, 0.1, 0.3, 0.5, 0.6], [0.0, 0.2, 0.4, 0.6])):
+        low, high = 0.2 * course, 0.2 * (course + 1)
+        for k, (a, b) in enumerate(itertools.pairwise(cuts)):
+            elements.append({"id": f"{course}.{k}", "polygon": [[a, low], [b, low], [b, high], [a, high]]})
+    cases = [{"name": name, "live": [{"body": [sign, 0.0]}]} for name, sign in (("r", 1.0), ("l", -1.0))]
+    materials = {"density": 1800.0, "dry": {"friction_coefficient": 0.6}}
+    done = moved({"elements": elements, "materials": materials, "loads": {"cases": cases}})
+    assert done.start < 0.55
+    assert done.value == pytest.approx(0.6, rel=1e-5)
+    # bed joints stay straight: the ends of the head joints in them lie on lines between their ends
+    for level in (0.2, 0.4):
+        bed = done.places[abs(done.places[:, 1] - done.moved[:, 1] - level) < 1e-9]
+        line = np.polynomial.polynomial.polyfit(bed[:, 0], bed[:, 1], 1)
+        assert abs(line[0] + line[1] * bed[:, 0] - bed[:, 1]).max() < 1e-8
 
 
 def test_a_step_keeps_what_it_promises() -> None:
@@ -162,6 +185,22 @@ def test_the_command_writes_scene_table_and_picture(tmp_path: Path, jld: Command
     assert out.with_suffix(".png").stat().st_size > 1000
     again = jld("move", file, "-o", file)
     assert (again.code, again.out) == (2, "")
+
+
+def test_crackable_blocks_are_checked_by_fields(tmp_path: Path, jld: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lower bounds by fields stand beside λ by faces; on the coarsest mesh here, to save time."""
+    monkeypatch.setattr("jld_explore.cli.moving._FIELD_GAP", 10.0)
+    paths = [{"at": [s * 1.2, HEIGHT], "direction": [s, 0]} for s in (1, -1)]
+    document = flat_arch(15.0, 1.2, 0.2, along=paths, ties="mirror-x", vertices="along", box=0.05)
+    document["materials"]["inner"] = {"tensile_strength": 3e5, "shear_strength": 5e5}
+    document["labels"] = {"inner": [["pier left", "ground"], ["pier right", "ground"]]}
+    file = tmp_path / "arch.json"
+    file.write_text(json.dumps(document))
+    facts = json.loads(jld("move", file, "-o", tmp_path / "out.json", "--json").out)
+    assert facts["fields"]["skipped"] is None
+    assert min(facts["fields"]["before"], facts["fields"]["after"]) > 0.0
+    gains = facts["fields"]["after"] > facts["fields"]["before"]
+    assert [("gain nothing" in sentence) for sentence in facts["warnings"]] == ([] if gains else [True])
 
 
 def test_space_is_refused(tmp_path: Path, jld: Command) -> None:

@@ -59,9 +59,9 @@ def test_a_glued_block_that_shears() -> None:
     assert at(found, (0.0, h), (b, h))[:, 1].sum() == pytest.approx(-load_factor / h, rel=1e-9)
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2, 7, 19])
+@pytest.mark.parametrize("seed", [0, 1, 7, 19])
 def test_derivatives_agree_with_differences(seed: int) -> None:
-    """Five of the scenes of the claim `vertex_rates`: all yield terms, crushing (7), and space (19)."""
+    """Four of the scenes of the claim `vertex_rates`: all yield terms, crushing (7), and space (19)."""
     tally = Tally(vertex_rates.CLAIM)
     assert vertex_rates.case(seed, tally) == ""
     assert sum(count for name, count in tally.notes.items() if name.startswith("smooth")) == 1

@@ -224,7 +224,8 @@ class BoxProblem:
 
         Every sum is lowered by the rounding error that it can have.
         """
-        growth = _ROUNDED * _GROWTH**parameters
+        # coordinates far from the origin have lost digits before areas and moments are formed
+        growth = _ROUNDED * _GROWTH**parameters * (1.0 + float(abs(self._mesh.places).max()) / self._length)
         opening: Floats | None = None
         for _ in range(_REPAIRS):
             missing = _ROUNDED * (sizes @ abs(velocity)) - forces @ velocity

@@ -131,10 +131,12 @@ class GeometrySearch:
     def restored(self, values: Floats) -> Floats | None:
         """Return the nearest variables within all limits, up to second order; None where none are found."""
         variables, limits = self.variables, self.evaluator.limits
+        held = limits.equal.copy()
         for _ in range(_RESTORATIONS):
             found = limits.at(variables.places(values))
             lacks = np.where(limits.equal, abs(found.values), limits.least - found.values)
-            rows = np.flatnonzero(lacks > 0.1 * _RESTORED)
+            held |= lacks > 0.1 * _RESTORED
+            rows = np.flatnonzero(held)
             if lacks.max(initial=0.0) <= _RESTORED:
                 return values
             target = np.where(limits.equal, 0.0, limits.least)[rows]

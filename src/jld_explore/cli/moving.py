@@ -18,7 +18,7 @@ from jld_core.geometry_optimisation.box_search import ProvenBox, prove_box
 from jld_core.geometry_optimisation.optimise import MovedJoints, Point, move_joints
 from jld_core.geometry_optimisation.sensitivity import geometry_sensitivities
 from jld_core.limit import LimitAnalysisResult, Status
-from jld_core.models import sensitivities
+from jld_core.models import sensitivities, solve_by_fields
 from jld_core.scene import Scene
 from jld_explore.cli.layout import layout_of
 from jld_explore.cli.options import AsJson, Rank, Source, refuse_itself
@@ -28,6 +28,12 @@ from jld_explore.report import csv_of, write_text
 
 _FACES: Final = 40
 """Number of faces up to which `jld solve` looks for kinks of the derivatives by vertices."""
+
+_FIELD_GAP: Final = 0.1
+"""Relative width of brackets by fields, which check a gain where blocks may crack."""
+
+_FIELD_SECONDS: Final = 10.0
+"""Time for each of them, s."""
 
 _GAP: Final = 1e-3
 """Default of the relative distance of both bounds at which a proof ends."""
@@ -85,11 +91,14 @@ def move(
             return
         done = move_joints(scene, assembly, labels, seconds=seconds, starts=starts, progress=progress)
     facts = _facts(done)
+    checked = _check_by_fields(assembly, done, labels)
+    facts["fields"], facts["warnings"] = checked, [*done.warnings, *_doubts(checked)]
     table = [vars(point) | {"bracket_lo": point.bracket[0], "bracket_hi": point.bracket[1]} for point in done.points]
     after = None if done.after is None else done.after.assembly
-    titles = (f"before: {_value(facts['start'])}", f"after: {_value(facts['value'])}")
+    sign = {"load_factor": "λ", "least_friction": "μ", "least_thickness": "thickness"}[done.objective]
+    titles = (f"before: {sign} = {_value(facts['start'])}", f"after: {sign} = {_value(facts['value'])}")
     _write(done.scene, table, assembly, after, labels, done.places, done.moved, titles, out)
-    for sentence in done.warnings:
+    for sentence in facts["warnings"]:
         warn(f"jld: warning: {sentence}")
     say(json.dumps(facts, indent=1) if as_json else _words(facts, out))
 
@@ -145,6 +154,36 @@ def _box(text: str) -> float | tuple[Floats, Floats]:
     if len(numbers) == 1:
         return numbers[0]
     return np.array(numbers[0::2]), np.array(numbers[1::2])
+
+
+def _check_by_fields(assembly: Assembly, done: MovedJoints, labels: Bits) -> dict[str, Any] | None:
+    """Return lower bounds on λ by fields before and after, with blocks that crack anywhere; None without inner faces.
+
+    λ by faces may be false where blocks moved away from their crack planes.
+    """
+    if labels.all() or done.after is None:
+        return None
+    found: dict[str, Any] = {"before": None, "after": None, "skipped": None}
+    try:
+        for name, one in (("before", assembly), ("after", done.after.assembly)):
+            low = solve_by_fields(one, labels, gap=_FIELD_GAP, seconds=_FIELD_SECONDS).governing.low
+            found[name] = _number(low)
+    except InputError as error:
+        found["skipped"] = f"{error.where}: {error.problem}"
+    return found
+
+
+def _doubts(checked: dict[str, Any] | None) -> list[str]:
+    """Return the warnings of a check by fields."""
+    if checked is None:
+        return []
+    if checked["skipped"] is not None:
+        return [f"λ is that of the crack planes drawn; no check by fields ({checked['skipped']})"]
+    before, after = (checked[name] for name in ("before", "after"))
+    if before is not None and after is not None and after > before:
+        return []
+    said = " to ".join("none" if value is None else f"{value:.6g}" for value in (before, after))
+    return [f"blocks that crack anywhere gain nothing: lower bounds by fields from {said}"]
 
 
 def _number(value: float) -> float | None:
@@ -227,6 +266,13 @@ def _write(
     save_figure(figure_of_move(before, after, labels, places, moved, titles), out.with_suffix(".png"))
 
 
+def _crack_words(checked: dict[str, Any] | None) -> dict[str, str]:
+    """Return the line of a check by fields."""
+    if checked is None or checked["skipped"] is not None:
+        return {}
+    return {"by fields": f"λ ≥ {_value(checked['before'])} before, λ ≥ {_value(checked['after'])} after"}
+
+
 def _words(facts: dict[str, Any], out: Path) -> str:
     """Describe the result of a move for the terminal."""
     ends = {
@@ -241,6 +287,7 @@ def _words(facts: dict[str, Any], out: Path) -> str:
         "end": _value(facts["value"]) if facts["end"] != "locked" else "locked",
         "bracket": "[" + ", ".join("unproven" if end is None else f"{end:.9g}" for end in facts["bracket"]) + "]",
         "ended": ends[facts["end"]],
+        **_crack_words(facts["fields"]),
         "effort": f"{facts['steps']} steps, {facts['solves']} proven solves, {facts['parameters']} parameters",
         "written to": f"{out}, {out.with_suffix('.csv').name}, {out.with_suffix('.png').name}",
     }
