@@ -36,6 +36,7 @@ def test_flat_arch_against_its_closed_form() -> None:
     assert done.parameters == 1
     assert all(later.value > former.value for former, later in zip(done.points, done.points[1:], strict=False))
     # what is written is what was proven, with interfaces stated or found anew
+    assert done.warnings == []
     assert solve(done.scene).load_factor == pytest.approx(done.value, rel=1e-9)
     found = {key: value for key, value in done.scene.model_dump(mode="json").items() if key != "interfaces"}
     assert solve(parse_scene(found)).load_factor == pytest.approx(done.value, rel=1e-6)
@@ -161,6 +162,7 @@ def test_bad_keys_are_one_line(move: Document, said: str, tmp_path: Path, jld: C
     assert said in done.err
     assert done.err.count("\n") == 1
     assert [path.name for path in tmp_path.iterdir()] == ["arch.json"]
+    assert jld("check", file).err == done.err
 
 
 def test_ties_of_an_asymmetric_structure_contradict() -> None:

@@ -1,4 +1,4 @@
-"""Limits on the shape of blocks: values, bounds, and derivatives by the positions of vertices."""
+"""Shape limits of blocks: values, bounds, and derivatives by the positions of vertices."""
 
 from __future__ import annotations
 

@@ -9,13 +9,15 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.geometry_optimisation.evaluation import Evaluated
 from jld_core.geometry_optimisation.search import GeometrySearch, TrustRegion
-from jld_core.limit import LimitAnalysisResult
-from jld_core.scene import Scene
+from jld_core.limit import LimitAnalysisResult, Status
+from jld_core.models import solve
+from jld_core.scene import Scene, parse_scene
 from jld_core.threads import one_thread
 
 
@@ -201,4 +203,21 @@ def _result(
         places=places,
         moved=places - search.variables.start,
         parameters=search.variables.basis.shape[1],
+        warnings=_contacts_found(search, scene, point),
     )
+
+
+def _contacts_found(search: GeometrySearch, scene: Scene, point: Evaluated) -> list[str]:
+    """Return a warning where contacts found anew give another λ than those that moved; only for dry joints alone."""
+    result = point.result
+    if search.goal != "load_factor" or result is None or result.status is not Status.COLLAPSE:
+        return []
+    if not search.evaluator.labels.all():
+        return []
+    document = scene.model_dump(mode="json", exclude_defaults=True)
+    if any(set(entry) > {"elements", "polygon", "label"} for entry in document.pop("interfaces")):
+        return []  # stated strengths of single interfaces would be lost
+    again = solve(parse_scene({**document, "labels": {"default": "dry"}})).load_factor
+    if abs(again - result.load_factor) <= tolerances.GAP * abs(result.load_factor):
+        return []
+    return [f"contacts found anew give λ = {again:.6g}: joints touch where none did before, or no longer do"]

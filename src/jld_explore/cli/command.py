@@ -64,7 +64,7 @@ from jld_explore.cli.model_options import (
     Strict,
     current_bending,
 )
-from jld_explore.cli.moving import draw_rates, move, with_rates
+from jld_explore.cli.moving import draw_rates, move, require_movable, with_rates
 from jld_explore.cli.options import AsJson, Rank, SceneFile, refuse_itself
 from jld_explore.cli.progress import ProgressBar
 from jld_explore.cli.search_options import (
@@ -164,6 +164,7 @@ def check(scene: SceneFile, strict: Strict = False) -> None:
         settlements_of(parsed, assembly)
         require_cracks(parsed, assembly)
         of_cells(parsed, assembly, assembly.labels)
+        require_movable(parsed, assembly)
     _warn_of(scene, assembly)
     say(words.assembly(parsed, assembly, space))
 

@@ -16,6 +16,7 @@ from jld_core.assembly import Assembly
 from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.geometry_optimisation.box_search import ProvenBox, prove_box
 from jld_core.geometry_optimisation.optimise import MovedJoints, Point, move_joints
+from jld_core.geometry_optimisation.search import GeometrySearch
 from jld_core.geometry_optimisation.sensitivity import geometry_sensitivities
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.models import sensitivities, solve_by_fields
@@ -37,6 +38,12 @@ _FIELD_SECONDS: Final = 10.0
 
 _GAP: Final = 1e-3
 """Default of the relative distance of both bounds at which a proof ends."""
+
+
+def require_movable(scene: Scene, assembly: Assembly) -> None:
+    """Raise InputError where the key "move" of a scene does not fit its own layout."""
+    if scene.move is not None:
+        GeometrySearch(scene, assembly, assembly.labels)
 
 
 def with_rates(result: LimitAnalysisResult) -> LimitAnalysisResult:
