@@ -174,7 +174,9 @@ def move_joints(
 
         report(first, first.objective, search.trust.first * search.unit)
         end = search.climb(first, deadline, report, search.trust.coarse)
-        if best is None or end[0].objective > best[0].objective:
+        # a geometry as strong as one before, up to the width of brackets, is no reason to move farther
+        least = -math.inf if best is None else best[0].objective + tolerances.GAP * abs(best[0].objective)
+        if best is None or end[0].objective > least:
             best, polish = end, report
     if best is None:
         problem = "it does not stand under its dead load, nor does any position of its joints that was tried"

@@ -164,11 +164,13 @@ def _box(text: str) -> float | tuple[Floats, Floats]:
 
 
 def _check_by_fields(assembly: Assembly, done: MovedJoints, labels: Bits) -> dict[str, Any] | None:
-    """Return lower bounds on λ by fields before and after, with blocks that crack anywhere; None without inner faces.
+    """Return lower bounds on λ by fields before and after, with blocks that crack anywhere.
+
+    None without inner faces, and where nothing moved.
 
     λ by faces may be false where blocks moved away from their crack planes.
     """
-    if labels.all() or done.after is None:
+    if labels.all() or done.after is None or not done.moved.any():
         return None
     found: dict[str, Any] = {"before": None, "after": None, "skipped": None}
     try:
