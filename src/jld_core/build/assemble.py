@@ -182,8 +182,8 @@ def _cases(scene: Scene, elements: Elements, entries: list[Element]) -> tuple[Lo
     common[:, : scene.dimension] += np.where(elements.support[:, None], 0.0, elements.weight)
     if scene.loads.cases is None:
         live = scene.loads.live or []
-        shaped = loads.shape_dependent(scene.loads.dead, live, elements, entries)
-        return (replace(_case("", "loads", common, live, 1.0, elements), shape_loads=shaped),)
+        only = _case("", "loads", common, live, 1.0, elements)  # refuses wrong entries
+        return (replace(only, shape_loads=loads.shape_dependent(scene.loads.dead, live, elements, entries)),)
     found = []
     for position, case in enumerate(scene.loads.cases):
         key = f"loads.cases[{position}]"
