@@ -36,6 +36,7 @@ BENCHMARKS: Final = (
     "experiment",
     "studio",
     "exchange",
+    "moving_joints",
 )
 """Modules of this package that hold a `main()`, in the order in which they run."""
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from jld_core.scene import PointLoad, Scene, cracks, loads, materials, search
+from jld_core.scene import PointLoad, Scene, cracks, loads, materials, move, search
 from jld_core.scene import schema as structure
 from jld_core.scene.loads import BodyLoad
 from tools.scene_meanings import MEANINGS, Meaning
@@ -36,7 +36,9 @@ def parts() -> Iterator[tuple[str, type[BaseModel]]]:
     schema = Scene.model_json_schema()
     models = {
         name: model
-        for name, model in (vars(structure) | vars(materials) | vars(loads) | vars(search) | vars(cracks)).items()
+        for name, model in (
+            vars(structure) | vars(materials) | vars(loads) | vars(search) | vars(cracks) | vars(move)
+        ).items()
         if isinstance(model, type)
     }
     seen = {"Scene"}

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 from pydantic import BaseModel
 
-from jld_core.scene import cracks, loads, materials, schema, search
+from jld_core.scene import cracks, loads, materials, move, schema, search
 
 
 class Meaning(NamedTuple):
@@ -54,6 +54,7 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "labels": Meaning("", "The scene's own labelling; else blocks decide: inner within one, dry between two."),
         "search": Meaning("", "What `jld explore` may relabel, and which layouts count."),
         "cracks": Meaning("", "How blocks crack: along faces of the grid, of finer cells, or anywhere by fields."),
+        "move": Meaning("", "Which vertices of joints `jld move` moves, within which limits, and to what end."),
     },
     schema.Units: {
         "length": Meaning("", "The unit of length, in words."),
@@ -239,6 +240,28 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
     cracks.FieldCracks: {
         "kind": Meaning("", "The crack model."),
         "gap": Meaning("", "Relative width of the bracket at which refinement ends."),
+    },
+    move.Move: {
+        "vertices": Meaning("", "All vertices of dry joints, or only those that `along` names."),
+        "along": Meaning("", "Lines and circles on which vertices slide."),
+        "ties": Meaning("", "Vertices that move alike: mirrored about the middle, or the same way within each list."),
+        "straight": Meaning("", "Whether straight faces of blocks stay straight where joints end in them."),
+        "angle": Meaning("degrees", "Bounds of the angles at corners of elements."),
+        "edge": Meaning("length", "Least edge of an element; 0.15 of the mean edge where it is not given."),
+        "block_mass": Meaning("mass", "Bounds of the mass of each block."),
+        "draft": Meaning("", "Least inclination of joints to the direction in which blocks are lifted out."),
+        "box": Meaning("length", "Largest distance that a vertex moves along each of its directions."),
+        "maximise": Meaning("", "λ; or the least friction, or thickness of an arch, at which the dead load stands."),
+    },
+    move.Path: {
+        "at": Meaning("length", "A vertex that slides along `direction`; two entries let it move freely."),
+        "direction": Meaning("", "Its direction."),
+        "circle": Meaning("length", "Centre of circles on which the joints of an arch end."),
+        "supports": Meaning("", "Joints with supports turn on the circle as well, and the supports with them."),
+    },
+    move.Draft: {
+        "direction": Meaning("", "Direction in which blocks are lifted out."),
+        "degrees": Meaning("degrees", "Least angle between it and each dry joint that moves."),
     },
 }
 """By part of the scene and by key, in the order of the schema."""

@@ -22,6 +22,7 @@ FAMILIES: Final[dict[str, int]] = {
     "proofs": 3000,
     "time_limits": 200,
     "units": 1000,
+    "vertex_rates": 300,
 }
 """Module of this package → number of cases of a whole run."""
 

@@ -10,6 +10,7 @@
 - `SolverError`: error for a program that a solver does not support
 - `Status`: status of a result: collapse, locked, unstable or uncertified
 - `build_assembly`: build the assembly of a scene
+- `geometry_sensitivities`: compute the derivatives of λ by the positions of vertices
 - `load_scene`: read a scene file
 - `parse_scene`: make a scene from a dictionary
 - `samples`: parametric scenes by name
@@ -26,6 +27,7 @@ from jld_core._version import __version__ as __version__
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.errors import InputError, SolverError
+from jld_core.geometry_optimisation.sensitivity import geometry_sensitivities
 from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Status
 from jld_core.models import SolveOptions, solve
 from jld_core.models.solve_many import BatchResult, solve_many
@@ -42,6 +44,7 @@ __all__ = [
     "SolverError",
     "Status",
     "build_assembly",
+    "geometry_sensitivities",
     "load_scene",
     "parse_scene",
     "samples",

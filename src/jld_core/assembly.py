@@ -16,6 +16,7 @@ import numpy as np
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.linalg import components
 from jld_core.notebook_repr import NotebookRepr
+from jld_core.shape_loads import ShapeLoads
 
 DRY: Final = True
 """Label of a joint."""
@@ -63,13 +64,7 @@ class Elements:
         return len(self.ids)
 
     def take(self, rows: Ints) -> Elements:
-        """Return some of the elements, in the order of the indices given.
-
-        Parameters
-        ----------
-        rows : (k,) int array
-            Indices of the elements.
-        """
+        """Return some of the elements, in the order of the indices `rows` (k,)."""
         numbers = {name: getattr(self, name)[rows] for name in ("support", "centroid", "volume", "weight")}
         return Elements(
             ids=tuple(self.ids[k] for k in rows),
@@ -148,13 +143,7 @@ class Interfaces:
         return len(self.a)
 
     def take(self, rows: Ints) -> Interfaces:
-        """Return some of the interfaces, in the order of the indices given.
-
-        Parameters
-        ----------
-        rows : (k,) int array
-            Indices of the interfaces.
-        """
+        """Return some of the interfaces, in the order of the indices `rows` (k,)."""
         arrays = {name: values[rows] for name, values in vars(self).items() if name != "polygon"}
         return Interfaces(**arrays, polygon=tuple(self.polygon[k] for k in rows))
 
@@ -188,13 +177,7 @@ class Strengths:
     inner_friction: Floats
 
     def take(self, rows: Ints) -> Strengths:
-        """Return the strengths of some interfaces, in the order of the indices given.
-
-        Parameters
-        ----------
-        rows : (k,) int array
-            Indices of the interfaces.
-        """
+        """Return the strengths of some interfaces, in the order of the indices `rows` (k,)."""
         return Strengths(**{name: values[rows] for name, values in vars(self).items()})
 
 
@@ -218,6 +201,8 @@ class LoadCase:
         Live point forces, for drawing.
     live_widths : tuple of float or None
         Lengths of the patches that these forces are spread on by fields, None where not stated; () for none stated.
+    shape_loads : ShapeLoads or None
+        Loads that change with the shapes of elements, as in `Assembly`.
     """
 
     name: str
@@ -226,6 +211,7 @@ class LoadCase:
     required: float = 1.0
     live_points: Points = ()
     live_widths: tuple[float | None, ...] = ()
+    shape_loads: ShapeLoads | None = None
 
 
 @dataclass(frozen=True)
@@ -271,6 +257,8 @@ class Assembly(NotebookRepr):
         Nominal strengths, where `strengths` holds the low values of materials.
     live_widths : tuple of float or None
         Lengths of the patches of the live point forces, as in `LoadCase`.
+    shape_loads : ShapeLoads or None
+        Parts of the loads that change with the shapes of elements; None where they are unknown.
     """
 
     name: str
@@ -290,6 +278,7 @@ class Assembly(NotebookRepr):
     touching: tuple[tuple[int, int], ...] = ()
     nominal: Strengths | None = None
     live_widths: tuple[float | None, ...] = ()
+    shape_loads: ShapeLoads | None = None
 
     def __repr__(self) -> str:
         kind = "planar" if self.dimension == 2 else "spatial"
@@ -318,6 +307,7 @@ class Assembly(NotebookRepr):
                 live=case.live,
                 live_points=case.live_points,
                 live_widths=case.live_widths,
+                shape_loads=case.shape_loads,
                 cases=(),
             )
             for case in self.cases

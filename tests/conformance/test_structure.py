@@ -37,6 +37,7 @@ ORDER = [
     ["jld_experiment"],
     ["jld_core"],
     ["jld_core.exchange"],
+    ["jld_core.geometry_optimisation"],
     ["jld_core.models", "jld_core.views"],
     ["jld_core.assembly_sequence"],
     ["jld_core.limit"],
@@ -48,7 +49,7 @@ ORDER = [
     ["jld_core.geometry", "jld_core.samples"],
     ["jld_core.sub_assembly"],
     ["jld_core.scene", "jld_core.assembly"],
-    ["jld_core.linalg", "jld_core.files"],
+    ["jld_core.linalg", "jld_core.files", "jld_core.shape_loads"],
     [
         "jld_core.notebook_repr",
         "jld_core.arrays",
@@ -256,7 +257,7 @@ def test_public_names() -> None:
     import jld_explore
 
     core = """Scene load_scene parse_scene Assembly build_assembly SolveOptions solve solve_many BatchResult
-    LimitAnalysis LimitAnalysisResult Status InputError SolverError samples views solvers"""
+    geometry_sensitivities LimitAnalysis LimitAnalysisResult Status InputError SolverError samples views solvers"""
     explore = """explore ModelSettings BudgetSettings ParallelSettings SearchMethod OutputSettings ExploreSettings
     Exploration Summary read_folder SearchSpace search_space Driver Evaluation Progress StopReason"""
     assert sorted(jld_core.__all__) == sorted(core.split())

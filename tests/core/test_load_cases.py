@@ -151,7 +151,7 @@ def test_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsy
     assert ratios[found["governing"]] == min(ratios.values())
     out = call(monkeypatch, capsys, "solve", file, "--out", tmp_path / "out").out
     assert "λ r" in out
-    assert sorted(p.name for p in (tmp_path / "out").glob("*.png")) == ["result-1.png", "result-2.png"]
+    assert sorted(p.name for p in (tmp_path / "out").glob("*.png")) == ["result-1.png", "result-2.png", "vertices.png"]
     checked = call(monkeypatch, capsys, "check", file).out
     assert "live load l" in checked
     assert "symmetries" in checked

@@ -20,7 +20,7 @@ from jld_core.scene import PointLoad, Scene
 from jld_core.scene.loads import BodyLoad
 from jld_core.scene.materials import FaceMaterial
 from jld_core.scene.reading import at_low
-from jld_core.scene.schema import Contact
+from jld_core.scene.schema import Contact, Element
 
 LABELS = {"dry": DRY, "inner": INNER}
 """Label values by their names in a scene: True = dry, False = inner."""
@@ -97,7 +97,7 @@ def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
     geometry = build_geometry(scene) if geometry is None else geometry
     interfaces, given = geometry.interfaces, geometry.given
     elements = weighed(geometry.elements, geometry.entries, scene)
-    cases = _cases(scene, elements)
+    cases = _cases(scene, elements, geometry.entries)
     assembly = Assembly(
         name=scene.name,
         dimension=scene.dimension,
@@ -110,6 +110,7 @@ def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
         labels=_own_labels(scene, elements, interfaces, given),
         live_points=cases[0].live_points,
         live_widths=cases[0].live_widths,
+        shape_loads=cases[0].shape_loads,
         moved=geometry.moved,
         cases=cases if scene.loads.cases is not None else (),
         touching=geometry.touching,
@@ -172,20 +173,24 @@ def _own_labels(scene: Scene, elements: Elements, interfaces: Interfaces, given:
     return labels.astype(bool)
 
 
-def _cases(scene: Scene, elements: Elements) -> tuple[LoadCase, ...]:
+def _cases(scene: Scene, elements: Elements, entries: list[Element]) -> tuple[LoadCase, ...]:
     """Return the load cases of a scene, each including the common dead load and self-weight.
 
-    A scene without "cases" has one case with an empty name.
+    A scene without "cases" has one case with an empty name. entries: the scene's entry for each element.
     """
     common = loads.generalised(scene.loads.dead, elements, "loads.dead")
     common[:, : scene.dimension] += np.where(elements.support[:, None], 0.0, elements.weight)
     if scene.loads.cases is None:
-        return (_case("", "loads", common, scene.loads.live or [], 1.0, elements),)
+        live = scene.loads.live or []
+        only = _case("", "loads", common, live, 1.0, elements)  # refuses wrong entries
+        return (replace(only, shape_loads=loads.shape_dependent(scene.loads.dead, live, elements, entries)),)
     found = []
     for position, case in enumerate(scene.loads.cases):
         key = f"loads.cases[{position}]"
         dead = common + loads.generalised(case.dead, elements, f"{key}.dead")
-        found.append(_case(case.name, key, dead, case.live, case.required, elements))
+        one = _case(case.name, key, dead, case.live, case.required, elements)
+        shaped = loads.shape_dependent([*scene.loads.dead, *case.dead], case.live, elements, entries)
+        found.append(replace(one, shape_loads=shaped))
     return tuple(found)
 
 

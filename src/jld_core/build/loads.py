@@ -13,6 +13,8 @@ from jld_core.errors import InputError
 from jld_core.geometry import moment_about
 from jld_core.scene import PointLoad
 from jld_core.scene.loads import BodyLoad
+from jld_core.scene.schema import Element
+from jld_core.shape_loads import ShapeLoads
 
 
 def generalised(entries: Sequence[PointLoad | BodyLoad], elements: Elements, key: str) -> Floats:
@@ -60,6 +62,31 @@ def generalised(entries: Sequence[PointLoad | BodyLoad], elements: Elements, key
             gross[index] += np.abs(np.append(force, couple))
     total[np.abs(total) <= tolerances.ROUNDING * gross] = 0.0
     return total
+
+
+def shape_dependent(
+    dead: Sequence[PointLoad | BodyLoad],
+    live: Sequence[PointLoad | BodyLoad],
+    elements: Elements,
+    entries: Sequence[Element],
+) -> ShapeLoads:
+    """Return the loads that change with the shapes of elements, self-weight included.
+
+    elements: with weights. entries: the scene's entry for each element; a stated weight or volume does not grow, and a
+    stated centroid does not move. dead, live: valid load entries.
+    """
+    rides = ~elements.support & np.array([entry.centroid is None for entry in entries])
+    grows = ~elements.support & np.array([entry.weight is None and entry.volume is None for entry in entries])
+    parts = []
+    for loads, by_weight in ((dead, elements.weight.copy()), (live, np.zeros_like(elements.weight))):
+        at_centroid = np.zeros_like(elements.centroid)
+        for entry in loads:
+            if isinstance(entry, BodyLoad):
+                by_weight += np.linalg.norm(elements.weight, axis=1)[:, None] * np.array(entry.body, dtype=float)
+            elif entry.force is not None and entry.at is None:
+                at_centroid[elements.index[entry.element]] += np.array(entry.force, dtype=float)
+        parts += [np.where(grows[:, None], by_weight, 0.0), np.where(rides[:, None], by_weight + at_centroid, 0.0)]
+    return ShapeLoads(*parts)
 
 
 def _vector(values: list[float], dimension: int, where: str) -> Floats:

@@ -134,7 +134,7 @@ def sensitivities(result: LimitAnalysisResult) -> dict[str, Sensitivity]:
     analysis = LimitAnalysis(result.assembly)
     if is_large(analysis.template.structure):
         return {}
-    base = _Base(analysis, result.labels)
+    base = SolvedProgram(analysis, result.labels)
     found = {}
     for name, change, unit in _parameters(result.assembly, result.labels):
         found[name] = base.sensitivity(change, unit)
@@ -180,11 +180,11 @@ def _parameters(assembly: Assembly, labels: Bits) -> list[tuple[str, _Change, st
     return found
 
 
-class _Base:
+class SolvedProgram:
     """Solved program of one labelling, from which rates of λ are computed."""
 
     def __init__(self, analysis: LimitAnalysis, labels: Bits) -> None:
-        self._analysis, self._labels = analysis, labels
+        self._analysis, self.labels = analysis, labels
         self._template = analysis.template
         self.program = self._template.program(labels)
         self._solver = ClarabelSolver(1e-10, iterative_refinement_enable=True)
@@ -192,10 +192,10 @@ class _Base:
         self.point, self.dual = raw.point, raw.dual
         slack = self.program.rhs - self.program.matrix @ self.point
         structure = self.program.structure
-        self._first, self._last = structure.equalities, structure.equalities + structure.linear
+        self.first, self.last = structure.equalities, structure.equalities + structure.linear
         held = np.zeros(len(slack), dtype=bool)
-        held[self._first : self._last] = (self.dual > slack)[self._first : self._last]
-        self._held: Bools = held
+        held[self.first : self.last] = (self.dual > slack)[self.first : self.last]
+        self.held: Bools = held
 
     def sensitivity(self, change: _Change, unit: str) -> Sensitivity:
         """Compute the rate of λ with one parameter, in scene units.
@@ -211,7 +211,7 @@ class _Base:
         if self.program.structure.cones:
             left, right, bent, noise = self._by_steps(change)
         else:
-            right, left = -self._side(matrix, rhs), self._side(-matrix, -rhs)
+            right, left = -self.side(matrix, rhs), self.side(-matrix, -rhs)
             bent, noise = abs(right - left), 0.0
         left, right, bent, noise = scale * left, scale * right, scale * bent, scale * noise
         # Rates too small to change λ by more than rounding count as zero.
@@ -237,7 +237,7 @@ class _Base:
         change: the parameter. step: increase of its value.
         """
         assembly = change.of(self._template.assembly, step)
-        return Template(assembly, self._template.scaling).program(self._labels)
+        return Template(assembly, self._template.scaling).program(self.labels)
 
     def _by_steps(self, change: _Change) -> tuple[float, float, float, float]:
         """Compute the left and the right rate of −λ from chords at two steps to either side.
@@ -271,14 +271,14 @@ class _Base:
         primal, dual = float(raw.point[-1]), float(program.rhs @ raw.dual)
         return 0.5 * (primal + dual), abs(primal - dual)
 
-    def _side(self, matrix: sp.csr_array, rhs: Floats) -> float:
-        """Compute the rate of −λ to one side of the parameter; NaN without an optimum.
+    def side(self, matrix: sp.csr_array, rhs: Floats) -> float:
+        """Compute the rate of −λ to one side of the parameter, scaled; NaN without an optimum.
 
         matrix, rhs: rates of change of the program data, scaled.
         """
-        equal = np.arange(self._first)
-        held = np.flatnonzero(self._held)
-        loose = np.setdiff1d(np.arange(self._first, self._last), held)
+        equal = np.arange(self.first)
+        held = np.flatnonzero(self.held)
+        loose = np.setdiff1d(np.arange(self.first, self.last), held)
         rows, count = sp.csr_array(self.program.matrix), len(self.point)
         tight = np.concatenate([equal, held])
         none = sp.csr_array((len(tight), count))

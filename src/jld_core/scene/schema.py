@@ -12,6 +12,7 @@ from jld_core.errors import InputError
 from jld_core.scene.cracks import FORMS, CrackModel, cracks_by_kind
 from jld_core.scene.loads import Loads, Settling, require_unique_names
 from jld_core.scene.materials import Materials
+from jld_core.scene.move import Move
 from jld_core.scene.part import Angle, LabelName, NonNegative, Pair, Part, Positive, PositiveValue, Value, Vector
 from jld_core.scene.search import Labels, Search
 
@@ -199,6 +200,8 @@ class Scene(Part):
         Candidates, limits and objectives of a search.
     cracks : "faces", CellCracks or FieldCracks
         How blocks crack.
+    move : Move or None
+        Joints that `jld move` moves, and their limits.
     """
 
     name: Annotated[str, Field(min_length=1)] = "scene"
@@ -217,6 +220,7 @@ class Scene(Part):
     labels: Labels = Labels()
     search: Search = Search()
     cracks: Annotated[CrackModel, Field(description=FORMS)] = "faces"
+    move: Move | None = None
 
     _crack_model = field_validator("cracks", mode="before")(cracks_by_kind)
 
@@ -256,7 +260,7 @@ class Scene(Part):
     def fingerprint(self) -> str:
         """Return a hex digest of all keys that results depend on.
 
-        Name, source, notes and expected are left out.
+        Name, source, notes, expected and move are left out.
         """
-        content = self.model_dump(mode="json", exclude={"name", "source", "notes", "expected"})
+        content = self.model_dump(mode="json", exclude={"name", "source", "notes", "expected", "move"})
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

@@ -60,5 +60,9 @@ def check(scene: SceneFile, strict: Strict = False) -> None:
         settlements_of(parsed, assembly)
         require_cracks(parsed, assembly)
         of_cells(parsed, assembly, assembly.labels)
+        if parsed.move is not None:
+            from jld_explore.cli.moving import require_movable  # few scenes have joints that move
+
+            require_movable(parsed, assembly)
     warn_of(scene, assembly)
     say(words.assembly(parsed, assembly, space))

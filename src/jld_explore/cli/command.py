@@ -21,6 +21,7 @@ _FUNCTIONS: Final = {
     "explore": ("explore", "explore_command"),
     "export": ("exchange", "export_command"),
     "import": ("exchange", "import_command"),
+    "move": ("moving", "move"),
     "plot": ("plot", "plot_command"),
     "refine": ("exchange", "refine_command"),
     "settlement": ("settlement", "settlement"),

@@ -11,6 +11,7 @@ COMMANDS: Final = {
     "check": "what will be modelled, and what looks wrong",
     "solve": "collapse load factor of one layout, with a two-sided bracket",
     "explore": "search the layouts of a scene for the strongest: table, front, pictures, page",
+    "move": "move the joints of a layout for the largest load factor, or prove the best in a box",
     "verify": "check the certificate of a proof",
     "plot": "draw a scene, or a search again",
     "studio": "move joints by hand and see the proven load follow, in a browser",

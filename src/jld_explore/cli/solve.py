@@ -17,7 +17,7 @@ from jld_core.errors import error_context
 from jld_core.files import require_folder, write_text
 from jld_core.limit import FLOOR_SECONDS, LimitAnalysisResult, SolveOptions, Status
 from jld_core.mechanics import require_materials
-from jld_core.models import cost_estimate, require_model, sensitivities
+from jld_core.models import cost_estimate, require_model
 from jld_core.models import solve as solve_assembly
 from jld_core.models.by_fields import FIELD_SECONDS
 from jld_core.scene import Scene
@@ -47,6 +47,7 @@ from jld_explore.cli.model_options import (
     current_bending,
 )
 from jld_explore.cli.options import AsJson, Rank
+from jld_explore.cli.rates import draw_rates, with_rates
 from jld_explore.cli.solve_options import FloorSeconds, FrictionModel, ResultFolder, SolutionRange, SolvedFile
 from jld_explore.cli.streams import say, warn
 
@@ -99,8 +100,7 @@ def solve(
         result = solve_assembly(assembly, labels, **vars(options))
     if robust:
         result = _with_nominal(assembly, result)
-    rates = {name: rate.to_json() for name, rate in sensitivities(result).items()}
-    result = named(parsed, replace(result, facts={**result.facts, "sensitivities": rates}))
+    result = named(parsed, with_rates(result))
     if out is not None:
         _write_result(result, out)
     say(json.dumps(result.to_json(), indent=1) if as_json else result_in_words(parsed, result))
@@ -159,6 +159,7 @@ def _write_result(result: LimitAnalysisResult, out: Path) -> None:
 
     out.mkdir(parents=True, exist_ok=True)
     write_text(out / "result.json", json.dumps(result.to_json(), indent=1))
+    draw_rates(result, out)
     drawn = {"": result} if not result.cases else {f"-{k}": one for k, one in enumerate(result.cases.values(), 1)}
     for after, one in drawn.items():
         figure = figures.figure_of_result(one)

@@ -1,0 +1,9 @@
+"""Geometry of joints as a variable: derivatives of λ by vertices, optimisation, and bounds over boxes of positions.
+
+`jld_core.geometry_sensitivities` has the derivatives, `jld move` the rest: `optimise.move_joints` and
+`box_search.prove_box`.
+"""
+
+from __future__ import annotations
+
+__all__: list[str] = []

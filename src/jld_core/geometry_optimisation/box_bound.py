@@ -1,0 +1,307 @@
+"""Upper bound on λ over a box of positions, by one mechanism that is valid in the whole box (docs/method.md (11.7))."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import scipy.sparse as sp
+import shapely
+
+from jld_core.arrays import Bits, Floats
+from jld_core.assembly import Assembly
+from jld_core.errors import InputError, ParameterError
+from jld_core.geometry_optimisation.planar_rates import shape_loads
+from jld_core.geometry_optimisation.vertex_mesh import VertexMesh
+from jld_core.mechanics import scaling_of
+from jld_core.solvers.highs import highs_of
+
+_TO_BERNSTEIN: Final = np.array(
+    [[6.0, 0.0, 0.0, 0.0], [-5.0, 18.0, -9.0, 2.0], [2.0, -9.0, 18.0, -5.0], [0.0, 0.0, 0.0, 6.0]]
+)
+"""Six times the coefficients of a cubic in Bernstein form by its values at 0, 1/3, 2/3 and 1."""
+
+_ROUNDED: Final = 64.0 * float(np.finfo(float).eps)
+"""Rounding error of a sum of at most some forty products, relative to the sum of their magnitudes."""
+
+_GROWTH: Final = 6.0
+"""Largest growth of a rounding error by the conversion to Bernstein form, for each parameter."""
+
+_REPAIRS: Final = 4
+"""Number of times that an opening motion is added to a mechanism before its box has no bound."""
+
+_HIGHS: Final = {"primal_feasibility_tolerance": 1e-9, "dual_feasibility_tolerance": 1e-9}
+"""Tolerances of the linear programs; their answers are repaired and weighed."""
+
+
+@dataclass(frozen=True)
+class BoxBound:
+    """Upper bound on λ over one box of positions.
+
+    Attributes
+    ----------
+    value : float
+        λ of every position in the box that stands for some λ ≥ 0 is at most this; inf where none was proven, −inf
+        where no position stands.
+    velocity : (3·free,) array or None
+        Mechanism that proves it, scaled as `BoxProblem`.
+    """
+
+    value: float
+    velocity: Floats | None
+
+
+class BoxProblem:
+    """Bounds on λ of one load case over boxes of up to a few parameters.
+
+    Positions are X = X0 + Σ y_j D_j. All faces are dry, without cohesion and compressive strength.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Planar assembly at y = 0, with one load case.
+    labels : (m,) bool array
+        Labels, True = dry.
+    mesh : VertexMesh
+        Its vertices.
+    directions : (p, v, 2) array
+        D, the movements of all vertices by each parameter.
+
+    Raises
+    ------
+    InputError
+        A face is inner or has cohesion or compressive strength, or a load on an element that changes is neither
+        fixed nor proportional to its volume.
+    """
+
+    def __init__(self, assembly: Assembly, labels: Bits, mesh: VertexMesh, directions: Floats) -> None:
+        _require_dry(assembly, labels)
+        self._assembly, self._mesh, self._directions = assembly, mesh, directions
+        scaling = scaling_of(assembly)
+        self.unit = scaling.load
+        elements = assembly.elements
+        self._row = np.full(len(elements), -1, dtype=np.int64)
+        self._row[elements.free] = np.arange(len(elements.free))
+        self._length, self._force = assembly.size, scaling.force
+        moving = np.asarray(abs(directions).max(axis=(0, 2)) > 0.0)
+        changing = np.array([moving[loop].any() for loop in mesh.loops])
+        parts = []
+        for load, factor in ((assembly.dead, 0.0), (assembly.live, 1.0)):
+            growing, riding = shape_loads(assembly, factor)
+            if factor:
+                other = shape_loads(assembly, 0.0)
+                growing, riding = growing - other[0], riding - other[1]
+            odd = np.flatnonzero(changing & (growing != riding).any(axis=1))
+            if odd.size:
+                name = elements.ids[int(odd[0])]
+                problem = f"the load of element {name!r} is not proportional to its volume"
+                raise InputError("move", problem, 'weights by density, and forces with "at", on elements that change')
+            parts.append((load, growing))
+        self._loads = parts
+
+    # --- geometry over a box ----------------------------------------------------------------------------
+
+    def corners(self, low: Floats, high: Floats) -> Floats:
+        """Return the positions (2^p, v, 2) of all vertices at the corners of a box."""
+        ends = np.array(list(itertools.product(*zip(low.tolist(), high.tolist(), strict=True)))).reshape(-1, len(low))
+        return np.asarray(self._mesh.places + np.einsum("cp,pvd->cvd", ends, self._directions))
+
+    def require_valid(self, low: Floats, high: Floats) -> None:
+        """Raise InputError where a box turns a cell over or makes it meet itself."""
+        places, ids = self.corners(low, high), self._assembly.elements.ids
+        area, _ = self._bernstein_moments(low, high)
+        for element, loop in enumerate(self._mesh.loops):
+            outlines = shapely.polygons(places[:, loop])
+            turned = area[:, element].min() <= 0.0 or not shapely.is_valid(outlines).all()
+            if turned or not shapely.is_ccw(shapely.linearrings(places[:, loop])).all():
+                problem = f"its box turns element {ids[element]!r} over, or makes it meet itself"
+                raise ParameterError("prove", problem, "a smaller box")
+
+    def _bernstein_moments(self, low: Floats, high: Floats) -> tuple[Floats, Floats]:
+        """Return areas (4^p, n) and first moments (4^p, n, 2) about the present centroids, in Bernstein form."""
+        count = len(low)
+        shares = np.array(list(itertools.product(*[(0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)] * count))).reshape(-1, count)
+        values = low + shares * (high - low)
+        places = self._mesh.places + np.einsum("cp,pvd->cvd", values, self._directions)
+        area, moment = np.empty((len(values), len(self._mesh.loops))), np.empty((len(values), len(self._mesh.loops), 2))
+        for element, loop in enumerate(self._mesh.loops):
+            corner = places[:, loop] - self._assembly.elements.centroid[element]
+            after = np.roll(corner, -1, axis=1)
+            turn = corner[..., 0] * after[..., 1] - corner[..., 1] * after[..., 0]
+            area[:, element] = 0.5 * turn.sum(axis=1)
+            moment[:, element] = ((corner + after) * turn[..., None]).sum(axis=1) / 6.0
+        both = np.concatenate([area[..., None], moment], axis=-1).reshape((4,) * count + (len(self._mesh.loops), 3))
+        for axis in range(count):
+            both = np.moveaxis(np.tensordot(_TO_BERNSTEIN / 6.0, both, axes=(1, axis)), 0, axis)
+        both = both.reshape(len(values), len(self._mesh.loops), 3)
+        return both[..., 0], both[..., 1:]
+
+    def loads(self, low: Floats, high: Floats) -> tuple[Floats, Floats]:
+        """Return scaled b and b_λ (4^p, 3·free) over a box in Bernstein form."""
+        area, moment = self._bernstein_moments(low, high)
+        free = self._assembly.elements.free
+        whole = self._mesh_areas()
+        found = []
+        for load, growing in self._loads:
+            fixed = load.copy()
+            fixed[:, :2] -= growing
+            share = growing / whole[:, None]
+            total = np.broadcast_to(fixed, (len(area), *fixed.shape)).copy()
+            total[..., :2] += area[..., None] * share
+            total[..., 2] += moment[..., 0] * share[:, 1] - moment[..., 1] * share[:, 0]
+            total[..., 2] /= self._length
+            found.append(total[:, free].reshape(len(area), -1))
+        return found[0] / self._force, found[1] * self.unit / self._force
+
+    def _mesh_areas(self) -> Floats:
+        """Return the areas (n,) of elements at y = 0."""
+        areas = []
+        for loop in self._mesh.loops:
+            corner = self._mesh.places[loop] - self._mesh.places[loop[0]]
+            after = np.roll(corner, -1, axis=0)
+            areas.append(0.5 * float((corner[:, 0] * after[:, 1] - corner[:, 1] * after[:, 0]).sum()))
+        return np.array(areas)
+
+    def generators(self, low: Floats, high: Floats) -> tuple[Floats, Floats] | None:
+        """Return forces at ends of faces (g, 3·free) whose cone holds all forces of the box, and their roundings.
+
+        None where the directions of a face span half a turn. Rounding: (g, 3·free) magnitudes of the terms of each
+        entry.
+        """
+        places = self.corners(low, high)
+        faces, elements = self._assembly.interfaces, self._assembly.elements
+        friction = self._assembly.strengths.friction
+        rows, sizes = [], []
+        for face in range(len(faces)):
+            ends = places[:, self._mesh.ends[face]]
+            edge = np.unique(ends[:, 1] - ends[:, 0], axis=0)
+            normal = np.column_stack([edge[:, 1], -edge[:, 0]])
+            force = np.concatenate([normal - friction[face] * edge, normal + friction[face] * edge])
+            extremes = _extremes(force / np.linalg.norm(force, axis=1)[:, None])
+            if extremes is None:
+                return None
+            force = extremes
+            point = np.unique(ends.reshape(-1, 2), axis=0)
+            at, along = np.repeat(point, len(force), axis=0), np.tile(force, (len(point), 1))
+            row, size = np.zeros((len(at), 3 * len(elements.free))), np.zeros((len(at), 3 * len(elements.free)))
+            for element, sign in ((int(faces.a[face]), -1.0), (int(faces.b[face]), 1.0)):
+                start = 3 * int(self._row[element])
+                if start < 0:
+                    continue
+                arm = at - elements.centroid[element]
+                row[:, start : start + 2] = sign * along
+                row[:, start + 2] = sign * (arm[:, 0] * along[:, 1] - arm[:, 1] * along[:, 0]) / self._length
+                size[:, start : start + 2] = 1.0
+                size[:, start + 2] = (abs(at).max() + abs(elements.centroid[element]).max()) / self._length * 2.0
+            rows.append(row)
+            sizes.append(size)
+        return np.concatenate(rows), np.concatenate(sizes)
+
+    # --- bound ------------------------------------------------------------------------------------------
+
+    def bound(self, low: Floats, high: Floats) -> BoxBound:
+        """Return a proven bound on λ over a box (p,), (p,), in scene units."""
+        cone = self.generators(low, high)
+        if cone is None:
+            return BoxBound(math.inf, None)
+        forces, sizes = cone
+        dead, live = self.loads(low, high)
+        answer = _mechanism(forces, dead, live)
+        if answer is None:
+            answer = _mechanism(forces, dead, live, standing=True)
+        if answer is None:
+            return BoxBound(math.inf, None)
+        value, velocity = self._weighed(answer, forces, sizes, dead, live, len(low))
+        return BoxBound(value * self.unit if math.isfinite(value) else value, velocity)
+
+    def _weighed(
+        self, velocity: Floats, forces: Floats, sizes: Floats, dead: Floats, live: Floats, parameters: int
+    ) -> tuple[float, Floats | None]:
+        """Return the bound, scaled, that velocities prove after repair, and the repaired velocities.
+
+        Every sum is lowered by the rounding error that it can have.
+        """
+        # coordinates far from the origin have lost digits before areas and moments are formed
+        growth = _ROUNDED * _GROWTH**parameters * (1.0 + float(abs(self._mesh.places).max()) / self._length)
+        opening: Floats | None = None
+        for _ in range(_REPAIRS):
+            missing = _ROUNDED * (sizes @ abs(velocity)) - forces @ velocity
+            if missing.max(initial=-1.0) <= 0.0:
+                speed = abs(velocity)
+                work = float((live @ velocity - growth * (abs(live).max(axis=0) @ speed)).min())
+                weight = float((-(dead @ velocity)).max() + growth * (abs(dead).max(axis=0) @ speed))
+                if weight < 0.0 <= work:
+                    return -math.inf, velocity
+                return (weight / work, velocity) if work > 0.0 else (math.inf, None)
+            if opening is None:
+                opening = _opening(forces)
+                if opening is None:
+                    return math.inf, None
+            least = forces @ opening - _ROUNDED * (sizes @ abs(opening))
+            if least.min() <= 0.0:
+                return math.inf, None
+            velocity = velocity + 1.1 * float((np.maximum(missing, 0.0) / least).max()) * opening
+        return math.inf, None
+
+
+def _require_dry(assembly: Assembly, labels: Bits) -> None:
+    """Raise InputError for faces that the bound over a box does not know."""
+    strengths = assembly.strengths
+    if not labels.all() or strengths.cohesion.any() or np.isfinite(strengths.crush_dry).any():
+        problem = "a bound over a box of positions knows dry joints without cohesion and compressive strength alone"
+        raise ParameterError("prove", problem, "a scene with such joints, or no proof")
+
+
+def _extremes(force: Floats) -> Floats | None:
+    """Return the two outermost of some directions (k, 2); None where they span half a turn."""
+    middle = force.sum(axis=0)
+    angle = np.arctan2(middle[0] * force[:, 1] - middle[1] * force[:, 0], force @ middle)
+    first, last = int(np.argmin(angle)), int(np.argmax(angle))
+    # unit vectors within a right angle of their sum span less than half a turn
+    if not (force @ middle > 0.0).all() or angle[last] - angle[first] >= np.pi * (1.0 - 1e-9):
+        return None
+    return force[[first, last]]
+
+
+def _mechanism(forces: Floats, dead: Floats, live: Floats, *, standing: bool = False) -> Floats | None:
+    """Return the mechanism of least bound over a box, unverified; None where the solver finds none.
+
+    standing: seek one that shows that no position stands, in the place of a bound.
+    """
+    count = forces.shape[1]
+    rows = np.zeros((len(forces) + len(live) + len(dead), count + 1))
+    rows[:, :-1] = np.vstack([forces, live, dead])
+    low = np.zeros(len(rows))
+    first = len(forces) + len(live)
+    if standing:
+        low[first:] = 1.0
+    else:
+        low[len(forces) : first] = 1.0
+        rows[first:, -1] = 1.0
+    objective = np.zeros(count + 1)
+    objective[-1] = 0.0 if standing else 1.0
+    least, most = np.full(count + 1, -np.inf), np.full(count + 1, np.inf)
+    least[-1] = -1.0
+    return _solved(rows, objective, low, least, most, count)
+
+
+def _opening(forces: Floats) -> Floats | None:
+    """Return velocities of at most one that all forces work on as much as possible; None where none exist."""
+    count = forces.shape[1]
+    rows = np.hstack([forces, -np.ones((len(forces), 1))])
+    objective = np.append(np.zeros(count), -1.0)
+    least, most = np.append(-np.ones(count), 0.0), np.ones(count + 1)
+    return _solved(rows, objective, np.zeros(len(forces)), least, most, count)
+
+
+def _solved(rows: Floats, objective: Floats, low: Floats, least: Floats, most: Floats, count: int) -> Floats | None:
+    """Return the first columns of the answer of min objective·x, rows x ≥ low, least ≤ x ≤ most; None without one."""
+    high = np.full(len(low), np.inf)
+    highs = highs_of(sp.csc_array(rows), objective, low, high, least, most, _HIGHS)
+    highs.run()
+    if str(highs.modelStatusToString(highs.getModelStatus())) != "Optimal":
+        return None
+    return np.array(highs.getSolution().col_value)[:count]

@@ -1,0 +1,278 @@
+"""Proof of the best geometry in a box: branch and bound over positions, both sides proven."""
+
+from __future__ import annotations
+
+import heapq
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from jld_core.arrays import Bits, Floats
+from jld_core.assembly import Assembly
+from jld_core.build import build_assembly
+from jld_core.errors import InputError, ParameterError
+from jld_core.geometry_optimisation.box_bound import BoxBound, BoxProblem
+from jld_core.geometry_optimisation.moved_scene import MovedScene
+from jld_core.geometry_optimisation.variables import variables_of
+from jld_core.geometry_optimisation.vertex_mesh import vertex_mesh
+from jld_core.limit import LimitAnalysisResult, Status
+from jld_core.models import solve
+from jld_core.scene import Scene
+from jld_core.scene.move import Move
+from jld_core.threads import one_thread
+
+_MOST: Final = 4
+"""Largest number of parameters of a box."""
+
+_NARROW: Final = 1e-6
+"""Width of a box, relative to the whole, below which it is not split again."""
+
+
+@dataclass(frozen=True)
+class ProvenBox:
+    """Best geometry in a box of positions, with bounds on λ of all of them.
+
+    Attributes
+    ----------
+    scene : Scene
+        Scene at the best position found.
+    before : LimitAnalysisResult
+        Analysis of the scene as it is.
+    after : LimitAnalysisResult
+        Analysis at the best position.
+    load_factor : float
+        Proven lower bound on λ there; with load cases the governing factor.
+    bound : float
+        Proven upper bound on λ of every position in the box; inf where none was proven.
+    proven : bool
+        True if both agree within the gap asked for.
+    gap : float
+        Their relative distance.
+    boxes : int
+        Number of boxes bounded.
+    seconds : float
+        Time, s.
+    parameters : (p,) array
+        Best position in the box, lengths from the start.
+    low, high : (p,) arrays
+        The box.
+    places : (v, 2) array
+        Positions of all vertices at the best position.
+    moved : (v, 2) array
+        How far they moved.
+    """
+
+    scene: Scene
+    before: LimitAnalysisResult
+    after: LimitAnalysisResult
+    load_factor: float
+    bound: float
+    proven: bool
+    gap: float
+    boxes: int
+    seconds: float
+    parameters: Floats
+    low: Floats
+    high: Floats
+    places: Floats
+    moved: Floats
+
+
+class _Search:
+    """Branch and bound over the positions of one structure."""
+
+    def __init__(self, scene: Scene, assembly: Assembly, labels: Bits) -> None:
+        move = scene.move or Move()
+        mesh = vertex_mesh(assembly)
+        variables = variables_of(assembly, labels, mesh, move, named=True)
+        basis = variables.basis
+        if move.maximise != "load_factor":
+            raise ParameterError("prove", f'it bounds λ, not "{move.maximise}"', '"maximise": "load_factor"')
+        if not np.isnan(variables.centre).all():
+            raise ParameterError("prove", "vertices on circles do not move along lines", '"along" with directions')
+        if basis.shape[1] > _MOST:
+            problem = f"{basis.shape[1]} parameters are too many to bound"
+            raise ParameterError("prove", problem, f'at most {_MOST}: name vertices in "along", or tie them')
+        jacobian = variables.jacobian(np.zeros(variables.count))
+        self.count = basis.shape[1]
+        self.directions = np.asarray((jacobian @ basis).T.reshape(self.count, -1, 2))
+        self.mesh, self.labels = mesh, labels
+        self.moved = MovedScene(scene, assembly, labels, mesh)
+        self.problems = [BoxProblem(case, labels, mesh, self.directions) for case in assembly.by_case]
+        self.required = assembly.required
+        self.boxes = 0
+        self.best: tuple[float, Floats, LimitAnalysisResult] | None = None
+
+    def bound(self, low: Floats, high: Floats) -> BoxBound:
+        """Return the least bound of all load cases over a box."""
+        self.boxes += 1
+        found = [one.bound(low, high) for one in self.problems]
+        values = [one.value / factor for one, factor in zip(found, self.required, strict=True)]
+        least = int(np.argmin(values))
+        return BoxBound(values[least], found[least].velocity)
+
+    def places(self, parameters: Floats) -> Floats:
+        """Return the positions (v, 2) of all vertices."""
+        return np.asarray(self.mesh.places + np.einsum("p,pvd->vd", parameters, self.directions))
+
+    def try_position(self, parameters: Floats) -> LimitAnalysisResult | None:
+        """Solve one position and keep it if it is the best; None where it cannot be built."""
+        try:
+            assembly = build_assembly(self.moved.at(self.places(parameters)))
+        except InputError:
+            return None
+        result = solve(assembly, self.labels)
+        low = math.inf if result.status is Status.LOCKED else result.bracket[0]
+        if result.status in (Status.COLLAPSE, Status.LOCKED) and (self.best is None or low > self.best[0]):
+            self.best = (low, parameters, result)
+        return result
+
+    def split(self, low: Floats, high: Floats, whole: Floats) -> list[tuple[BoxBound, Floats, Floats]]:
+        """Return both halves of a box with their bounds, along the axis that lowers the larger one most."""
+        choices = []
+        wide = np.flatnonzero((high - low) / whole >= 0.25 * ((high - low) / whole).max())
+        for axis in wide.tolist():
+            middle = 0.5 * (low[axis] + high[axis])
+            halves = []
+            for from_, to in ((low[axis], middle), (middle, high[axis])):
+                one, other = low.copy(), high.copy()
+                one[axis], other[axis] = from_, to
+                halves.append((self.bound(one, other), one, other))
+            values = sorted(half[0].value for half in halves)
+            choices.append((values[1], values[0], axis, halves))
+        return min(choices, key=lambda choice: choice[:3])[3]
+
+
+@one_thread()
+def prove_box(
+    scene: Scene,
+    assembly: Assembly,
+    labels: Bits,
+    box: tuple[Floats, Floats] | float,
+    *,
+    gap: float = 1e-3,
+    seconds: float = math.inf,
+    progress: Callable[[float, float, int], None] | None = None,
+) -> ProvenBox:
+    """Find the best geometry in a box of positions, and prove a bound on λ of all of them.
+
+    Parameters
+    ----------
+    scene : Scene
+        Planar scene; its key "move" states the vertices that move, at most four after ties.
+    assembly : Assembly
+        Its assembly.
+    labels : (m,) bool array
+        Labels, True = dry.
+    box : float or (p,) and (p,) arrays
+        Largest distance from the start, or least and largest distances of each parameter, length.
+    gap : float
+        Relative distance of both bounds at which the search ends.
+    seconds : float
+        Time limit, s.
+    progress : callable, optional
+        Called with the best λ, the bound and the number of boxes.
+
+    Returns
+    -------
+    ProvenBox
+        Best position with bounds on both sides.
+
+    Raises
+    ------
+    InputError
+        The structure is not of dry joints alone, the box has more than four parameters or turns a cell over, or no
+        position that was tried stands.
+
+    Notes
+    -----
+    docs/method.md (11.7).
+    """
+    began = time.perf_counter()
+    search = _Search(scene, assembly, labels)
+    low, high = _ends(box, search.count)
+    for problem in search.problems:
+        problem.require_valid(low, high)
+    before = search.try_position(np.zeros(search.count)) if ((low <= 0.0) & (high >= 0.0)).all() else None
+    before = before or solve(assembly, labels)
+    bound = _branch(search, low, high, gap, began + seconds, progress)
+    if search.best is None:
+        raise InputError("move", "no position in the box that was tried stands", "another box, or a scene that stands")
+    value, parameters, after = search.best
+    bound = float(max(bound, value))
+    width = _gap(value, bound)
+    places = search.places(parameters)
+    return ProvenBox(
+        scene=search.moved.at(places),
+        before=before,
+        after=after,
+        load_factor=value,
+        bound=bound,
+        proven=bool(width <= gap),
+        gap=width,
+        boxes=search.boxes,
+        seconds=time.perf_counter() - began,
+        parameters=parameters,
+        low=low,
+        high=high,
+        places=places,
+        moved=places - search.mesh.places,
+    )
+
+
+def _ends(box: tuple[Floats, Floats] | float, count: int) -> tuple[Floats, Floats]:
+    """Return the ends (p,) of a box; raise InputError for a wrong one."""
+    if isinstance(box, tuple):
+        low, high = (np.asarray(end, dtype=float) for end in box)
+        if len(low) != count or len(high) != count:
+            problem = f"{len(low)} pairs of ends are given for {count} parameters"
+            raise ParameterError("prove", problem, f"{count} pairs low,high, or one length for all")
+    else:
+        low, high = np.full(count, -float(box)), np.full(count, float(box))
+    if not (low < high).all():
+        raise ParameterError("prove", "the box has no width", "ends low,high with low < high, or a length above 0")
+    return low, high
+
+
+def _gap(value: float, bound: float) -> float:
+    """Return the relative distance of both bounds."""
+    if bound <= value:
+        return 0.0
+    return math.inf if not math.isfinite(bound) else (bound - value) / max(abs(value), abs(bound))
+
+
+def _branch(
+    search: _Search,
+    low: Floats,
+    high: Floats,
+    gap: float,
+    deadline: float,
+    progress: Callable[[float, float, int], None] | None,
+) -> float:
+    """Split boxes, the one of the largest bound first, until the gap is closed; return the largest bound left."""
+    whole = high - low
+    heap = [(-search.bound(low, high).value, 0, low, high)]
+    number, closed = 0, -math.inf
+    while heap:
+        value, _, one, other = heap[0]
+        best = -math.inf if search.best is None else search.best[0]
+        bound = max(-value, closed)
+        if progress is not None:
+            progress(best, bound, search.boxes)
+        if (search.best is not None and _gap(best, bound) <= gap) or time.perf_counter() > deadline:
+            return bound
+        heapq.heappop(heap)
+        search.try_position(0.5 * (one + other))
+        if ((other - one) / whole).max() < _NARROW:
+            closed = max(closed, -value)
+            continue
+        for half, start, end in search.split(one, other, whole):
+            found = min(half.value, -value)  # a bound of the whole holds for its parts
+            if found > -math.inf:
+                number += 1
+                heapq.heappush(heap, (-found, number, start, end))
+    return closed

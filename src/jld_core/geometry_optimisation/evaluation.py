@@ -1,0 +1,277 @@
+"""Proven value of one geometry: λ, least friction or least thickness, with the forces that the next step needs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from jld_core.arrays import Bits, Floats
+from jld_core.assembly import Assembly
+from jld_core.build import build_assembly
+from jld_core.errors import InputError
+from jld_core.geometry_optimisation.limits import Limits
+from jld_core.geometry_optimisation.moved_scene import MovedScene
+from jld_core.geometry_optimisation.step import CaseState, Goal, Region, StepAnswer, solve_step
+from jld_core.geometry_optimisation.variables import Variables
+from jld_core.geometry_optimisation.vertex_mesh import VertexMesh
+from jld_core.limit import LimitAnalysisResult, Status
+from jld_core.models import solve
+from jld_core.program import Template
+
+_ROUNDS: Final = 12
+"""Largest number of Newton steps to the least friction or thickness of one geometry."""
+
+_NEWTON: Final = 1e-10
+"""Relative change of friction or thickness at which these steps end."""
+
+_MARGINS: Final = (1e-9, 1e-8, 1e-7, 1e-6, 1e-5)
+"""Relative increases of the least friction or thickness at which standing is proven, in the order tried."""
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """One geometry with its proven value.
+
+    Attributes
+    ----------
+    values : (k,) array
+        Variables z.
+    objective : float
+        Number that is maximised: λ, or minus the least friction factor, thickness or missing strength.
+    result : LimitAnalysisResult or None
+        Analysis at this geometry; None while strength is missing.
+    states : list of CaseState
+        Forces of the load cases that can govern.
+    friction : float
+        Factor on friction at which `result` holds.
+    """
+
+    values: Floats
+    objective: float
+    result: LimitAnalysisResult | None
+    states: list[CaseState]
+    friction: float = 1.0
+
+    @property
+    def locked(self) -> bool:
+        """True if no live load of this geometry is too large."""
+        return self.result is not None and self.result.status is Status.LOCKED
+
+
+class Evaluator:
+    """Proven values of one structure at any positions of its vertices.
+
+    Parameters
+    ----------
+    moved : MovedScene
+        The scene at given positions.
+    mesh : VertexMesh
+        Vertices at the start.
+    labels : (m,) bool array
+        Labels, True = dry.
+    variables : Variables
+        Positions by variables.
+    limits : Limits
+        Limits on shapes.
+    unit : float
+        Length by which variables are scaled in programs.
+
+    Attributes
+    ----------
+    dead_stands : bool or None
+        Whether the dead load alone stands at the start, and so has to stand everywhere; None before the start.
+    solves : int
+        Number of proven solves so far.
+    """
+
+    def __init__(
+        self, moved: MovedScene, mesh: VertexMesh, labels: Bits, variables: Variables, limits: Limits, unit: float
+    ) -> None:
+        self._moved, self._mesh, self.labels = moved, mesh, labels
+        self.variables, self.limits, self.unit = variables, limits, unit
+        self.dead_stands: bool | None = None
+        self.solves = 0
+
+    def assembly(self, values: Floats) -> Assembly | None:
+        """Return the assembly at variables z; None where elements turn over or overlap."""
+        try:
+            return build_assembly(self._moved.at(self.variables.places(values)))
+        except InputError:
+            return None
+
+    def mesh(self, values: Floats) -> VertexMesh:
+        """Return the vertices at variables z."""
+        return VertexMesh(self.variables.places(values), self._mesh.loops, self._mesh.ends)
+
+    def region(self, values: Floats, low: Floats, high: Floats) -> Region:
+        """Return the region of steps between bounds (k,), in lengths."""
+        places, unit = self.variables.places(values), self.unit
+        jacobian = self.variables.jacobian(values) * unit
+        limits = self.limits.at(places)
+        ties = self.variables.ties
+        return Region(jacobian, limits, self.limits.least, self.limits.equal, ties, low / unit, high / unit)
+
+    def step(
+        self, point: Evaluated, low: Floats, high: Floats, goal: Goal, kick: Floats | None = None
+    ) -> StepAnswer | None:
+        """Return the answer of the program of a step from a point; steps in lengths."""
+        region = self.region(point.values, low, high)
+        answer = solve_step(point.states, self.labels, self.mesh(point.values), region, goal, kick)
+        return None if answer is None else replace(answer, change=answer.change * self.unit)
+
+    def load_factor(self, values: Floats, near: Evaluated | None) -> Evaluated | None:
+        """Return the proven λ at variables z; None where there is none, or where the dead load no longer stands.
+
+        near: point whose dead load stands, or None for the start, where it need not.
+        """
+        assembly = self.assembly(values)
+        if assembly is None:
+            return None
+        self.solves += 1
+        result = solve(assembly, self.labels)
+        if result.status not in (Status.COLLAPSE, Status.LOCKED):
+            return None
+        if self.dead_stands is None:
+            self.dead_stands = stands(result)
+        elif self.dead_stands and not stands(result):
+            return None
+        if result.status is Status.LOCKED:
+            return Evaluated(values, math.inf, result, [])
+        cases = list(result.cases.values()) or [result]
+        states = [
+            CaseState(Template(one.assembly), one.forces, one.load_factor, float(required))
+            for one, required in zip(cases, assembly.required, strict=True)
+            if one.forces is not None and one.status is Status.COLLAPSE
+        ]
+        if self.dead_stands:
+            states += self._dead_states(values, assembly, [] if near is None else near.states)
+        return Evaluated(values, result.load_factor, result, states)
+
+    @staticmethod
+    def with_forces(point: Evaluated, answer: StepAnswer) -> Evaluated:
+        """Return a point with the forces of the answer of its step."""
+        states = [replace(state, forces=own) for state, own in zip(point.states, answer.forces, strict=True)]
+        return replace(point, states=states)
+
+    def _dead_states(self, values: Floats, assembly: Assembly, near: list[CaseState]) -> list[CaseState]:
+        """Return a state for every dead load of the cases, with the forces of a point nearby or any admissible ones."""
+        known = [state for state in near if state.dead]
+        different: list[Assembly] = []
+        for case in assembly.by_case:
+            if not any(np.array_equal(case.dead, other.dead) for other in different):
+                different.append(case)
+        if len(known) == len(different):
+            return [replace(one, template=Template(case)) for one, case in zip(known, different, strict=True)]
+        none = np.zeros((len(self.labels), 3))
+        states = [CaseState(Template(case), none, 0.0, 1.0, dead=True) for case in different]
+        still = np.zeros(self.variables.count)
+        answer = self.step(Evaluated(values, 0.0, None, states), still, still, "slack")
+        if answer is None:
+            return []
+        return [replace(state, forces=own) for state, own in zip(states, answer.forces, strict=True)]
+
+    def frozen(self, values: Floats, answer: StepAnswer, states: list[CaseState]) -> Evaluated | None:
+        """Return the point at variables z with the unproven forces of a step; None where it cannot be built.
+
+        states: cases that the step had, in their order.
+        """
+        assembly = self.assembly(values)
+        if assembly is None:
+            return None
+        named = {one.name: one for one in assembly.by_case}
+        found = [
+            replace(state, template=Template(named[state.template.assembly.name]), forces=forces, load_factor=factor)
+            for state, forces, factor in zip(states, answer.forces, answer.load_factors, strict=True)
+        ]
+        return Evaluated(values, answer.value, None, found)
+
+    def missing(self, values: Floats) -> Evaluated | None:
+        """Return the strength that every yield condition lacks for the dead load, as a point of phase one."""
+        assembly = self.assembly(values)
+        if assembly is None:
+            return None
+        states = [
+            CaseState(Template(one), np.zeros((len(self.labels), 3)), 0.0, float(required))
+            for one, required in zip(assembly.by_case, assembly.required, strict=True)
+        ]
+        still = np.zeros(self.variables.count)
+        answer = self.step(Evaluated(values, 0.0, None, states), still, still, "slack")
+        if answer is None:
+            return None
+        states = [
+            replace(state, forces=forces, load_factor=factor)
+            for state, forces, factor in zip(states, answer.forces, answer.load_factors, strict=True)
+        ]
+        return Evaluated(values, -answer.value * states[0].template.scaling.force, None, states)
+
+    def friction(self, values: Floats, first: float) -> Evaluated | None:
+        """Return the least factor on friction at which the dead load stands, proven; None where there is none.
+
+        first: factor to start from.
+        """
+        assembly, factor = self.assembly(values), first
+        point = None if assembly is None else self.missing(values)
+        if assembly is None or point is None:
+            return None
+        still = np.zeros(self.variables.count)
+        forces = [state.forces for state in point.states]
+        for _ in range(_ROUNDS):
+            states = [
+                CaseState(Template(_rubbing(one, factor)), own, 0.0, 1.0)
+                for one, own in zip(assembly.by_case, forces, strict=True)
+            ]
+            answer = self.step(Evaluated(values, 0.0, None, states), still, still, "friction")
+            if answer is None or 1.0 + answer.value <= 0.0:
+                return None
+            factor *= 1.0 + answer.value
+            forces = list(answer.forces)
+            if abs(answer.value) <= _NEWTON:
+                break
+        states = [replace(state, forces=own) for state, own in zip(states, forces, strict=True)]
+        for margin in _MARGINS:
+            self.solves += 1
+            result = solve(_rubbing(assembly, factor * (1.0 + margin)), self.labels)
+            if stands(result):
+                return Evaluated(values, -factor * (1.0 + margin), result, states, factor * (1.0 + margin))
+        return None
+
+    def thickness(self, values: Floats) -> Evaluated | None:
+        """Return the least thickness, near that of z, at which the dead load stands, proven; None where not found."""
+        values, states = values.copy(), []
+        low, high = np.zeros(self.variables.count), np.zeros(self.variables.count)
+        whole = self.variables.thickness
+        for _ in range(_ROUNDS):
+            point = self.missing(values)
+            low[-1], high[-1] = -0.2 * (whole + values[-1]), 0.2 * (whole + values[-1])
+            answer = None if point is None else self.step(point, low, high, "thickness")
+            if point is None or answer is None:
+                return None
+            values[-1] += answer.change[-1]
+            states = point.states
+            if abs(answer.change[-1]) <= _NEWTON * whole:
+                break
+        for margin in _MARGINS:
+            trial = values.copy()
+            trial[-1] += margin * whole
+            assembly = self.assembly(trial)
+            if assembly is None:
+                return None
+            self.solves += 1
+            result = solve(assembly, self.labels)
+            if stands(result):
+                return Evaluated(trial, -(whole + trial[-1]), result, states)
+        return None
+
+
+def _rubbing(assembly: Assembly, factor: float) -> Assembly:
+    """Return an assembly with the friction of dry faces multiplied by a factor."""
+    strengths = replace(assembly.strengths, friction=assembly.strengths.friction * factor)
+    return replace(assembly, strengths=strengths)
+
+
+def stands(result: LimitAnalysisResult) -> bool:
+    """Return True if the dead load alone is proven to stand under every case."""
+    return all(one.stands_at_zero is True for one in (result.cases.values() or [result]))

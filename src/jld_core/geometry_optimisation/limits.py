@@ -1,0 +1,281 @@
+"""Shape limits of blocks: values, bounds, and derivatives by the positions of vertices."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import scipy.sparse as sp
+
+from jld_core import tolerances
+from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.assembly import Assembly, blocks_of
+from jld_core.geometry_optimisation.planar_rates import AreaRates, area_rates
+from jld_core.geometry_optimisation.vertex_mesh import VertexMesh
+from jld_core.scene import PointLoad, Scene
+from jld_core.scene.loads import BodyLoad
+from jld_core.scene.move import Move
+
+_EDGE: Final = 0.15
+"""Default of the least length of an edge, relative to the mean edge of all free elements."""
+
+_AREA: Final = 0.05
+"""Least area of an element, relative to its area at the start."""
+
+_KEPT: Final = 0.98
+"""Share of its value at the start to which a limit is relaxed that the start does not keep."""
+
+_STRAIGHT: Final = 1e-6
+"""Deviation from 180°, rad, up to which an angle of an element is straight."""
+
+_BEND: Final = np.radians(11.0)
+"""Largest bend of a block face at the end of a joint where "straight" is false, rad."""
+
+
+@dataclass(frozen=True)
+class LimitValues:
+    """Values of all limits at one position, and their derivatives.
+
+    Attributes
+    ----------
+    values : (r,) array
+        Dimensionless values, to be at least `least`; equal to it where `equal`.
+    rates : (r, 2v) sparse array
+        Derivatives by the positions of vertices.
+    """
+
+    values: Floats
+    rates: sp.csr_array
+
+
+class Limits:
+    """Limits on angles, edges, areas, masses, draft and places of loads.
+
+    A limit that the start does not keep is relaxed to what the start keeps.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene with its loads.
+    assembly : Assembly
+        Its assembly.
+    labels : (m,) bool array
+        Labels, True = dry.
+    mesh : VertexMesh
+        Vertices at the start.
+    moving : (v,) bool array
+        True for the vertices that move; limits of others are left out.
+    move : Move
+        Limits of the user.
+
+    Attributes
+    ----------
+    least : (r,) array
+        Least values.
+    equal : (r,) bool array
+        True where the value is to be kept exactly.
+    """
+
+    def __init__(
+        self, scene: Scene, assembly: Assembly, labels: Bits, mesh: VertexMesh, moving: Bools, move: Move
+    ) -> None:
+        self._mesh, self._move, self._size = mesh, move, assembly.size
+        owner, edges = mesh.edges
+        free = ~assembly.elements.support
+        self._corners, self._straight = self._angles(mesh, moving, free)
+        touched = moving[edges].any(axis=1)
+        self._edges = np.unique(np.sort(edges[touched & free[owner]], axis=1), axis=0)
+        lengths = np.linalg.norm(mesh.places[edges[:, 1]] - mesh.places[edges[:, 0]], axis=1)[free[owner]]
+        self._edge = move.edge or _EDGE * float(lengths.mean())
+        self._areas = area_rates(mesh).area
+        self._elements = np.array([k for k, loop in enumerate(mesh.loops) if moving[loop].any()], dtype=np.int64)
+        self._masses = (
+            _mass_rows(assembly, labels, self._areas, moving, mesh)
+            if any(bound is not None for bound in move.block_mass)
+            else sp.csr_array((0, len(free)))
+        )
+        self._fixed_mass = self._masses @ np.ones(len(free)) if self._masses.shape[0] else np.zeros(0)
+        self._joints = np.flatnonzero(labels & moving[mesh.ends].any(axis=1)) if move.draft else np.empty(0, np.int64)
+        self._loads = _loads_on_edges(scene, assembly, mesh)
+        self._sign = np.ones(len(self._joints))
+        start = self.at(mesh.places, drafted=True)
+        self.equal = self._equal(len(start.values))
+        self.least = np.where(self.equal, 0.0, np.minimum(0.0, _relaxed(start.values)))
+
+    def _angles(self, mesh: VertexMesh, moving: Bools, free: Bools) -> tuple[Ints, Ints]:
+        """Return corners (c, 3) of free elements before, at and after a vertex, and straight ones (s, 3)."""
+        loops = [loop for loop, one in zip(mesh.loops, free.tolist(), strict=True) if one]
+        every = [np.column_stack([np.roll(loop, 1), loop, np.roll(loop, -1)]) for loop in loops]
+        corners = np.concatenate(every)
+        corners = corners[moving[corners].any(axis=1)]
+        angle = _angle(mesh.places, corners)
+        straight = abs(angle - np.pi) <= _STRAIGHT
+        # a straight corner between vertices that slide on one line stays straight by itself; its row does no harm
+        return corners[(angle < np.pi) & ~straight], corners[straight]
+
+    def _equal(self, count: int) -> Bools:
+        """Return True for the rows that are equations."""
+        found = np.zeros(count, dtype=bool)
+        if self._move.straight:
+            found[: len(self._straight)] = True
+        return found
+
+    def at(self, places: Floats, *, drafted: bool = False) -> LimitValues:
+        """Return values and derivatives at the positions (v, 2) of all vertices.
+
+        drafted: take the sides of joints, by which their draft is measured, from these positions.
+        """
+        rates = area_rates(VertexMesh(places, self._mesh.loops, self._mesh.ends))
+        parts = [self._of_straight(places), self._of_angles(places), self._of_edges(places), self._of_areas(rates)]
+        parts += [self._of_masses(rates), self._of_loads(places), self._of_draft(places, drafted)]
+        values = np.concatenate([value for value, _ in parts])
+        return LimitValues(values, sp.csr_array(sp.vstack([rates for _, rates in parts])))
+
+    def _of_straight(self, places: Floats) -> tuple[Floats, sp.csr_array]:
+        """Return rows of straight corners: deviations from 180°, or what is left of the largest bend."""
+        angle = _angle(places, self._straight) - np.pi
+        rates = _angle_rates(places, self._straight)
+        if self._move.straight:
+            return angle, rates
+        both = sp.csr_array(sp.vstack([rates, -rates]))
+        return np.concatenate([angle + _BEND, _BEND - angle]), both
+
+    def _of_angles(self, places: Floats) -> tuple[Floats, sp.csr_array]:
+        """Return rows of the least and the largest angle at corners, rad."""
+        angle, rates = _angle(places, self._corners), _angle_rates(places, self._corners)
+        low, high = np.radians(self._move.angle)
+        return np.concatenate([angle - low, high - angle]), sp.csr_array(sp.vstack([rates, -rates]))
+
+    def _of_edges(self, places: Floats) -> tuple[Floats, sp.csr_array]:
+        """Return rows of the least edge, relative to it."""
+        edge = places[self._edges[:, 1]] - places[self._edges[:, 0]]
+        length = np.linalg.norm(edge, axis=1)
+        along = edge / length[:, None] / self._edge
+        columns = np.concatenate([2 * self._edges[:, :1] + np.arange(2), 2 * self._edges[:, 1:] + np.arange(2)], axis=1)
+        return length / self._edge - 1.0, _sparse(np.concatenate([-along, along], axis=1), columns, places.size)
+
+    def _of_areas(self, rates: AreaRates) -> tuple[Floats, sp.csr_array]:
+        """Return rows of the least area of elements, relative to the area at the start."""
+        start = self._areas[self._elements]
+        scaled = sp.diags_array(1.0 / start) @ rates.by_area[self._elements]
+        return rates.area[self._elements] / start - _AREA, sp.csr_array(scaled)
+
+    def _of_masses(self, rates: AreaRates) -> tuple[Floats, sp.csr_array]:
+        """Return rows of the least and the largest mass of blocks, relative to the bound."""
+        low, high = self._move.block_mass
+        mass: Floats = np.asarray(self._masses @ (rates.area / self._areas))
+        slopes = sp.csr_array(self._masses @ sp.diags_array(1.0 / self._areas) @ rates.by_area)
+        values, parts = [], [sp.csr_array((0, rates.by_area.shape[1]))]
+        if low:
+            values.append(mass / low - 1.0)
+            parts.append(sp.csr_array(sp.diags_array(np.full(len(mass), 1.0 / low)) @ slopes))
+        if high is not None:
+            values.append(1.0 - mass / high)
+            parts.append(sp.csr_array(sp.diags_array(np.full(len(mass), -1.0 / high)) @ slopes))
+        return np.concatenate([np.empty(0), *values]), sp.csr_array(sp.vstack(parts))
+
+    def _of_loads(self, places: Floats) -> tuple[Floats, sp.csr_array]:
+        """Return rows that keep point loads on the edges of their elements, relative to the structure."""
+        values, rates, columns = [], [], []
+        for point, first, last in self._loads:
+            edge = places[last] - places[first]
+            along = edge / np.hypot(*edge)
+            for vertex, sign in ((first, 1.0), (last, -1.0)):
+                values.append(sign * float((point - places[vertex]) @ along) / self._size)
+                rates.append(-sign * along / self._size)
+                columns.append([2 * vertex, 2 * vertex + 1])
+        return np.array(values), _sparse(
+            np.array(rates).reshape(-1, 2), np.array(columns, dtype=np.int64).reshape(-1, 2), places.size
+        )
+
+    def _of_draft(self, places: Floats, drafted: bool) -> tuple[Floats, sp.csr_array]:
+        """Return rows of the least sine between joints and the direction of lifting."""
+        draft = self._move.draft
+        if draft is None:
+            return np.empty(0), sp.csr_array((0, places.size))
+        lift = np.array(draft.direction, dtype=float)
+        lift /= np.linalg.norm(lift)
+        ends = self._mesh.ends[self._joints]
+        edge = places[ends[:, 1]] - places[ends[:, 0]]
+        length = np.linalg.norm(edge, axis=1)[:, None]
+        along = edge / length
+        normal = np.column_stack([along[:, 1], -along[:, 0]])
+        sine = normal @ lift
+        if drafted:
+            self._sign = np.where(sine < 0.0, -1.0, 1.0)
+        slope = -(self._sign * (along @ lift))[:, None] * normal / length
+        columns = np.concatenate([2 * ends[:, :1] + np.arange(2), 2 * ends[:, 1:] + np.arange(2)], axis=1)
+        rows = _sparse(np.concatenate([-slope, slope], axis=1), columns, places.size)
+        return self._sign * sine - np.sin(np.radians(draft.degrees)), rows
+
+
+def _relaxed(values: Floats) -> Floats:
+    """Return what a start keeps of limits (r,) that it violates, with a little more room."""
+    return np.asarray(values - (1.0 - _KEPT) * abs(values))
+
+
+def _angle(places: Floats, corners: Ints) -> Floats:
+    """Return the angles (c,) inside elements at corners (c, 3), 0 to 2π."""
+    before, after = places[corners[:, 0]] - places[corners[:, 1]], places[corners[:, 2]] - places[corners[:, 1]]
+    cross = after[:, 0] * before[:, 1] - after[:, 1] * before[:, 0]
+    return np.asarray(np.arctan2(cross, np.einsum("ij,ij->i", after, before)) % (2.0 * np.pi))
+
+
+def _angle_rates(places: Floats, corners: Ints) -> sp.csr_array:
+    """Return the derivatives (c, 2v) of the angles at corners."""
+    before, after = places[corners[:, 0]] - places[corners[:, 1]], places[corners[:, 2]] - places[corners[:, 1]]
+    one = np.column_stack([-before[:, 1], before[:, 0]]) / np.einsum("ij,ij->i", before, before)[:, None]
+    two = np.column_stack([-after[:, 1], after[:, 0]]) / np.einsum("ij,ij->i", after, after)[:, None]
+    columns = (2 * corners[:, :, None] + np.arange(2)).reshape(len(corners), 6)
+    return _sparse(np.concatenate([one, two - one, -two], axis=1), columns, places.size)
+
+
+def _sparse(values: Floats, columns: Ints, size: int) -> sp.csr_array:
+    """Return rows with given values at given columns."""
+    rows = np.repeat(np.arange(len(values)), values.shape[1])
+    return sp.csr_array((values.ravel(), (rows, columns.ravel())), shape=(len(values), size))
+
+
+def _mass_rows(assembly: Assembly, labels: Bits, areas: Floats, moving: Bools, mesh: VertexMesh) -> sp.csr_array:
+    """Return the masses (b, n) of elements by blocks, for blocks of free elements with a vertex that moves."""
+    elements = assembly.elements
+    block = blocks_of(assembly, labels)
+    grounded = np.isin(block, block[elements.support])
+    moved = np.array([moving[loop].any() for loop in mesh.loops])
+    chosen = np.flatnonzero(moved & ~grounded)
+    numbers = np.unique(block[chosen])
+    members = np.flatnonzero(np.isin(block, numbers))
+    place = np.searchsorted(numbers, block[members])
+    return sp.csr_array((elements.mass[members], (place, members)), shape=(len(numbers), len(elements)))
+
+
+def _loads_on_edges(scene: Scene, assembly: Assembly, mesh: VertexMesh) -> list[tuple[Floats, int, int]]:
+    """Return place, and first and last vertex of the edge, of each point load on the outline of its element."""
+    loads = scene.loads
+    entries: list[PointLoad | BodyLoad] = [*loads.dead, *(loads.live or [])]
+    for case in loads.cases or []:
+        entries += [*case.dead, *case.live]
+    found = []
+    for entry in entries:
+        if not isinstance(entry, PointLoad) or entry.at is None:
+            continue
+        point, loop = np.array(entry.at, dtype=float), mesh.loops[assembly.elements.index[entry.element]]
+        corners = _corners_alone(loop, mesh.places)
+        start, edge = mesh.places[corners], mesh.places[np.roll(corners, -1)] - mesh.places[corners]
+        length = np.linalg.norm(edge, axis=1)
+        arm = point - start
+        along = np.einsum("ij,ij->i", arm, edge) / length
+        off = abs(arm[:, 0] * edge[:, 1] - arm[:, 1] * edge[:, 0]) / length
+        reach = tolerances.FACE * assembly.size
+        on = np.flatnonzero((off <= reach) & (along >= -reach) & (along <= length + reach))
+        if len(on):
+            k = int(on[0])
+            found.append((point, int(corners[k]), int(np.roll(corners, -1)[k])))
+    return found
+
+
+def _corners_alone(loop: Ints, places: Floats) -> Ints:
+    """Return the vertices of a loop at which it is not straight."""
+    angle = _angle(places, np.column_stack([np.roll(loop, 1), loop, np.roll(loop, -1)]))
+    return loop[abs(angle - np.pi) > _STRAIGHT]

@@ -1,0 +1,93 @@
+"""Scenes with the same elements and interfaces at other positions of their vertices."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from jld_core.arrays import Bits, Floats
+from jld_core.assembly import Assembly
+from jld_core.build.assemble import build_geometry
+from jld_core.geometry_optimisation.vertex_mesh import VertexMesh
+from jld_core.scene import Scene, parse_scene
+
+
+class MovedScene:
+    """Scene whose vertices move while elements, interfaces and labels stay.
+
+    Parameters
+    ----------
+    scene : Scene
+        Planar scene.
+    assembly : Assembly
+        Its assembly.
+    labels : (m,) bool array
+        Labels, True = dry.
+    mesh : VertexMesh
+        Vertices of the assembly.
+    """
+
+    def __init__(self, scene: Scene, assembly: Assembly, labels: Bits, mesh: VertexMesh) -> None:
+        self._mesh = mesh
+        document: dict[str, Any] = scene.model_dump(mode="json", exclude_defaults=True)
+        document.pop("grid", None)
+        document.pop("labels", None)
+        document["thickness"] = float(assembly.interfaces.l2[0]) if len(assembly.interfaces) else 1.0
+        geometry = build_geometry(scene)
+        self._elements = [entry.model_dump(mode="json", exclude_defaults=True) for entry in geometry.entries]
+        ids, faces = assembly.elements.ids, assembly.interfaces
+        self._interfaces: list[dict[str, Any]] = []
+        for k, given in enumerate(geometry.given):
+            own = {} if given is None else given.model_dump(mode="json", exclude_defaults=True)
+            label = "dry" if labels[k] else "inner"
+            self._interfaces.append({**own, "elements": [ids[faces.a[k]], ids[faces.b[k]]], "label": label})
+        self._document = document
+
+    def document(self, places: Floats, friction: float = 1.0) -> dict[str, Any]:
+        """Return the content of the scene file at the positions (v, 2) of all vertices.
+
+        friction: factor on the friction of dry joints.
+        """
+        found = dict(self._document)
+        found["elements"] = [
+            {**entry, "polygon": places[loop].tolist()}
+            for entry, loop in zip(self._elements, self._mesh.loops, strict=True)
+        ]
+        found["interfaces"] = [
+            {**entry, "polygon": places[ends].tolist()}
+            for entry, ends in zip(self._interfaces, self._mesh.ends, strict=True)
+        ]
+        return found if friction == 1.0 else _rubbing(found, friction)
+
+    def at(self, places: Floats, friction: float = 1.0) -> Scene:
+        """Return the scene at the positions (v, 2) of all vertices; raise InputError where it is none."""
+        return parse_scene(self.document(places, friction), "the moved scene")
+
+
+def _rubbing(document: dict[str, Any], factor: float) -> dict[str, Any]:
+    """Return a document with the friction of dry joints multiplied by a factor."""
+
+    def changed(entry: dict[str, Any]) -> dict[str, Any]:
+        """Return an entry with its friction coefficient multiplied."""
+        entry = dict(entry)
+        angle = entry.pop("friction_angle", None)
+        if angle is not None:
+            entry["friction_coefficient"] = float(np.tan(np.radians(_nominal(angle))))
+        if "friction_coefficient" in entry:
+            entry["friction_coefficient"] = factor * _nominal(entry["friction_coefficient"])
+        return entry
+
+    materials = dict(document["materials"])
+    materials["dry"] = changed(materials["dry"])
+    if "faces" in materials:
+        materials["faces"] = [
+            {**one, "dry": changed(one["dry"])} if "dry" in one else one for one in materials["faces"]
+        ]
+    interfaces = [changed(one) for one in document["interfaces"]]
+    return {**document, "materials": materials, "interfaces": interfaces}
+
+
+def _nominal(value: Any) -> float:
+    """Return the nominal value of a number that may have a low value."""
+    return float(value["nominal"] if isinstance(value, dict) else value)

@@ -1,0 +1,225 @@
+"""Optimise the geometry of joints: a sequence of programs over forces and positions, every accepted point proven."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from jld_core import tolerances
+from jld_core.arrays import Bits, Floats
+from jld_core.assembly import Assembly
+from jld_core.errors import InputError
+from jld_core.geometry_optimisation.evaluation import Evaluated
+from jld_core.geometry_optimisation.search import GeometrySearch, TrustRegion
+from jld_core.limit import LimitAnalysisResult, Status
+from jld_core.models import solve
+from jld_core.scene import Scene, parse_scene
+from jld_core.threads import one_thread
+
+
+@dataclass(frozen=True)
+class Point:
+    """Accepted point of a search.
+
+    Attributes
+    ----------
+    start : int
+        Number of the start, from 0.
+    step : int
+        Number of the point within its search; 0 is the start itself.
+    value : float
+        λ, least friction coefficient factor, or least thickness.
+    bracket : (float, float)
+        Proven bounds on λ; NaN where λ is not the objective or not bounded.
+    predicted : float
+        Value that the program of the step promised.
+    radius : float
+        Radius of the trust region, length.
+    solves : int
+        Number of proven solves so far.
+    seconds : float
+        Time since the search began, s.
+    """
+
+    start: int
+    step: int
+    value: float
+    bracket: tuple[float, float]
+    predicted: float
+    radius: float
+    solves: int
+    seconds: float
+
+
+@dataclass(frozen=True)
+class MovedJoints:
+    """Result of an optimisation of joints.
+
+    Attributes
+    ----------
+    scene : Scene
+        Scene with the joints at the best positions found.
+    before, after : LimitAnalysisResult or None
+        Analyses at start and end; None where the start does not stand.
+    objective : str
+        What was optimised, as in the key "maximise".
+    start, value : float
+        Objective at start and end; NaN for a start that does not stand, inf for a locked end.
+    end : str
+        Why the best search ended: "stationary", "locked", "time" or "points".
+    points : list of Point
+        All accepted points of all starts.
+    places : (v, 2) array
+        Positions of the vertices at the end.
+    moved : (v, 2) array
+        How far each vertex moved.
+    parameters : int
+        Number of independent variables.
+    warnings : list of str
+        What a reader of the value must know.
+    """
+
+    scene: Scene
+    before: LimitAnalysisResult | None
+    after: LimitAnalysisResult | None
+    objective: str
+    start: float
+    value: float
+    end: str
+    points: list[Point]
+    places: Floats
+    moved: Floats
+    parameters: int
+    warnings: list[str] = field(default_factory=list)
+
+
+@one_thread()
+def move_joints(
+    scene: Scene,
+    assembly: Assembly,
+    labels: Bits,
+    *,
+    seconds: float = math.inf,
+    starts: int = 1,
+    trust: TrustRegion | None = None,
+    progress: Callable[[Point], None] | None = None,
+) -> MovedJoints:
+    """Move the joints of a planar structure to raise λ, or to lower the friction or thickness that it needs.
+
+    Parameters
+    ----------
+    scene : Scene
+        Planar scene; its key "move" states variables, limits and objective.
+    assembly : Assembly
+        Its assembly.
+    labels : (m,) bool array
+        Labels, True = dry.
+    seconds : float
+        Time limit, s. The point in work is finished.
+    starts : int
+        Number of starts: the scene itself, and shaken ones.
+    trust : TrustRegion, optional
+        Parameters of the search.
+    progress : callable, optional
+        Called with every accepted point.
+
+    Returns
+    -------
+    MovedJoints
+        Best geometry found, every accepted point of all searches, and why the best one ended.
+
+    Raises
+    ------
+    InputError
+        The key "move" does not fit the structure, or neither it nor any position tried stands.
+
+    Notes
+    -----
+    docs/method.md (11.6).
+    """
+    began = time.perf_counter()
+    search = GeometrySearch(scene, assembly, labels, trust)
+    deadline, points = began + seconds, []
+    before = search.first()
+    best: tuple[Evaluated, str] | None = None
+    for number in range(starts):
+        if number and time.perf_counter() > deadline:
+            break
+        near = None if best is None else best[0].values
+        start = np.zeros(search.variables.count) if number == 0 else search.shaken(number, near)
+        first = before if number == 0 else None if start is None else search.evaluate(start, before)
+        if first is None and start is not None:
+            first = search.standing(start, deadline)
+        if first is None:
+            continue
+        taken = 0
+
+        def report(point: Evaluated, predicted: float, radius: float, number: int = number) -> None:
+            """Record an accepted point."""
+            nonlocal taken
+            bracket = (math.nan, math.nan) if point.result is None else point.result.bracket
+            if search.goal != "load_factor":
+                bracket = (math.nan, math.nan)
+            promised = search.value_of(replace(point, objective=predicted))
+            solves, spent = search.evaluator.solves, time.perf_counter() - began
+            found = Point(number, taken, search.value_of(point), bracket, promised, radius, solves, spent)
+            taken += 1
+            points.append(found)
+            if progress is not None:
+                progress(found)
+
+        report(first, first.objective, search.trust.first * search.unit)
+        end = search.climb(first, deadline, report, search.trust.coarse)
+        # a geometry as strong as one before, up to the width of brackets, is no reason to move farther
+        least = -math.inf if best is None else best[0].objective + tolerances.GAP * abs(best[0].objective)
+        if best is None or end[0].objective > least:
+            best, polish = end, report
+    if best is None:
+        problem = "it does not stand under its dead load, nor does any position of its joints that was tried"
+        raise InputError("move", problem, "a scene that stands, more vertices that move, or more --starts")
+    if best[1] == "stationary":
+        best = search.climb(best[0], deadline, polish, search.trust.gain)
+    return _result(search, before, best, points)
+
+
+def _result(
+    search: GeometrySearch, before: Evaluated | None, best: tuple[Evaluated, str], points: list[Point]
+) -> MovedJoints:
+    """Return the result of a search."""
+    point, end = best
+    places = search.variables.places(point.values)
+    scene = search.moved.at(places, point.friction)
+    return MovedJoints(
+        scene=scene,
+        before=None if before is None else before.result,
+        after=point.result,
+        objective=search.move.maximise,
+        start=math.nan if before is None else search.value_of(before),
+        value=search.value_of(point),
+        end=end,
+        points=points,
+        places=places,
+        moved=places - search.variables.start,
+        parameters=search.variables.basis.shape[1],
+        warnings=_contacts_found(search, scene, point),
+    )
+
+
+def _contacts_found(search: GeometrySearch, scene: Scene, point: Evaluated) -> list[str]:
+    """Return a warning where contacts found anew give another λ than those that moved; only for dry joints alone."""
+    result = point.result
+    if search.goal != "load_factor" or result is None or result.status is not Status.COLLAPSE:
+        return []
+    if not search.evaluator.labels.all():
+        return []
+    document = scene.model_dump(mode="json", exclude_defaults=True)
+    if any(set(entry) > {"elements", "polygon", "label"} for entry in document.pop("interfaces")):
+        return []  # stated strengths of single interfaces would be lost
+    again = solve(parse_scene({**document, "labels": {"default": "dry"}})).load_factor
+    if abs(again - result.load_factor) <= tolerances.GAP * abs(result.load_factor):
+        return []
+    return [f"contacts found anew give λ = {again:.6g}: joints touch where none did before, or no longer do"]

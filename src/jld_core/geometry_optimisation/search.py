@@ -1,0 +1,282 @@
+"""Trust region search for the best positions of joints: steps, restoration, phase one and further starts."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from jld_core.arrays import Bits, Floats
+from jld_core.assembly import Assembly
+from jld_core.errors import InputError
+from jld_core.geometry_optimisation.evaluation import Evaluated, Evaluator
+from jld_core.geometry_optimisation.limits import Limits
+from jld_core.geometry_optimisation.moved_scene import MovedScene
+from jld_core.geometry_optimisation.step import Goal, StepAnswer
+from jld_core.geometry_optimisation.variables import Variables, variables_of
+from jld_core.geometry_optimisation.vertex_mesh import VertexMesh, vertex_mesh
+from jld_core.scene import Scene
+from jld_core.scene.move import Move
+
+
+@dataclass(frozen=True)
+class TrustRegion:
+    """Parameters of the trust region, lengths relative to the mean edge of the structure.
+
+    Attributes
+    ----------
+    first, largest, least : float
+        Radius at the start, largest radius, and radius at which a search ends.
+    accepted : float
+        Share of the predicted gain that a point must keep to be accepted.
+    good : float
+        Share of the predicted gain above which the radius grows.
+    growth, shrinkage : float
+        Factors on the radius.
+    coarse, gain : float
+        Predicted gain, relative to the objective, below which a search from one start ends, and below which the best
+        point of all starts is stationary.
+    kicks : int
+        Number of times that a stationary point is tried with other optimal forces.
+    corrections : int
+        Largest number of corrections of second order of one step.
+    points : int
+        Largest number of points of one search.
+    """
+
+    first: float = 0.1
+    largest: float = 1.0
+    least: float = 1e-6
+    accepted: float = 0.1
+    good: float = 0.7
+    growth: float = 2.0
+    shrinkage: float = 0.3
+    coarse: float = 1e-4
+    gain: float = 1e-6
+    kicks: int = 1
+    corrections: int = 0
+    points: int = 120
+
+
+_RESTORED: Final = 1e-9
+"""Violation of a dimensionless limit that counts as none."""
+
+_RESTORATIONS: Final = 6
+"""Largest number of Newton steps back into the limits."""
+
+_SHAKE: Final = 0.15
+"""Standard deviation of the variables of further starts, relative to the mean edge."""
+
+
+class GeometrySearch:
+    """Search for the best positions of the joints of one planar structure.
+
+    Parameters
+    ----------
+    scene : Scene
+        Planar scene; its key "move" states variables, limits and objective.
+    assembly : Assembly
+        Its assembly.
+    labels : (m,) bool array
+        Labels, True = dry.
+    trust : TrustRegion, optional
+        Parameters of the search.
+    """
+
+    def __init__(self, scene: Scene, assembly: Assembly, labels: Bits, trust: TrustRegion | None = None) -> None:
+        if assembly.dimension != 2:
+            raise InputError("elements", "they are spatial", "a planar scene; joints in space do not move yet")
+        self.move, self.trust = scene.move or Move(), trust or TrustRegion()
+        mesh = vertex_mesh(assembly)
+        self.variables: Variables = variables_of(assembly, labels, mesh, self.move)
+        moving = np.zeros(len(mesh.places), dtype=bool)
+        moving[self.variables.vertex] = True
+        if self.variables.scaled:
+            moving |= self.variables.rings != 0.0
+        limits = Limits(scene, assembly, labels, mesh, moving, self.move)
+        owner, edges = mesh.edges
+        free = ~assembly.elements.support[owner]
+        self.unit = float(np.linalg.norm(mesh.places[edges[:, 1]] - mesh.places[edges[:, 0]], axis=1)[free].mean())
+        self.moved = MovedScene(scene, assembly, labels, mesh)
+        self._mesh: VertexMesh = mesh
+        self.evaluator = Evaluator(self.moved, mesh, labels, self.variables, limits, self.unit)
+        self._friction = float(np.nan_to_num(assembly.strengths.friction[labels]).max(initial=0.0))
+
+    # --- points -----------------------------------------------------------------------------------------
+
+    @property
+    def goal(self) -> Goal:
+        """Return the goal of the programs of steps."""
+        goals: dict[str, Goal] = {"least_friction": "friction", "least_thickness": "thickness"}
+        return goals.get(self.move.maximise, "load_factor")
+
+    def evaluate(self, values: Floats, near: Evaluated | None) -> Evaluated | None:
+        """Return the proven value at variables z; near: a point not far away."""
+        if self.goal == "friction":
+            return self.evaluator.friction(values, 1.0 if near is None else near.friction)
+        if self.goal == "thickness":
+            return self.evaluator.thickness(values)
+        return self.evaluator.load_factor(values, near)
+
+    def value_of(self, point: Evaluated) -> float:
+        """Return the objective of a point: λ, the largest friction coefficient of dry faces, or the thickness."""
+        if self.goal == "friction":
+            return -point.objective * self._friction
+        return point.objective if self.goal == "load_factor" else -point.objective
+
+    def restored(self, values: Floats) -> Floats | None:
+        """Return the nearest variables within all limits, up to second order; None where none are found."""
+        variables, limits = self.variables, self.evaluator.limits
+        held = limits.equal.copy()
+        for _ in range(_RESTORATIONS):
+            found = limits.at(variables.places(values))
+            lacks = np.where(limits.equal, abs(found.values), limits.least - found.values)
+            held |= lacks > 0.1 * _RESTORED
+            rows = np.flatnonzero(held)
+            if lacks.max(initial=0.0) <= _RESTORED:
+                return values
+            target = np.where(limits.equal, 0.0, limits.least)[rows]
+            slopes = (found.rates[rows] @ variables.jacobian(values)).toarray()
+            matrix = np.vstack([slopes, variables.ties])
+            right = np.concatenate([target - found.values[rows], np.zeros(len(variables.ties))])
+            values = values + np.linalg.lstsq(matrix, right, rcond=1e-12)[0]
+        return None
+
+    def _bounds(self, values: Floats, radius: float) -> tuple[Floats, Floats]:
+        """Return bounds (k,) of a step within the trust region and the box."""
+        low, high = np.full(len(values), -radius), np.full(len(values), radius)
+        box = self.move.box
+        if box is not None:
+            lines = len(self.variables.vertex)  # the thickness of an arch has no box
+            low[:lines] = np.maximum(low[:lines], np.minimum(0.0, -box - values[:lines]))
+            high[:lines] = np.minimum(high[:lines], np.maximum(0.0, box - values[:lines]))
+        return low, high
+
+    # --- search -----------------------------------------------------------------------------------------
+
+    def first(self) -> Evaluated | None:
+        """Return the proven value of the scene as it is; None where it does not stand."""
+        return self.evaluate(np.zeros(self.variables.count), None)
+
+    def standing(self, values: Floats, deadline: float) -> Evaluated | None:
+        """Move joints until the structure stands (phase one); None where no such position is found."""
+        point, radius = self.evaluator.missing(values), self.trust.first * self.unit
+        for _ in range(self.trust.points):
+            if point is None or radius < self.trust.least * self.unit or time.perf_counter() > deadline:
+                return None
+            answer = self.evaluator.step(point, *self._bounds(point.values, radius), "slack")
+            target = None if answer is None else self.restored(point.values + answer.change)
+            new = None if target is None else self.evaluator.missing(target)
+            if answer is None or new is None or new.objective <= point.objective:
+                radius *= self.trust.shrinkage
+                continue
+            point, radius = new, min(self.trust.growth * radius, self.trust.largest * self.unit)
+            if point.objective > 0.0:
+                found = self.evaluate(point.values, None)
+                if found is not None:
+                    return found
+        return None
+
+    def climb(
+        self, point: Evaluated, deadline: float, report: Callable[[Evaluated, float, float], None], gain: float
+    ) -> tuple[Evaluated, str]:
+        """Improve a point until it is stationary; return the last accepted point and why the search ended.
+
+        gain: predicted gain, relative to the objective, below which a point is stationary.
+        """
+        trust, radius = self.trust, self.trust.first * self.unit
+        random, kicks = np.random.default_rng(0), 0
+        for _ in range(trust.points):
+            if point.locked:
+                return point, "locked"
+            if time.perf_counter() > deadline:
+                return point, "time"
+            new, predicted = self._try(point, radius)
+            promise = predicted - point.objective
+            if not promise > gain * abs(point.objective) or radius < trust.least * self.unit:
+                if kicks == trust.kicks or self.goal != "load_factor":
+                    return point, "stationary"
+                kicks += 1
+                point, radius = self._kicked(point, random), trust.first * self.unit
+                continue
+            if new is None or not new.objective - point.objective > trust.accepted * promise:
+                radius *= trust.shrinkage
+                continue
+            if new.objective - point.objective > trust.good * promise:
+                radius = min(trust.growth * radius, trust.largest * self.unit)
+            point = new
+            report(point, predicted, radius)
+        return point, "points"
+
+    def _try(self, point: Evaluated, radius: float) -> tuple[Evaluated | None, float]:
+        """Return the point that one step leads to, if any, and the objective that its program promised.
+
+        Where the point keeps too little of the promise, its program is stated again at that point and with its forces,
+        within the same trust region: a correction of second order.
+        """
+        low, high = self._bounds(point.values, radius)
+        answer = self.evaluator.step(point, low, high, self.goal)
+        if answer is None:
+            return None, math.inf
+        predicted = self._promised(point, answer)
+        needed = point.objective + self.trust.accepted * (predicted - point.objective)
+        best: Evaluated | None = None
+        trial = point
+        for _ in range(1 + self.trust.corrections):
+            target = self.restored(trial.values + answer.change)
+            if target is None:
+                break
+            new = self.evaluate(target, self.evaluator.with_forces(point, answer))
+            if new is not None and (best is None or new.objective > best.objective):
+                best = new
+            if self.goal != "load_factor" or (best is not None and best.objective >= needed):
+                break
+            again = self.evaluator.frozen(target, answer, trial.states)
+            if again is None:
+                break
+            trial = again
+            corrected = self.evaluator.step(trial, low + point.values - target, high + point.values - target, self.goal)
+            if corrected is None:
+                break
+            answer = corrected
+        return best, predicted
+
+    def _promised(self, point: Evaluated, answer: StepAnswer) -> float:
+        """Return the objective that the program of a step promises."""
+        if self.goal == "friction":
+            return -point.friction * (1.0 + answer.value)
+        if self.goal == "thickness":
+            return point.objective - float(answer.change[-1])
+        return answer.value
+
+    def _kicked(self, point: Evaluated, random: np.random.Generator) -> Evaluated:
+        """Return a point with other optimal forces, which may see an ascent that the present ones do not."""
+        still = np.zeros(self.variables.count)
+        objective = random.normal(size=point.states[0].forces.size)
+        answer = self.evaluator.step(point, still, still, self.goal, objective)
+        if answer is None:
+            return point
+        states = [replace(one, forces=own) for one, own in zip(point.states, answer.forces, strict=True)]
+        return replace(point, states=states)
+
+    def shaken(self, number: int, best: Floats | None) -> Floats | None:
+        """Return the variables of a further start; None where its limits cannot be kept.
+
+        Every second one is near the best point so far.
+        """
+        random = np.random.default_rng(number)
+        basis = self.variables.basis
+        step = basis @ random.normal(size=basis.shape[1]) * _SHAKE * self.unit
+        if self.variables.scaled:
+            step[-1] = 0.0
+        centre = np.zeros(len(step)) if best is None or number % 2 == 0 else best
+        low, high = self._bounds(np.zeros(len(step)), math.inf)
+        for share in (1.0, 0.5, 0.25, 0.1):
+            values = self.restored(np.clip(centre + share * step, low, high))
+            if values is not None and self.evaluator.assembly(values) is not None:
+                return values
+        return None

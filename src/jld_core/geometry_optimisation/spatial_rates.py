@@ -1,0 +1,186 @@
+"""Derivatives of λ by the vertices of spatial structures with dry faces (docs/method.md (11.5))."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import scipy.sparse as sp
+
+from jld_core.arrays import Floats
+from jld_core.assembly import Assembly
+from jld_core.geometry import area_vector, spun
+from jld_core.geometry.polygons import centroid, torsion_length
+from jld_core.geometry_optimisation.planar_rates import shape_loads
+from jld_core.geometry_optimisation.vertex_mesh import merged_points
+from jld_core.limit import LimitAnalysisResult
+from jld_core.solvers.highs import highs_of
+
+_STEP: Final = 1e-5
+"""Step of central differences of explicit functions of a polygon, relative to its size; their error is its square."""
+
+_ROUNDED: Final = 1e-9
+"""Share of the force of a face by which corner forces may miss its resultants before they are corrected."""
+
+_MERGED: Final = 1e-2
+"""Distance of two corners that are one vertex, relative to the shortest edge."""
+
+
+def spatial_rates(result: LimitAnalysisResult) -> tuple[Floats, Floats] | None:
+    """Return vertices (v, 3) and the derivatives (v, 3) of λ by their positions.
+
+    None for a labelling with inner faces, or for dry faces that crush.
+    """
+    assembly, forces, mechanism = result.assembly, result.forces, result.mechanism
+    assert forces is not None
+    assert mechanism is not None
+    if not result.labels.all() or np.isfinite(assembly.strengths.crush_dry).any():
+        return None
+    shapes, polygons = assembly.elements.shape, assembly.interfaces.polygon
+    number, places = merged_points([*shapes, *polygons], _MERGED * _shortest(assembly))
+    starts = np.cumsum([0, *(len(shape) for shape in shapes), *(len(polygon) for polygon in polygons)])
+    rates = np.zeros_like(places)
+    for element in assembly.elements.free.tolist():
+        own = number[starts[element] : starts[element + 1]]
+        np.add.at(rates, own, _of_element(assembly, element, mechanism[element], result.load_factor))
+    for face in range(len(polygons)):
+        position = len(shapes) + face
+        own = number[starts[position] : starts[position + 1]]
+        np.add.at(rates, own, _of_face(assembly, face, forces[face], mechanism))
+    return places, rates
+
+
+def _shortest(assembly: Assembly) -> float:
+    """Return the shortest edge of all faces of elements and interfaces."""
+    loops = [
+        shape[list(ring)]
+        for shape, rings in zip(assembly.elements.shape, assembly.elements.faces, strict=True)
+        for ring in rings
+    ]
+    loops += list(assembly.interfaces.polygon)
+    return min(float(np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1).min()) for loop in loops)
+
+
+def _of_element(assembly: Assembly, element: int, motion: Floats, load_factor: float) -> Floats:
+    """Return −d(power of the loads of an element) by its vertices (k, 3)."""
+    growing, riding = (load[element] for load in shape_loads(assembly, load_factor))
+    corner = assembly.elements.shape[element] - assembly.elements.centroid[element]
+    volume, by_volume, by_moment = 0.0, np.zeros_like(corner), np.zeros((len(corner), 3, 3))
+    for ring in assembly.elements.faces[element]:
+        for second, third in itertools.pairwise(ring[1:]):
+            own = [ring[0], second, third]
+            x, y, z = corner[own]
+            part = float(x @ np.cross(y, z)) / 6.0
+            slopes = np.array([np.cross(y, z), np.cross(z, x), np.cross(x, y)]) / 6.0
+            volume += part
+            by_volume[own] += slopes
+            by_moment[own] += np.einsum("j,ik->ijk", (x + y + z) / 4.0, slopes) + part / 4.0 * np.eye(3)
+    # moments are about the centroid, so that the first moment of the whole vanishes
+    lever = np.cross(riding, motion[3:])
+    return np.asarray(-(float(growing @ motion[:3]) * by_volume + np.einsum("j,ijk->ik", lever, by_moment)) / volume)
+
+
+@dataclass(frozen=True)
+class _Contact:
+    """Forces of one face, held while its polygon changes.
+
+    corner: (k,) normal forces at the corners. shear: (3,) force in the plane. normal: (3,) present normal.
+    twist: torque over the torsion length. velocity, spin: (3,) of b relative to a, at the origin. stuck: dissipation
+    per area.
+    """
+
+    corner: Floats
+    shear: Floats
+    normal: Floats
+    twist: float
+    velocity: Floats
+    spin: Floats
+    stuck: float
+
+    def power(self, polygon: Floats) -> float:
+        """Return the dissipation minus the power of the forces on a polygon (k, 3)."""
+        vector = area_vector(polygon) if area_vector(polygon) @ self.normal > 0.0 else -area_vector(polygon)
+        area = float(np.linalg.norm(vector))
+        normal = vector / area
+        frame = _frame(normal, self.normal)
+        flat = ((polygon - polygon[0]) @ frame.T)[None]
+        middle = polygon[0] + centroid(flat)[0] @ frame + float(np.mean((polygon - polygon[0]) @ normal)) * normal
+        shear = self.shear - (self.shear @ (normal - self.normal)) * self.normal
+        gaps = (self.velocity + spun(self.spin, polygon)) @ normal
+        slip = shear @ (self.velocity + spun(self.spin, middle))
+        ordered = flat if np.linalg.det(np.vstack([frame, normal])) > 0.0 else flat[:, ::-1]
+        length = float(torsion_length(ordered)[0]) if self.twist else 0.0
+        return float(self.stuck * area - self.corner @ gaps - slip - self.twist * length * (normal @ self.spin))
+
+
+def _frame(normal: Floats, beside: Floats) -> Floats:
+    """Return two axes (2, 3) of a plane, which change smoothly with its normal near `beside`."""
+    first = np.eye(3)[int(np.argmin(abs(beside)))]
+    first = first - (first @ normal) * normal
+    first = first / np.linalg.norm(first)
+    return np.array([first, np.cross(normal, first)])
+
+
+def _of_face(assembly: Assembly, face: int, forces: Floats, mechanism: Floats) -> Floats:
+    """Return the derivatives (k, 3) of dissipation minus power of one face by its corners."""
+    faces = assembly.interfaces
+    polygon, origin = faces.polygon[face], faces.origin[face]
+    velocity, spin = np.zeros(3), np.zeros(3)
+    for element, sign in ((int(faces.a[face]), -1.0), (int(faces.b[face]), 1.0)):
+        motion = mechanism[element]
+        velocity += sign * (motion[:3] + spun(motion[3:], origin - assembly.elements.centroid[element]))
+        spin += sign * motion[3:]
+    if not velocity.any() and not spin.any():
+        return np.zeros_like(polygon)
+    # coordinates about the centroid keep all digits far from the origin
+    polygon = polygon - origin
+    gaps = (velocity + spun(spin, polygon)) @ faces.normal[face]
+    axes = np.array([faces.e1[face], faces.e2[face]])
+    corner = _corner_forces(polygon @ axes.T, forces, gaps)
+    slip = max(float(np.linalg.norm(axes @ velocity)), float(faces.c_t[face] * abs(faces.normal[face] @ spin)))
+    contact = _Contact(
+        corner=corner,
+        shear=forces[1] * axes[0] + forces[2] * axes[1],
+        normal=faces.normal[face],
+        twist=float(forces[5] / faces.c_t[face]),
+        velocity=velocity,
+        spin=spin,
+        stuck=float(assembly.strengths.cohesion[face]) * slip,
+    )
+    step = _STEP * float(np.ptp(polygon, axis=0).max())
+    rates: Floats = np.empty_like(polygon)
+    for place in np.ndindex(*polygon.shape):
+        more, less = polygon.copy(), polygon.copy()
+        more[place] += step
+        less[place] -= step
+        rates[place] = (contact.power(more) - contact.power(less)) / (2.0 * step)
+    return rates
+
+
+def _corner_forces(corner: Floats, forces: Floats, gaps: Floats) -> Floats:
+    """Return normal forces (k,) at the corners (k, 2) with the resultants of a face, at the least power on the gaps."""
+    size = float(abs(corner).max())
+    rows = np.vstack([np.ones(len(corner)), corner[:, 0] / size, corner[:, 1] / size])
+    total = np.array([forces[0], -forces[4] / size, forces[3] / size])
+    scale = float(abs(total).max())
+    if scale == 0.0:
+        return np.zeros(len(corner))
+    most = float(abs(gaps).max()) or 1.0
+    # a centre of pressure on an edge may lie outside by rounding: the rest is shared by all corners
+    slack = np.full(3, _ROUNDED)
+    none, free = np.zeros(len(corner)), np.full(len(corner), np.inf)
+    program = highs_of(
+        sp.csc_array(rows),
+        gaps / most,
+        total / scale - slack,
+        total / scale + slack,
+        none,
+        free,
+        {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
+    )
+    program.run()
+    found = np.array(program.getSolution().col_value)
+    left = total / scale - rows @ found
+    return np.asarray(scale * (found + np.linalg.pinv(rows) @ left))

@@ -1,0 +1,111 @@
+"""Keys of a scene for `jld move`: which vertices of joints move, within which limits, and to what end."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from jld_core.errors import InputError
+from jld_core.scene.part import NonNegative, Part, Positive, Vector
+
+Limits = Annotated[list[NonNegative | None], Field(min_length=2, max_length=2)]
+"""Bounds [least, most], None for no limit."""
+
+
+class Path(Part):
+    """Line or circle along which vertices of joints slide.
+
+    Attributes
+    ----------
+    at : [x, y] or None
+        Vertex that slides along `direction`; two entries with one vertex let it move freely.
+    direction : [dx, dy] or None
+        Direction of the vertex at `at`.
+    circle : [x, y] or None
+        Centre of circles on which vertices of joints slide, where their neighbours on the outline lie on the same one.
+    supports : bool
+        With `circle`: joints with supports turn as well, and the supports with them.
+    """
+
+    at: Annotated[Vector | None, Field(description="a point")] = None
+    direction: Annotated[Vector | None, Field(description="a vector")] = None
+    circle: Annotated[Vector | None, Field(description="the centre of a circle")] = None
+    supports: bool = False
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> Self:
+        """Check that a circle, or a vertex with a direction, is given."""
+        if (self.circle is None) == (self.at is None):
+            raise InputError("", "it is no path", '"circle", or "at" with "direction"')
+        if (self.at is None) != (self.direction is None):
+            raise InputError("", "one of two keys is missing", '"at" with "direction"')
+        if self.direction is not None and not any(self.direction):
+            raise InputError(".direction", "it has no length", "a vector")
+        if self.supports and self.circle is None:
+            raise InputError(".supports", 'it stands without "circle"', "joints on a circle")
+        for name in ("at", "direction", "circle"):
+            value = getattr(self, name)
+            if value is not None and len(value) != 2:
+                raise InputError(f".{name}", f"it has {len(value)} numbers", "2: joints move in planar scenes")
+        return self
+
+
+class Draft(Part):
+    """Least inclination of joints to the direction in which blocks are lifted out, degrees."""
+
+    direction: Annotated[Vector, Field(description="a vector")]
+    degrees: Annotated[float, Field(ge=0, lt=90)]
+
+
+class Move(Part):
+    """Variables, limits and objective of `jld move`.
+
+    Attributes
+    ----------
+    vertices : {"joints", "along"}
+        Vertices that move: all of dry joints, or only those that `along` names.
+    along : list of Path
+        Lines and circles along which vertices slide.
+    ties : {"none", "mirror-x"} or list of lists of [x, y]
+        Vertices that move alike: mirrored about the middle of the structure, or the same way within each list.
+    straight : bool
+        Keep straight faces of blocks straight where joints end in them.
+    angle : [float, float]
+        Bounds of the angles at corners of elements, degrees.
+    edge : float or None
+        Least length of an edge; None for a share of the mean edge.
+    block_mass : [float or None, float or None]
+        Bounds of the mass of each block, kg with m and N.
+    draft : Draft or None
+        Least inclination of dry joints.
+    box : float or None
+        Largest distance that a vertex moves along each of its directions, length.
+    maximise : {"load_factor", "least_friction", "least_thickness"}
+        Objective: λ; or the least friction, or the least thickness of an arch, at which the dead load stands.
+    """
+
+    vertices: Literal["joints", "along"] = "joints"
+    along: list[Path] = []
+    ties: Annotated[
+        Literal["none", "mirror-x"] | list[Annotated[list[Vector], Field(min_length=2)]],
+        Field(description='"none", "mirror-x" or lists of vertices that move alike'),
+    ] = "none"
+    straight: bool = True
+    angle: Annotated[list[float], Field(min_length=2, max_length=2)] = [30.0, 150.0]
+    edge: Positive | None = None
+    block_mass: Limits = [None, None]
+    draft: Draft | None = None
+    box: Positive | None = None
+    maximise: Literal["load_factor", "least_friction", "least_thickness"] = "load_factor"
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        """Check that bounds are ordered and angles lie between 0 and 180 degrees."""
+        low, high = self.angle
+        if not 0.0 <= low < high <= 180.0:
+            raise InputError(".angle", f"[{low:g}, {high:g}] are no bounds", "[least, most] from 0 to 180 degrees")
+        least, most = self.block_mass
+        if least is not None and most is not None and least > most:
+            raise InputError(".block_mass", f"the least, {least:g}, is above the most, {most:g}", "[least, most]")
+        return self

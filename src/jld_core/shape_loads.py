@@ -1,0 +1,35 @@
+"""Loads that change with the shape of their element."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from jld_core.arrays import Floats
+
+
+@dataclass(frozen=True)
+class ShapeLoads:
+    """Parts of the loads on n elements that change where the shape of the element changes, scene units.
+
+    A force may do both: self-weight by density grows with the volume and rides on the centroid.
+
+    Attributes
+    ----------
+    dead_growing, live_growing : (n, d) arrays
+        Forces that are proportional to the volume.
+    dead_riding, live_riding : (n, d) arrays
+        Forces that act at the centroid and move with it.
+    """
+
+    dead_growing: Floats
+    dead_riding: Floats
+    live_growing: Floats
+    live_riding: Floats
+
+    def growing(self, load_factor: float) -> Floats:
+        """Return the forces (n, d) proportional to the volume, at a load factor."""
+        return self.dead_growing + load_factor * self.live_growing
+
+    def riding(self, load_factor: float) -> Floats:
+        """Return the forces (n, d) that move with the centroid, at a load factor."""
+        return self.dead_riding + load_factor * self.live_riding

@@ -1,0 +1,219 @@
+"""Joints that move: closed forms of optima, limits, ties, phase one, the command and its bad input."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from structures import HEIGHT, Document, block, flat_arch, flat_arch_load
+
+from command import Command
+from jld_core import InputError, Status, build_assembly, parse_scene, samples, solve
+from jld_core.geometry_optimisation.optimise import MovedJoints, move_joints
+from jld_core.geometry_optimisation.search import GeometrySearch
+
+TOPS = [{"at": [1.2, HEIGHT], "direction": [1, 0]}, {"at": [-1.2, HEIGHT], "direction": [-1, 0]}]
+"""Paths of the tops of both springings of the flat arch."""
+
+
+def moved(document: Document, **options: float) -> MovedJoints:
+    scene = parse_scene(document)
+    assembly = build_assembly(scene)
+    return move_joints(scene, assembly, assembly.labels, **options)  # type: ignore[arg-type]
+
+
+def test_flat_arch_against_its_closed_form() -> None:
+    """Steeper springings slide no longer; then hinges rule, and λ is that of (11.8) at the geometry found."""
+    done = moved(flat_arch(10.0, 1.2, 0.2, along=TOPS, vertices="along", ties="mirror-x", box=0.15, angle=[20, 160]))
+    assert done.start == pytest.approx(466.778615, rel=1e-8)
+    top = float(done.places[np.argmin(np.linalg.norm(done.places - done.moved - [1.2, HEIGHT], axis=1)), 0])
+    assert done.value == pytest.approx(flat_arch_load(top, 0.2, 0.1), rel=1e-9)
+    assert done.value > 3.5 * done.start
+    assert done.parameters == 1
+    assert all(later.value > former.value for former, later in zip(done.points, done.points[1:], strict=False))
+    # what is written is what was proven, with interfaces stated or found anew
+    assert done.warnings == []
+    assert solve(done.scene).load_factor == pytest.approx(done.value, rel=1e-9)
+    found = {key: value for key, value in done.scene.model_dump(mode="json").items() if key != "interfaces"}
+    assert solve(parse_scene(found)).load_factor == pytest.approx(done.value, rel=1e-6)
+
+
+def test_an_unstable_start_is_made_to_stand() -> None:
+    paths = [{**path, "at": [x, HEIGHT]} for path, x in zip(TOPS, (1.1, -1.1), strict=True)]
+    keys = {"vertices": "along", "ties": "mirror-x", "angle": [20, 160], "box": 0.25}
+    document = flat_arch(10.0, 1.1, 0.2, along=paths, **keys)
+    done = moved(document)
+    assert np.isnan(done.start)
+    assert done.before is None
+    assert done.value > 1500.0
+
+
+def test_a_locked_end_is_named() -> None:
+    """From a half width L/2 − B h/H_p of the key on, no thrust overturns the piers of (11.8): λ has no end."""
+    paths = [{"at": [s * 0.2, HEIGHT], "direction": [s, 0]} for s in (1, -1)]
+    limits = {"vertices": "along", "ties": "mirror-x", "edge": 0.01, "angle": [5, 175]}
+    done = moved(flat_arch(55.0, 1.2, 0.2, along=paths, **limits))
+    assert (done.end, done.value) == ("locked", np.inf)
+    assert done.after is not None
+    assert done.after.status is Status.LOCKED
+    assert 0.2 + abs(done.moved).max() >= 1.0 - 1.0 * HEIGHT / 5.0
+
+
+def test_least_friction_of_a_semicircle() -> None:
+    """Joints that turn need less friction; the start is that of radial joints, (2/π) max h1 up to the pitch."""
+    scene = samples.arch(voussoirs=24, thickness=0.2)
+    document = json.loads(scene.model_dump_json(exclude_defaults=True))
+    document["move"] = {"along": [{"circle": [0, 0]}], "maximise": "least_friction"}
+    document["materials"]["dry"] = {"friction_coefficient": 0.5}
+    assembly = build_assembly(parse_scene(document))
+    search = GeometrySearch(parse_scene(document), assembly, assembly.labels)
+    first = search.first()
+    assert first is not None
+    assert search.value_of(first) == pytest.approx(0.30899, rel=2e-5)
+    assert search.value_of(first) == pytest.approx(0.30808, rel=5e-3)  # the closed form, without pitch
+    below, above = (
+        solve(parse_scene({**document, "materials": {"density": 2000, "dry": {"friction_coefficient": mu}}}))
+        for mu in (0.999 * search.value_of(first), search.value_of(first))
+    )
+    assert (below.stands_at_zero, above.stands_at_zero) == (False, True)
+
+
+def test_least_thickness_of_a_semicircle() -> None:
+    """Radial joints, 28 voussoirs: t/R = 0.106710 (another program 0.106708); the point found stands, proven."""
+    scene = samples.arch(voussoirs=28, thickness=0.12)
+    document = json.loads(scene.model_dump_json(exclude_defaults=True))
+    document["materials"]["dry"] = {"friction_coefficient": 0.8}
+    document["move"] = {"along": [{"circle": [0, 0]}], "maximise": "least_thickness"}
+    assembly = build_assembly(parse_scene(document))
+    search = GeometrySearch(parse_scene(document), assembly, assembly.labels)
+    first = search.first()
+    assert first is not None
+    assert search.value_of(first) == pytest.approx(0.106710, rel=2e-5)
+
+
+def test_a_wall_reaches_what_no_geometry_can_exceed() -> None:
+    """λ ≤ μ for every cut that leaves the base joint: a wall pushed both ways that reaches it is proven best."""
+    elements: list[Document] = [{"id": "g", "polygon": [[-1, -1], [2, -1], [2, 0], [-1, 0]], "support": True}]
+    for course, cuts in enumerate(([0.0, 0.2, 0.4, 0.6], [0.0, 0.1, 0.3, 0.5, 0.6], [0.0, 0.2, 0.4, 0.6])):
+        low, high = 0.2 * course, 0.2 * (course + 1)
+        for k, (a, b) in enumerate(itertools.pairwise(cuts)):
+            elements.append({"id": f"{course}.{k}", "polygon": [[a, low], [b, low], [b, high], [a, high]]})
+    cases = [{"name": name, "live": [{"body": [sign, 0.0]}]} for name, sign in (("r", 1.0), ("l", -1.0))]
+    materials = {"density": 1800.0, "dry": {"friction_coefficient": 0.6}}
+    done = moved({"elements": elements, "materials": materials, "loads": {"cases": cases}})
+    assert done.start < 0.55
+    assert done.value == pytest.approx(0.6, rel=1e-5)
+    # bed joints stay straight: the ends of the head joints in them lie on lines between their ends
+    for level in (0.2, 0.4):
+        bed = done.places[abs(done.places[:, 1] - done.moved[:, 1] - level) < 1e-9]
+        line = np.polynomial.polynomial.polyfit(bed[:, 0], bed[:, 1], 1)
+        assert abs(line[0] + line[1] * bed[:, 0] - bed[:, 1]).max() < 1e-8
+
+
+def test_a_step_keeps_what_it_promises() -> None:
+    """To first order the value of a step is there (11.6): gain over promise tends to at least one."""
+    document = flat_arch(15.0, 1.2, 0.2, angle=[20, 160])
+    scene = parse_scene(document)
+    assembly = build_assembly(scene)
+    search = GeometrySearch(scene, assembly, assembly.labels)
+    point = search.first()
+    assert point is not None
+    for radius in (1e-3, 1e-4):
+        low, high = np.full(search.variables.count, -radius), np.full(search.variables.count, radius)
+        answer = search.evaluator.step(point, low, high, "load_factor")
+        assert answer is not None
+        target = search.restored(point.values + answer.change)
+        assert target is not None
+        new = search.evaluate(target, point)
+        assert new is not None
+        assert new.objective - point.objective >= (1.0 - 50.0 * radius) * (answer.value - point.objective)
+
+
+def test_limits_are_kept() -> None:
+    document = flat_arch(15.0, 1.2, 0.2, along=TOPS, ties="mirror-x", box=0.03, angle=[50, 130], straight=True)
+    done = moved(document, seconds=2.0)
+    assert abs(done.moved).max() <= 0.03 + 1e-9
+    mirrored = done.places * [-1.0, 1.0]
+    distance = np.linalg.norm(done.places[:, None] - mirrored[None], axis=2).min(axis=1)
+    free = np.concatenate([np.array(element.polygon) for element in done.scene.elements or [] if not element.support])
+    assert distance[np.isin(done.places[:, 0], free[:, 0])].max() < 1e-8
+
+
+@pytest.mark.parametrize(
+    ("move", "said"),
+    [
+        ({"along": [{"at": [-5.0, -5.0], "direction": [1, 0]}]}, "is a vertex of a support"),
+        ({"along": [{"at": [0.3, 0.3], "direction": [1, 0]}]}, "no vertex lies at"),
+        ({"ties": [[[1.2, HEIGHT], [1.0, 0.0]]], "along": [TOPS[0]], "vertices": "along"}, "no direction to move in"),
+        ({"angle": [150, 30]}, "are no bounds"),
+        ({"along": [{"circle": [0, 0], "at": [1, 1]}]}, "it is no path"),
+        ({"maximise": "least_thickness"}, "the thickness is that of an arch on circles"),
+    ],
+)
+def test_bad_keys_are_one_line(move: Document, said: str, tmp_path: Path, jld: Command) -> None:
+    file = tmp_path / "arch.json"
+    file.write_text(json.dumps({**flat_arch(15.0, 1.2), "move": move}))
+    done = jld("move", file, "-o", tmp_path / "out.json")
+    assert (done.code, done.out) == (2, "")
+    assert said in done.err
+    assert done.err.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["arch.json"]
+    assert jld("check", file).err == done.err
+
+
+def test_ties_of_an_asymmetric_structure_contradict() -> None:
+    document = flat_arch(15.0, 1.2, ties="mirror-x")
+    document["elements"][1]["polygon"][3] = [1.3, HEIGHT]
+    document["elements"][3]["polygon"][2] = [1.3, HEIGHT]
+    with pytest.raises(InputError, match="nothing mirrors the vertex"):
+        moved(document)
+
+
+def test_the_command_writes_scene_table_and_picture(tmp_path: Path, jld: Command) -> None:
+    file, out = tmp_path / "arch.json", tmp_path / "moved.json"
+    file.write_text(json.dumps(flat_arch(15.0, 1.2, 0.2, along=TOPS, vertices="along", ties="mirror-x", box=0.05)))
+    facts = json.loads(jld("move", file, "-o", out, "--json").out)
+    assert facts["load_factor"] > facts["start"] > 0.0
+    assert facts["bracket"][0] <= facts["load_factor"] <= facts["bracket"][1]
+    assert solve(out).load_factor == pytest.approx(facts["load_factor"], rel=1e-9)
+    with out.with_suffix(".csv").open() as table:
+        rows = list(csv.DictReader(table))
+    assert len(rows) == facts["steps"] + 1
+    assert float(rows[-1]["bracket_lo"]) == pytest.approx(facts["load_factor"], rel=1e-6)
+    assert out.with_suffix(".png").stat().st_size > 1000
+    again = jld("move", file, "-o", file)
+    assert (again.code, again.out) == (2, "")
+
+
+def test_crackable_blocks_are_checked_by_fields(tmp_path: Path, jld: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lower bounds by fields stand beside λ by faces; on the coarsest mesh here, to save time."""
+    monkeypatch.setattr("jld_explore.cli.moving._FIELD_GAP", 10.0)
+    paths = [{"at": [s * 1.2, HEIGHT], "direction": [s, 0]} for s in (1, -1)]
+    document = flat_arch(15.0, 1.2, 0.2, along=paths, ties="mirror-x", vertices="along", box=0.05)
+    document["materials"]["inner"] = {"tensile_strength": 3e5, "shear_strength": 5e5}
+    document["labels"] = {"inner": [["pier left", "ground"], ["pier right", "ground"]]}
+    file = tmp_path / "arch.json"
+    file.write_text(json.dumps(document))
+    facts = json.loads(jld("move", file, "-o", tmp_path / "out.json", "--json").out)
+    assert facts["fields"]["skipped"] is None
+    assert min(facts["fields"]["before"], facts["fields"]["after"]) > 0.0
+    gains = facts["fields"]["after"] > facts["fields"]["before"]
+    assert [("gain nothing" in sentence) for sentence in facts["warnings"]] == ([] if gains else [True])
+
+
+def test_space_is_refused(tmp_path: Path, jld: Command) -> None:
+    file = tmp_path / "vault.json"
+    file.write_text(samples.KINDS["vault"]().model_dump_json(exclude_defaults=True))
+    done = jld("move", file, "-o", tmp_path / "out.json")
+    assert done.code == 2
+    assert "joints in space do not move" in done.err
+
+
+def test_nothing_to_move(tmp_path: Path, jld: Command) -> None:
+    file = tmp_path / "block.json"
+    file.write_text(json.dumps(block(1.0, 1.0)))
+    assert "no vertex of a joint can move" in jld("move", file, "-o", tmp_path / "out.json").err
