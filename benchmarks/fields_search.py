@@ -65,7 +65,9 @@ def random_scene(seed: int) -> Scene:
     inner: dict[str, Any] = {"tensile_strength": low, "shear_strength": low * float(rng.uniform(0.5, 2.0))}
     dry: dict[str, Any] = {"friction_coefficient": float(rng.uniform(0.3, 0.9))}
     if rng.random() < 0.25:
-        inner["friction_coefficient"] = float(rng.uniform(0.1, 0.7))
+        # the tensile strength may not lie beyond the apex of friction
+        apex = (1.0 - SLACK) * inner["shear_strength"] / inner["tensile_strength"]
+        inner["friction_coefficient"] = min(float(rng.uniform(0.1, 0.7)), apex)
     if rng.random() < 0.2:
         inner["compressive_strength"] = 8.0 * low
     if rng.random() < 0.2:
