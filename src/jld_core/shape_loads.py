@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from jld_core.arrays import Floats
+from jld_core.arrays import Floats, Ints
 
 
 @dataclass(frozen=True)
@@ -33,3 +33,9 @@ class ShapeLoads:
     def riding(self, load_factor: float) -> Floats:
         """Return the forces (n, d) that move with the centroid, at a load factor."""
         return self.dead_riding + load_factor * self.live_riding
+
+    def take(self, rows: Ints) -> ShapeLoads:
+        """Return the loads on some elements (k,), in their order."""
+        return ShapeLoads(
+            self.dead_growing[rows], self.dead_riding[rows], self.live_growing[rows], self.live_riding[rows]
+        )

@@ -8,6 +8,7 @@ import numpy as np
 
 from jld_core.arrays import Bools, Ints
 from jld_core.assembly import Assembly
+from jld_core.shape_loads import ShapeLoads
 
 
 def without(assembly: Assembly, gone: Bools) -> tuple[Assembly, Ints]:
@@ -32,7 +33,10 @@ def without(assembly: Assembly, gone: Bools) -> tuple[Assembly, Ints]:
     faces = assembly.interfaces
     kept = np.flatnonzero(~(gone[faces.a] | gone[faces.b]))
     rest = faces.take(kept)
-    cases = tuple(replace(case, dead=case.dead[rows], live=case.live[rows]) for case in assembly.cases)
+    cases = tuple(
+        replace(case, dead=case.dead[rows], live=case.live[rows], shape_loads=_of(case.shape_loads, rows))
+        for case in assembly.cases
+    )
     left = replace(
         assembly,
         elements=assembly.elements.take(rows),
@@ -41,9 +45,15 @@ def without(assembly: Assembly, gone: Bools) -> tuple[Assembly, Ints]:
         nominal=None if assembly.nominal is None else assembly.nominal.take(kept),
         dead=assembly.dead[rows],
         live=assembly.live[rows],
+        shape_loads=_of(assembly.shape_loads, rows),
         labels=assembly.labels[kept],
         cases=cases,
         touching=tuple((int(place[a]), int(place[b])) for a, b in assembly.touching),
         sink=-1,
     )
     return left, kept
+
+
+def _of(loads: ShapeLoads | None, rows: Ints) -> ShapeLoads | None:
+    """Return the loads that change with shapes of some elements (k,), where they are known."""
+    return None if loads is None else loads.take(rows)

@@ -180,7 +180,7 @@ def move_joints(
             best, polish = end, report
     if best is None:
         problem = "it does not stand under its dead load, nor does any position of its joints that was tried"
-        raise InputError("move", problem, "a scene that stands, more vertices that move, or more --starts")
+        raise InputError("move", problem, "a scene that stands, more vertices that move, or more `starts`")
     if best[1] == "stationary":
         best = search.climb(best[0], deadline, polish, search.trust.gain)
     return _result(search, before, best, points)

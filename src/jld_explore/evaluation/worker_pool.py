@@ -124,7 +124,7 @@ class WorkerPool:
         if self._client is None:
             while len(self._workers) < self._jobs and self._starts_left > 0:
                 self._starts_left -= 1
-                self._workers.append(PoolWorker(local_processes(1)))
+                self._workers.append(PoolWorker(_start_process()))
             return []
         if time.monotonic() - self._queried_at < _QUERY_SECONDS:
             return []
@@ -211,6 +211,11 @@ class WorkerPool:
         with self._process_settings:
             for worker in list(self._workers):
                 self.remove(worker)
+
+
+def _start_process() -> ProcessPoolExecutor:
+    """Start the executor of one local process."""
+    return local_processes(1)
 
 
 def local_processes(count: int) -> ProcessPoolExecutor:

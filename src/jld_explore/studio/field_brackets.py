@@ -47,9 +47,7 @@ class FieldBracket:
         self._cases = [FieldRefinement(case, labels, gap=gap) for case in assembly.by_case]
         largest = max(case.triangles for case in self._cases)
         if largest > LARGEST:
-            raise InputError(
-                "cracks", f"{largest} triangles are too many to follow by hand", "jld solve --cracks fields"
-            )
+            raise InputError("cracks", f"{largest} triangles are too many to follow by hand", "the command `jld solve`")
         self._bounds: list[FieldBounds | None] = [None] * len(self._cases)
 
     def step(self) -> dict[str, Any]:
