@@ -62,7 +62,7 @@ def _record(family: str, version: str, first_seed: int, found: Tally) -> None:
     order = list(FAMILIES)
     rows.sort(key=lambda row: (order.index(row["family"]) if row["family"] in order else len(order), row["version"]))
     with CSV.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, FIELDS)
+        writer = csv.DictWriter(file, FIELDS, lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
 
