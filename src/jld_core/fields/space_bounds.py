@@ -308,13 +308,13 @@ class _Fields:
         if not adaptive or self.stress is None:
             return bisect(self.mesh, np.ones(len(self.mesh), dtype=bool))
         mesh, volume = self.problem.mesh, self.problem.mesh.volume
-        corner = self._weak_corners()
+        corner = _weak_corners(self.stress)
         error = corner.sum(axis=1)
         if self.velocity is not None:
             moved = self._moved(self.velocity.velocity)
             power = stress_power(self.fine, self.stress, moved)
             error = error + np.maximum(self.velocity.dissipation - power.reshape(-1, 4).sum(axis=1), 0.0)
-            corner = corner + self._joint_corners(moved)
+            corner = corner + self._joint_corners(self.stress, moved)
         error = error + _EVERYWHERE * error.sum() * volume / volume.sum()
         finer = replace(mesh, root=np.arange(len(mesh)))
         while len(finer) < _GROWTH * len(mesh):
@@ -327,13 +327,6 @@ class _Fields:
         units = self.problem.units
         return replace(finer, points=finer.points * units.length + units.origin, root=self.mesh.root[finer.root])
 
-    def _weak_corners(self) -> Floats:
-        """Multipliers of yield (t, 4) at the corners; those at the centroid count for all corners alike."""
-        assert self.stress is not None
-        rate = np.maximum(self.stress.rate, 0.0).reshape(-1, 4, 4)
-        middle = np.diagonal(rate, axis1=1, axis2=2)
-        return np.asarray(rate.sum(axis=1) - middle + 0.25 * middle.sum(axis=1, keepdims=True))
-
     def _moved(self, velocity: Floats) -> Floats:
         """Velocities (4t, 4, 3) of the parts at centroids, from those of the tetrahedra."""
         rows = np.arange(4)
@@ -341,12 +334,11 @@ class _Fields:
         parts[:, rows, rows] = velocity.mean(axis=1)[:, None]
         return parts.reshape(-1, 4, 3)
 
-    def _joint_corners(self, velocity: Floats) -> Floats:
+    def _joint_corners(self, stress: SpatialStress, velocity: Floats) -> Floats:
         """Share (t, 4) of the corners in the power of tractions on dry joints, which either open or press."""
-        assert self.stress is not None
         p, s = self.fine, self.fine.sides
         shares = np.zeros((len(self.mesh), 4))
-        pull, jump = _across_sides(p, self.stress, velocity, p.dry)
+        pull, jump = _across_sides(p, stress, velocity, p.dry)
         lost = np.maximum(-np.einsum("fi,fki->fk", pull.sum(axis=1), jump), 0.0) * (s.area[p.dry] / 24.0)[:, None]
         both = s.b[p.dry] >= 0
         np.add.at(shares, (s.a[p.dry][:, None] // 4, s.corner_a[p.dry]), lost)
@@ -381,6 +373,13 @@ def stress_power(problem: SpatialProblem, stress: SpatialStress, velocity: Float
     np.add.at(power, s.a[rows], np.where(both, 0.5, 1.0) * total)
     np.add.at(power, s.b[rows[both]], 0.5 * total[both])
     return np.asarray(power)
+
+
+def _weak_corners(stress: SpatialStress) -> Floats:
+    """Multipliers of yield (t, 4) at the corners; those at the centroid count for all corners alike."""
+    rate = np.maximum(stress.rate, 0.0).reshape(-1, 4, 4)
+    middle = np.diagonal(rate, axis1=1, axis2=2)
+    return np.asarray(rate.sum(axis=1) - middle + 0.25 * middle.sum(axis=1, keepdims=True))
 
 
 def _across_sides(

@@ -100,16 +100,14 @@ def geometry_sensitivities(result: LimitAnalysisResult, *, one_sided: bool = Tru
     if result.status is not Status.COLLAPSE or not plain or result.forces is None or result.mechanism is None:
         return None
     if result.assembly.dimension == 3:
-        found = spatial_rates(result)
+        found = spatial_rates(result, result.forces, result.mechanism)
         return None if found is None else GeometrySensitivities(found[0], *[found[1]] * 3)
-    return _planar(result, one_sided)
+    return _planar(result, result.forces, result.mechanism, one_sided)
 
 
-def _planar(result: LimitAnalysisResult, sided: bool) -> GeometrySensitivities:
-    """Return the rates of a planar result."""
-    assert result.forces is not None
-    assert result.mechanism is not None
-    assembly, forces, mechanism = result.assembly, result.forces, result.mechanism
+def _planar(result: LimitAnalysisResult, forces: Floats, mechanism: Floats, sided: bool) -> GeometrySensitivities:
+    """Return the rates of a planar result with its forces (m, 3) and its mechanism (n, 3)."""
+    assembly = result.assembly
     mesh = vertex_mesh(assembly)
     velocity = mechanism[assembly.elements.free].ravel()
     rates = -(velocity @ residual_rates(assembly, mesh, forces, result.load_factor))

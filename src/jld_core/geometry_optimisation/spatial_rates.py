@@ -28,14 +28,12 @@ _MERGED: Final = 1e-2
 """Distance of two corners that are one vertex, relative to the shortest edge."""
 
 
-def spatial_rates(result: LimitAnalysisResult) -> tuple[Floats, Floats] | None:
+def spatial_rates(result: LimitAnalysisResult, forces: Floats, mechanism: Floats) -> tuple[Floats, Floats] | None:
     """Return vertices (v, 3) and the derivatives (v, 3) of λ by their positions.
 
-    None for a labelling with inner faces, or for dry faces that crush.
+    forces: (m, 6) of the result; mechanism: (n, 6). None for a labelling with inner faces, or for dry faces that crush.
     """
-    assembly, forces, mechanism = result.assembly, result.forces, result.mechanism
-    assert forces is not None
-    assert mechanism is not None
+    assembly = result.assembly
     if not result.labels.all() or np.isfinite(assembly.strengths.crush_dry).any():
         return None
     shapes, polygons = assembly.elements.shape, assembly.interfaces.polygon
