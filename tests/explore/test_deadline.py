@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import pickle
+import re
 import signal
 import subprocess
 import threading
@@ -175,9 +176,13 @@ def test_an_interrupted_search_leaves_its_page_and_says_the_best(tmp_path: Path)
 def test_a_small_share_of_the_claim_that_time_limits_are_kept(seed: int) -> None:
     """The claim itself is tested on 200 scenes by `python -m benchmarks.claims time_limits`, on an idle machine.
 
-    Tests run beside one another, so these are searches with a second to spare on an idle machine.
+    Tests run beside one another, so these are searches with a second to spare on an idle machine. A search that is late
+    only because it waited for a processor is no failure here: then it must be in time by the clock of an idle machine.
     """
-    assert time_limits.run(seed, 1, 60.0).disagreements == []
+    found = time_limits.run(seed, 1, 60.0)
+    waited = re.compile(r"[^;]*: ended after [0-9.]+ s; [0-9.]+ s by the clock of an idle machine")
+    assert [line for line in found.disagreements if not waited.fullmatch(line)] == []
+    assert found.notes.get("late by the clock of an idle machine", 0) == 0
 
 
 def test_time_limits_count_from_the_start_of_the_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
