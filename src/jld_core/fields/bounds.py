@@ -14,7 +14,7 @@ from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.fields.adaptive import Fields, FieldSetting
 from jld_core.fields.mesh import Mesh, subdivide
-from jld_core.fields.requirements import require_labels, require_planar
+from jld_core.fields.requirements import require_planar, require_refinement
 
 _MOST_TRIANGLES = 20_000
 """Triangles at which refinement ends: programs of more take minutes."""
@@ -34,6 +34,24 @@ class FieldStatus(StrEnum):
     OPEN = "open"
     NO_LOWER = "no lower bound"
     NO_UPPER = "no upper bound"
+
+
+def relative_gap(lower: float, upper: float) -> float:
+    """Return the width of a bracket over its larger end, inf where a bound is infinite."""
+    if not (math.isfinite(lower) and math.isfinite(upper)):
+        return math.inf
+    return (upper - lower) / max(abs(upper), abs(lower), 1e-300)
+
+
+def status_of_bounds(lower: float, upper: float, gap: float) -> FieldStatus:
+    """Return the status of two bounds on λ, infinite where there is none, for the relative width asked for."""
+    if upper < 0.0:
+        return FieldStatus.UNSTABLE
+    if not math.isfinite(lower):
+        return FieldStatus.NO_LOWER
+    if not math.isfinite(upper):
+        return FieldStatus.NO_UPPER
+    return FieldStatus.CLOSED if relative_gap(lower, upper) <= gap else FieldStatus.OPEN
 
 
 @dataclass(frozen=True)
@@ -127,9 +145,7 @@ class FieldBounds:
     @property
     def gap(self) -> float:
         """Width of the bracket over its larger end, inf where a bound is missing."""
-        if not (math.isfinite(self.lower) and math.isfinite(self.upper)):
-            return math.inf
-        return (self.upper - self.lower) / max(abs(self.upper), abs(self.lower), 1e-300)
+        return relative_gap(self.lower, self.upper)
 
 
 def bounds_by_fields(
@@ -269,15 +285,10 @@ class FieldRefinement:
 def _require(assembly: Assembly, labels: Bits | None, gap: float, parts: int, patch: float | None) -> Bits:
     """Return the labels; raise InputError for what cannot be bounded."""
     require_planar(assembly)
-    if len(assembly.cases) > 1:
-        raise InputError("loads.cases", "fields take one load case", "one of Assembly.by_case")
-    if not gap > 0.0:
-        raise InputError("gap", f"{gap:g} is never reached", "a number above 0")
-    if patch is not None and not patch > 0.0:
-        raise InputError("patch", f"{patch:g} is wrong", "a length above 0")
+    known = require_refinement(assembly, labels, gap, patch)
     if parts < 1:
         raise InputError("parts", f"{parts} is wrong", "a whole number of at least 1")
-    return require_labels(assembly, labels)
+    return known
 
 
 class _Best:
@@ -301,23 +312,13 @@ class _Best:
 
     def result(self, steps: tuple[FieldStep, ...], gap: float) -> FieldBounds:
         """Return the result after some meshes."""
-        status = FieldStatus.OPEN
-        if self.upper < 0.0:
-            status = FieldStatus.UNSTABLE
-        elif not math.isfinite(self.lower):
-            status = FieldStatus.NO_LOWER
-        elif not math.isfinite(self.upper):
-            status = FieldStatus.NO_UPPER
-        found = FieldBounds(
+        return FieldBounds(
             self.lower,
             self.upper,
-            status,
+            status_of_bounds(self.lower, self.upper, gap),
             steps[-1].triangles,
             steps[-1].seconds,
             steps,
             self.stresses,
             self.velocities,
         )
-        if status is FieldStatus.OPEN and found.gap <= gap:
-            return FieldBounds(**{**vars(found), "status": FieldStatus.CLOSED})
-        return found

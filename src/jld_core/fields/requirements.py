@@ -48,3 +48,17 @@ def require_labels(assembly: Assembly, labels: Bits | None) -> Bits:
     if missing.size:
         raise InputError("materials.dry", f"face {assembly.pair(int(missing[0]))} is dry", "a friction coefficient")
     return given
+
+
+def require_refinement(assembly: Assembly, labels: Bits | None, gap: float, patch: float | None) -> Bits:
+    """Return labels (m,) of an assembly; raise InputError for several load cases, or a gap or patch not above 0.
+
+    Labels are checked by `require_labels`; None: those of the scene.
+    """
+    if len(assembly.cases) > 1:
+        raise InputError("loads.cases", "fields take one load case", "one of Assembly.by_case")
+    if not gap > 0.0:
+        raise InputError("gap", f"{gap:g} is never reached", "a number above 0")
+    if patch is not None and not patch > 0.0:
+        raise InputError("patch", f"{patch:g} is wrong", "a length above 0")
+    return require_labels(assembly, labels)

@@ -11,10 +11,10 @@ import numpy as np
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
-from jld_core.fields.bounds import FieldStatus
+from jld_core.fields.bounds import FieldStatus, relative_gap, status_of_bounds
 from jld_core.fields.material import Material, material_of
 from jld_core.fields.problem import Units
-from jld_core.fields.requirements import require_labels
+from jld_core.fields.requirements import require_refinement
 from jld_core.fields.space_cones import normal_map, tensors
 from jld_core.fields.space_loads import SpatialLoads, loaded_solids
 from jld_core.fields.space_lower import SpatialLowerBound, SpatialStress
@@ -135,9 +135,7 @@ class SpatialBounds:
     @property
     def gap(self) -> float:
         """Width of the bracket over its larger end, inf where a bound is missing."""
-        if not (math.isfinite(self.lower) and math.isfinite(self.upper)):
-            return math.inf
-        return (self.upper - self.lower) / max(abs(self.upper), abs(self.lower), 1e-300)
+        return relative_gap(self.lower, self.upper)
 
 
 def spatial_bounds(
@@ -226,13 +224,7 @@ def _require(assembly: Assembly, labels: Bits | None, gap: float, patch: float |
     """Return the labels; raise InputError for what cannot be bounded."""
     if assembly.dimension != 3:
         raise InputError("cracks", "fields in tetrahedra are for spatial scenes", "`bounds_by_fields`")
-    if len(assembly.cases) > 1:
-        raise InputError("loads.cases", "fields take one load case", "one of Assembly.by_case")
-    if not gap > 0.0:
-        raise InputError("gap", f"{gap:g} is never reached", "a number above 0")
-    if patch is not None and not patch > 0.0:
-        raise InputError("patch", f"{patch:g} is wrong", "a length above 0")
-    return require_labels(assembly, labels)
+    return require_refinement(assembly, labels, gap, patch)
 
 
 @dataclass(frozen=True)
@@ -294,14 +286,7 @@ class _Fields:
                 best = replace(best, upper=upper, velocities=moved)
         steps = (*best.history, SpatialStep(len(self.mesh), lower, upper, seconds))
         best = replace(best, tetrahedra=len(self.mesh), seconds=seconds, history=steps)
-        status = FieldStatus.CLOSED if best.gap <= gap else FieldStatus.OPEN
-        if best.upper < 0.0:
-            status = FieldStatus.UNSTABLE
-        elif not math.isfinite(best.lower):
-            status = FieldStatus.NO_LOWER
-        elif not math.isfinite(best.upper):
-            status = FieldStatus.NO_UPPER
-        return replace(best, status=status)
+        return replace(best, status=status_of_bounds(best.lower, best.upper, gap))
 
     def finer(self, adaptive: bool) -> SolidMesh:
         """Return the next mesh: refined where the fields disagree and where the stress field is weak, or everywhere."""
