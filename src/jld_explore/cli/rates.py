@@ -16,9 +16,14 @@ _FACES: Final = 40
 """Number of faces up to which `jld solve` looks for kinks of the derivatives by vertices."""
 
 
-def with_rates(result: LimitAnalysisResult) -> LimitAnalysisResult:
-    """Return a result with the derivatives of λ by strengths, weight and vertices among its facts."""
+def with_rates(result: LimitAnalysisResult, *, vertices: bool) -> LimitAnalysisResult:
+    """Return a result with the derivatives of λ by strengths and weight among its facts, and by `vertices` if asked.
+
+    Derivatives by vertices take three times as long as the others, and the terminal does not show them.
+    """
     rates = {name: rate.to_json() for name, rate in sensitivities(result).items()}
+    if not vertices:
+        return replace(result, facts={**result.facts, "sensitivities": rates})
     few = len(result.assembly.interfaces) <= _FACES
     moves = geometry_sensitivities(result, one_sided=few)
     by_vertex = None if moves is None else moves.to_json()

@@ -100,7 +100,7 @@ def solve(
         result = solve_assembly(assembly, labels, **vars(options))
     if robust:
         result = _with_nominal(assembly, result)
-    result = named(parsed, with_rates(result))
+    result = named(parsed, with_rates(result, vertices=as_json or out is not None))
     if out is not None:
         _write_result(result, out)
     say(json.dumps(result.to_json(), indent=1) if as_json else result_in_words(parsed, result))
