@@ -119,7 +119,7 @@ class CentralPath:
     def points(self) -> Iterator[PathPoint]:
         """Follow the central path, and yield each iterate until it ends.
 
-        It ends where it converges, stalls, or λ grows without limit.
+        It ends where it converges, stalls, λ grows without limit, or rounding takes an iterate out of the cones.
 
         Yields
         ------
@@ -142,6 +142,8 @@ class CentralPath:
             off = residual > _RESIDUAL * gap or self._distance(point, parameter) > _CENTRED * np.sqrt(self._degree)
             best, since = (gap, 0) if gap < 0.5 * best else (best, since + 1)
             if self.steps >= self.most or since > _STALLED or abs(point.load) > _UNBOUNDED or not np.isfinite(residual):
+                return
+            if not (self._inside(point.s) and self._inside(point.z)):
                 return
             target = parameter * (1.0 if off else reduction)
             step = self._step(point, target, (dual, balance, primal), matrix, slopes)
@@ -167,6 +169,12 @@ class CentralPath:
         linear[:] = np.maximum(linear, 0.05 * self.size)
         cones[:, 0] = np.maximum(cones[:, 0], np.hypot(cones[:, 1], cones[:, 2]) + 0.05 * self.size)
         return PathPoint(y, np.zeros(len(rows.load)), s, self.size * self.weights * self._inverse(s))
+
+    def _inside(self, values: Floats) -> bool:
+        """Return whether slacks or multipliers (rows,) are inside their cones, and not on the boundary."""
+        cones = values[self.rows.linear :].reshape(-1, 3)
+        curved = (cones[:, 0] > 0.0) & (cones**2 @ _FLIP > 0.0)
+        return bool((values[: self.rows.linear] > 0.0).all() and curved.all())
 
     def _inverse(self, s: Floats) -> Floats:
         """Return the inverse of slacks s in the Jordan algebra of the cones.
@@ -271,7 +279,7 @@ class CentralPath:
         """
         first = self.rows.linear
         s, z = point.s[first:].reshape(-1, 3), point.z[first:].reshape(-1, 3)
-        length_s, length_z = (np.sqrt(np.maximum(v**2 @ _FLIP, 1e-300))[:, None] for v in (s, z))
+        length_s, length_z = (np.sqrt(v**2 @ _FLIP)[:, None] for v in (s, z))
         unit_s, unit_z = s / length_s, z / length_z
         half = np.sqrt(0.5 * (1.0 + (unit_s * unit_z).sum(axis=1)))[:, None]
         middle = 0.5 * (unit_s + unit_z * _FLIP) / half
