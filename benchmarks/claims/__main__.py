@@ -7,6 +7,7 @@ import csv
 import importlib
 import json
 import math
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
@@ -27,6 +28,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--seconds", type=float, default=math.inf, help="time limit per family, s")
     parser.add_argument("--version-name", default=__version__, help="name of the tested version in the table")
+    parser.add_argument("--add", action="store_true", help="add to the cases in the table; name a new first seed")
     parser.add_argument("--failures", type=Path, default=None, help="file to which all disagreements are written")
     given = parser.parse_args(arguments)
     for name in given.families or FAMILIES:
@@ -40,23 +42,30 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if given.failures is not None:
             with given.failures.open("a", encoding="utf-8") as file:
                 file.writelines(f"{name}: {line}\n" for line in found.disagreements)
-        _record(name, given.version_name, given.first_seed, found)
+        _record(name, given.version_name, given.first_seed, found, add=given.add)
     _write_table()
 
 
-def _record(family: str, version: str, first_seed: int, found: Tally) -> None:
-    """Replace the row of one family and version in the record of runs."""
-    rows = [row for row in _rows() if (row["family"], row["version"]) != (family, version)]
+def _record(family: str, version: str, first_seed: int, found: Tally, *, add: bool) -> None:
+    """Replace the row of one family and version in the record of runs, or `add` the cases to it."""
+    before = [row for row in _rows() if (row["family"], row["version"]) == (family, version)]
+    rows = [row for row in _rows() if row not in before]
+    cases, wrong, seconds, notes = found.cases, len(found.disagreements), found.seconds, Counter(found.notes)
+    for row in before if add else []:
+        cases, wrong = cases + int(row["cases"]), wrong + int(row["disagreements"])
+        seconds += float(row["seconds"])
+        notes.update(json.loads(row["notes"]))
+        first_seed = min(first_seed, int(row["first_seed"]))
     rows.append(
         {
             "family": family,
             "version": version,
             "claim": found.claim,
             "first_seed": str(first_seed),
-            "cases": str(found.cases),
-            "disagreements": str(len(found.disagreements)),
-            "seconds": f"{found.seconds:.0f}",
-            "notes": json.dumps(dict(sorted(found.notes.items()))),
+            "cases": str(cases),
+            "disagreements": str(wrong),
+            "seconds": f"{seconds:.0f}",
+            "notes": json.dumps(dict(sorted(notes.items()))),
         }
     )
     order = list(FAMILIES)
