@@ -20,7 +20,7 @@ from jld_core.batch import chosen
 from jld_explore import ExploreSettings, explore
 from jld_explore.drivers import Driver
 from jld_explore.drivers.exact.driver import Exact
-from jld_explore.drivers.exact.proof_check import Claim
+from jld_explore.drivers.exact.proof_check import Claim, check_proof
 from jld_explore.drivers.exact.proof_state import Conflict, Evidence, ProofState
 from jld_explore.evaluation import Records
 from jld_explore.report import Exploration, words
@@ -218,6 +218,24 @@ def test_a_conflict_that_refutes_an_evaluated_layout_is_found(tmp_path: Path) ->
     check = driver._check_proof(claims, "", driver._incumbents.strongest(100))
     assert not check.passed
     assert "allows it 0.1" in check.problem
+
+
+def test_conflicts_of_blocks_are_refuted_again(tmp_path: Path) -> None:
+    """Each by a new program from its labels alone; one that refutes too much is found without any evaluation."""
+    document = grid_document([*["aaaa"] * 3, "####"], **WEAK)
+    done, driver = search(document, tmp_path / "out", jobs=1, by_blocks="on")
+    assert done.summary.proven is True
+    by_blocks = [one for one in driver.state.conflicts if one.evidence is Evidence.BLOCKS]
+    check = done.summary.facts["proof_check"]
+    assert by_blocks
+    assert check["weighed"] == check["conflicts"] >= len(by_blocks)
+    best = np.array([letter == "d" for letter in done.summary.best_labelling])
+    faces = np.flatnonzero(driver.space.candidates)[:5]
+    driver.state.add_conflicts([Conflict(faces, best[faces], 0.1, Evidence.BLOCKS)])
+    claims = [Claim(None, driver.found[None].bound / driver._scale)]
+    nothing = np.empty((0, len(best)), dtype=bool), np.empty(0)
+    problem = check_proof(driver._context, driver.state, claims, nothing, "", 100.0).problem
+    assert "a conflict of blocks that was to keep λ at 0.1 is not refuted" in problem
 
 
 def test_a_bound_below_a_layout_is_withdrawn_and_proven_again(tmp_path: Path) -> None:

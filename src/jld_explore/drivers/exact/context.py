@@ -33,6 +33,14 @@ class PartialLabellingRelaxation(Protocol):
         """Refute thresholds (k,) for partial labellings (k, m); see `Relaxation.refute_all`."""
         ...
 
+    def refute(self, labels: Bits, undecided: Bools, threshold: float) -> DualBound | None:
+        """Refute a threshold for one partial labelling (m,); see `Relaxation.refute`."""
+        ...
+
+    def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
+        """Return the least bound of one partial labelling (m,); see `Relaxation.least_bound`."""
+        ...
+
     def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
         """Evaluate known mechanisms of one load case; see `Relaxation.evaluate_mechanisms`."""
         ...

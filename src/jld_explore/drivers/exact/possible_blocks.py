@@ -160,6 +160,14 @@ class BlockTables:
         np.fill_diagonal(overlap, False)
         self._overlaps = overlap
 
+    def agreeing(self, faces: Ints, labels: Bits) -> Bools:
+        """Return the blocks (p,) that may be chosen under labels (k,) of faces (k,), True = dry."""
+        label = dict(zip(faces.tolist(), labels.tolist(), strict=True))
+        known = np.isin(self.faces, faces)
+        dry = np.array([label.get(face, False) for face in self.faces.tolist()], dtype=bool)
+        excluded = self.inside[known & dry].any(axis=0) | self.separated_by[known & ~dry].any(axis=0)
+        return np.asarray(~excluded, dtype=bool)
+
     def propagated(self, allowed: Bools) -> Bools | None:
         """Return the blocks (p,) left by propagation; None if an element has none.
 
