@@ -46,6 +46,22 @@ class BlockMultipliers:
     solved: bool = True
 
 
+@dataclass(frozen=True)
+class BlockMechanism:
+    """Velocities and multipliers of one block relaxation, from which its bound can be computed again.
+
+    Attributes
+    ----------
+    case : int
+        Index of the load case.
+    multipliers : BlockMultipliers
+        Values that the solver returned; `BlockRelaxation.evaluate` repairs them before use.
+    """
+
+    case: int
+    multipliers: BlockMultipliers
+
+
 class BatchBlockProgram:
     """Program of the block relaxation, in the batch solver, for any set of allowed blocks.
 

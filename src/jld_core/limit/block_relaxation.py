@@ -31,7 +31,7 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.limit.analysis import LimitAnalysis
-from jld_core.limit.block_batch import BatchBlockProgram, BlockMultipliers
+from jld_core.limit.block_batch import BatchBlockProgram, BlockMechanism, BlockMultipliers
 from jld_core.limit.block_cones import ConeProgram
 from jld_core.limit.block_faces import BlockFaces, YieldSetFaces
 from jld_core.limit.block_parts import block_parts
@@ -74,6 +74,8 @@ class Choice:
         Dissipation of the mechanism inside each block; without proof.
     useless : (p,) bool array
         Blocks that occur in no segmentation that reaches the threshold.
+    mechanisms : tuple of BlockMechanism
+        Proof of the bound and of the useless blocks: one mechanism for each load case that was solved.
     """
 
     bound: float
@@ -81,6 +83,7 @@ class Choice:
     share: Floats
     inside: Floats
     useless: Bools
+    mechanisms: tuple[BlockMechanism, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -185,6 +188,25 @@ class BlockRelaxation:
         # residual.
         return self._choose(allowed, threshold, found.bound, self._fine_solver)
 
+    def evaluate(self, mechanism: BlockMechanism, allowed: Bools, threshold: float, most: float) -> Choice:
+        """Bound λ by the mechanism of an earlier program, without a solver.
+
+        Parameters
+        ----------
+        mechanism : BlockMechanism
+            Mechanism of a program of this relaxation, for any allowed blocks.
+        allowed : (p,) bool array
+            Blocks that may be chosen now.
+        threshold, most : float
+            As in `choose`.
+
+        Returns
+        -------
+        Choice
+            Bound, refutation and useless blocks that the mechanism proves.
+        """
+        return self._proven_choice(mechanism.multipliers, allowed, threshold, most)
+
     @property
     def batched(self) -> bool:
         """Return True if the batch solver solves many programs at a time."""
@@ -254,20 +276,21 @@ class BlockRelaxation:
         mechanism = self._repair(answer, allowed, most)
         if mechanism is None:
             return Choice(most, False, share, np.zeros(len(allowed)), np.zeros(len(allowed), dtype=bool))
+        proof = (BlockMechanism(0, answer),)
         # The lower bound of Σ e_p is concave in θ: if it is positive at two load factors, it is positive between them.
         end, spare_end = self._excess(mechanism, most, allowed)
         excess, spare = self._excess(mechanism, threshold, allowed)
         useless = allowed & (excess + spare > 0.0) & (end + spare_end > 0.0)
         if not end > 0.0:
-            return Choice(most, False, share, mechanism.inside, useless)
+            return Choice(most, False, share, mechanism.inside, useless, proof)
         if excess > 0.0:
-            return Choice(min(most, threshold), True, share, mechanism.inside, useless)
+            return Choice(min(most, threshold), True, share, mechanism.inside, useless, proof)
         start = float(mechanism.price.sum())
         for step in _STEPS:
             tried = start + step * max(1.0, abs(start))
             if 0.0 <= tried < most and self._excess(mechanism, tried, allowed)[0] > 0.0:
-                return Choice(tried, False, share, mechanism.inside, useless)
-        return Choice(most, False, share, mechanism.inside, useless)
+                return Choice(tried, False, share, mechanism.inside, useless, proof)
+        return Choice(most, False, share, mechanism.inside, useless, proof)
 
     # --- proof ------------------------------------------------------------------------------------------
 

@@ -17,6 +17,7 @@ from jld_core.arrays import Bits, Bools, Floats
 from jld_core.assembly import Assembly
 from jld_core.batch import ConflictRequest
 from jld_core.limit.analysis import LimitAnalysis
+from jld_core.limit.block_batch import BlockMechanism
 from jld_core.limit.block_relaxation import Asked, BlockRelaxation, Choice
 from jld_core.limit.dual_bounds import DualBound, MinimizedConflict
 from jld_core.limit.partial_labellings import PartialLabellingBounds
@@ -183,6 +184,14 @@ class CaseBlockRelaxation(_Cases[BlockRelaxation]):
         """
         return self.bound_all([(allowed, threshold, most)])[0]
 
+    def evaluate(self, mechanism: BlockMechanism, allowed: Bools, threshold: float, most: float) -> Choice:
+        """Bound the governing factor by the mechanism of an earlier program; see `BlockRelaxation.evaluate`."""
+        unit = self._units[mechanism.case]
+        scaled = self._in_units(threshold, most, unit)
+        found = self._cases[mechanism.case].evaluate(mechanism, allowed, *scaled)
+        bound = threshold if found.refuted else _raised(found.bound * unit)
+        return replace(found, bound=min(most, bound), mechanisms=(mechanism,))
+
     def bound_all(self, asked: Sequence[Asked], pool: ThreadPoolExecutor | None = None) -> list[Choice]:
         """Bound the governing factor for many sets of allowed blocks.
 
@@ -208,15 +217,17 @@ class CaseBlockRelaxation(_Cases[BlockRelaxation]):
                 _, threshold, most = asked[k]
                 before = found[k]
                 useless = one.useless if before is None else one.useless | before.useless
+                proof = tuple(replace(mechanism, case=case) for mechanism in one.mechanisms)
+                proof = proof if before is None else (*before.mechanisms, *proof)
                 if one.refuted:
                     counts[case] += 1
-                    found[k] = replace(one, bound=min(most, threshold), useless=useless)
+                    found[k] = replace(one, bound=min(most, threshold), useless=useless, mechanisms=proof)
                     continue
                 bound = min(most, _raised(one.bound * unit))
                 if before is None or bound < before.bound:
-                    found[k] = replace(one, bound=bound, useless=useless)
+                    found[k] = replace(one, bound=bound, useless=useless, mechanisms=proof)
                 else:
-                    found[k] = replace(before, useless=useless)
+                    found[k] = replace(before, useless=useless, mechanisms=proof)
             left = [k for k in left if (known := found[k]) is not None and not known.refuted]
         self._reorder(counts)
         return [one for one in found if one is not None]

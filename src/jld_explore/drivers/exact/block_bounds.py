@@ -7,10 +7,10 @@ under one load case does not depend on the number of workers. A program whose wo
 
 `BlockBoundTightening` bounds all labellings by one program over all possible blocks (docs/method.md (6.5)). Its bound
 is much closer than the relaxation face by face where blocks have several cells and the gap is wide. The program takes
-as long as thousands of relaxations in the batch solver, so a proof solves it only after spending about the same time
-itself. Its mechanism may refute single blocks. Each refuted block becomes a conflict: all faces inside it inner, all
-faces around it dry. The next program leaves those blocks out, so it is smaller and its bound tighter. A large program
-is solved in a separate process, which can be stopped before it ends.
+as long as thousands of relaxations in the batch solver, so a proof solves it only after spending as much time itself.
+Its mechanism may refute single blocks. Each refuted block becomes a conflict: all faces inside it inner, all faces
+around it dry. The next program leaves those blocks out, so it is smaller and its bound tighter. A large program is
+solved in a separate process, which can be stopped before it ends.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import pickle
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import cloudpickle
@@ -33,7 +33,7 @@ from jld_core.limit.case_relaxation import AnyBlockRelaxation, block_relaxation_
 from jld_core.threads import one_thread
 from jld_explore.drivers.exact.context import ProofContext
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
-from jld_explore.drivers.exact.proof_state import Conflict, Evidence
+from jld_explore.drivers.exact.proof_state import BlockEvidence, Conflict, Evidence
 from jld_explore.evaluation.cluster import client_of_cluster
 from jld_explore.evaluation.worker_pool import LOST, PoolWorker, WorkerPool
 from jld_explore.space import SearchSpace
@@ -225,14 +225,14 @@ _MOST_SIDES: Final = 60_000
 _SIDES_HERE: Final = 2000
 """Largest number of sides for which this process solves the program.
 
-Such a program takes at most two seconds, which is the time that another process needs to start.
+Such a program takes at most two seconds, as long as another process needs to start.
 """
 
 _DEADLINE_CHECK_SECONDS: Final = 0.2
 """Interval, s, at which the deadline is checked while another process solves the program."""
 
 _REMAINING_SHARE: Final = 0.9
-"""Largest share of the blocks that may remain for another program to be solved."""
+"""Largest share of the blocks that may remain for another program."""
 
 _INCREASE: Final = 1e-3
 """Relative increase of the best known λ after which the programs are solved again."""
@@ -251,10 +251,13 @@ class TightenedBound:
         Scaled λ that no labelling exceeds.
     conflicts : tuple of Conflict
         One conflict for each refuted block.
+    proof : tuple of BlockEvidence
+        Mechanisms of all programs so far, which prove the bound.
     """
 
     bound: float
     conflicts: tuple[Conflict, ...]
+    proof: tuple[BlockEvidence, ...] = field(default=(), compare=False, repr=False)
 
 
 class BlockBoundTightening:
@@ -283,6 +286,7 @@ class BlockBoundTightening:
         )
         self._next = _RELAXATIONS[not context.relaxation.batched] * self._sides if usable else math.inf
         self._least: float | None = None
+        self._proof: tuple[BlockEvidence, ...] = ()
         self.solves = 0
 
     @property
@@ -306,8 +310,8 @@ class BlockBoundTightening:
         least : float
             Scaled λ that a labelling must exceed.
         """
-        before = self._least
-        return relaxations >= self._next and (before is None or least > before + _INCREASE * abs(before))
+        last = self._least
+        return relaxations >= self._next and (last is None or least > last + _INCREASE * abs(last))
 
     def tighten(self, least: float, most: float, left: float, time_is_up: Callable[[], bool]) -> TightenedBound:
         """Solve block relaxations until no further block is refuted or time runs out.
@@ -331,19 +335,19 @@ class BlockBoundTightening:
         end = time.perf_counter() + _TIME_SHARE * left
         conflicts: list[Conflict] = []
         while not time_is_up() and time.perf_counter() < end:
-            before = int(self._allowed.sum())
             remaining = np.flatnonzero(self._allowed)
             choice = self._solve(remaining, (least, most), end - time.perf_counter(), time_is_up)
             if choice is None:
                 break
+            self._proof += tuple(BlockEvidence(mechanism, remaining) for mechanism in choice.mechanisms)
             most = min(most, least if choice.refuted else choice.bound)
             out = remaining if choice.refuted else remaining[choice.useless]
             if not choice.refuted:
                 self._allowed[out] = False
             conflicts += [one for one in (self._conflict_of_block(p, least) for p in out.tolist()) if len(one.faces)]
-            if choice.refuted or self._allowed.sum() > _REMAINING_SHARE * before or not self._allowed.any():
+            if choice.refuted or self._allowed.sum() > _REMAINING_SHARE * len(remaining) or not self._allowed.any():
                 break
-        return TightenedBound(most, tuple(conflicts))
+        return TightenedBound(most, tuple(conflicts), self._proof)
 
     def _solve(
         self, remaining: Ints, ends: tuple[float, float], seconds: float, time_is_up: Callable[[], bool]
@@ -385,7 +389,7 @@ class BlockBoundTightening:
         labels = np.ones(len(touched), dtype=bool)
         labels[list(self._listed_blocks.inside[p])] = False
         where = np.flatnonzero(touched)
-        return Conflict(where, labels[where], least, Evidence.BLOCKS)
+        return Conflict(where, labels[where], least, Evidence.BLOCKS, by_blocks=self._proof)
 
 
 def _sides_of(space: SearchSpace, blocks: PossibleBlocks) -> int:

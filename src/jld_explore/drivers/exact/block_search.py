@@ -21,7 +21,7 @@ from jld_explore.drivers.exact.block_bounds import BlockBoundPool
 from jld_explore.drivers.exact.block_tree import BlockTree, Node
 from jld_explore.drivers.exact.context import ProofContext
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.drivers.exact.proof_state import Conflict
+from jld_explore.drivers.exact.proof_state import BlockEvidence, Conflict
 
 ByBlocks = Literal["auto", "on", "off"]
 """Whether to search the tree: "on", "off", or "auto" where it promises to be faster."""
@@ -95,6 +95,7 @@ class BlockSearch:
         self._bounds: BlockBoundPool | None = None
         self._jobs = 1
         self._tree: BlockTree | None = None
+        self._root_proof: tuple[BlockEvidence, ...] = ()
         self._offered: set[bytes] = set()
         self._inaccurate_bounds = 0
         self._last_run, self._interval = 0, _FIRST_INTERVAL
@@ -123,11 +124,17 @@ class BlockSearch:
         self._bounds = BlockBoundPool(self._context, blocks)
         self._bounds.set_workers(self._jobs)
         tree = BlockTree(self._bounds, self._context.space, blocks, least, root)
+        self._root_proof = tuple(map(BlockEvidence, tree.root.mechanisms))
         narrow = self._context.relaxation.batched and root - least <= _NARROW_GAP[self._bounds.batched] * abs(root)
         quick = all(map(_has_wedges, self._context.analyses))
         if self._wanted == "on" or (quick and not narrow and root - tree.root.bound >= _GAP_CLOSED * (root - least)):
             self._tree = tree
         return min(root, tree.root.bound)
+
+    @property
+    def root_proof(self) -> tuple[BlockEvidence, ...]:
+        """Mechanisms of the root of the tree, which prove the bound that `start` returned; empty without a tree."""
+        return self._root_proof
 
     def set_workers(self, jobs: int) -> None:
         """Set the number of processes that may be used."""

@@ -26,7 +26,7 @@ from jld_core.arrays import Bits, Bools, Ints
 from jld_core.limit.block_relaxation import Asked, Choice
 from jld_explore.drivers.exact.block_bounds import BlockBoundPool
 from jld_explore.drivers.exact.possible_blocks import BlockTables, PossibleBlocks
-from jld_explore.drivers.exact.proof_state import Conflict, Evidence
+from jld_explore.drivers.exact.proof_state import BlockEvidence, Conflict, Evidence
 from jld_explore.space import SearchSpace
 
 Possible = Callable[[Ints, Bits], bool]
@@ -45,12 +45,23 @@ class Node:
         Blocks that are left.
     choice : Choice
         Result of the block relaxation over those blocks.
+    proof : tuple of BlockEvidence
+        Mechanisms of the node and of the nodes above it, from the root on.
     """
 
     faces: Ints
     labels: Bits
     allowed: Bools
     choice: Choice
+    proof: tuple[BlockEvidence, ...]
+
+    def solved(self, choice: Choice) -> Node:
+        """Return the node with the result of its own block relaxation."""
+        return replace(self, choice=choice, proof=(*self.proof, *map(BlockEvidence, choice.mechanisms)))
+
+    def conflict(self, bound: float) -> Conflict:
+        """Return the conflict that no labelling of the node exceeds a scaled λ."""
+        return Conflict(self.faces, self.labels, bound, Evidence.BLOCKS, by_blocks=self.proof)
 
 
 @dataclass(frozen=True)
@@ -167,7 +178,7 @@ class BlockTree:
         self._open: list[tuple[float, int, Node]] = []
         self._solved_ahead: dict[int, Branches] = {}
         self._count = 0
-        self._next: Node | None = Node(nothing, nothing.astype(bool), every, self.root)
+        self._next: Node | None = Node(nothing, nothing.astype(bool), every, self.root, ()).solved(self.root)
 
     @property
     def bound(self) -> float:
@@ -179,7 +190,7 @@ class BlockTree:
     def open_conflicts(self) -> list[Conflict]:
         """One conflict for each open node: its labels, and the bound of its relaxation."""
         nodes = [node for _, _, node in self._open] + ([] if self._next is None else [self._next])
-        return [Conflict(node.faces, node.labels, node.choice.bound, Evidence.BLOCKS) for node in nodes]
+        return [node.conflict(node.choice.bound) for node in nodes]
 
     @property
     def finished(self) -> bool:
@@ -200,7 +211,7 @@ class BlockTree:
         """
         node = self._next or heapq.heappop(self._open)[2]
         self._next = None
-        refuted = Conflict(node.faces, node.labels, threshold, Evidence.BLOCKS)
+        refuted = node.conflict(threshold)
         if node.choice.bound <= threshold:
             return TreeStep(node, (refuted,))
         allowed = self._tables.propagated(node.allowed & ~node.choice.useless)
@@ -327,10 +338,11 @@ class BlockTree:
             for label, others in ((False, self._tables.separated_by), (True, self._tables.inside)):
                 decided = np.append(node.faces, self._tables.faces[face]), np.append(node.labels, label)
                 allowed = self._tables.propagated(branching.allowed & ~others[face])
+                child = Node(*decided, branching.allowed if allowed is None else allowed, node.choice, node.proof)
                 if allowed is None:
-                    conflicts.append(Conflict(*decided, branching.threshold, Evidence.BLOCKS))
+                    conflicts.append(child.conflict(branching.threshold))
                 elif branching.possible(*decided):
-                    waiting.append(((face, label), Node(*decided, allowed, node.choice)))
+                    waiting.append(((face, label), child))
         return waiting
 
     def _pair_children(
@@ -344,10 +356,11 @@ class BlockTree:
         """Pair children by face, given their relaxations (k,); add refuted ones to `conflicts`."""
         children: dict[tuple[int, bool], Node] = {}
         for (place, child), choice in zip(waiting, choices, strict=True):
+            solved = child.solved(choice)
             if choice.refuted:
-                conflicts.append(Conflict(child.faces, child.labels, branching.threshold, Evidence.BLOCKS))
+                conflicts.append(solved.conflict(branching.threshold))
             else:
-                children[place] = replace(child, choice=choice)
+                children[place] = solved
         return [FaceChildren(children.get((face, False)), children.get((face, True))) for face in faces]
 
     def _score(self, node: Node, tried: FaceChildren) -> float:
@@ -368,9 +381,12 @@ class BlockTree:
             return left[0]
         faces = np.concatenate([branching.node.faces, *(one.faces[-1:] for one in left)])
         labels = np.concatenate([branching.node.labels, *(one.labels[-1:] for one in left)])
+        own = [one.proof[len(branching.node.proof) :] for one in left]
+        proof = (*branching.node.proof, *(evidence for some in own for evidence in some))
         allowed = self._tables.propagated(np.logical_and.reduce([one.allowed for one in left]))
         if allowed is not None:
             least = min(left, key=lambda one: one.choice.bound)
-            return Node(faces, labels, allowed, replace(least.choice, share=np.where(allowed, least.choice.share, 0.0)))
-        conflicts.append(Conflict(faces, labels, branching.threshold, Evidence.BLOCKS))
+            share = np.where(allowed, least.choice.share, 0.0)
+            return Node(faces, labels, allowed, replace(least.choice, share=share), proof)
+        conflicts.append(Conflict(faces, labels, branching.threshold, Evidence.BLOCKS, by_blocks=proof))
         return None

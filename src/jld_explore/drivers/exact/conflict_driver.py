@@ -6,6 +6,7 @@ import math
 import time
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from jld_explore.drivers.exact.conflict_sources import ConflictSources
 from jld_explore.drivers.exact.context import ProofContext
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.proof_check import Claim, ProofCheck, check_proof
-from jld_explore.drivers.exact.proof_state import Conflict, Evidence, Mechanism, ProofState
+from jld_explore.drivers.exact.proof_state import BlockEvidence, Conflict, Evidence, Mechanism, ProofState
 from jld_explore.evaluation import Evaluation, Records
 from jld_explore.space import Count, SearchSpace
 
@@ -265,11 +266,17 @@ class ConflictDriver(Driver):
         self._exclude_handed_over()
         return self._formula
 
-    def _bound_all(self, bound: float, evidence: Evidence, mechanism: Mechanism | None = None) -> None:
-        """State a bound on all labellings, scaled λ, as a conflict without faces."""
-        if bound != math.inf:
-            nothing = np.empty(0, dtype=np.int64)
-            self._state.add_conflicts([Conflict(nothing, nothing.astype(bool), bound, evidence, mechanism)])
+    def _bound_all(self, bound: float, proof: Mechanism | tuple[BlockEvidence, ...]) -> None:
+        """State a bound on all labellings, scaled λ, as a conflict without faces; `proof` is one of its two proofs."""
+        if bound == math.inf:
+            return
+        nothing = np.empty(0, dtype=np.int64)
+        one = Conflict(nothing, nothing.astype(bool), bound)
+        if isinstance(proof, Mechanism):
+            one = replace(one, mechanism=proof)
+        else:
+            one = replace(one, evidence=Evidence.BLOCKS, by_blocks=proof)
+        self._state.add_conflicts([one])
 
     def _add_conflict(self, conflict: Conflict) -> None:
         """Add a conflict to the state of the proof and to the formula."""
@@ -281,7 +288,7 @@ class ConflictDriver(Driver):
         found = self.context.relaxation.least_bound(self.context.labels, self.context.free)
         if found is None:
             return math.inf
-        self._bound_all(found.bound, Evidence.MECHANISM, Mechanism(found.case, found.velocity))
+        self._bound_all(found.bound, Mechanism(found.case, found.velocity))
         return found.bound * self._scale
 
     def _check_proof(self, claims: Sequence[Claim], problem: str, evaluated: tuple[Bits, Floats]) -> ProofCheck:

@@ -25,7 +25,6 @@ from jld_explore.drivers.exact.block_bounds import BlockBoundTightening
 from jld_explore.drivers.exact.block_search import BlockSearch, ByBlocks
 from jld_explore.drivers.exact.conflict_driver import ConflictDriver
 from jld_explore.drivers.exact.conflict_generation import conflict_of
-from jld_explore.drivers.exact.proof_state import Evidence
 from jld_explore.drivers.exact.schedules import AnnealingSchedule, ScheduledStep, TargetSchedule
 from jld_explore.drivers.exact.targets import Best, Incumbents, Targets, claims_of, front, front_count, front_of_all
 from jld_explore.drivers.genetic import Genetic
@@ -313,7 +312,7 @@ class Exact(ConflictDriver):
         self._lower_bound(None, self._bound_at_root())
         root = blocks.start(self.least(None) / self._scale, self.found[None].bound / self._scale)
         if self._use_block_bounds:
-            self._bound_all(root, Evidence.BLOCKS)
+            self._bound_all(root, blocks.root_proof)
             self._lower_bound(None, root * self._scale)
 
     def _tighten(self, tightening: BlockBoundTightening | None) -> bool:
@@ -324,7 +323,7 @@ class Exact(ConflictDriver):
         left = self._deadline.remaining()
         found = tightening.tighten(low, high, left, self._time_is_up_after_heartbeat)
         self._state.add_conflicts(found.conflicts)
-        self._bound_all(found.bound, Evidence.BLOCKS)
+        self._bound_all(found.bound, found.proof)
         self._lower_bound(None, found.bound * self._scale)
         return True
 

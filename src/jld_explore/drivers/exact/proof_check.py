@@ -16,10 +16,10 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats
-from jld_core.limit.case_relaxation import AnyBlockRelaxation, block_relaxation_of
+from jld_explore.drivers.exact.block_check import BlockConflictCheck
 from jld_explore.drivers.exact.context import CheckedProof
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.drivers.exact.possible_blocks import BlockTables, PossibleBlocks
+from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.drivers.exact.proof_state import Conflict, Evidence, ProofState
 from jld_explore.space import SearchSpace
 from jld_explore.space.measures import Range
@@ -135,16 +135,16 @@ def check_proof(
         return ProofCheck(problem, time.perf_counter() - start)
     highest = max((_with_scaling_error(claim.threshold) for claim in claims), default=-math.inf)
     used = [one for one in state.conflicts if not one.from_cube and one.bound <= highest]
-    conflict_check = _ConflictCheck(context)
+    conflict_check, block_check = _ConflictCheck(context), BlockConflictCheck(context)
     end = start + max(_REFUTATION_SECONDS, _REFUTATION_SHARE * seconds)
     problem = (
         conflict_check.weigh(used)
         or _find_contradiction(used, context.space, *evaluated)
         or conflict_check.refute_again(used, end)
-        or conflict_check.refute_blocks_again(used, end)
+        or block_check.refute_again(used, end)
         or _find_open_labelling(context.space, context.blocks, used, state, claims)
     )
-    return ProofCheck(problem, time.perf_counter() - start, len(used), conflict_check.done)
+    return ProofCheck(problem, time.perf_counter() - start, len(used), conflict_check.done + block_check.done)
 
 
 class _ConflictCheck:
@@ -152,7 +152,6 @@ class _ConflictCheck:
 
     def __init__(self, context: CheckedProof) -> None:
         self._relaxation, self._free, self._labels = context.relaxation, context.free, context.labels
-        self._space, self._blocks = context.space, context.blocks
         self.done = 0
 
     def weigh(self, conflicts: Sequence[Conflict]) -> str:
@@ -201,74 +200,6 @@ class _ConflictCheck:
                     return f"a conflict on record that was to keep λ at {claimed[k]:.9g} is not refuted (scaled)"
             self.done += len(some)
         return ""
-
-    def refute_blocks_again(self, conflicts: Sequence[Conflict], end: float) -> str:
-        """Refute conflicts of possible blocks again, in random order, until a time.
-
-        A new block relaxation is solved for each of them from its labels alone. Bounds that the search inherited from
-        other conflicts are not used.
-
-        Parameters
-        ----------
-        conflicts : sequence of Conflict
-            Conflicts of the proof.
-        end : float
-            Time to stop, on the clock of `time.perf_counter`, s.
-
-        Returns
-        -------
-        str
-            The first problem, "" for none.
-        """
-        mine = [one for one in conflicts if one.evidence is Evidence.BLOCKS]
-        if not mine or self._blocks is None or time.perf_counter() >= end:
-            return ""
-        members, inside = self._blocks.members, self._blocks.inside
-        left = max(0.0, end - time.perf_counter())
-        relaxation = block_relaxation_of(self._space.assembly, members, inside, seconds=left)
-        tables = BlockTables(self._space, self._blocks)
-        for k in np.random.default_rng(len(mine)).permutation(len(mine)).tolist():
-            one = mine[k]
-            threshold = one.bound + tolerances.PROVEN * max(1.0, abs(one.bound))
-            partial, undecided = self._partial([one])
-            known = self._relaxation.least_bound(partial[0], undecided[0])
-            if known is None:
-                continue
-            for labels in self._labellings(relaxation, tables, one, (threshold, known.bound)):
-                if time.perf_counter() >= end:
-                    return ""
-                if (
-                    labels is not None
-                    and self._relaxation.refute(labels, np.zeros(len(labels), dtype=bool), threshold) is None
-                ):
-                    return f"a conflict of blocks that was to keep λ at {one.bound:.9g} is not refuted (scaled)"
-            self.done += 1
-        return ""
-
-    def _labellings(
-        self, relaxation: AnyBlockRelaxation, tables: BlockTables, conflict: Conflict, ends: tuple[float, float]
-    ) -> Iterator[Bits | None]:
-        """Yield the labellings (m,) of a conflict that no block relaxation refutes, and None after each program.
-
-        ends: scaled λ to refute, and scaled λ that the labellings of the conflict do not exceed.
-        """
-        threshold, most = ends
-        nodes = [tables.agreeing(conflict.faces, conflict.labels)] if most > threshold else []
-        while nodes:
-            left = tables.propagated(nodes.pop())
-            if left is None:
-                continue
-            choice = relaxation.choose(left, threshold, most)
-            yield None
-            left = None if choice.refuted else tables.propagated(left & ~choice.useless)
-            if left is None:
-                continue
-            undecided = tables.undecided(left)
-            if undecided.size:
-                face = int(undecided[0])
-                nodes += [left & ~tables.inside[face], left & ~tables.separated_by[face]]
-            elif self._blocks is not None:
-                yield self._blocks.labelling(self._space, np.flatnonzero(left))
 
     def _partial(self, conflicts: Sequence[Conflict]) -> tuple[Bits, Bools]:
         """Return labels (k, m) and undecided faces (k, m) of conflicts."""

@@ -18,6 +18,7 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bits, Floats, Ints
+from jld_core.limit.block_batch import BlockMechanism
 from jld_explore.evaluation import Records
 from jld_explore.space import SearchSpace
 from jld_explore.space.labelling import canonical
@@ -53,6 +54,22 @@ class Mechanism:
 
 
 @dataclass(frozen=True)
+class BlockEvidence:
+    """Mechanism of one block relaxation, as part of the proof of a conflict.
+
+    Attributes
+    ----------
+    mechanism : BlockMechanism
+        The mechanism.
+    blocks : (k,) int array or None
+        Indices of the possible blocks that the relaxation had; None for all of them.
+    """
+
+    mechanism: BlockMechanism
+    blocks: Ints | None = None
+
+
+@dataclass(frozen=True)
 class Conflict:
     """Labels on some faces that no labelling above a scaled λ has together.
 
@@ -68,10 +85,12 @@ class Conflict:
         Kind of proof.
     mechanism : Mechanism or None
         The proof, where it is a mechanism that is still in memory.
+    by_blocks : tuple of BlockEvidence
+        The proof, where it comes from block relaxations that are still in memory: each excludes blocks, in this order.
 
     Attributes
     ----------
-    faces, labels, bound, evidence, mechanism
+    faces, labels, bound, evidence, mechanism, by_blocks
         As the parameters.
     """
 
@@ -80,11 +99,21 @@ class Conflict:
     bound: float
     evidence: Evidence = Evidence.MECHANISM
     mechanism: Mechanism | None = field(default=None, compare=False, repr=False)
+    by_blocks: tuple[BlockEvidence, ...] = field(default=(), compare=False, repr=False)
 
     @property
     def from_cube(self) -> bool:
         """True if the conflict follows from other conflicts alone."""
         return self.evidence is Evidence.CUBE
+
+    @property
+    def size(self) -> int:
+        """Memory of the proof, bytes; of several block relaxations the last one, since conflicts share the others."""
+        used = 0 if self.mechanism is None else self.mechanism.velocity.nbytes
+        if self.by_blocks:
+            last = self.by_blocks[-1].mechanism.multipliers
+            used += last.velocity.nbytes + last.wall.nbytes
+        return used
 
     @property
     def key(self) -> tuple[bytes, bytes]:
@@ -179,11 +208,9 @@ class Conflicts:
         with self._lock:
             new = [one for one in conflicts if self._bounds.lowered(one, threshold)]
             for place, one in enumerate(new):
-                if one.mechanism is None:
-                    continue
-                self._mechanisms += one.mechanism.velocity.nbytes
+                self._mechanisms += one.size
                 if self._mechanisms > _MOST_BYTES:
-                    new[place] = replace(one, mechanism=None)
+                    new[place] = replace(one, mechanism=None, by_blocks=())
             self._known += new
         return len(new)
 
