@@ -30,7 +30,9 @@ _LETTERS: Final = LETTERS + LETTER
 
 @dataclass(frozen=True)
 class Void:
-    """Cells that may be left out.
+    """Cells that may be left out, represented by faces to one added support, the sink.
+
+    A labelling has m + c labels: those of the m faces of `real`, then one for each cell, True = the cell stays.
 
     Attributes
     ----------

@@ -68,7 +68,7 @@ class BlockStep:
     ----------
     conflicts : tuple of Conflict
         Conflicts found in the step.
-    whole : (m,) bool array or None
+    complete : (m,) bool array or None
         Labelling of a node without undecided faces, True = dry.
     promising : (m,) bool array or None
         Labelling that may exceed the best one known, True = dry.

@@ -219,7 +219,7 @@ class CubeWorkers:
             worker=worker.name,
             number=worker_state.tasks,
             context=content,
-            new_conflicts=tuple(replace(one, mechanism=None) for one in new_conflicts),
+            new_conflicts=tuple(replace(one, mechanism=None, by_blocks=()) for one in new_conflicts),
             handed_over=np.array(handed_over, dtype=bool).reshape(len(handed_over), len(self._face_scores)),
             target=self._target,
             count=self._count,

@@ -140,7 +140,11 @@ _proofs: OrderedDict[str, _WorkerProof] = OrderedDict()
 
 @one_thread()
 def run_task(task: Task) -> TaskResult:
-    """Carry out a task in this worker process."""
+    """Carry out a task in this process, with the state kept from earlier tasks of its worker.
+
+    A task with a context starts a new state. If the state is absent or has missed a task, do nothing and return a
+    result with `forgotten` True.
+    """
     if task.context is not None:
         _proofs[task.worker] = _WorkerProof(ProofContext.unpacked(task.context))
         while len(_proofs) > _MOST_PROOFS:
