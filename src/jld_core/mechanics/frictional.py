@@ -102,7 +102,7 @@ class Frictional(Strengths):
     def with_friction(self, share: float) -> Self:
         """Return a copy of the set with all friction coefficients multiplied by `share`.
 
-        The rows in `pattern` stay the same.
+        The rows in `pattern` stay those of the original set, so use the copy for slacks and dissipation only.
         """
         return replace(self, friction=share * self.friction, inner_friction=share * self.inner_friction)
 

@@ -22,10 +22,11 @@ _STEPS: Final = 257
 
 
 def hull_rows(sets: Frictional, *, freedoms: int, shear: int, parabolas: bool) -> RowPattern:
-    """Return a row pattern with the numbers of undecided faces in place of dry ones.
+    """Return yield rows that enclose the sets of both labels, docs/method.md (6.3).
 
-    sets: yield sets of all faces. freedoms: number of resultants per face. shear: index of the resultant in the linear
-    rows that limit shear. parabolas: True if the cones of the pattern are those of crushing.
+    They stand in the places of the rows of dry faces in the pattern of `sets`. sets: yield sets of all faces. freedoms:
+    number of resultants per face. shear: index of the resultant in the linear rows that limit shear. parabolas: True if
+    the cones of the pattern are those of crushing.
     """
     pattern = sets.pattern
     data, rhs = pattern.dry.copy(), pattern.h_dry.copy()

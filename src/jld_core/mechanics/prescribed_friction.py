@@ -166,9 +166,9 @@ class PrescribedFriction:
         return self.base.slip(self._jumps_about(jumps, labels))
 
     def price(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return the work of friction (m,) per unit of N in a slip without dilation: μ times `slip`.
+        """Return the work (m,) of friction per unit of N in a slip without dilation.
 
-        jumps: (m, q) scaled. labels: (m,) True = dry.
+        The work is μ times `slip`. jumps: (m, q) scaled. labels: (m,) True = dry.
         """
         return np.asarray(self.base.friction_of(labels) * self.slip(jumps, labels))
 
@@ -239,7 +239,10 @@ class PrescribedFriction:
         return self._associated.recession_slack(self._forces_about(forces, labels), labels)
 
     def recession_active(self, labels: Bits) -> Bools:
-        """Return a mask (m, q), True where a resultant may be non-zero in the recession cone."""
+        """Return a mask (m, q), True where a resultant may be non-zero in the recession cone.
+
+        labels: (m,) True = dry, see `YieldSet.recession_active`.
+        """
         return self._associated.recession_active(labels)
 
     def dissipation(self, jumps: Floats, labels: Bits) -> Floats:
@@ -251,7 +254,10 @@ class PrescribedFriction:
         return np.asarray(self._associated.dissipation(self._jumps_about(jumps, labels), labels) + frozen)
 
     def margin(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return the slack (m,) of the conditions for finite dissipation of jumps (m, q)."""
+        """Return the slack (m,) of the conditions for finite dissipation of jumps (m, q).
+
+        labels: (m,) True = dry, see `YieldSet.margin`.
+        """
         return self._associated.margin(self._jumps_about(jumps, labels), labels)
 
     def utilisation(self, forces: Floats, labels: Bits) -> Floats | None:
