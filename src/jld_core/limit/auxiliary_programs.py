@@ -38,7 +38,8 @@ def slack_rows(structure: Structure) -> Ints:
 def largest_slack_program(program: ConicProgram, load_fixed: bool = False) -> ConicProgram:
     """Return the program that maximises the least slack t ≤ 1 of all yield rows.
 
-    program: supplies the rows. load_fixed: True removes the column of λ, which keeps λ = 0; otherwise λ is a variable.
+    t is the last column, and t ≤ 1 the last linear row. program: supplies the rows. load_fixed: True removes the column
+    of λ, which keeps λ = 0; otherwise λ is a variable.
     """
     s = program.structure
     matrix = program.matrix.tocsr()

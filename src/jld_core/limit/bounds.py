@@ -54,9 +54,10 @@ class Prover:
 
     @cached_property
     def exact(self) -> float:
-        """Largest violation that rounding of exact forces and velocities leaves, relative to those of their face.
+        """Return the largest violation, relative to its face, that counts as rounding.
 
-        It is `EXACT`, or the last digits of the coordinates relative to the size of the assembly, if those are larger.
+        It is `tolerances.EXACT`, or the last digits of the coordinates relative to the size of the assembly, if those
+        are larger.
         """
         elements = self.template.assembly.elements
         far = max(float(abs(elements.lower).max()), float(abs(elements.upper).max()))

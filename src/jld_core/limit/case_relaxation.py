@@ -85,13 +85,17 @@ class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
 
     @property
     def each(self) -> tuple[Relaxation, ...]:
-        """Return the relaxations of all load cases."""
+        """Return the relaxations of all load cases, in the order of the cases."""
         return tuple(self._cases)
 
     def refute_all(
         self, labellings: Bits, undecided: Bools, thresholds: Floats, thorough: Bools | None = None
     ) -> list[DualBound | None]:
-        """Refute governing factors by any case, see `PartialLabellingBounds.refute_all`."""
+        """Refute governing factors of partial labellings, case by case.
+
+        The result has, for each labelling, the mechanism of the first case that refutes its threshold; None if no case
+        does. Parameters: see `PartialLabellingBounds.refute_all`.
+        """
         found: list[DualBound | None] = [None] * len(labellings)
         left = np.arange(len(labellings))
         counts = [0] * len(self._cases)
@@ -133,14 +137,20 @@ class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
         return found + [MinimizedConflict(k, True, request.free, None, bool(carried[k])) for k in left.tolist()]
 
     def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
-        """Evaluate mechanisms of one case, see `PartialLabellingBounds.evaluate_mechanisms`."""
+        """Bound governing factors (k,) by known mechanisms of one case.
+
+        Parameters and errors: see `PartialLabellingBounds.evaluate_mechanisms`.
+        """
         if not 0 <= case < len(self._cases):
             raise ValueError(f"case: there is no load case {case}; expected 0 to {len(self._cases) - 1}")
         bounds = self._cases[case].evaluate_mechanisms(0, velocities, labellings, undecided) * self._units[case]
         return np.array([_raised(bound) for bound in bounds.tolist()])
 
     def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
-        """Return the mechanism of least bound over all cases, see `PartialLabellingBounds.least_bound`."""
+        """Return the mechanism of the least bound over all load cases; None if no case has one.
+
+        Parameters: see `PartialLabellingBounds.least_bound`.
+        """
         found = [one.least_bound(labels, undecided) for one in self._cases]
         known = [
             replace(one, bound=_raised(one.bound * unit), case=case)

@@ -22,13 +22,14 @@ _NARROW: Final = 1e-10  # Rise of an upper bound, relative to λ, up to which th
 
 
 class ProofAttempt(AttemptState):
-    """Solution methods for one labelling; each offers what it proves.
+    """Solution methods for one labelling; each adds to `proof` the bounds that it proves.
 
+    A method solves a program or repairs an answer, and `Prover` checks what it finds. Without success it adds no bound.
     The parameters and attributes are those of `AttemptState`.
     """
 
     def solve_by_batch_solver(self) -> None:
-        """Solve by the batch solver and offer what it proves.
+        """Solve by the batch solver, if there is one, and offer what it proves.
 
         It also finds rays for structures in which some immobile faces can only be unloaded.
         """
@@ -56,13 +57,16 @@ class ProofAttempt(AttemptState):
             proof.state, proof.motion, proof.ray, proof.collapse_below_zero = state, None, None, None
 
     def solve_by_first_solver(self) -> None:
-        """Solve by the solver of the analysis."""
+        """Solve by the solver of the analysis, set up on its reference labelling; see `solve_by`."""
         route, template, analysis = self.analysis.first_solver, self.template, self.analysis
         route.prepare(template.structure, lambda: template.program(analysis.reference, analysis.margin))
         self.solve_by(route, analysis.margin)
 
     def solve_by(self, route: Solver, margin: float) -> None:
-        """Solve by one solver and offer what its raw answer proves.
+        """Solve by one solver and offer what its raw answer proves, without repairs.
+
+        The answer is kept in `raw`. An infeasible program offers a motion that proves instability, an unbounded one a
+        ray.
 
         Parameters
         ----------
@@ -181,7 +185,7 @@ class ProofAttempt(AttemptState):
             self.proof.offer_state(state)
 
     def find_ray(self) -> None:
-        """Find a ray where the solver stopped at a large λ."""
+        """Find a ray, which proves that λ is unbounded, where the solver stopped at a large λ."""
         self.proof.solves += 1
         self.proof.solve_log.append("ray inside")
         self.proof.ray = self.repair.ray(self.labels)

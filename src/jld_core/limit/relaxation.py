@@ -114,7 +114,10 @@ class Relaxation(PartialLabellingBounds):
     def refute_all(
         self, labellings: Bits, undecided: Bools, thresholds: Floats, thorough: Bools | None = None
     ) -> list[DualBound | None]:
-        """Refute scaled λ for many partial labellings, see `PartialLabellingBounds.refute_all`."""
+        """Refute scaled λ for many partial labellings, under one load.
+
+        The result has a mechanism for each labelling, or None. Parameters: see `PartialLabellingBounds.refute_all`.
+        """
         count = len(labellings)
         with self._counting:
             self.solves += count
@@ -165,7 +168,10 @@ class Relaxation(PartialLabellingBounds):
         ]
 
     def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
-        """Evaluate mechanisms under one load, see `PartialLabellingBounds.evaluate_mechanisms`."""
+        """Bound scaled λ (k,) by known mechanisms, under one load.
+
+        Parameters and errors: see `PartialLabellingBounds.evaluate_mechanisms`.
+        """
         if case != 0:
             raise ValueError(f"case: there is one load, and no load case {case}")
         balance = self._balances.balance(velocities, labellings, undecided)
@@ -210,7 +216,10 @@ class Relaxation(PartialLabellingBounds):
             which, velocities = which[lacking], velocities[lacking]
 
     def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
-        """Return the mechanism of least scaled λ, see `PartialLabellingBounds.least_bound`."""
+        """Return the mechanism with the least bound found on scaled λ; None if none is found.
+
+        Parameters: see `PartialLabellingBounds.least_bound`.
+        """
         found = self.refute_all(labels[None], undecided[None], np.array([_ANY]))
         if self._shared is not None and self._batch is not None:
             # The rows of the batch solver enclose the hull of crushing joints; the exact hull gives a slightly lower

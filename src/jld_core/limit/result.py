@@ -122,7 +122,7 @@ class LimitAnalysisResult(NotebookRepr):
 
     @property
     def zero_dilation(self) -> ZeroDilation | None:
-        """Return the evidence and the range of a solution without dilation; None for associative friction."""
+        """Return the evidence for a solution without dilation; None for associative friction."""
         return ZeroDilation.of(self.facts)
 
     @property
