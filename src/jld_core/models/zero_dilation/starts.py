@@ -124,7 +124,8 @@ def _at_load(search: FixedPointSearch, load: float) -> ConicProgram:
 def forces_of_decreasing_friction(search: FixedPointSearch, forces: Floats) -> Floats:
     """Iterate with friction that decreases as N grows; return the final forces (q·m,).
 
-    This removes thrust that the mechanism does not need.
+    This removes thrust that the mechanism does not need. forces: (q·m,) scaled start. Iterations end early where a
+    program fails.
     """
     previous = search.normals(forces)
     for _ in range(_FALLS):
@@ -139,11 +140,12 @@ def forces_of_decreasing_friction(search: FixedPointSearch, forces: Floats) -> F
 
 
 def low_compression_states(search: FixedPointSearch, load: float, rng: np.random.Generator) -> PrimalDualPair | None:
-    """Find a pair that starts from a state of low compression on random faces.
+    """Search for a solution from a state of low compression on random faces.
 
     Every solution has the λ of its own frozen friction, which grows with N: faces without compression do not resist.
     From a state at the scaled λ `load`, a mechanism of the frozen friction and the lowest forces for it are computed in
-    turn. The result is None where a program fails.
+    turn. The result is the pair reached, which need not be a solution; None where a program fails. rng: draws faces and
+    mechanisms.
     """
     program = _at_load(search, load)
     freedoms = search.analysis.template.assembly.freedoms
@@ -169,7 +171,10 @@ def low_compression_states(search: FixedPointSearch, load: float, rng: np.random
 
 
 def repair_and_evaluate(search: FixedPointSearch, point: Floats) -> PrimalDualPair:
-    """Move a point (q·m + 1,) into the true friction cone, and evaluate it as a pair."""
+    """Move a point into the true friction cone where possible, and evaluate it as a pair.
+
+    point: (q·m + 1,) scaled forces and λ.
+    """
     areas = search.areas(point)
     state: State = search.repaired_state(point, search.analysis.template, areas)
     return search.evaluate_pair(state, areas)
