@@ -50,7 +50,10 @@ class Analysis(Protocol):
         """Return True if the batch solver is faster for one labelling than one solver call."""
 
     def unloaded(self, labels: Bits) -> State | None:
-        """Return the state without forces at λ = 0, or None if there is dead load."""
+        """Return the state without forces at λ = 0, or None if there is dead load.
+
+        labels: (m,) True = dry.
+        """
 
     def status_of(self, proof: Proof) -> Status:
         """Return the status that a proof supports."""

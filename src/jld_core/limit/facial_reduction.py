@@ -62,9 +62,9 @@ class FacialReduction:
         self.template, self.prover = template, prover
 
     def repair(self, motion: Motion, labels: Bits, normalise: bool = True) -> Motion | None:
-        """Project a motion onto the jumps of finite dissipation and blend it to the inside.
+        """Project a motion onto the jumps of finite dissipation, and move it into their inside.
 
-        The result is blended with a motion strictly inside the allowed jumps.
+        The projection is blended with a motion strictly inside the allowed jumps, docs/method.md (3.12).
 
         Parameters
         ----------
