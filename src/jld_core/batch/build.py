@@ -76,12 +76,18 @@ def digest() -> str:
 
 
 def mark() -> str:
-    """Return the compiler flag that writes the hash of the sources into the library."""
+    """Return the compiler flag that writes the hash of the sources into a library.
+
+    `is_current` looks for this hash, see `digest`.
+    """
     return f'-DJLD_SOURCES="{digest()}"'
 
 
 def is_current(library: Path) -> bool:
-    """Return True if a library was compiled from the present sources, or there are none."""
+    """Return True if a library was compiled from the present sources.
+
+    The result is also True where the package has no sources to compare with. The library is not loaded.
+    """
     # Read the file without loading it: a library for another processor may crash on loading.
     return not SOURCE.is_dir() or digest().encode() in library.read_bytes()
 

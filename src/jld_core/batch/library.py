@@ -173,9 +173,10 @@ def library(variant: str) -> ctypes.CDLL:
 
 
 def require_success(outcome: int) -> None:
-    """Raise the error that the return code of a compiled function stands for, if any.
+    """Raise an error if the return code `outcome` of a compiled function reports a failure.
 
-    Raises MemoryError, ValueError (a problem that the compiled solver does not take), or RuntimeError (a defect of it).
+    The errors are MemoryError, ValueError (a problem that the compiled solver does not take), and RuntimeError (a
+    defect of it).
     """
     if outcome == _OUTCOMES["NO_MEMORY"]:
         raise MemoryError("the batch solver has no memory for its workspace")

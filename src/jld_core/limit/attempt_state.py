@@ -43,7 +43,7 @@ class Analysis(Protocol):
 
     @property
     def batch(self) -> BatchSolver | None:
-        """Return the batch solver for labellings of this analysis."""
+        """Return the batch solver for labellings of this analysis; None if there is none."""
 
     @property
     def batch_is_faster(self) -> bool:

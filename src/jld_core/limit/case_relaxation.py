@@ -93,8 +93,9 @@ class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
     ) -> list[DualBound | None]:
         """Refute governing factors of partial labellings, case by case.
 
-        The result has, for each labelling, the mechanism of the first case that refutes its threshold; None if no case
-        does. Parameters: see `PartialLabellingBounds.refute_all`.
+        labellings, undecided: (k, m) labels, True = dry, and faces that may have either. thresholds: (k,) governing
+        factors. thorough: (k,) True where another solver is tried if the batch solver finds no proof; None: everywhere.
+        The result has, for each labelling, the mechanism of the first case that refutes its threshold, or None.
         """
         found: list[DualBound | None] = [None] * len(labellings)
         left = np.arange(len(labellings))
@@ -114,7 +115,11 @@ class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
         return found
 
     def minimize_conflicts(self, request: ConflictRequest) -> list[MinimizedConflict]:
-        """Minimise conflicts case by case, see `PartialLabellingBounds.minimize_conflicts`."""
+        """Minimise conflicts of labellings, each under the first case that refutes it.
+
+        Labellings that no case refutes come last, without bound. Parameters: see
+        `PartialLabellingBounds.minimize_conflicts`.
+        """
         found: list[MinimizedConflict] = []
         left, carried = np.arange(len(request.labellings)), np.ones(len(request.labellings), dtype=bool)
         counts = [0] * len(self._cases)
@@ -139,7 +144,9 @@ class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
     def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
         """Bound governing factors (k,) by known mechanisms of one case.
 
-        Parameters and errors: see `PartialLabellingBounds.evaluate_mechanisms`.
+        case: index of the case. velocities: (k, q·free) scaled. labellings, undecided: (k, m) labels, True = dry, and
+        faces that may have either. The result is inf where a mechanism proves nothing. Raises ValueError for an unknown
+        case.
         """
         if not 0 <= case < len(self._cases):
             raise ValueError(f"case: there is no load case {case}; expected 0 to {len(self._cases) - 1}")
@@ -149,7 +156,7 @@ class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
     def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
         """Return the mechanism of the least bound over all load cases; None if no case has one.
 
-        Parameters: see `PartialLabellingBounds.least_bound`.
+        labels, undecided: (m,) labels, True = dry, and faces that may have either.
         """
         found = [one.least_bound(labels, undecided) for one in self._cases]
         known = [

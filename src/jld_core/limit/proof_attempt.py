@@ -175,7 +175,10 @@ class ProofAttempt(AttemptState):
         self.repair_answer()
 
     def find_boundary_state(self) -> None:
-        """Offer a state in yield sets without interior, where no other method found one."""
+        """Offer a state for labellings under which no state has slack in all yield rows.
+
+        See `Repair.boundary_state`.
+        """
         raw = self.raw
         self.proof.solves += 1
         self.proof.solve_log.append("boundary state")
@@ -191,7 +194,10 @@ class ProofAttempt(AttemptState):
         self.proof.ray = self.repair.ray(self.labels)
 
     def find_ray_with_self_stress(self) -> None:
-        """Find a ray that a self-stress at the boundary of the friction cones makes admissible."""
+        """Find a ray that is admissible only together with a self-stress that grows faster.
+
+        The self-stress lies on the boundary of friction cones, see `SelfStress.ray`.
+        """
         self.proof.solves += 2
         self.proof.solve_log.append("ray beside self-stress")
         self.proof.ray = self.repair.ray_with_self_stress(self.labels)
@@ -201,14 +207,20 @@ class ProofAttempt(AttemptState):
             )
 
     def find_self_stress_states(self) -> None:
-        """Offer states that rely on a self-stress at the boundary of the friction cones."""
+        """Offer states that are admissible because of a self-stress in the friction cones.
+
+        See `FacialReduction.states` and `SelfStress.states`.
+        """
         self.proof.solves += 2
         self.proof.solve_log.append("self-stress")
         for state in self.repair.self_stress_states(self.labels):
             self.proof.offer_state(state)
 
     def solve_without_margin(self) -> None:
-        """Solve by an interior-point method with refined linear systems and no margin."""
+        """Solve by an interior-point method with refined linear systems and no margin.
+
+        The margin is the slack that programs keep in every yield row. The answer is repaired.
+        """
         self._solve_refined(self.template.precision.residual, 0.0)
 
     def solve_with_less_margin(self) -> None:

@@ -107,7 +107,10 @@ class Frictional(Strengths):
         return replace(self, friction=share * self.friction, inner_friction=share * self.inner_friction)
 
     def without_shear_limit(self) -> Self:
-        """Return a copy of the set without any limit on shear; `pattern` stays the same."""
+        """Return a copy of the set without any limit on shear, for tests of bending alone.
+
+        The rows in `pattern` stay those of the original set.
+        """
         none = np.zeros(len(self.friction))
         return replace(self, friction=none, inner_friction=none, cohesion=none, shear=none)
 

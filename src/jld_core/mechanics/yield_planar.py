@@ -67,8 +67,8 @@ class PlanarYield(Frictional):
     def facets(self, labels: Bits) -> tuple[Floats, Floats] | None:
         """Return the linear yield rows C F + d ≥ 0 of each face, or None if a face can crush.
 
-        Dry: N ∓ m and c + μN ∓ V. Inner: N + σtA ∓ 3m and τA + μN ∓ V. Every coefficient is a given number or a small
-        integer.
+        C is (m, 4, 3) and d (m, 4). Dry: N ∓ m and c + μN ∓ V. Inner: N + σtA ∓ 3m and τA + μN ∓ V. Every coefficient
+        is a given number or a small integer. labels: (m,) True = dry.
         """
         if np.isfinite(np.where(labels, self.crush_dry, self.crush_inner)).any():
             return None

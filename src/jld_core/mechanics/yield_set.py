@@ -172,9 +172,10 @@ class YieldSet(Rows, Protocol):
     """
 
     def slack(self, forces: Floats, labels: Bits) -> Floats:
-        """Return the least distance (m,) of the forces of each face to its yield boundary.
+        """Return the least slack (m,) of the yield conditions of each face under given forces.
 
-        The slack is negative outside the set. forces: (m, q) scaled resultants. labels: (m,) True = dry.
+        It is 0 on the boundary of the yield set and negative outside. forces: (m, q) scaled resultants. labels: (m,)
+        True = dry.
         """
 
     def recession_slack(self, forces: Floats, labels: Bits) -> Floats:
@@ -292,7 +293,7 @@ class FrictionSet(YieldSet, Protocol):
         """
 
     def without_shear_limit(self) -> FrictionSet:
-        """Return a copy of the set without any limit on shear.
+        """Return a copy of the set without any limit on shear, for tests of bending alone.
 
         It serves proofs only: the rows in `pattern` stay those of the original set.
         """

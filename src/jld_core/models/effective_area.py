@@ -48,7 +48,7 @@ HOLDING_WEIGHT: Final = 30.0
 
 
 def require_rectangles(assembly: Assembly, labels: Bits) -> None:
-    """Raise InputError if effective areas do not apply to a labelling.
+    """Raise InputError if effective areas do not apply to a labelling of an assembly.
 
     They apply to spatial scenes with a dry rectangle and without cohesion of dry faces. labels: (m,) True = dry.
     """

@@ -135,5 +135,8 @@ def highs_of(
 
 
 def highs_ends(values: Floats) -> Floats:
-    """Return bounds, an array of any shape, with ±inf replaced by the infinity of HiGHS."""
+    """Return bounds with ±inf replaced by the infinity of HiGHS.
+
+    values: bounds, of any shape; finite ones stay.
+    """
     return np.clip(values, -highspy.kHighsInf, highspy.kHighsInf)

@@ -126,8 +126,8 @@ class AlternatingPrograms:
     def mix_with_low_compression(self, point: Floats, share: float, rng: np.random.Generator) -> Floats | None:
         """Mix a point with a state of low compression on random faces.
 
-        point: (3m + 1,) scaled forces and λ. share: weight of that state, from 0 to 1. The result is None if no state
-        exists.
+        The state minimises Σ w N with random weights w. point: (3m + 1,) scaled forces and λ. share: weight of that
+        state, from 0 to 1. rng: draws w. The result is None if no state exists.
         """
         objective = np.zeros(len(point))
         objective[:-1:3] = rng.exponential(size=self.modes.faces)

@@ -33,7 +33,10 @@ class BinaryFractions:
 
     @staticmethod
     def of(table: Floats) -> BinaryFractions:
-        """Convert a matrix of finite doubles to binary fractions, exactly."""
+        """Convert a matrix of finite doubles to binary fractions, exactly.
+
+        table: (r, c) doubles.
+        """
         part, power = np.frexp(table)
         used = table != 0.0
         least = int(power[used].min(initial=0))
@@ -83,5 +86,8 @@ class BinaryFractions:
 
 
 def round_to_bits(table: Floats, bits: int = BITS) -> Floats:
-    """Return an array of doubles, of any shape, rounded to multiples of 2^−bits."""
+    """Return an array of doubles rounded to multiples of 2^−bits.
+
+    table: doubles of any shape. Sums of such numbers need few digits as binary fractions.
+    """
     return np.asarray(np.ldexp(np.rint(np.ldexp(table, bits)), -bits))

@@ -68,7 +68,10 @@ class BoundedModes:
 
     @classmethod
     def up_to(cls, modes: Modes, high: float) -> BoundedModes:
-        """Compute the bounds for all solutions with 0 ≤ λ ≤ high, where `high` is a scaled λ."""
+        """Compute the bounds for all solutions with 0 ≤ λ ≤ high.
+
+        modes: the complementarity problem. high: scaled λ. Bounds that are not proven are inf, or None for velocities.
+        """
         statics = Statics(modes, 0.0, high, np.zeros(len(modes.rows), dtype=bool))
         return cls(modes, statics.force_bounds, bound_velocities(statics))
 

@@ -287,7 +287,7 @@ def reduce_residual(
 
 
 def drop_rounding(table: Floats) -> Floats:
-    """Return an array in which entries below 1e-11 are zero.
+    """Return an array, of any shape, in which entries below 1e-11 are zero.
 
     They are rounding errors of numbers of order one.
     """

@@ -147,8 +147,8 @@ class FixedPointSearch:
     ) -> tuple[Template, PrescribedFriction]:
         """Return the template and yield sets whose friction is μ(αN + (1 − α)N_prev).
 
-        alpha: α, share of the present N in friction. previous: (m,) N_prev, scaled. areas: effective areas, None if not
-        used.
+        The template shares matrix and structure with that of the analysis. alpha: α, share of the present N in
+        friction. previous: (m,) N_prev, scaled. areas: effective areas, None if not used.
         """
         sets = PrescribedFriction(self.base, alpha, previous, areas)
         self.shared = self.shared.renumbered(sets)

@@ -137,7 +137,7 @@ def minimise_product_program(
     """Minimise a program over products; None if a factorisation fails.
 
     The best iterate is returned, also where the tolerance is not reached. seconds: processor time after which
-    iterations end. tolerance: of residuals and complementarity; None: the default `_DONE`.
+    iterations end. tolerance: of residuals and complementarity; None: the default of the method.
     """
     try:
         return _InteriorPointMethod(program, _DONE if tolerance is None else tolerance).run(seconds)

@@ -122,12 +122,12 @@ class LowerBoundProblem:
     def interval_end(self, low: float) -> float:
         """Return the upper end of the next interval of λ to exclude, which begins at `low`.
 
-        It lies a little above the lowest solution found.
+        It lies a little above the lowest solution found. Both ends are scaled.
         """
         return self.load + _ROOM * (self.load - low) + _LEAST_ROOM * self.load_unit
 
     def load_below(self, share: float) -> float:
-        """Return λ of the lowest solution found, reduced by a relative share."""
+        """Return the scaled λ of the lowest solution found, reduced by a relative share."""
         return self.load - share * self.load_unit
 
     def closes_gap(self, bound: float) -> bool:

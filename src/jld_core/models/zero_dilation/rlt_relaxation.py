@@ -174,7 +174,8 @@ def cost_form(modes: Modes) -> Floats:
 def region_forms(modes: LinearModes, region: Region) -> Floats:
     """Return the linear forms (k + 3, q + 2) of (F, λ, 1) that are ≥ 0 in a region.
 
-    They are the k slacks of yield rows, λ − low, high − λ and 1. There are q resultants F.
+    They are the k slacks of yield rows, λ − low, high − λ and 1. modes: complementarity problem with q resultants F.
+    region: has the ends `low` and `high` of λ.
     """
     last = np.zeros((3, modes.matrix.shape[1] + 2))
     last[0, -2:], last[1, -2:], last[2, -1] = (1.0, -region.low), (-1.0, region.high), 1.0
@@ -264,8 +265,9 @@ def solve_products(
 def scaled_forms(modes: LinearModes, region: Region, unit: Floats) -> tuple[Floats, Floats, Floats]:
     """Return the forms of a region and its equilibrium, scaled to entries of order one.
 
-    unit: matrix that maps scaled (F, λ, 1) to unscaled ones. The results are `region_forms` with each row divided by
-    its largest entry, these divisors (k + 3,), and the equilibrium rows.
+    modes: complementarity problem with k yield rows. unit: matrix that maps scaled (F, λ, 1) to unscaled ones, see
+    `scaling_matrix`. The results are `region_forms` with each row divided by its largest entry, these divisors (k +
+    3,), and the equilibrium rows.
     """
     facts, statics = region_forms(modes, region) @ unit, modes.statics @ unit
     largest = row_maxima(facts)

@@ -42,7 +42,8 @@ _DRAWN: Final = 1e-3
 def starts(search: FixedPointSearch, associative: Proof, thorough: bool = True) -> Iterator[Floats]:
     """Yield the scaled forces (q·m,) from which searches start, the most useful first.
 
-    associative: associative proof of the labelling. thorough: also yield starts that need more programs.
+    search: supplies labels and solvers, and counts programs. associative: associative proof of the labelling. thorough:
+    also yield starts that need more programs.
     """
     first = initial_forces(search, associative, "associative")
     yield first
@@ -58,7 +59,7 @@ def initial_forces(search: FixedPointSearch, associative: Proof, start: str) -> 
 
     "associative": forces of the associative solution. "vertex": a vertex of the associative problem. "gravity": the
     state of least forces at λ = 0. If the vertex program fails, or gravity has no state, the associative forces are
-    used.
+    used, and zero forces if there are none. search: supplies labels and solvers, and counts programs.
     """
     labels, template = search.labels, search.analysis.template
     if start == "vertex":
@@ -78,7 +79,8 @@ def forces_along_load_path(search: FixedPointSearch, gravity: Floats, most: floa
     """Follow a load path from gravity in steps of λ; return the forces (q·m,) at its end.
 
     Each state is the nearest to the previous one, as in distinct element analysis, where the final state depends on the
-    load path. most: scaled λ above which no state exists, NaN if unknown.
+    load path. The path ends where no further state is found. search: supplies labels and programs. gravity: (q·m,)
+    scaled forces at λ = 0. most: scaled λ above which no state exists, NaN if unknown.
     """
     forces, load = gravity, 0.0
     step = (most if most > 0.0 else 1.0) / _STEPS

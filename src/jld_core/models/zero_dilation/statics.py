@@ -137,9 +137,10 @@ class Statics:
 def bound_velocities(statics: Statics) -> Floats | None:
     """Bound velocities |u| and slides t of any mechanism per unit of its cost, (3n + m,).
 
-    The result is None if no bound is proven. The cost is Σ_hinges z + Σ_faces capacity · |s|, docs/method.md (4.8).
-    Hinges bound openings and rotations, and these bound velocities except for a few ways to slide without opening. Such
-    a way is bounded if the faces that slide together carry some friction in every state.
+    statics: states of the region, whose least friction is used. The result is None if no bound is proven. The cost is
+    Σ_hinges z + Σ_faces capacity · |s|, docs/method.md (4.8). Hinges bound openings and rotations, and these bound
+    velocities except for a few ways to slide without opening. Such a way is bounded if the faces that slide together
+    carry some friction in every state.
     """
     modes, m = statics.modes, statics.modes.faces
     width = len(modes.dead)
