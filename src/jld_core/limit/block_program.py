@@ -256,6 +256,6 @@ class SparseEntries:
         self.add(rows.ravel(), np.repeat(column, rows.shape[1]), value.ravel())
 
     def arrays(self) -> tuple[Ints, Ints, Floats]:
-        """Return row indices, column indices and values of all entries."""
+        """Return row indices, column indices and values (nnz,) of all entries."""
         rows, columns, values = zip(*self._parts, strict=True)
         return np.concatenate(rows), np.concatenate(columns), np.concatenate(values)

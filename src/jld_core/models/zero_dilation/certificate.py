@@ -261,13 +261,13 @@ def reduce_residual(
     unbalanced: Bools,
     equilibrium: Callable[[Floats], Floats] | None = None,
 ) -> Floats:
-    """Reduce a residual of the certificate's identity by forms that vanish in solutions.
+    """Reduce the residual of a certificate's identity by forms that vanish in solutions.
 
-    They are multiples of equilibrium and of velocities that are zero. All sums are exact; the result (q + 2, w) is
-    converted to doubles. lacking: (q + 2, w) residual, a bilinear form of Φ = (F, λ, 1) and w velocities. statics:
-    matrix K with K Φ = 0. zero_forms: (e, w) forms of velocities that are zero. unbalanced: (w,) velocities to which no
-    multiple of equilibrium is applied. equilibrium: function from a residual to the multipliers of K that reduce it
-    most; None: least squares.
+    They are multiples of equilibrium and of velocities that are zero, the terms with Q and Ψ of docs/method.md (4.8).
+    Sums are exact; the result (q + 2, w) is converted to doubles. lacking: (q + 2, w) residual, a bilinear form of Φ =
+    (F, λ, 1) and w velocities. statics: matrix K with K Φ = 0. zero_forms: (e, w) forms of velocities that are zero.
+    unbalanced: (w,) velocities to which no multiple of equilibrium is applied. equilibrium: function from a residual to
+    the multipliers of K that reduce it most; None: least squares.
     """
     exact = BinaryFractions.of(statics)
     if equilibrium is None:

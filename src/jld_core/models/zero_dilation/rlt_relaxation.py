@@ -145,8 +145,9 @@ def null_space(rows: Floats) -> Floats:
 def product_rows(first: Any, second: Any, i: Ints, j: Ints) -> Any:
     """Return the Kronecker products of rows i of one matrix with rows j of another.
 
-    i, j: (k,) rows of `first` and of `second`, in pairs. The result is sparse, (k, columns of first × columns of
-    second). Each row is a product of two linear forms, as a linear form of X.
+    They state products of two linear forms, of forces and of velocities, as linear forms of X, docs/method.md (4.7).
+    first, second: matrices with one form per row. i, j: (k,) rows of `first` and of `second`, in pairs. The result is
+    sparse, (k, columns of first × columns of second).
     """
     one, two = sp.csr_array(first)[i], sp.csr_array(second)[j]
     a, b = np.diff(one.indptr), np.diff(two.indptr)
@@ -174,8 +175,9 @@ def cost_form(modes: Modes) -> Floats:
 def region_forms(modes: LinearModes, region: Region) -> Floats:
     """Return the linear forms (k + 3, q + 2) of (F, λ, 1) that are ≥ 0 in a region.
 
-    They are the k slacks of yield rows, λ − low, high − λ and 1. modes: complementarity problem with q resultants F.
-    region: has the ends `low` and `high` of λ.
+    They are the k slacks of yield rows, λ − low, high − λ and 1. Their products with forms of velocities are the rows
+    of the RLT relaxation, docs/method.md (4.7). modes: complementarity problem with q resultants F. region: has the
+    ends `low` and `high` of λ.
     """
     last = np.zeros((3, modes.matrix.shape[1] + 2))
     last[0, -2:], last[1, -2:], last[2, -1] = (1.0, -region.low), (-1.0, region.high), 1.0
@@ -320,9 +322,10 @@ def moving_forms(forms: Floats, region: Region) -> Bools:
 def combined_states(x: Floats, live: Floats, rates: Floats) -> Floats:
     """Return states of forces and λ (k, q + 1) of which the products X are a combination.
 
-    The first is the mean state, the others belong to the modes of largest rate. The array is empty where all rates
-    vanish. x: (q + 2, w) products of (F, λ, 1) with velocities. live: (w,) coefficients of b_λ·u. rates: (4m, w) mode
-    rates.
+    X is that of docs/method.md (4.7). The states are starting points of a search for solutions: first the mean state,
+    then those of the modes of largest rate. The array is empty where all rates vanish. x: (q + 2, w) products of (F, λ,
+    1) with velocities. live: (w,) coefficients of b_λ·u. rates: (4m, w) rates of the modes, that is, of hinges and
+    slides.
     """
     mean, z = x @ live, x[-1] @ rates.T
     states = [mean / mean[-1]] if mean[-1] > _SEEN else []
@@ -333,7 +336,8 @@ def combined_states(x: Floats, live: Floats, rates: Floats) -> Floats:
 def zero_product_pairs(held: Ints, moving: Ints) -> tuple[Ints, Ints]:
     """Return the indices (k, l) of yield slacks and modes whose product y_k z_l is zero.
 
-    They are k = l, and every held k with every moving l. held: modes with y = 0. moving: modes that may have z > 0.
+    They are k = l, and every held k with every moving l, docs/method.md (4.7). held: modes with y = 0. moving: modes
+    that may have z > 0.
     """
     both = np.isin(moving, held)
     k = np.concatenate([moving[~both], np.repeat(held, len(moving))])
