@@ -264,9 +264,9 @@ def project_onto_faces(
 
 
 def without_small_components(way: Floats, snap: float) -> Floats:
-    """Set components of a unit vector below `snap` to zero, and normalise it again.
+    """Return a unit vector whose components below `snap` are set to zero, normalised again.
 
-    way: (k,) unit vector.
+    way: (k,) unit vector, left as it is.
     """
     fine = np.where(abs(way) < snap, 0.0, way)
     return np.asarray(fine / np.linalg.norm(fine))

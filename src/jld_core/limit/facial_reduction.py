@@ -48,7 +48,10 @@ _LAST_DIGIT: Final = 16.0 * float(np.finfo(float).eps)
 
 
 class FacialReduction:
-    """Repair of motions and states where self-stress excludes a motion that opens every face.
+    """Repair of motions and states of assemblies that a self-stress confines.
+
+    A self-stress is a set of forces in equilibrium without any load. Where one lies in the recession cones of the yield
+    sets, no motion opens every face, and the usual repair of motions fails, docs/method.md (3.12).
 
     Parameters
     ----------

@@ -17,17 +17,18 @@ from jld_core.mechanics.yield_set import CoulombWedge, FrictionSet, ParabolicBen
 
 @dataclass(frozen=True)
 class EffectiveAreas:
-    """Effective rectangles of m spatial faces, as they enter torsion.
+    """Effective rectangles of m spatial faces: the parts that resist torsion, as factors.
 
-    V is the shear force and mT = MT / c_T. c_T and c_T,e are the torsion arms of the whole face and of the effective
-    rectangle. With e = ρ (mT + a·V) the limit on shear is |V| + |e| ≤ μN.
+    The effective rectangle is the largest part of a rectangle about the centre of pressure x. c_T and c_T,e are the
+    torsion lengths of the whole face and of this part. With the shear force V and mT = MT / c_T, the limit on shear is
+    |V| + ρ |mT + a·V| ≤ μN.
 
     Attributes
     ----------
     ratio : (m,) array
-        ρ = c_T / c_T,e ≥ 1.
+        ρ = c_T / c_T,e ≥ 1; 1 for a whole face.
     arm : (m, 2) array
-        a = (x2, −x1) / c_T, with the centre of pressure x.
+        a = (x2, −x1) / c_T; 0 for a whole face.
 
     Notes
     -----

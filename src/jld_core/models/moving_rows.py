@@ -45,8 +45,8 @@ def areas_under(assembly: Assembly, forces: Floats, labels: Bits) -> EffectiveAr
     Returns
     -------
     EffectiveAreas
-        Ratio c_T / c_T,e and arm x / c_T of each face. Inner faces, faces without compression and faces that are
-        not rectangles keep the whole face.
+        Ratio c_T / c_T,e and arm (x2, −x1) / c_T of each face. Inner faces, faces without normal force and faces that
+        are not rectangles keep the whole face.
 
     Notes
     -----

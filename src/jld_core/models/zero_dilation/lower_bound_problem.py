@@ -146,7 +146,10 @@ class LowerBoundProblem:
         return min(bound, self.load) - _TRUSTED * self.load_unit
 
     def offer_states(self, states: Floats) -> None:
-        """Search for solutions from states (k, q + 1), and update the lowest λ found."""
+        """Search for solutions from given states, and update the lowest λ found.
+
+        states: (k, q + 1) scaled forces and λ. Nothing happens without the function `offer` of the constructor.
+        """
         if self._offer is not None:
             self.load = min(self.load, self._offer(states))
 

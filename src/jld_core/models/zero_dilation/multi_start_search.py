@@ -78,7 +78,7 @@ class Found:
 
     @property
     def lowest_load(self) -> float:
-        """Return λ of the lowest solution, +inf if there is none."""
+        """Return the scaled λ of the lowest solution, +inf if there is none."""
         return math.inf if self.lowest is None else self.lowest.state.load
 
     def offer(self, pair: PrimalDualPair) -> bool:
