@@ -286,7 +286,8 @@ class BatchSolver:
     def reversed(self) -> BatchSolver:
         """Return a solver of the same structure under the opposite live load.
 
-        The starting point has no load and no velocities, so use the result for a few labellings only.
+        Its iterations start without live load and without velocities. They take longer, so use it for a few labellings
+        only.
         """
         other = copy(self)
         other._live = -self._live
@@ -298,12 +299,12 @@ class BatchSolver:
         """Minimise the conflicts of labellings at their thresholds.
 
         A conflict keeps as few faces decided as still prove λ below the threshold. The fate `REFUTED` is a hint: the
-        caller must verify the work balance of the mechanism.
+        caller must verify the work balance of the mechanism, docs/method.md (6.4).
 
         Parameters
         ----------
         asked : ConflictRequest
-            Labellings, scaled thresholds and options.
+            k labellings, scaled thresholds and options.
 
         Returns
         -------

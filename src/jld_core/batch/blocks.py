@@ -40,20 +40,23 @@ _MOST: Final = 50
 
 @dataclass(frozen=True)
 class BlockColumns:
-    """Rows and columns of one block in the relaxation by blocks.
+    """Rows and columns of one block p in the relaxation by blocks, docs/method.md (6.5).
+
+    The variables of a block are its share x_p, its λ x_p, and the multiples ≥ 0 of its columns. All row numbers below
+    count within the block: its own rows first, then the shared ones.
 
     Attributes
     ----------
     own : int
         Number of rows that belong to this block alone.
     shared : (s,) int array
-        Rows that the block shares with others.
+        Rows that the block shares with others: 3·node + row, numbered over all nodes.
     columns : tuple of (row, entry)
-        Row numbers and entries of each column. Rows count within the block: its own rows first, then the shared ones.
+        Row numbers and entries of each column.
     of_x : (own + s,) array
-        Entries of the block's share.
+        Coefficients of x_p in all rows of the block.
     of_load : (own + s,) array
-        Entries of the block's λ times its share.
+        Coefficients of λ x_p in all rows of the block.
     """
 
     own: int
@@ -92,12 +95,15 @@ class BlockAnswers:
 
 
 class BatchBlockSolver:
-    """Batch solver that minimises −λ for many choices of allowed blocks.
+    """Batch solver for the relaxation by blocks, for many choices of allowed blocks at once.
+
+    Each program maximises λ over the variables of the allowed blocks, see `BlockColumns`. The own rows of a block sum
+    to zero, the shared rows over all blocks to `rhs`.
 
     Parameters
     ----------
     blocks : sequence of BlockColumns
-        All possible blocks.
+        All p possible blocks.
     places : (nodes, d) array
         Coordinates of the nodes; each node has three shared rows.
     rhs : (3·nodes,) array

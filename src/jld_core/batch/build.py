@@ -65,7 +65,10 @@ def variants(machine: str | None = None) -> tuple[str, ...]:
 
 
 def digest() -> str:
-    """Return a hash of sources and flags; a cached library is valid while it is the same."""
+    """Return a hash of the C++ sources, the interface and the compiler flags, 16 characters.
+
+    A cached library is valid while the hash is the same.
+    """
     content = hashlib.sha256(repr((FLAGS, VARIANT_FLAGS)).encode())
     for path in [INTERFACE, *sorted(SOURCE.iterdir())]:
         content.update(path.name.encode() + path.read_bytes())
@@ -73,12 +76,18 @@ def digest() -> str:
 
 
 def mark() -> str:
-    """Return the compiler flag that writes the hash of the sources into the library."""
+    """Return the compiler flag that writes the hash of the sources into a library.
+
+    `is_current` looks for this hash, see `digest`.
+    """
     return f'-DJLD_SOURCES="{digest()}"'
 
 
 def is_current(library: Path) -> bool:
-    """Return True if a library was compiled from the present sources, or there are none."""
+    """Return True if a library was compiled from the present sources.
+
+    The result is also True where the package has no sources to compare with. The library is not loaded.
+    """
     # Read the file without loading it: a library for another processor may crash on loading.
     return not SOURCE.is_dir() or digest().encode() in library.read_bytes()
 
@@ -157,11 +166,11 @@ def remove_others(library: Path) -> None:
 
 
 def main() -> None:
-    """Compile variants of this machine into the cache or the package, or a sanitized one into a folder.
+    """Compile variants of the batch solver for this machine, and print their paths.
 
-    Command-line arguments: names of variants (default: all); or --in-place (all, into the package); or
-    --sanitized FOLDER (addresses and undefined behaviour); or --thread-sanitized FOLDER (data races). The last two use
-    the compiler's sanitizers.
+    Command-line arguments: names of variants, into the user's cache (default: all); or --in-place (all, into the
+    package); or --sanitized FOLDER (addresses and undefined behaviour); or --thread-sanitized FOLDER (data races). The
+    last two use the compiler's sanitizers. The process exits with an error if a variant cannot be compiled.
     """
     extra: tuple[str, ...] = ()
     folder, wanted = cache(), sys.argv[1:] or list(variants())

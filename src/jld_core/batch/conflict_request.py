@@ -23,16 +23,18 @@ CARRIED: Final = _FATES["CARRIED"]
 class MinimizationOptions:
     """Options of conflict minimisation.
 
+    Minimisation makes decided faces undecided, as long as the relaxation still proves λ below the threshold.
+
     Attributes
     ----------
     neighbours : int
         Further minimisations per refuted labelling; each starts with one face of its conflict undecided.
     tries : int
-        Number of single faces that may fail before minimisation of a conflict ends.
+        Number of single faces tried without success after which a conflict is accepted as minimal.
     inner : bool
         True: make inner faces undecided before dry ones.
     balance : float
-        Equilibrium error (scaled) at which forces that carry more than the threshold end a relaxation.
+        Equilibrium error (scaled) up to which forces that carry more than the threshold end a relaxation.
     """
 
     neighbours: int = 0
@@ -82,7 +84,10 @@ class ConflictRequest:
         return replace(self, labellings=self.labellings[rows], thresholds=self.thresholds[rows], undecided=undecided)
 
     def in_units(self, unit: float) -> ConflictRequest:
-        """Return the same request with thresholds divided by `unit`, a value of λ."""
+        """Return the same request with thresholds divided by `unit`, a value of λ.
+
+        For example, thresholds in scene units over `Scaling.load` are scaled.
+        """
         return replace(self, thresholds=self.thresholds / unit)
 
 

@@ -56,15 +56,19 @@ _POINTERS: Final[dict[str, Any]] = {
 
 
 def pointers(**arrays: NDArray[Any] | None) -> dict[str, Any]:
-    """Return ctypes pointers to arrays by field name; leave out arrays that are None."""
+    """Return ctypes pointers to arrays by name; leave out arrays that are None.
+
+    arrays: contiguous arrays of float64, int32, int64 or uint8. The pointers are valid while the arrays exist.
+    """
     known = {name: array for name, array in arrays.items() if array is not None}
     return {name: array.ctypes.data_as(_POINTERS[array.dtype.name]) for name, array in known.items()}
 
 
 def built() -> dict[str, Path]:
-    """Return the compiled libraries by variant, fastest first.
+    """Return the paths of the compiled libraries by variant, fastest first.
 
-    Libraries of the package come first if they match the sources; otherwise those of the cache are returned.
+    Libraries of the package come first if they match the sources; otherwise those of the cache are returned. The
+    dictionary is empty if nothing is compiled.
     """
     own = _within(Path(__file__).parent)
     return {name: path for name, path in own.items() if build.is_current(path)} or _within(build.cache())
@@ -134,7 +138,8 @@ def _found(wish: str) -> tuple[str, Path] | None:
 def chosen() -> str | None:
     """Return the name of the batch solver's variant in use, or None if there is none.
 
-    `JLD_KERNEL` selects it; by default it is the fastest variant that is built and runs here.
+    The environment variable `JLD_KERNEL` selects it, "off" for none. By default it is the fastest variant that is built
+    and runs here. If nothing is built yet, that variant is compiled first.
 
     Returns
     -------
@@ -168,9 +173,10 @@ def library(variant: str) -> ctypes.CDLL:
 
 
 def require_success(outcome: int) -> None:
-    """Raise the error that the outcome of a call stands for.
+    """Raise an error if the return code `outcome` of a compiled function reports a failure.
 
-    Raises MemoryError, ValueError (a problem that the compiled solver does not take), or RuntimeError (a defect of it).
+    The errors are MemoryError, ValueError (a problem that the compiled solver does not take), and RuntimeError (a
+    defect of it).
     """
     if outcome == _OUTCOMES["NO_MEMORY"]:
         raise MemoryError("the batch solver has no memory for its workspace")

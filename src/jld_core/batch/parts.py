@@ -19,12 +19,12 @@ Names = NDArray[np.int32]
 
 
 class Graph:
-    """Graph of elements and the interfaces between them.
+    """Graph of elements and interfaces, from which the blocks of labellings are computed.
 
     Parameters
     ----------
     elements : int
-        Number of elements.
+        Number n of elements.
     a, b : (m,) int arrays
         Elements of each interface.
     always : (t, 2) int array
@@ -73,7 +73,9 @@ class Graph:
 
 
 class Joining:
-    """Graph of atoms that are joined into parts in a given order of pairs.
+    """Graph whose vertices (atoms) are joined into parts, pair by pair in a given order.
+
+    An atom is a set of cells that always stay together.
 
     Parameters
     ----------
@@ -102,12 +104,15 @@ class Joining:
     def parts(self, order: Ints, wanted: Ints) -> tuple[Names, Bools] | None:
         """Join atoms into parts, once for each order of the pairs.
 
+        A pair is joined unless the part would have more than `most` cells.
+
         Parameters
         ----------
         order : (k, pairs) int array
-            Order in which pairs are joined.
+            Indices of the pairs, in the order in which they are tried.
         wanted : (k,) int array
-            Number of leading pairs of each order that ask to be joined.
+            Number of leading pairs of each order that are tried; the others only serve to enlarge parts with too few
+            cells.
 
         Returns
         -------

@@ -66,8 +66,9 @@ class FactorPattern:
 def factor_pattern(a: Ints, b: Ints, places: Floats) -> FactorPattern:
     """Return the pattern with the fewest products among a few elimination orders.
 
-    Results are cached, so that the load cases of one structure share a pattern. a, b: (e,) nodes that share a matrix
-    block, loops ignored. places: (n, d) coordinates of the nodes.
+    Results are cached, so that the load cases of one structure share a pattern. a, b: (e,) pairs of nodes that share a
+    matrix block off the diagonal; a pair of a node with itself is ignored. places: (n, d) coordinates of the n nodes,
+    in any unit.
     """
     a, b, places = np.asarray(a, dtype=np.int64), np.asarray(b, dtype=np.int64), np.asarray(places, dtype=float)
     return _pattern(a.tobytes(), b.tobytes(), places.tobytes(), places.shape)

@@ -65,9 +65,10 @@ def _products(template: Template) -> int:
 
 
 def pattern_of(assembly: Assembly) -> tuple[FactorPattern, Ints, Ints]:
-    """Return the pattern of an assembly's equilibrium and the free elements of each face.
+    """Return the factor pattern of an assembly's equilibrium, and the elements of each face.
 
-    The two element arrays (m,) are numbered among the free elements; −1 stands for a support.
+    The results are the pattern, and the two elements of each face as arrays (m,). Elements are numbered among the free
+    ones; −1 stands for a support.
     """
     elements, faces = assembly.elements, assembly.interfaces
     node = np.full(len(elements), -1, dtype=np.int64)
@@ -81,13 +82,15 @@ def pattern_of(assembly: Assembly) -> tuple[FactorPattern, Ints, Ints]:
 class BatchRows:
     """Coefficients of the yield rows of all faces, under each label, for the batch solver.
 
+    Resultants are scaled. The labels are inner, dry and, where given, undecided, in this order.
+
     Attributes
     ----------
     rows : (labels, m, numbers) array
-        Labels are inner, dry, and maybe undecided. Planar: a, b, h of −a N ± b X ≤ h for each pair, where X is M, V,
-        and M again where inner faces crush. In space the same for M1, M2, and MT with t, the bound on shear. Where any
-        hull has other edges: a, p, q, h of −a N + p M1 + q M2 ≤ h for each edge, the corners between edges, and a, b, h
-        of MT.
+        Planar: a, b, h of −a N ± b X ≤ h for each pair, where X is M, V, and M again where inner faces crush. In space,
+        where all faces bend in two pairs: a, b, h of M1, of M2, and of −a N ± b MT + b t ≤ h, with t the bound on
+        shear. In space otherwise: a, p, q, h of −a N + p M1 + q M2 ≤ h for each hull edge; the corners (p, q) between
+        edges; and a, b, h of MT.
     pairs : int
         Number of pairs of rows; in space 2 (pairs in bending), or the number of edges for which there is space.
     keep : (labels, m) array
@@ -109,7 +112,8 @@ class BatchRows:
 def rows_of(template: Template, undecided: Rows | None = None) -> BatchRows | None:
     """Return a template's yield rows in the layout of the batch solver.
 
-    undecided: rows of a third label, which replace those of dry faces.
+    undecided: rows of undecided faces, which become a third label beside inner and dry. The result is None if the batch
+    solver does not support the rows.
     """
     # Cached, because both `fits` and the constructor of the batch solver ask for the same template.
     return _decided(template) if undecided is None else _rows_of(template, undecided)
@@ -171,8 +175,9 @@ def _rows_of(template: Template, undecided: Rows | None) -> BatchRows | None:
 def planar_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
     """Return the linear rows (m, pairs, 3) of planar faces under one label.
 
-    Cones are ignored here: they are the parabolas of crushing joints. pattern: rows of the yield sets. dry: True for
-    the dry label. faces: m. The result is None if unsupported, see `rows_of`.
+    A pair is a, b, h of −a N ± b X ≤ h. X is M, V and, where inner faces crush, M again. Cones are ignored here: they
+    are the parabolas of crushing joints. pattern: rows of the yield sets. dry: True for the dry label. faces: m. The
+    result is None if the batch solver does not support the rows.
     """
     if pattern.extra:
         return None
@@ -217,8 +222,9 @@ def _pairs(pattern: RowPattern, values: Floats, sides: Floats, faces: int) -> Fl
 def spatial_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
     """Return the yield rows (m, EDGES + 1, 4) of spatial faces under one label.
 
-    They are laid out as in `_spatial_table`. pattern: rows of the yield sets. dry: True for the dry label. faces: m.
-    The result is None where the batch solver does not know the yield set.
+    Rows 0 to EDGES − 1 of a face hold a, p, q, h of −a N + p M1 + q M2 ≤ h, one per hull edge; those left over have p =
+    q = 0. The last row holds a, b, h, 0 of −a N ± b MT + b t ≤ h, where t is the bound on shear. pattern: rows of the
+    yield sets. dry: True for the dry label. faces: m. The result is None if the batch solver does not support the rows.
     """
     if pattern.cones != (3,) * faces or pattern.extra != faces:
         return None

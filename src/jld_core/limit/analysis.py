@@ -208,8 +208,8 @@ class LimitAnalysis:
         labels : (m,) bool array
             Labels, True = dry.
         known : State or None
-            State of this labelling. λ = 0 lies between a state with λ ≥ 0 and a state that carries the reversed live
-            load.
+            Admissible state of this labelling, if known. If its λ is ≥ 0, a state that carries the reversed live load
+            proves that λ = 0 between them is admissible. This test saves programs for single labellings.
 
         Returns
         -------

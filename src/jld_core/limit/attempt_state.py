@@ -22,7 +22,13 @@ _SIMPLEX: Final = 6000  # Number of columns up to which a dual simplex is tried.
 
 
 class Analysis(Protocol):
-    """Interface of `LimitAnalysis`, as far as `ProofAttempt` needs it."""
+    """Interface of `LimitAnalysis`, as far as `ProofAttempt` needs it.
+
+    prover, repair: for `template`. first_solver: solver of the first attempt. reference: (m,) labelling, True = dry, on
+    which solvers are set up. margin: slack kept in every yield row while solving, scaled. gap: relative width above
+    which a bracket is uncertified. load_scale: scaled λ below which differences are negligible. single_labelling: True
+    if only one labelling will be analysed.
+    """
 
     assembly: Assembly
     template: Template
@@ -37,21 +43,24 @@ class Analysis(Protocol):
 
     @property
     def batch(self) -> BatchSolver | None:
-        """Return the batch solver for labellings of this analysis."""
+        """Return the batch solver for labellings of this analysis; None if there is none."""
 
     @property
     def batch_is_faster(self) -> bool:
         """Return True if the batch solver is faster for one labelling than one solver call."""
 
     def unloaded(self, labels: Bits) -> State | None:
-        """Return the state without forces at λ = 0, or None if there is dead load."""
+        """Return the state without forces at λ = 0, or None if there is dead load.
+
+        labels: (m,) True = dry.
+        """
 
     def status_of(self, proof: Proof) -> Status:
         """Return the status that a proof supports."""
 
 
 class AttemptState:
-    """Bounds proven so far for one labelling, and the conditions under which fallbacks are tried.
+    """Bounds proven so far for one labelling, and conditions under which fallbacks are tried.
 
     Parameters
     ----------
@@ -65,7 +74,7 @@ class AttemptState:
     proof : Proof
         Bounds proven so far.
     raw : RawSolution or None
-        Last raw solver answer, from which repairs start.
+        Last raw solver answer, from which repairs start; None before the first.
     settled : bool
         True if no further fallback is to be tried.
     batch_tried : bool
@@ -124,7 +133,7 @@ class AttemptState:
 
     @property
     def may_be_unbounded(self) -> bool:
-        """Return True if λ is so large without an upper bound that it may be unbounded."""
+        """Return True if λ may be unbounded: large (scaled, above 1000), without an upper bound."""
         state = self.proof.state
         return self.uncertified and self.proof.motion is None and state is not None and state.load > _GROWS
 

@@ -27,7 +27,7 @@ _SIMPLEX: Final = 6000
 
 
 def slack_rows(structure: Structure) -> Ints:
-    """Return the indices of the rows in which slack is measured.
+    """Return the indices (k,) of the rows of a program in which slack is measured.
 
     They are all linear yield rows, then the first row of each cone. The row that bounds λ is left out.
     """
@@ -38,7 +38,8 @@ def slack_rows(structure: Structure) -> Ints:
 def largest_slack_program(program: ConicProgram, load_fixed: bool = False) -> ConicProgram:
     """Return the program that maximises the least slack t ≤ 1 of all yield rows.
 
-    program: supplies the rows. load_fixed: True removes the column of λ, which keeps λ = 0; otherwise λ is a variable.
+    t is the last column, and t ≤ 1 the last linear row. program: supplies the rows. load_fixed: True removes the column
+    of λ, which keeps λ = 0; otherwise λ is a variable.
     """
     s = program.structure
     matrix = program.matrix.tocsr()
@@ -136,7 +137,7 @@ def largest_support(
 ) -> LargestSupport:
     """Find a point of the recession cones at which most rows have positive slack.
 
-    Second, the number of cones with a positive head is maximised.
+    Among such points it has the most cones whose first row is positive.
 
     Parameters
     ----------
@@ -152,7 +153,7 @@ def largest_support(
     Returns
     -------
     LargestSupport
-        The point, exact to the solver's residual.
+        The point, exact to the solver's residual; arbitrary if the solver fails, so check it.
     """
     s = program.structure
     rhs = np.zeros(s.shape[0])
@@ -221,7 +222,7 @@ def project_onto_faces(
     """Project a point of largest support onto the faces of the convex cones it lies on.
 
     The projection removes the solver's residual. Rows without slack become equations, and so do all rows of a cone at
-    whose tip the point lies. In a cone on whose boundary the point lies, its tail is restricted to its direction.
+    whose tip the point lies. In a cone on whose boundary the point lies, the rows after the first keep their direction.
 
     Parameters
     ----------
@@ -232,10 +233,10 @@ def project_onto_faces(
     target : (equalities,) float array
         Right-hand side of the equations.
     snap : float
-        Components of a direction below this value are set to zero.
+        Components of that direction, a unit vector, below this value are set to zero.
     least : float
-        Slack, and head of a cone, up to which it counts as zero. Default: half of the slack to which a self-stress can
-        be scaled. Use a small value where the target is not zero.
+        Slack, and value of the first row of a cone, up to which it counts as zero. Default: half of the slack to which
+        a self-stress can be scaled. Use a small value where the target is not zero.
 
     Returns
     -------
@@ -263,9 +264,9 @@ def project_onto_faces(
 
 
 def without_small_components(way: Floats, snap: float) -> Floats:
-    """Set components of a unit vector below `snap` to zero, and normalise it again.
+    """Return a unit vector whose components below `snap` are set to zero, normalised again.
 
-    way: (k,) unit vector.
+    way: (k,) unit vector, left as it is.
     """
     fine = np.where(abs(way) < snap, 0.0, way)
     return np.asarray(fine / np.linalg.norm(fine))

@@ -93,7 +93,7 @@ class BatchAnalysis:
 
         Returns
         -------
-        Batch or None
+        BatchAnalysis or None
             Batch solver; None where the analysis has none, see `LimitAnalysis.batch`.
         """
         return None if analysis.batch is None else cls(analysis, analysis.batch)

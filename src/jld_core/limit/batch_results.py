@@ -23,10 +23,11 @@ Its setup is included. Source: benchmarks/results/lanes_single.md.
 def offer_results(
     found: BatchResults, labels: Bits, proof: Proof, prover: Prover, opening: Callable[[], Motion | None]
 ) -> None:
-    """Check the bounds of the batch solver for one labelling, and add them to its proof.
+    """Check the batch solver's bounds of one labelling, and add the valid ones to a proof.
 
-    found: results for this labelling alone. labels: (m,) True = dry. proof: receives the state, and the motion or the
-    ray. prover: checks them. opening: returns a motion that opens all faces; called only where a margin is negative.
+    found: results for this labelling alone, with vectors. labels: (m,) True = dry. proof: receives the state, and the
+    motion or the ray. prover: checks them. opening: returns a motion that opens all faces; called only where a margin
+    is negative.
     """
     if found.verdict[0] not in (PROVEN, LOCKED) or found.forces is None:
         return

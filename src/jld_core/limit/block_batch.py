@@ -24,6 +24,9 @@ from jld_core.mechanics.yield_set import CoulombWedge
 class BlockMultipliers:
     """Velocities, multipliers and shares that a solver returned for one set of allowed blocks.
 
+    The counts k (parts), f (shared faces), n (elements) and p (blocks) are those of `BlockParts`; all values are
+    scaled.
+
     Attributes
     ----------
     velocity : (k, q) float array
@@ -31,7 +34,7 @@ class BlockMultipliers:
     wall : (f, q) float array
         Velocities of the shared faces.
     price, portion : (n,) float array
-        Multipliers of each element: v of its cover row, and σ of its row for the share of λ.
+        Multipliers of each element: v of its cover row, docs/method.md (6.6), and σ of its row for the share of λ.
     share : (p,) float array
         Share x of every block.
     solved : bool
@@ -89,9 +92,9 @@ class BatchBlockProgram:
     def of(
         cls, parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge, centroids: Floats
     ) -> BatchBlockProgram | None:
-        """Create the block program of an assembly; None if the batch solver does not fit.
+        """Create the block program of an assembly; None if the batch solver does not support it.
 
-        Without the compiled library there is no batch solver. parts: parts, sides and joints of the possible blocks.
+        The result is also None without the compiled library. parts: parts, sides and joints of the possible blocks.
         dry, inner: yield sets of all faces under either label. centroids: (n, d) of the free elements.
         """
         if chosen() is None:
@@ -122,7 +125,7 @@ class BatchBlockProgram:
 
         Returns
         -------
-        list of Multipliers
+        list of BlockMultipliers
             Values for each set.
         """
         width = self._batch.width

@@ -22,9 +22,9 @@ Column = tuple[list[int], list[float]]
 def columns_of(parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge) -> list[BlockColumns] | None:
     """Create the columns of every possible block, in the form that the batch solver takes.
 
-    The result is None where a joint has no shear strength without compression. Shared rows: three for each shared face,
-    then three for each element: cover, share of λ, unused. parts: parts, sides and joints of the possible blocks. dry,
-    inner: yield sets of all faces under either label.
+    Shared rows: three for each shared face, then three for each element, namely its cover, its share of λ, and one
+    unused. parts: parts, sides and joints of the possible blocks. dry, inner: yield sets of all faces under either
+    label. The result is None where a joint has no shear strength without compression.
     """
     if np.any(inner.cohesion[parts.joint_face] < inner.friction[parts.joint_face] * inner.tension[parts.joint_face]):
         return None

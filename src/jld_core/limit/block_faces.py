@@ -14,7 +14,10 @@ from jld_core.program import Template
 
 
 class BlockFaces(Protocol):
-    """Interface to the margins and dissipation of scaled jumps at faces under one label."""
+    """Interface to the margins and dissipation of scaled jumps at faces under one label.
+
+    A face may occur several times, once for each block that it touches.
+    """
 
     def margin(self, jumps: Floats, faces: Ints) -> Floats:
         """Return the least slack (k,) of the conditions for finite dissipation of jumps.
@@ -31,7 +34,7 @@ class BlockFaces(Protocol):
 
 @dataclass(frozen=True)
 class YieldSetFaces:
-    """Faces of any yield set under one label, as the block relaxation needs them.
+    """Margins and dissipation at faces of any yield set under one label; see `BlockFaces`.
 
     sets: yield sets of m faces. dry: True for the dry label. strengths: (m,) see `BlockFaces.strength`.
     """
@@ -53,15 +56,15 @@ class YieldSetFaces:
         return cls(template.yield_set, dry, np.asarray(size * assembly.interfaces.area / scaling.force))
 
     def margin(self, jumps: Floats, faces: Ints) -> Floats:
-        """Return the margins, see `BlockFaces.margin`."""
+        """Return the margins (k,) of jumps (k, q) at faces (k,), see `BlockFaces.margin`."""
         return self._each(self.sets.margin, jumps, faces)
 
     def dissipation(self, jumps: Floats, faces: Ints) -> Floats:
-        """Return the dissipation, see `BlockFaces.dissipation`."""
+        """Return the dissipation (k,) of jumps (k, q) at faces (k,), see `BlockFaces.dissipation`."""
         return self._each(self.sets.dissipation, jumps, faces)
 
     def strength(self, faces: Ints) -> Floats:
-        """Return the strengths, see `BlockFaces.strength`."""
+        """Return the strengths (k,) of faces (k,), see `BlockFaces.strength`."""
         return np.asarray(self.strengths[faces])
 
     def _each(self, measure: Callable[[Floats, Bits], Floats], jumps: Floats, faces: Ints) -> Floats:

@@ -72,7 +72,8 @@ class BlockParts:
     def jumps(self, velocity: Floats, wall: Floats) -> tuple[Floats, Floats]:
         """Compute half jumps (s, q) at the sides and jumps (j, q) at the joints.
 
-        velocity: (k, q) of the parts. wall: (f, q) of the shared faces.
+        A half jump is the jump between a part and the face beside it, which has a velocity of its own. velocity: (k, q)
+        of the parts. wall: (f, q) of the shared faces; those to supports do not move.
         """
         still = np.vstack([wall, np.zeros((1, wall.shape[1]))])  # Index −1 stands for supports, which do not move.
         half = self.own(velocity) + self.sign[:, None] * still[self.side_shared]
@@ -81,13 +82,16 @@ class BlockParts:
         return half, inner
 
     def own(self, velocity: Floats) -> Floats:
-        """Compute the contribution (s, q) of the parts' velocities to the jumps at their sides."""
+        """Compute the half jumps (s, q) at the sides while all faces stand still.
+
+        velocity: (k, q) of the parts.
+        """
         return np.asarray(np.einsum("kij,ki->kj", self.arm, velocity[self.side_part]))
 
     def halved(self, motion: Motion) -> tuple[Floats, Floats]:
         """Convert a motion to velocities of parts (k, q) and of shared faces (f, q).
 
-        Each face moves halfway between its two sides.
+        Each face moves halfway between its two sides. motion: of the whole assembly, scaled.
         """
         q = self.dead.shape[1]
         velocity = motion.velocity.reshape(-1, q)[self.part_element]
@@ -116,6 +120,11 @@ def block_parts(template: Template, members: Sequence[Sequence[int]], inside: Se
         Elements of each block.
     inside : sequence of sequences of int
         Faces inside each block.
+
+    Returns
+    -------
+    BlockParts
+        Parts in the order of blocks and of their elements.
     """
     assembly = template.assembly
     q = assembly.freedoms

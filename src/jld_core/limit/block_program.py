@@ -21,10 +21,11 @@ worse bound than a low λ.
 
 
 class AllBlocksProgram:
-    """Program of all possible blocks, from which `of` selects the rows and columns of some.
+    """Program min −λ of the relaxation by blocks for all p possible blocks of an assembly.
 
-    Rows are equations up to `_equalities`, linear inequalities up to `_linear`, then cones of `_cone` rows each.
-    `_most` and `_least` are the entries with the bounds on the λ of each block.
+    Subclasses set it up once; `of` selects the rows and columns of the allowed blocks. `shape`: numbers of rows and
+    columns. Rows are equations up to `_equalities`, linear inequalities up to `_linear`, then cones of `_cone` rows
+    each. `_most` and `_least` are the entries with the bounds on the λ of each block.
     """
 
     shape: tuple[int, int]
@@ -208,7 +209,10 @@ class BlockProgram(AllBlocksProgram):
 
 
 class OwnedIndices:
-    """Consecutive row or column indices, each with the block it belongs to (−1: none)."""
+    """Consecutive row or column indices, each with the block it belongs to (−1: none).
+
+    owner: (count,) block of each index.
+    """
 
     def __init__(self) -> None:
         self.owner: Ints = np.empty(0, dtype=np.int64)
@@ -223,7 +227,7 @@ class OwnedIndices:
         return np.arange(first, len(self))
 
     def append_unowned(self, count: int) -> Ints:
-        """Append rows or columns that belong to no block and return their indices."""
+        """Append `count` rows or columns of no block, and return their indices (count,)."""
         return self.of(np.full(count, -1))
 
 
@@ -252,6 +256,6 @@ class SparseEntries:
         self.add(rows.ravel(), np.repeat(column, rows.shape[1]), value.ravel())
 
     def arrays(self) -> tuple[Ints, Ints, Floats]:
-        """Return row indices, column indices and values of all entries."""
+        """Return row indices, column indices and values (nnz,) of all entries."""
         rows, columns, values = zip(*self._parts, strict=True)
         return np.concatenate(rows), np.concatenate(columns), np.concatenate(values)

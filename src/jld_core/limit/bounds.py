@@ -54,9 +54,10 @@ class Prover:
 
     @cached_property
     def exact(self) -> float:
-        """Largest violation that rounding of exact forces and velocities leaves, relative to those of their face.
+        """Return the largest violation, relative to its face, that counts as rounding.
 
-        It is `EXACT`, or the last digits of the coordinates relative to the size of the assembly, if those are larger.
+        It is `tolerances.EXACT`, or the last digits of the coordinates relative to the size of the assembly, if those
+        are larger.
         """
         elements = self.template.assembly.elements
         far = max(float(abs(elements.lower).max()), float(abs(elements.upper).max()))
@@ -122,6 +123,8 @@ class Prover:
     def ray(self, point: Floats, labels: Bits) -> State:
         """Project a raw ray onto A R + b_λ = 0 and measure its slack in the recession cones.
 
+        Resultants that are rounding of others are set to zero where this turns the result into a ray, see `is_ray`.
+
         Parameters
         ----------
         point : (≥ q·m + 1,) float array
@@ -136,8 +139,8 @@ class Prover:
 
         Notes
         -----
-        The slack is relative to the largest resultant of its face, and the error to the largest number of its element,
-        where these are below 1. Rounding of large live loads elsewhere must not hide what a small one needs.
+        The slack of a face is divided by its largest resultant where that is below 1. The error is that of `imbalance`.
+        Rounding of large live loads elsewhere must not hide what a small one needs.
         """
         if not usable(point) or not point[-1] > 0.0:
             return self._nothing()
@@ -171,7 +174,9 @@ class Prover:
         return State(table, 1.0, float(slack.min()), max(error_or_inf(error, left, forces), share))
 
     def imbalance(self, forces: Floats, load: Floats) -> float:
-        """Return the largest residual of A F + load, relative to what meets at its element.
+        """Return the largest residual of A F + load, relative to the terms at its element.
+
+        A small load beside a large one is thus no rounding.
 
         Parameters
         ----------
@@ -183,7 +188,8 @@ class Prover:
         Returns
         -------
         float
-            Residual over the largest number at its element where that is below 1, else the residual itself.
+            Largest residual of all elements. The residual of an element is divided by the sum of the absolute terms of
+            its equations, their largest one, where that sum is below 1.
         """
         freedoms = self._everything.shape[1]
         left, met = self.template.matrix @ forces + load, self._magnitudes @ abs(forces) + abs(load)

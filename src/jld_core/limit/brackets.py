@@ -12,7 +12,9 @@ from jld_core.mechanics.scaling import reference_load
 
 
 def relative_width(low: float, high: float, load_scale: float) -> float:
-    """Compute the width of a bracket over max(|low|, |high|, load_scale) (docs/method.md (3.13)).
+    """Compute the relative width of a bracket, docs/method.md (3.13).
+
+    The width is divided by max(|low|, |high|, load_scale).
 
     Parameters
     ----------

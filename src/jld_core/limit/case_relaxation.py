@@ -86,13 +86,18 @@ class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
 
     @property
     def each(self) -> tuple[Relaxation, ...]:
-        """Return the relaxations of all load cases."""
+        """Return the relaxations of all load cases, in the order of the cases."""
         return tuple(self._cases)
 
     def refute_all(
         self, labellings: Bits, undecided: Bools, thresholds: Floats, thorough: Bools | None = None
     ) -> list[DualBound | None]:
-        """Refute governing factors by any case, see `PartialLabellingBounds.refute_all`."""
+        """Refute governing factors of partial labellings, case by case.
+
+        labellings, undecided: (k, m) labels, True = dry, and faces that may have either. thresholds: (k,) governing
+        factors. thorough: (k,) True where another solver is tried if the batch solver finds no proof; None: everywhere.
+        The result has, for each labelling, the mechanism of the first case that refutes its threshold, or None.
+        """
         found: list[DualBound | None] = [None] * len(labellings)
         left = np.arange(len(labellings))
         counts = [0] * len(self._cases)
@@ -111,7 +116,11 @@ class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
         return found
 
     def minimize_conflicts(self, request: ConflictRequest) -> list[MinimizedConflict]:
-        """Minimise conflicts case by case, see `PartialLabellingBounds.minimize_conflicts`."""
+        """Minimise conflicts of labellings, each under the first case that refutes it.
+
+        Labellings that no case refutes come last, without bound. Parameters: see
+        `PartialLabellingBounds.minimize_conflicts`.
+        """
         found: list[MinimizedConflict] = []
         left, carried = np.arange(len(request.labellings)), np.ones(len(request.labellings), dtype=bool)
         counts = [0] * len(self._cases)
@@ -134,14 +143,22 @@ class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
         return found + [MinimizedConflict(k, True, request.free, None, bool(carried[k])) for k in left.tolist()]
 
     def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
-        """Evaluate mechanisms of one case, see `PartialLabellingBounds.evaluate_mechanisms`."""
+        """Bound governing factors (k,) by known mechanisms of one case.
+
+        case: index of the case. velocities: (k, q·free) scaled. labellings, undecided: (k, m) labels, True = dry, and
+        faces that may have either. The result is inf where a mechanism proves nothing. Raises ValueError for an unknown
+        case.
+        """
         if not 0 <= case < len(self._cases):
             raise ValueError(f"case: there is no load case {case}; expected 0 to {len(self._cases) - 1}")
         bounds = self._cases[case].evaluate_mechanisms(0, velocities, labellings, undecided) * self._units[case]
         return np.array([_raised(bound) for bound in bounds.tolist()])
 
     def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
-        """Return the mechanism of least bound over all cases, see `PartialLabellingBounds.least_bound`."""
+        """Return the mechanism of the least bound over all load cases; None if no case has one.
+
+        labels, undecided: (m,) labels, True = dry, and faces that may have either.
+        """
         found = [one.least_bound(labels, undecided) for one in self._cases]
         known = [
             replace(one, bound=_raised(one.bound * unit), case=case)

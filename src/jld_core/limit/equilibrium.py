@@ -26,9 +26,10 @@ def rows_by_element(rows: Floats, freedoms: int) -> Floats:
 
 
 def projected_onto(projector: Projector, vector: Floats, target: Floats, passes: int) -> tuple[Floats, Floats, float]:
-    """Project a vector y onto the equations rows·y = target of a projector.
+    """Project a vector (columns,) onto the equations rows·y = target of a projector.
 
-    The results are the vector, its residual, and an estimate of the error left in it. passes: number of projections.
+    target: (rows,). passes: number of projections. The results are the projected vector, its residual (rows,), and an
+    estimate of the error left in its entries.
     """
     for _ in range(passes):
         vector = vector - projector.correction(projector.rows @ vector - target)
@@ -39,8 +40,8 @@ def projected_onto(projector: Projector, vector: Floats, target: Floats, passes:
 def error_or_inf(error: float, left: Floats, forces: Floats) -> float:
     """Return an estimate of error, or inf if the residual of equilibrium exceeds rounding.
 
-    In that case the kept resultants reach no equilibrium. error: estimate. left: residual. forces: forces to which it
-    belongs.
+    In that case the kept resultants reach no equilibrium. error: estimate. left: (rows,) residual. forces: (columns,)
+    forces to which it belongs. All values are scaled.
     """
     much = float(abs(left).max()) > tolerances.ROUNDING * max(1.0, float(abs(forces).max()))
     return np.inf if much else error
@@ -55,7 +56,9 @@ def usable(vector: Floats) -> bool:
 
 
 class EquilibriumProjectors:
-    """Projectors onto the equilibrium of one template, by the resultants that a labelling keeps.
+    """Projectors onto the equilibrium of one template, one for each set of kept resultants.
+
+    A labelling drops the resultants that its faces do not resist. Projectors are computed when first needed and kept.
 
     Parameters
     ----------
@@ -69,7 +72,7 @@ class EquilibriumProjectors:
         self._everything = np.ones((len(template.assembly.interfaces), template.assembly.freedoms), dtype=bool)
 
     def with_template(self, template: Template) -> EquilibriumProjectors:
-        """Return these projectors for another template of the same matrix.
+        """Return these projectors for another template with the same equilibrium matrix.
 
         Both objects share the projectors computed so far.
         """
@@ -109,7 +112,7 @@ class EquilibriumProjectors:
         return self._known[key], mask
 
     def of_forces(self, mask: Floats) -> Projector:
-        """Return the projector onto equilibrium at fixed λ.
+        """Return a new projector onto equilibrium at fixed λ.
 
         mask: (q·m,) 1 for each resultant that is kept, 0 for the others.
         """

@@ -48,7 +48,10 @@ _LAST_DIGIT: Final = 16.0 * float(np.finfo(float).eps)
 
 
 class FacialReduction:
-    """Repair of motions and states where self-stress excludes a motion that opens every face.
+    """Repair of motions and states of assemblies that a self-stress confines.
+
+    A self-stress is a set of forces in equilibrium without any load. Where one lies in the recession cones of the yield
+    sets, no motion opens every face, and the usual repair of motions fails, docs/method.md (3.12).
 
     Parameters
     ----------
@@ -62,9 +65,9 @@ class FacialReduction:
         self.template, self.prover = template, prover
 
     def repair(self, motion: Motion, labels: Bits, normalise: bool = True) -> Motion | None:
-        """Project a motion onto the jumps of finite dissipation and blend it to the inside.
+        """Project a motion onto the jumps of finite dissipation, and move it into their inside.
 
-        The result is blended with a motion strictly inside the allowed jumps.
+        The projection is blended with a motion strictly inside the allowed jumps, docs/method.md (3.12).
 
         Parameters
         ----------

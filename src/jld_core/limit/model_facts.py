@@ -66,7 +66,7 @@ class ZeroDilation:
         Parameters
         ----------
         facts : mapping of str to object
-            Facts of the model, as in the JSON output.
+            Facts of the model, as in the JSON output and in `LimitAnalysisResult.facts`.
         """
         if "complementarity_gap" not in facts:
             return None

@@ -16,9 +16,10 @@ _RESIDUAL: Final = 1e-8
 
 
 class Movements:
-    """Jumps of the collapse mechanisms of many labellings of one assembly.
+    """Movements of all faces at collapse, for many labellings of one assembly.
 
-    The batch solver computes the mechanisms where it supports the yield rows, else Clarabel.
+    Searches use them as a hint which labels to change; nothing is proven. The batch solver computes the mechanisms
+    where it supports the yield rows, else Clarabel.
 
     Parameters
     ----------

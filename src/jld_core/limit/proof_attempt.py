@@ -22,13 +22,14 @@ _NARROW: Final = 1e-10  # Rise of an upper bound, relative to λ, up to which th
 
 
 class ProofAttempt(AttemptState):
-    """Solution methods for one labelling; each offers what it proves.
+    """Solution methods for one labelling; each adds to `proof` the bounds that it proves.
 
+    A method solves a program or repairs an answer, and `Prover` checks what it finds. Without success it adds no bound.
     The parameters and attributes are those of `AttemptState`.
     """
 
     def solve_by_batch_solver(self) -> None:
-        """Solve by the batch solver and offer what it proves.
+        """Solve by the batch solver, if there is one, and offer what it proves.
 
         It also finds rays for structures in which some immobile faces can only be unloaded.
         """
@@ -56,13 +57,16 @@ class ProofAttempt(AttemptState):
             proof.state, proof.motion, proof.ray, proof.collapse_below_zero = state, None, None, None
 
     def solve_by_first_solver(self) -> None:
-        """Solve by the solver of the analysis."""
+        """Solve by the solver of the analysis, set up on its reference labelling; see `solve_by`."""
         route, template, analysis = self.analysis.first_solver, self.template, self.analysis
         route.prepare(template.structure, lambda: template.program(analysis.reference, analysis.margin))
         self.solve_by(route, analysis.margin)
 
     def solve_by(self, route: Solver, margin: float) -> None:
-        """Solve by one solver and offer what its raw answer proves.
+        """Solve by one solver and offer what its raw answer proves, without repairs.
+
+        The answer is kept in `raw`. An infeasible program offers a motion that proves instability, an unbounded one a
+        ray.
 
         Parameters
         ----------
@@ -171,7 +175,10 @@ class ProofAttempt(AttemptState):
         self.repair_answer()
 
     def find_boundary_state(self) -> None:
-        """Offer a state in yield sets without interior, where no other method found one."""
+        """Offer a state for labellings under which no state has slack in all yield rows.
+
+        See `Repair.boundary_state`.
+        """
         raw = self.raw
         self.proof.solves += 1
         self.proof.solve_log.append("boundary state")
@@ -181,13 +188,16 @@ class ProofAttempt(AttemptState):
             self.proof.offer_state(state)
 
     def find_ray(self) -> None:
-        """Find a ray where the solver stopped at a large λ."""
+        """Find a ray, which proves that λ is unbounded, where the solver stopped at a large λ."""
         self.proof.solves += 1
         self.proof.solve_log.append("ray inside")
         self.proof.ray = self.repair.ray(self.labels)
 
     def find_ray_with_self_stress(self) -> None:
-        """Find a ray that a self-stress at the boundary of the friction cones makes admissible."""
+        """Find a ray that is admissible only together with a self-stress that grows faster.
+
+        The self-stress lies on the boundary of friction cones, see `SelfStress.ray`.
+        """
         self.proof.solves += 2
         self.proof.solve_log.append("ray beside self-stress")
         self.proof.ray = self.repair.ray_with_self_stress(self.labels)
@@ -197,14 +207,20 @@ class ProofAttempt(AttemptState):
             )
 
     def find_self_stress_states(self) -> None:
-        """Offer states that rely on a self-stress at the boundary of the friction cones."""
+        """Offer states that are admissible because of a self-stress in the friction cones.
+
+        See `FacialReduction.states` and `SelfStress.states`.
+        """
         self.proof.solves += 2
         self.proof.solve_log.append("self-stress")
         for state in self.repair.self_stress_states(self.labels):
             self.proof.offer_state(state)
 
     def solve_without_margin(self) -> None:
-        """Solve by an interior-point method with refined linear systems and no margin."""
+        """Solve by an interior-point method with refined linear systems and no margin.
+
+        The margin is the slack that programs keep in every yield row. The answer is repaired.
+        """
         self._solve_refined(self.template.precision.residual, 0.0)
 
     def solve_with_less_margin(self) -> None:

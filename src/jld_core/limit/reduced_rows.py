@@ -18,10 +18,19 @@ from jld_core.program import ConicProgram, pack
 
 @dataclass(frozen=True)
 class Reduced:
-    """Rows of a program that are left after facial reduction.
+    """Yield rows of a program that are left after facial reduction.
 
-    Their multipliers may differ from zero. linear: (k,) kept inequalities, as rows of the program. cones: indices of
-    the kept cones. rays: for each cone that is replaced by a ray, the direction (size − 1,) of the self-stress in it.
+    Only their multipliers may differ from zero beside a self-stress.
+
+    Attributes
+    ----------
+    linear : (k,) int array
+        Linear inequalities that are kept, as rows of the program.
+    cones : tuple of int
+        Indices of the cones that are kept.
+    rays : dict of int to (size − 1,) array
+        For each cone, by index, whose multipliers are only a ray: the direction of the self-stress in it, a unit
+        vector.
     """
 
     linear: Ints
@@ -30,15 +39,20 @@ class Reduced:
 
 
 def kept_rows(program: ConicProgram) -> Reduced:
-    """Return all rows of a program except that of λ, as before any reduction."""
+    """Return all yield rows of a program, from which facial reduction starts.
+
+    The row that bounds λ is not among them.
+    """
     s = program.structure
     return Reduced(slack_rows(s)[: s.linear - 1], tuple(range(len(s.cones))))
 
 
 def program_of_rows(program: ConicProgram, reduced: Reduced, right: bool = False) -> ConicProgram:
-    """Return the program of the rows in `reduced`, with rays as the last inequalities.
+    """Return a program with the same columns and only the yield rows of `reduced`.
 
-    right: True keeps the right-hand sides of the program, otherwise they are zero.
+    Its rows are the equations, the row that bounds λ, the kept inequalities, one inequality s₀ ≥ d·s for each ray of
+    direction d, and the kept cones. Here s₀ is the first slack of the cone, s are the others. right: True keeps the
+    right-hand sides of the program, otherwise they are zero.
     """
     s = program.structure
     first = np.concatenate([np.arange(s.equalities + 1), reduced.linear]).astype(np.int64)
@@ -62,8 +76,9 @@ def program_of_rows(program: ConicProgram, reduced: Reduced, right: bool = False
 def leaning_program(program: ConicProgram, reduced: Reduced, stress: Floats) -> ConicProgram:
     """Return the program of forces that are admissible once a large self-stress is added.
 
-    reduced: rows left by the self-stress. stress: (columns,) the self-stress R. In a cone on whose boundary R lies,
-    along d, forces with shear V and slack t of its half-space keep s (2 |R|) ≥ |V across d|², where s = t − d·V.
+    It is `program_of_rows`, with one more cone for each ray, docs/method.md (3.12a). In a cone on whose boundary the
+    self-stress R lies, along d, let V be the shear and t its bound. The forces then keep s (2 |R|) ≥ |V across d|²,
+    where s = t − d·V. reduced: rows left by the self-stress. stress: (columns,) the self-stress R.
     """
     left = program_of_rows(program, reduced, right=True)
     s, matrix, own = program.structure, program.matrix.tocsr(), left.structure
@@ -82,9 +97,10 @@ def leaning_program(program: ConicProgram, reduced: Reduced, stress: Floats) -> 
 
 
 def reduced_by(found: LargestSupport, program: ConicProgram, reduced: Reduced) -> Reduced | None:
-    """Return the rows that a self-stress leaves; None if it removes no row.
+    """Return the yield rows that a self-stress leaves; None if it removes no row.
 
-    found: the self-stress. reduced: rows left before.
+    Rows in which the self-stress has slack are removed; a cone on whose boundary it lies becomes a ray. found: the
+    self-stress, found in `program_of_rows` of `reduced`. program: the whole program. reduced: rows left before.
     """
     sizes = [program.structure.cones[cone] for cone in reduced.cones]
     linear = len(reduced.linear) + len(reduced.rays)

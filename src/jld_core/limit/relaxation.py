@@ -114,7 +114,12 @@ class Relaxation(PartialLabellingBounds):
     def refute_all(
         self, labellings: Bits, undecided: Bools, thresholds: Floats, thorough: Bools | None = None
     ) -> list[DualBound | None]:
-        """Refute scaled λ for many partial labellings, see `PartialLabellingBounds.refute_all`."""
+        """Refute scaled λ for many partial labellings, under one load.
+
+        labellings, undecided: (k, m) labels, True = dry, and faces that may have either. thresholds: (k,) scaled λ.
+        thorough: (k,) True where another solver is tried if the batch solver finds no proof; None: everywhere. The
+        result has a mechanism for each labelling, or None where no proof is found.
+        """
         count = len(labellings)
         with self._counting:
             self.solves += count
@@ -138,9 +143,10 @@ class Relaxation(PartialLabellingBounds):
         return found
 
     def minimize_conflicts(self, request: ConflictRequest) -> list[MinimizedConflict]:
-        """Minimise conflicts under one load, see `PartialLabellingBounds.minimize_conflicts`.
+        """Minimise the conflicts of labellings under one load, by the batch solver.
 
-        Raises RuntimeError without the batch solver.
+        Parameters and results: see `PartialLabellingBounds.minimize_conflicts`. Raises RuntimeError without the batch
+        solver.
         """
         if self._batch is None:
             raise RuntimeError("conflicts are minimised by the batch solver alone; ask `batched` first")
@@ -165,7 +171,12 @@ class Relaxation(PartialLabellingBounds):
         ]
 
     def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
-        """Evaluate mechanisms under one load, see `PartialLabellingBounds.evaluate_mechanisms`."""
+        """Bound scaled λ (k,) by known mechanisms, under one load.
+
+        case: 0. velocities: (k, q·free) scaled. labellings, undecided: (k, m) labels, True = dry, and faces that may
+        have either. The result is inf where a mechanism proves nothing, and −inf where no λ is admissible. Raises
+        ValueError for another case.
+        """
         if case != 0:
             raise ValueError(f"case: there is one load, and no load case {case}")
         balance = self._balances.balance(velocities, labellings, undecided)
@@ -210,7 +221,10 @@ class Relaxation(PartialLabellingBounds):
             which, velocities = which[lacking], velocities[lacking]
 
     def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
-        """Return the mechanism of least scaled λ, see `PartialLabellingBounds.least_bound`."""
+        """Return the mechanism with the least bound found on scaled λ; None if none is found.
+
+        labels, undecided: (m,) labels, True = dry, and faces that may have either.
+        """
         found = self.refute_all(labels[None], undecided[None], np.array([_ANY]))
         if self._shared is not None and self._batch is not None:
             # The rows of the batch solver enclose the hull of crushing joints; the exact hull gives a slightly lower

@@ -116,9 +116,9 @@ class Repair:
         return True if self.boundary_state(raw.point, labels, load_fixed=True) is not None else None
 
     def instability_velocities(self, labels: Bits) -> Floats:
-        """Find velocities that gain energy.
+        """Find velocities that may prove that no λ ≥ 0 is admissible, docs/method.md (3.15).
 
-        They exist where the largest slack at any λ is negative.
+        They do so where the largest slack at any λ is negative; the caller has to check it.
 
         Parameters
         ----------
@@ -320,11 +320,17 @@ class Repair:
     # --- motions ----------------------------------------------------------------------------------------
 
     def opening(self) -> Motion | None:
-        """Find a motion that strictly opens every face, see `OpeningMotions.opening`."""
+        """Find a motion that strictly opens every face; None if the assembly is confined.
+
+        The result is cached, see `OpeningMotions.opening`.
+        """
         return self._openings.opening()
 
     def expansion(self) -> Motion | None:
-        """Find an opening motion of simple form, see `OpeningMotions.expansion`."""
+        """Find an opening motion of simple form, without a program; None if none opens every face.
+
+        The result is cached, see `OpeningMotions.expansion`.
+        """
         return self._openings.expansion()
 
     def make_work_positive(self, motion: Motion, labels: Bits) -> Motion:

@@ -122,7 +122,7 @@ class LimitAnalysisResult(NotebookRepr):
 
     @property
     def zero_dilation(self) -> ZeroDilation | None:
-        """Return the evidence and the range of a solution without dilation; None for associative friction."""
+        """Return the evidence for a solution without dilation; None for associative friction."""
         return ZeroDilation.of(self.facts)
 
     @property
@@ -132,25 +132,25 @@ class LimitAnalysisResult(NotebookRepr):
 
     @property
     def extra(self) -> dict[str, Any]:
-        """Return `facts`, under its name of version 0.2."""
+        """Return `facts`, under its name of version 0.2, with a warning."""
         warn_renamed("result.extra", "result.zero_dilation, result.effective_areas or result.facts")
         return self.facts
 
     @property
     def route(self) -> tuple[str, ...]:
-        """Return `solve_log`, under its name of version 0.2."""
+        """Return `solve_log`, under its name of version 0.2, with a warning."""
         warn_renamed("result.route", "result.solve_log")
         return self.solve_log
 
     @property
     def falling(self) -> Floats | None:
-        """Return `instability_mechanism`, under its name of version 0.2."""
+        """Return `instability_mechanism`, under its name of version 0.2, with a warning."""
         warn_renamed("result.falling", "result.instability_mechanism")
         return self.instability_mechanism
 
     @property
     def growing(self) -> Floats | None:
-        """Return `unbounded_forces`, under its name of version 0.2."""
+        """Return `unbounded_forces`, under its name of version 0.2, with a warning."""
         warn_renamed("result.growing", "result.unbounded_forces")
         return self.unbounded_forces
 

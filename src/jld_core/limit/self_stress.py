@@ -77,7 +77,11 @@ class _RowPosition:
 
 
 class SelfStress:
-    """Rays and states of one labelling that are admissible beside large self-stresses.
+    """Rays and states of one labelling that are admissible together with large self-stresses.
+
+    A self-stress is a set of forces in equilibrium without any load. Added in a large multiple, it leaves only some
+    yield rows that restrict other forces, docs/method.md (3.14a). Small programs whose cones have three rows are
+    treated; for others nothing is found.
 
     Parameters
     ----------
@@ -96,13 +100,13 @@ class SelfStress:
         self.stages = list(self._reduced())[::-1] if small else []
 
     def ray(self) -> State | None:
-        """Find a ray that is admissible beside self-stresses that grow faster.
+        """Find a ray that is admissible together with self-stresses that grow faster than it.
 
         Returns
         -------
         State or None
             R₁ with A R₁ + b_λ = 0, its slack measured in the rows that the self-stresses leave; None where no proof is
-            found. It proves every λ above that of a state with positive slack in all yield sets.
+            found. With a state that has slack in all yield sets, it proves that every larger λ is admissible.
         """
         for stage in self.stages:
             left = program_of_rows(self.program, stage.left)
@@ -127,7 +131,10 @@ class SelfStress:
         return None
 
     def states(self, inside: Floats) -> Iterator[State]:
-        """Find states of large λ whose self-stresses are as large as their slack asks.
+        """Find states of large λ that self-stresses of sufficient size make admissible.
+
+        Forces that are admissible in the rows that the self-stresses leave are blended with `inside`. Self-stresses are
+        then added until all rows hold.
 
         Parameters
         ----------

@@ -108,6 +108,12 @@ class SharedHull:
             Faces that may have either label.
         margin : float
             Reward of every normal force in the objective, scaled, so that the jumps found are opening.
+
+        Returns
+        -------
+        ConicProgram
+            The program, scaled. Columns: the resultants of the first, then of the second copy of each face; the share
+            of its second copy; λ as the last one.
         """
         copies = np.concatenate([labels | undecided, labels & ~undecided])
         data = np.where(copies[self._owner], self._dry, self._inner)

@@ -19,11 +19,20 @@ _TINY: Final = 1e-6
 
 @dataclass(frozen=True)
 class WorkBalance:
-    """Work balance of k mechanisms: λ · work ≤ total for every labelling that agrees.
+    """Work balances of k mechanisms: λ · work ≤ total for every labelling that agrees.
 
-    velocities: (k, q·free), with the opening that rounding required. work: (k,) of the live load. total: (k,)
-    dissipation minus dead work, plus possible rounding. sound: (k,) True where the dissipation is finite. own, either:
-    (k, m) dissipation of each face under its own label, and the larger of both labels.
+    Attributes
+    ----------
+    velocities : (k, q·free) array
+        Mechanisms, scaled, with the opening that rounding required.
+    work : (k,) array
+        Work of the live load, scaled.
+    total : (k,) array
+        Dissipation minus dead work, plus possible rounding, scaled; without meaning where `sound` is False.
+    sound : (k,) bool array
+        True where the dissipation is finite and the work not negative.
+    own, either : (k, m) arrays
+        Dissipation of each face under its own label, and the larger one of both labels; inf where it is not finite.
     """
 
     velocities: Floats
@@ -53,8 +62,9 @@ class WorkBalances:
     def balance(self, velocities: Floats, labels: Bits, undecided: Bools) -> WorkBalance:
         """Compute the work balances of k mechanisms, each for one partial labelling.
 
-        velocities: (k, q·free) mechanisms. labels, undecided: (k, m) labels, and faces that may have either label.
-        Possible rounding is added to the total.
+        velocities: (k, q·free) scaled. labels: (k, m) True = dry. undecided: (k, m) True for faces that may have either
+        label, which dissipate the larger value of both. Margins that only rounding violates are repaired by an opening
+        motion.
         """
         velocities, jumps, finite = self._opened(velocities)
         dissipation = np.where(finite >= 0.0, self._measured(jumps, margins=False), np.inf)

@@ -23,22 +23,23 @@ InnerBending = Literal["uncoupled", "kern"]
 class Bending:
     """Rows and corners of the bending sets of m faces.
 
-    Face f has the rows start[f] to start[f + 1].
+    With the scaled moments x = (m1, m2), a dry face requires c·x ≤ N for each of its rows c in `dry`. An inner face
+    requires c·x ≤ N + σtA for each of its rows c in `inner`. Face f has the rows start[f] to start[f + 1] − 1.
 
     Attributes
     ----------
     start : (m + 1,) int array
-        First row of each face.
+        First row of each face, then the number of rows.
     dry, inner : (rows, 2) arrays
         Coefficients c of (m1, m2), in order of angle.
     dry_corners, inner_corners : (rows, 2) arrays
-        Corners of {c·m ≤ 1}, each between a row and the next.
+        Corners of {x : c·x ≤ 1}, each between a row and the next.
     crushed : int array
-        Faces whose inner set also has an upper limit, c·m ≥ N − σcA.
+        Faces whose inner set also has an upper limit, c·x ≥ N − σcA.
     crush_start : int array
-        First corner of each crushed face.
+        First corner of each crushed face, then the number of corners.
     crush_corners : (corners, 3) array
-        Corners (ν, m) of the solid of each crushed face, where N = −σtA + ν (σcA + σtA) and m is divided by σcA + σtA.
+        Corners (ν, x) of the solid of each crushed face, where N = −σtA + ν (σcA + σtA) and x is divided by σcA + σtA.
     """
 
     start: Ints
@@ -58,7 +59,7 @@ class Bending:
     def most(self, rows: Floats, pair: Floats) -> Floats:
         """Return the largest value of c·x (m,) over the rows c of each face.
 
-        rows: (rows, 2) coefficients c. pair: (m, 2) one vector x per face.
+        rows: (rows, 2) coefficients c, `dry` or `inner` or their corners. pair: (m, 2) one vector x per face.
         """
         product = np.einsum("ej,ej->e", rows, pair[self.face])
         return np.asarray(np.maximum.reduceat(product, self.start[:-1]))

@@ -102,12 +102,15 @@ class Frictional(Strengths):
     def with_friction(self, share: float) -> Self:
         """Return a copy of the set with all friction coefficients multiplied by `share`.
 
-        The rows in `pattern` stay the same.
+        The rows in `pattern` stay those of the original set, so use the copy for slacks and dissipation only.
         """
         return replace(self, friction=share * self.friction, inner_friction=share * self.inner_friction)
 
     def without_shear_limit(self) -> Self:
-        """Return a copy of the set without any limit on shear; `pattern` stays the same."""
+        """Return a copy of the set without any limit on shear, for tests of bending alone.
+
+        The rows in `pattern` stay those of the original set.
+        """
         none = np.zeros(len(self.friction))
         return replace(self, friction=none, inner_friction=none, cohesion=none, shear=none)
 

@@ -22,10 +22,11 @@ _STEPS: Final = 257
 
 
 def hull_rows(sets: Frictional, *, freedoms: int, shear: int, parabolas: bool) -> RowPattern:
-    """Return a row pattern with the numbers of undecided faces in place of dry ones.
+    """Return yield rows that enclose the sets of both labels, docs/method.md (6.3).
 
-    sets: yield sets of all faces. freedoms: number of resultants per face. shear: index of the resultant in the linear
-    rows that limit shear. parabolas: True if the cones of the pattern are those of crushing.
+    They stand in the places of the rows of dry faces in the pattern of `sets`. sets: yield sets of all faces. freedoms:
+    number of resultants per face. shear: index of the resultant in the linear rows that limit shear. parabolas: True if
+    the cones of the pattern are those of crushing.
     """
     pattern = sets.pattern
     data, rhs = pattern.dry.copy(), pattern.h_dry.copy()
@@ -57,14 +58,14 @@ def parabolic_hull(sets: Frictional, crushed: Ints) -> ParabolicBending | None:
 
     crushed: (k,) indices of these faces. The result is None where an inner face carries more N than the dry one.
 
-    Write T = σtA. In N and m the set is the hull of two sets. One is the parabola N − N²/N_c. The other is the triangle
-    of the inner set with its foot (−T, 0) and its top ((C − T)/2, (C + T)/6), where C is the σcA of the inner face. The
-    boundary has three pieces: the parabola from n₀ on, the tangent at n₀ through the top, and the line from the foot to
-    the top. If the tangent through the foot passes above the top, it replaces the last two. The tangent from a point
-    (x, y) touches at n₀ = x + √(x² − N_c (x − y)).
+    Bending: in N and |m|, the result is the hull of two sets. Write T = σtA of the inner face, and C for its σcA. The
+    dry set is |m| ≤ N − N²/N_c. The inner set is a triangle with its foot at (−T, 0) and its top at ((C − T)/2, (C +
+    T)/6). The boundary of the hull has three pieces: the parabola from n₀ on, the tangent at n₀ through the top, and
+    the line from the foot to the top. If the tangent through the foot passes above the top, it replaces the last two.
+    The tangent from a point (x, y) touches at n₀ = x + √(x² − N_c (x − y)).
 
-    In N and V the bound is the line through (−T, τA − μ_inner T) above all corners. For the interaction of V and M see
-    `_interaction_planes`.
+    Shear: in N and |V|, the bound is the line through (−T, τA − μ_inner T) above all corners. Bending and shear
+    interact, see `ParabolicBending`.
     """
     tension, limit, inner_limit = sets.tension[crushed], sets.crush_dry[crushed], sets.crush_inner[crushed]
     if not np.all(inner_limit <= limit):

@@ -17,17 +17,18 @@ from jld_core.mechanics.yield_set import CoulombWedge, FrictionSet, ParabolicBen
 
 @dataclass(frozen=True)
 class EffectiveAreas:
-    """Effective rectangles of m spatial faces, as they enter torsion.
+    """Effective rectangles of m spatial faces: the parts that resist torsion, as factors.
 
-    V is the shear force and mT = MT / c_T. c_T and c_T,e are the torsion arms of the whole face and of the effective
-    rectangle. With e = ρ (mT + a·V) the limit on shear is |V| + |e| ≤ μN.
+    The effective rectangle is the largest part of a rectangle about the centre of pressure x. c_T and c_T,e are the
+    torsion lengths of the whole face and of this part. With the shear force V and mT = MT / c_T, the limit on shear is
+    |V| + ρ |mT + a·V| ≤ μN.
 
     Attributes
     ----------
     ratio : (m,) array
-        ρ = c_T / c_T,e ≥ 1.
+        ρ = c_T / c_T,e ≥ 1; 1 for a whole face.
     arm : (m, 2) array
-        a = (x2, −x1) / c_T, with the centre of pressure x.
+        a = (x2, −x1) / c_T; 0 for a whole face.
 
     Notes
     -----
@@ -166,9 +167,9 @@ class PrescribedFriction:
         return self.base.slip(self._jumps_about(jumps, labels))
 
     def price(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return the work of friction (m,) per unit of N in a slip without dilation: μ times `slip`.
+        """Return the work (m,) of friction per unit of N in a slip without dilation.
 
-        jumps: (m, q) scaled. labels: (m,) True = dry.
+        The work is μ times `slip`. jumps: (m, q) scaled. labels: (m,) True = dry.
         """
         return np.asarray(self.base.friction_of(labels) * self.slip(jumps, labels))
 
@@ -239,7 +240,10 @@ class PrescribedFriction:
         return self._associated.recession_slack(self._forces_about(forces, labels), labels)
 
     def recession_active(self, labels: Bits) -> Bools:
-        """Return a mask (m, q), True where a resultant may be non-zero in the recession cone."""
+        """Return a mask (m, q), True where a resultant may be non-zero in the recession cone.
+
+        labels: (m,) True = dry, see `YieldSet.recession_active`.
+        """
         return self._associated.recession_active(labels)
 
     def dissipation(self, jumps: Floats, labels: Bits) -> Floats:
@@ -251,7 +255,10 @@ class PrescribedFriction:
         return np.asarray(self._associated.dissipation(self._jumps_about(jumps, labels), labels) + frozen)
 
     def margin(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return the slack (m,) of the conditions for finite dissipation of jumps (m, q)."""
+        """Return the slack (m,) of the conditions for finite dissipation of jumps (m, q).
+
+        labels: (m,) True = dry, see `YieldSet.margin`.
+        """
         return self._associated.margin(self._jumps_about(jumps, labels), labels)
 
     def utilisation(self, forces: Floats, labels: Bits) -> Floats | None:

@@ -26,11 +26,15 @@ class Scaling:
     force : float
         Scale of all forces, scene units.
     face : (m, q) array
-        Factors of the resultants; moments also over the half-sizes of their interface, torsion over c_T.
+        Factors of the resultants: `force`, for moments times the half-size of the interface, for torsion times c_T.
     row : (free, q) array
-        Factors of the equilibrium rows; moments also over the radius of the element.
+        Factors of the equilibrium rows: `force`, for moments times half the diagonal of the element's bounding box.
     load : float
         λ = load × scaled λ.
+
+    Notes
+    -----
+    Source: docs/method.md (8.1) to (8.3).
     """
 
     force: float
@@ -96,7 +100,9 @@ def _force_scale(assembly: Assembly) -> float:
 
 
 def reference_load(assembly: Assembly) -> float:
-    """Compute the force relative to which forces count as zero in a bracket's width.
+    """Compute the reference force of an assembly: its weight, or else a strength or live load.
+
+    Forces far below it count as zero in the width of a bracket.
 
     Parameters
     ----------

@@ -67,8 +67,8 @@ class PlanarYield(Frictional):
     def facets(self, labels: Bits) -> tuple[Floats, Floats] | None:
         """Return the linear yield rows C F + d ≥ 0 of each face, or None if a face can crush.
 
-        Dry: N ∓ m and c + μN ∓ V. Inner: N + σtA ∓ 3m and τA + μN ∓ V. Every coefficient is a given number or a small
-        integer.
+        C is (m, 4, 3) and d (m, 4). Dry: N ∓ m and c + μN ∓ V. Inner: N + σtA ∓ 3m and τA + μN ∓ V. Every coefficient
+        is a given number or a small integer. labels: (m,) True = dry.
         """
         if np.isfinite(np.where(labels, self.crush_dry, self.crush_inner)).any():
             return None
@@ -105,7 +105,10 @@ class PlanarYield(Frictional):
         return np.where(labels, dry, inner)
 
     def recession_active(self, labels: Bits) -> Bools:
-        """Return a mask (m, q), True where a resultant may be non-zero in the recession cone."""
+        """Return a mask (m, q), True where a resultant may be non-zero in the recession cone.
+
+        labels: (m,) True = dry, see `YieldSet.recession_active`.
+        """
         mask = np.ones((len(labels), 3), dtype=bool)
         mask[:, 1] = self.friction_of(labels) > 0.0
         mask[np.isfinite(np.where(labels, self.crush_dry, self.crush_inner))] = False
@@ -135,7 +138,10 @@ class PlanarYield(Frictional):
         return np.where(labels, dry, inner)
 
     def margin(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return the slack (m,) of the conditions for finite dissipation of jumps (m, q)."""
+        """Return the slack (m,) of the conditions for finite dissipation of jumps (m, q).
+
+        labels: (m,) True = dry, see `YieldSet.margin`.
+        """
         opening, slip, turn = jumps[..., 0], abs(jumps[..., 1]), abs(jumps[..., 2])
         dry = np.where(np.isinf(self.crush_dry), opening - turn - self.friction * slip, np.inf)
         cracked = opening - self.inner_friction * slip if self.has_inner_friction else opening
@@ -172,9 +178,10 @@ class PlanarYield(Frictional):
         return Hull(hull_rows(self, freedoms=3, shear=1, parabolas=True), np.asarray(either))
 
     def parabolic_bending(self, *, undecided: bool) -> ParabolicBending | None:
-        """Return the yield sets |m| ≤ N − N²/N_c, |V| ≤ c + μN of the faces whose dry joints crush.
+        """Return the parabolic yield sets of the faces whose dry joints crush.
 
-        With `undecided`, return sets that contain the yield sets of both labels, or None if no such sets are known.
+        undecided: False for the sets of the dry label, |m| ≤ N − N²/N_c and |V| ≤ c + μN. True for sets that contain
+        the yield sets of both labels, or None if no such sets are known.
         """
         crushed = np.flatnonzero(np.isfinite(self.crush_dry))
         one = np.ones(len(crushed))
@@ -203,7 +210,10 @@ class PlanarYield(Frictional):
 
 
 def planar_yield(assembly: Assembly, scaling: Scaling) -> PlanarYield:
-    """Make the planar yield sets of all faces of an assembly, scaled by `scaling`."""
+    """Make the planar yield sets of all faces of an assembly, and their row pattern.
+
+    scaling: scales of the assembly, by which strengths are divided.
+    """
     sets = scaled_strengths(assembly.strengths, assembly.interfaces.area / scaling.force)
     return PlanarYield(**vars(sets), pattern=_planar_rows(sets))
 

@@ -14,16 +14,19 @@ from jld_core.errors import InputError
 
 @dataclass(frozen=True)
 class RowPattern:
-    """Sparsity and numbers of the yield rows s = h − G y: linear rows, then cones.
+    """Sparsity and numbers of the yield rows s = h − G y of all m faces under both labels.
+
+    The columns y are the scaled resultants of all faces, then extra variables. s ≥ 0 in the linear rows, which come
+    first. s lies in second-order cones in the others. Both labels share the sparsity.
 
     Attributes
     ----------
     row, column, face : (nnz,) int arrays
-        Row, column (as in A_eq) and face of each coefficient.
+        Row, column (resultants as in A_eq) and face of each coefficient of G.
     dry, inner : (nnz,) arrays
         Coefficients under either label.
     h_dry, h_inner : (rows,) arrays
-        Right-hand sides under either label.
+        Right-hand sides h under either label.
     row_face : (rows,) int array
         Face of each row.
     linear : int
@@ -88,8 +91,10 @@ class Hull:
 class ParabolicBending:
     """Planar faces that crush: a parabolic limit on bending, linear ones on shear.
 
-    Bending: b |M| ≤ h + a N − c N² from N = n₀ on, and the tangent at n₀ below. V and M interact where |M| ≤ w m + N₁ −
-    N₁²/((1 − w) N_c), with N₁ = N − w n and |V| = c + μN + w (shear above). Here (n, m) is a corner of the inner set.
+    Bending: b |M| ≤ h + a N − c N² from N = n₀ on, and the tangent at n₀ below. Where the label is undecided, V and M
+    may interact, docs/method.md (6.3). An inner copy of the face then carries a share w of a corner (n, m) of the inner
+    set, and the dry copy carries N₁ = N − w n. Together |M| ≤ w m + N₁ − N₁²/((1 − w) N_c) and |V| ≤ c + μN + w v,
+    where v is the shear of the corner above the dry line.
 
     Attributes
     ----------
@@ -101,9 +106,8 @@ class ParabolicBending:
         a, b, h of bending; of −a N ± b V ≤ h; and of a line −a N ± b M ≤ h that also bounds bending, with a = b = 0
         where there is none.
     interaction : (k, 12) array or None
-        Interaction of V and M: N and m of a corner of the inner set; how far its shear is above the dry line (0: no
-        interaction); the first and last N₁/(1 − w); N_c, μ and c of dry faces; σtA, N_c, shear strength and μ of inner
-        faces. None if the label is decided.
+        Interaction of V and M: n and m of the corner; v (0: no interaction); the first and last N₁/(1 − w); N_c, μ and
+        c of dry faces; σtA, N_c, shear strength and μ of inner faces. None if the label is decided.
     """
 
     crushed: Ints
@@ -168,9 +172,10 @@ class YieldSet(Rows, Protocol):
     """
 
     def slack(self, forces: Floats, labels: Bits) -> Floats:
-        """Return the least distance (m,) of the forces of each face to its yield boundary.
+        """Return the least slack (m,) of the yield conditions of each face under given forces.
 
-        The slack is negative outside the set. forces: (m, q) scaled resultants. labels: (m,) True = dry.
+        It is 0 on the boundary of the yield set and negative outside. forces: (m, q) scaled resultants. labels: (m,)
+        True = dry.
         """
 
     def recession_slack(self, forces: Floats, labels: Bits) -> Floats:
@@ -236,9 +241,9 @@ class YieldSet(Rows, Protocol):
 
     @property
     def associative(self) -> FrictionSet:
-        """Return the set with associative friction from which this set was made, or this set itself.
+        """Return the set with associative friction from which this set was made.
 
-        Raises TypeError if there is none.
+        It is this set itself if its friction is associative. Raises TypeError if there is none.
         """
 
 
@@ -288,14 +293,14 @@ class FrictionSet(YieldSet, Protocol):
         """
 
     def without_shear_limit(self) -> FrictionSet:
-        """Return a copy of the set without any limit on shear.
+        """Return a copy of the set without any limit on shear, for tests of bending alone.
 
         It serves proofs only: the rows in `pattern` stay those of the original set.
         """
 
 
 def used(demand: Floats, capacity: Floats, least: float) -> Floats:
-    """Return the ratio demand / capacity of each face.
+    """Return the ratio demand / capacity (m,) of each face.
 
     It is 0 for demands up to `least`, and 1 without positive capacity. demand, capacity: (m,) scaled forces. least:
     scaled force up to which a demand counts as zero.

@@ -94,7 +94,10 @@ class SpatialYield(Frictional):
         return np.where(self.is_dry(labels), dry, inner)
 
     def recession_active(self, labels: Bits) -> Bools:
-        """Return a mask (m, q), True where a resultant may be non-zero in the recession cone."""
+        """Return a mask (m, q), True where a resultant may be non-zero in the recession cone.
+
+        labels: (m,) True = dry, see `YieldSet.recession_active`.
+        """
         mask, dry = np.ones((len(labels), 6), dtype=bool), self.is_dry(labels)
         mask[:, [1, 2, 5]] = (self.friction_of(labels) > 0.0)[:, None]
         mask[:, 3:] &= ~self.point[:, None]
@@ -127,7 +130,10 @@ class SpatialYield(Frictional):
         return np.where(self.is_dry(labels), dry, inner)
 
     def margin(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return the slack (m,) of the conditions for finite dissipation of jumps (m, q)."""
+        """Return the slack (m,) of the conditions for finite dissipation of jumps (m, q).
+
+        labels: (m,) True = dry, see `YieldSet.margin`.
+        """
         opening, turn, slip = jumps[:, 0], -jumps[:, 3:5], self.slip(jumps)
         dry = opening - self.bending.most(self.bending.dry_corners, turn) - self.friction * slip
         inner = opening - self.bending.most(self.bending.inner_corners, turn)
@@ -138,7 +144,10 @@ class SpatialYield(Frictional):
         return np.where(self.is_dry(labels), dry, inner)
 
     def is_dry(self, labels: Bits) -> Bools:
-        """Return a mask (m,), True for dry faces and for points, which are always dry."""
+        """Return a mask (m,), True for dry faces and for points, which are always dry.
+
+        labels: (m,) True = dry.
+        """
         return np.asarray(labels | self.point)
 
     def shear_of(self, forces: Floats) -> Floats:

@@ -114,15 +114,16 @@ class _RowCollector:
 
 
 def spatial_rows(sets: Strengths, point: Bools, bending: Bending) -> RowPattern:
-    """Build the rows of m spatial faces; columns are those of A_eq, then the extra variables.
+    """Build the yield rows of m spatial faces under both labels.
 
-    sets: scaled strengths. point, bending: as in SpatialYield.
+    sets: scaled strengths. point: (m,) True for faces that are points. bending: rows of the bending sets.
 
-    Extra columns: t, a bound on shear, per face with moments; then p, q, a, b per face with a dry compressive strength.
+    Columns: six resultants per face, as in A_eq; t, a bound on shear, per face with moments; p, q, a, b per face with a
+    dry compressive strength.
 
-    Linear rows: bending per hull edge; t ± mT against c + μN of either label; inner σc per hull edge; p, q ≤ N ∓ m.
-    Cones: |V| ≤ t (or μN at a point); a² ≤ pq, b² ≤ N, N² ≤ √N_c a b, which together mean N³ ≤ N_c p q. Source:
-    docs/method.md (2.8), (2.12).
+    Linear rows, in this order: bending per hull edge; t ± mT ≤ c + μN; bending of inner faces against σc; p ≤ N ∓ m1
+    and q ≤ N ∓ m2. Cones: |V| ≤ t, or |V| ≤ μN at a point; then a² ≤ pq, b² ≤ N, N² ≤ √N_c a b, which together mean N³
+    ≤ N_c p q. Source: docs/method.md (2.8), (2.12).
     """
     sheet = _RowCollector(len(sets.friction))
     crushed = np.flatnonzero(np.isfinite(sets.crush_dry))
@@ -140,12 +141,11 @@ def spatial_rows(sets: Strengths, point: Bools, bending: Bending) -> RowPattern:
 
 
 def without_crushing(pattern: RowPattern, sets: Strengths, point: Bools, bending: Bending) -> RowPattern:
-    """Return the rows of spatial faces without crushing of dry faces.
+    """Return rows of spatial faces in which dry faces bend without crushing.
 
-    A limit on N takes its place. It encloses both labels once `hull_rows` has moved N by −σtA. Bending is limited by
-    the rows that the effective rectangle implies; the variables of that rectangle keep their inner rows. N ≤ max(N_c,
-    σcA) stands in the rows of inner σc, where a face has those. pattern: with crushing. sets, point, bending: as in
-    `spatial_rows`.
+    `hull_rows` takes them and moves N by −σtA; then they enclose both labels. N ≤ max(N_c, σcA) takes the place of
+    crushing, in the rows of inner σc, where a face has those. The variables of crushing keep their inner rows. pattern:
+    rows with crushing. sets, point, bending: as in `spatial_rows`.
     """
     crushed = np.isfinite(sets.crush_dry)
     data, rhs = pattern.dry.copy(), pattern.h_dry.copy()

@@ -65,7 +65,11 @@ class FieldResult:
 
     @property
     def governing_case(self) -> tuple[Assembly, Bits, FieldBounds]:
-        """Assembly under the governing load case, labels (m,), and the planar bounds of that case, for pictures."""
+        """Return structure, labels and planar bounds of the governing load case, for pictures.
+
+        The structure is the assembly under this load case alone; the labels are (m,), True = dry. Raises InputError for
+        bounds in space, of which there are no pictures.
+        """
         case = self.governing.case
         bounds = list(self.cases.values())[case]
         if not isinstance(bounds, FieldBounds):
@@ -175,7 +179,7 @@ def case_bounds_of(bounds: FieldBounds | SpatialBounds) -> CaseBounds:
     Returns
     -------
     CaseBounds
-        Its value is the lower bound; NaN where a bound is missing.
+        Bounds on λ, NaN where one is missing; `load_factor` is the lower bound.
     """
     if bounds.upper < 0.0:
         return CaseBounds(Status.UNSTABLE, math.nan, math.nan, math.nan)

@@ -94,6 +94,9 @@ class CentralPath:
         Size of normal forces, slacks and multipliers in the first iterate, scaled.
     most : int
         Largest number of steps.
+
+    Attributes
+    ----------
     steps : int
         Number of steps so far.
     """

@@ -50,7 +50,7 @@ class CostEstimate:
 
     @property
     def long(self) -> str | None:
-        """Return a sentence with the expected time if it exceeds `LONG`, else None."""
+        """Return a sentence with the expected time if it is long, above `LONG` (5 s), else None."""
         if self.seconds <= LONG:
             return None
         few = f"{self.seconds:.0f} s" if self.seconds < 100.0 else f"{self.seconds / 60.0:.0f} min"

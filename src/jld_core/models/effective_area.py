@@ -48,7 +48,7 @@ HOLDING_WEIGHT: Final = 30.0
 
 
 def require_rectangles(assembly: Assembly, labels: Bits) -> None:
-    """Raise InputError if effective areas do not apply to a labelling.
+    """Raise InputError if effective areas do not apply to a labelling of an assembly.
 
     They apply to spatial scenes with a dry rectangle and without cohesion of dry faces. labels: (m,) True = dry.
     """
@@ -103,19 +103,36 @@ def slack_to_request(own: State, margin: float, tries: int) -> float:
 def prove_effective_area(
     analysis: LimitAnalysis, labels: Bits, *, stands: bool = False, most: int = 60, weight: float = 1e-2
 ) -> Proof:
-    """Prove the load factor with effective areas, at a fixed point of x and c_T,e.
+    """Prove the load factor with torsion on effective areas, docs/method.md (2.14) to (2.16).
 
-    analysis: of a spatial assembly with dry rectangles. labels: (m,) True dry. stands: also decide λ = 0 (with whole
-    faces). most: maximum number of programs solved by the proximal iteration. weight: of its proximal term, which keeps
-    x from jumping between equally good states.
+    The forces of the result lie within the effective areas that they cause themselves. The bracket is that of the
+    problem with those areas frozen; in general it does not bound λ of other such solutions. λ is proven unbounded by a
+    ray within the areas that the ray itself causes, since the areas approach those as λ grows.
 
-    The forces lie within the effective areas that result from them; `extra["effective_area"]["fixed_point"]` is the
-    remaining change. The bracket is that of the problem with those areas frozen. A change above 1e-8 leaves the
-    result uncertified, and so does a bracket above the gap of the analysis.
+    Parameters
+    ----------
+    analysis : LimitAnalysis
+        Analysis of a spatial assembly with dry rectangles, with whole faces.
+    labels : (m,) bool array
+        Labels, True = dry.
+    stands : bool
+        Also decide whether λ = 0 is admissible, with whole faces.
+    most : int
+        Largest number of programs solved by the proximal iteration, which follows if central paths fail.
+    weight : float
+        Weight of its proximal term, which keeps the areas from jumping between equally good states.
 
-    Locked needs a ray within the effective areas that result from the ray itself: as λ grows, the areas approach those.
+    Returns
+    -------
+    Proof
+        `extra["effective_area"]["fixed_point"]` is the change of areas that is left. The status is uncertified if it
+        exceeds 1e-8, or if the bracket is wider than the gap of the analysis. `extra["effective_area"]` is None where
+        the labelling is unstable or has no state with whole faces.
 
-    Raise InputError for planar scenes, without any dry rectangle, or with cohesion on a dry face.
+    Raises
+    ------
+    InputError
+        If the scene is planar, has no dry rectangle, or a dry face has cohesion.
     """
     start = time.perf_counter()
     require_rectangles(analysis.assembly, labels)
@@ -244,12 +261,12 @@ def _falls(analysis: LimitAnalysis, labels: Bits, motion: Motion) -> bool:
 
 
 def falls_for_any_areas(analysis: LimitAnalysis, labels: Bits, motion: Motion) -> bool:
-    """Return True if the jumps of a motion have finite dissipation under any areas.
+    """Return True if a motion has finite dissipation under any effective areas.
 
-    That is, wherever dry rectangles are pressed. With N at x a face opens by δ + θ·x and slips by s + ω × x there, and
-    no effective area twists about more than c_T: δ_x ≥ μ max(|s_x|, c_T |ω|) is convex in x and holds everywhere if it
-    holds at the corners. Faces that crush count as they do under whole areas only if they do not twist. labels: (m,)
-    True = dry.
+    At a point x of a face the motion opens by δ_x and slips by s_x, and no effective area has a torsion length above
+    c_T. The condition δ_x ≥ μ max(|s_x|, c_T |ω|) is convex in x, so it holds everywhere if it holds at the corners of
+    all dry rectangles. A dry rectangle that can crush must not twist. Other faces are not tested. analysis: of whole
+    faces. labels: (m,) True = dry.
     """
     faces, jumps = analysis.assembly.interfaces, motion.jumps
     friction = analysis.template.yield_set.associative.friction_of(labels)
@@ -268,10 +285,10 @@ def falls_for_any_areas(analysis: LimitAnalysis, labels: Bits, motion: Motion) -
 
 
 def ray_under_own_areas(analysis: LimitAnalysis, labels: Bits, ray: State | None) -> State | None:
-    """Find a ray of forces within the effective areas that these forces require.
+    """Find a ray of forces within the effective areas that these forces cause.
 
-    Along it the live load grows without limit. analysis: of whole faces. labels: (m,) True = dry. ray: to begin with,
-    under any areas. The result is None if no such ray is found.
+    Along it the live load grows without limit. analysis: of whole faces. labels: (m,) True = dry. ray: ray to begin
+    with, under any areas. The result is None if no such ray is found.
     """
     for _ in range(_RAYS):
         if ray is None:

@@ -215,7 +215,9 @@ def barrier_weights(assembly: Assembly, rows: MovingRows, start: int) -> Floats:
 
 
 def load_axes(assembly: Assembly) -> Floats:
-    """Compute three orthonormal directions that turn with the structure.
+    """Compute three orthonormal directions that turn with the structure and its loads.
+
+    Weights that depend on coordinates along them do not depend on the position or rotation of the scene.
 
     Parameters
     ----------

@@ -78,7 +78,7 @@ def require_model(assembly: Assembly, options: SolveOptions, dry: Bits) -> None:
 
 
 def require_solver_accepts(analysis: LimitAnalysis, options: SolveOptions) -> None:
-    """Raise InputError if the solver of the options does not accept the programs of an analysis.
+    """Raise InputError if a solver does not accept the programs of an analysis.
 
     Parameters
     ----------

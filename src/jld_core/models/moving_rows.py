@@ -45,8 +45,8 @@ def areas_under(assembly: Assembly, forces: Floats, labels: Bits) -> EffectiveAr
     Returns
     -------
     EffectiveAreas
-        Ratio c_T / c_T,e and arm x / c_T of each face. Inner faces, faces without compression and faces that are
-        not rectangles keep the whole face.
+        Ratio c_T / c_T,e and arm (x2, −x1) / c_T of each face. Inner faces, faces without normal force and faces that
+        are not rectangles keep the whole face.
 
     Notes
     -----
@@ -136,7 +136,7 @@ def frozen_areas(template: Template, areas: EffectiveAreas) -> Template:
 
 
 class MovingRows:
-    """Conic program of one labelling whose torsion rows follow the effective areas of the forces.
+    """Conic program of one labelling whose torsion rows follow the effective areas.
 
     The program is: minimise q·y subject to E y = e, G(y) y + s = r, s in a cone. E y = e is equilibrium. G depends on y
     through the parameters ρ, ρ a1, ρ a2 of each dry rectangle, see `EffectiveAreas`.
@@ -206,7 +206,7 @@ class MovingRows:
 
     @property
     def size(self) -> int:
-        """Return the number of columns of the program."""
+        """Return the number n of columns of the program."""
         return len(self.objective)
 
     @cached_property
@@ -220,19 +220,19 @@ class MovingRows:
         return np.asarray(6 * self.face[self.torsion][None] + np.array(_OWN)[:, None])
 
     def parameters(self, y: Floats) -> tuple[Floats, Floats]:
-        """Compute ρ, ρ a1, ρ a2 of the torsion rows and their derivatives.
+        """Compute ρ, ρ a1, ρ a2 of the torsion rows and their derivatives at a point.
 
         Parameters
         ----------
         y : (n,) array
-            Point.
+            Point: forces of all faces, further variables, and λ as the last entry, scaled.
 
         Returns
         -------
         values : (3, k) array
             Parameters of each torsion row.
         slopes : (3, 3, k) array
-            Derivative of each parameter with respect to N, m1, m2.
+            slopes[i, j]: derivative of parameter i with respect to N, m1 or m2 (j = 0, 1, 2).
         """
         forces, face = y[: 6 * len(self.labels)].reshape(-1, 6), self.face[self.torsion]
         areas = areas_under(self.assembly, forces, self.labels)
@@ -243,31 +243,37 @@ class MovingRows:
         return values, np.concatenate([of_ratio[face].T[None], slopes.transpose(1, 2, 0)])
 
     def entries(self, values: Floats) -> tuple[Ints, Ints, Floats]:
-        """Return rows, columns and values of G minus the rows G of whole faces.
+        """Return the entries that turn the matrix G of whole faces into that of given areas.
 
-        values: (3, k) parameters of the torsion rows.
+        values: (3, k) parameters of the torsion rows. The results are rows, columns and values (3k,), which are added
+        to `rows`.
         """
         coefficients = self._coefficients * (values - np.array([1.0, 0.0, 0.0])[:, None])
         return np.tile(self.torsion, 3), self._columns.ravel(), coefficients.ravel()
 
     def matrix(self, values: Floats) -> sp.csr_array:
-        """Return the matrix G for given parameters (3, k) of the torsion rows."""
+        """Return the sparse matrix G for given effective areas.
+
+        values: (3, k) parameters of the torsion rows.
+        """
         row, column, data = self.entries(values)
         return self.rows + sp.csr_array((data, (row, column)), shape=self.rows.shape)
 
     def row_slopes(self, y: Floats, slopes: Floats) -> tuple[Ints, Ints, Floats]:
-        """Return rows, columns and values of the derivative of G(y) v by y, at v = y.
+        """Return the derivative of G(y) v with respect to y, at v = y held fixed.
 
-        v is held fixed. slopes: (3, 3, k) from `parameters`.
+        Newton steps use it. y: (n,) point. slopes: (3, 3, k) from `parameters`. The results are rows, columns and
+        values of a sparse matrix (rows, n).
         """
         work = self._coefficients * y[self._columns]
         data = np.einsum("kr,kjr->jr", work, slopes)
         return np.tile(self.torsion, 3), self.own.ravel(), data.ravel()
 
     def column_slopes(self, z: Floats, slopes: Floats) -> tuple[Ints, Ints, Floats]:
-        """Return rows, columns and values of the derivative of G(y)ᵀ z by y.
+        """Return the derivative of G(y)ᵀ z with respect to y, at fixed multipliers z.
 
-        z: (rows,) multipliers, held fixed. slopes: (3, 3, k) from `parameters`.
+        z: (rows,) multipliers. slopes: (3, 3, k) from `parameters`. The results are rows, columns and values of a
+        sparse matrix (n, n).
         """
         work = self._coefficients * z[self.torsion]
         data = work[:, None] * slopes

@@ -125,7 +125,7 @@ def resultants_of_faces(assembly: Assembly, points: Assembly, parent: Ints, forc
     """Compute the resultants (m, 6) of whole faces about their centroids from point forces.
 
     assembly: with m whole faces. points: its assembly of m' point contacts. parent: (m',) whole face of each point.
-    forces: (m', 6) resultants of the points, scene units.
+    forces: (m', 6) resultants of the points, scene units, as is the result.
     """
     faces = assembly.interfaces
     arm = points.interfaces.origin - faces.origin[parent]

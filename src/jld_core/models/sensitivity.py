@@ -181,7 +181,26 @@ def _parameters(assembly: Assembly, labels: Bits) -> list[tuple[str, _Change, st
 
 
 class SolvedProgram:
-    """Solved program of one labelling, from which rates of λ are computed."""
+    """Solved program of one labelling, from which rates of λ with parameters are computed.
+
+    The module docstring states the formulas.
+
+    Parameters
+    ----------
+    analysis : LimitAnalysis
+        Analysis of associative friction.
+    labels : (m,) bool array
+        Labels, True = dry.
+
+    Attributes
+    ----------
+    program : ConicProgram
+        The program, scaled.
+    point, dual : (columns,) and (rows,) arrays
+        Its solution y and multipliers w.
+    held : (rows,) bool array
+        Linear rows that hold with equality in every optimal y.
+    """
 
     def __init__(self, analysis: LimitAnalysis, labels: Bits) -> None:
         self._analysis, self.labels = analysis, labels
@@ -200,7 +219,8 @@ class SolvedProgram:
     def sensitivity(self, change: _Change, unit: str) -> Sensitivity:
         """Compute the rate of λ with one parameter, in scene units.
 
-        change: the parameter. unit: its unit, for the result.
+        change: the parameter. unit: its unit, for the result. Rates are NaN where λ has a kink or where they are not
+        known well enough, see `Sensitivity`.
         """
         step = _STEP * change.size
         more, less = self._moved(change, step), self._moved(change, -step)
@@ -272,9 +292,10 @@ class SolvedProgram:
         return 0.5 * (primal + dual), abs(primal - dual)
 
     def side(self, matrix: sp.csr_array, rhs: Floats) -> float:
-        """Compute the rate of −λ to one side of the parameter, scaled; NaN without an optimum.
+        """Compute the rate of −λ to one side of a parameter, scaled; NaN without an optimum.
 
-        matrix, rhs: rates of change of the program data, scaled.
+        It is the value of the linear program of one side, and the opposite side has both arguments with changed sign.
+        matrix: (rows, columns) and rhs: (rows,) rates of change ΔM and Δr of the program data with the parameter.
         """
         equal = np.arange(self.first)
         held = np.flatnonzero(self.held)

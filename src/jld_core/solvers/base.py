@@ -90,7 +90,7 @@ class Solver(ABC):
     def require(self, structure: Structure) -> None:
         """Raise SolverError if the solver does not support programs of this structure.
 
-        Callers check this before any work begins.
+        Callers check this before any work begins. The default supports every structure.
         """
         return
 

@@ -89,7 +89,10 @@ class ClarabelSolver(Solver):
         self.updates = self.rebuilds = 0
 
     def prepare(self, structure: Structure, reference: Callable[[], ConicProgram]) -> None:
-        """Set up the solver on the reference program of a structure, if that structure is new."""
+        """Set up the solver on the reference program of a structure, if that structure is new.
+
+        Otherwise keep the present set-up. structure, reference: as in `Solver.prepare`.
+        """
         if self._structure is not structure:
             program = reference().rounded
             self._set_up(program, program.objective)

@@ -43,7 +43,10 @@ class CvxpySolver(Solver):
         self._options = options or (tight if solver == "CLARABEL" else {})
 
     def solve(self, program: ConicProgram) -> RawSolution:
-        """Solve a program by a CVXPY model that is built for this call."""
+        """Solve a program by a CVXPY model that is built for this call.
+
+        Return the unverified solution. Point and dual are zero where CVXPY gives none.
+        """
         start = time.perf_counter()
         s = program.structure
         matrix: Any = program.matrix.tocsr()  # CVXPY's operators have no types

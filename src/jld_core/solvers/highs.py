@@ -59,7 +59,11 @@ class HighsSolver(Solver):
             raise SolverError(f"{self.name} takes linear programs only; this scene needs second-order cones")
 
     def solve(self, program: ConicProgram) -> RawSolution:
-        """Solve a linear program; raise SolverError if it has second-order cones."""
+        """Solve a linear program, and return the unverified solution.
+
+        For an unbounded or infeasible program, `point` or `dual` is a ray if HiGHS has one. Raises SolverError if the
+        program has second-order cones.
+        """
         s = program.structure
         self.require(s)
         start = time.perf_counter()
@@ -100,7 +104,7 @@ def highs_of(
     rows : (rows, columns) sparse matrix
         Matrix R.
     objective : (columns,) array
-        Objective.
+        Coefficients of the objective.
     low, high : (rows,) arrays
         Bounds on R x.
     least, most : (columns,) arrays
@@ -111,7 +115,7 @@ def highs_of(
     Returns
     -------
     highspy.Highs
-        The instance.
+        The instance; its method `run` solves the program.
     """
     matrix = sp.csc_array(rows)
     model = highspy.HighsLp()
@@ -131,5 +135,8 @@ def highs_of(
 
 
 def highs_ends(values: Floats) -> Floats:
-    """Return bounds with infinite values replaced by the infinity of HiGHS."""
+    """Return bounds with ±inf replaced by the infinity of HiGHS.
+
+    values: bounds, of any shape; finite ones stay.
+    """
     return np.clip(values, -highspy.kHighsInf, highspy.kHighsInf)

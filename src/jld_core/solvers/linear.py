@@ -26,7 +26,7 @@ class LinearAnswer:
     Attributes
     ----------
     found : bool
-        True if the solver reports an optimum.
+        True if the solver reports an optimum. Otherwise the other values may be arbitrarily wrong.
     value : float
         Value of the objective.
     point : (columns,) array
@@ -62,12 +62,12 @@ class LinearRows:
         self._columns = np.arange(rows.shape[1], dtype=np.int32)
 
     def bound(self, rows: slice, low: Floats, high: Floats) -> None:
-        """Change the bounds of consecutive rows.
+        """Change the bounds of consecutive rows for the minimisations that follow.
 
         Parameters
         ----------
         rows : slice
-            Rows, as a slice with start and stop.
+            The k rows, as a slice with start and stop.
         low, high : (k,) arrays
             New bounds, ±inf for none.
         """
@@ -80,12 +80,12 @@ class LinearRows:
         Parameters
         ----------
         objective : (columns,) array
-            Objective.
+            Coefficients of the objective.
 
         Returns
         -------
         LinearAnswer
-            Unverified solution.
+            Unverified solution; `found` is False if the solver reports no optimum.
         """
         self._highs.changeColsCost(len(self._columns), self._columns, np.ascontiguousarray(objective))
         return _run(self._highs)

@@ -46,10 +46,17 @@ _CLOSING: Final = 0.9
 
 
 class AlternatingPrograms:
-    """The two linear programs of one labelling: mechanisms for forces, forces for mechanisms.
+    """Linear programs of one planar labelling: mechanisms for forces, forces for mechanisms.
 
-    modes: the complementarity problem, planar. most: scaled λ above which solutions are ignored. Points (3m + 1,) are
-    scaled forces and λ.
+    Each of m faces has four yield slacks y ≥ 0 and four modes, rates z ≥ 0 of hinges and slides. In a solution y z = 0,
+    docs/method.md (4.6). A point (3m + 1,) holds scaled forces F and λ. Solutions found here are not certified yet.
+
+    Parameters
+    ----------
+    modes : Modes
+        The complementarity problem.
+    most : float
+        Scaled λ above which solutions are ignored.
     """
 
     def __init__(self, modes: Modes, most: float) -> None:
@@ -71,8 +78,8 @@ class AlternatingPrograms:
     def mechanism(self, closed: Bools, weights: Floats) -> Floats | None:
         """Return the mechanism z (4m,) ≥ 0 of least weighted sum with live work 1.
 
-        closed: (4m,) modes whose slack is zero; only these may move. weights: (4m,). The result is None if no mechanism
-        exists.
+        closed: (4m,) modes whose slack y is zero; only these may move. weights: (4m,) of the sum. The result is None if
+        no mechanism exists.
         """
         self._motions.bound(slice(0, len(closed)), np.zeros(len(closed)), np.where(closed, np.inf, 0.0))
         answer = self._motions.minimise(weights @ self.modes.rates)
@@ -81,8 +88,8 @@ class AlternatingPrograms:
     def forces(self, moving: Bools, objective: Floats) -> Floats | None:
         """Return the state (F, λ) that minimises an objective and completes one mechanism.
 
-        moving: (4m,) modes that move, whose slack y is zero. objective: (3m + 1,) of (F, λ). The result is None if no
-        state exists.
+        moving: (4m,) modes that move, whose slack y is zero. objective: (3m + 1,) coefficients of (F, λ). The result is
+        None if no state exists.
         """
         d = self.modes.constants
         self._statics.bound(slice(self._first, self._first + len(d)), -d, np.where(moving, -d, np.inf))
@@ -119,8 +126,8 @@ class AlternatingPrograms:
     def mix_with_low_compression(self, point: Floats, share: float, rng: np.random.Generator) -> Floats | None:
         """Mix a point with a state of low compression on random faces.
 
-        point: (3m + 1,) scaled forces and λ. share: weight of that state, from 0 to 1. The result is None if no state
-        exists.
+        The state minimises Σ w N with random weights w. point: (3m + 1,) scaled forces and λ. share: weight of that
+        state, from 0 to 1. rng: draws w. The result is None if no state exists.
         """
         objective = np.zeros(len(point))
         objective[:-1:3] = rng.exponential(size=self.modes.faces)
@@ -130,8 +137,8 @@ class AlternatingPrograms:
     def descend(self, point: Floats, seed: int, tries: int = 24, sign: float = 1.0) -> Floats | None:
         """Search for a solution with lower λ (sign 1) or higher λ (sign −1) from a solution.
 
-        point: (3m + 1,) scaled forces and λ. seed: of random mechanisms and vertices. tries: consecutive tries without
-        gain. The result is the best (F, λ), or None if no mechanism completes the point.
+        point: (3m + 1,) the solution. seed: of random mechanisms and vertices. tries: number of tries in a row without
+        gain after which the search ends. The result is the best point, or None if no mechanism completes the given one.
         """
         rng = np.random.default_rng(seed)
         count = len(self.modes.constants)
@@ -162,8 +169,8 @@ class AlternatingPrograms:
     def random_solutions(self, seed: int, draws: int) -> list[Floats]:
         """Return solutions (F, λ) of random mechanisms: the lowest and the highest of each.
 
-        draws: number of mechanisms. Even-numbered ones have random weights only. For odd-numbered ones the weights are
-        multiplied by the slacks of a random state. Where few faces leave few mechanisms, these are most of them.
+        seed: of the random weights. draws: number of mechanisms. Every second one has weights that are multiplied by
+        the slacks of a random state. The list lacks mechanisms that no forces complete.
         """
         rng, found = np.random.default_rng(seed), list[Floats]()
         count, columns = len(self.modes.constants), self.modes.rows.shape[1]
@@ -186,10 +193,10 @@ class AlternatingPrograms:
         return found
 
     def ascending_path(self, point: Floats, seed: int, steps: int, idle: int) -> list[Floats]:
-        """Return the vertices (F, λ) of a path of increasing λ, one mechanism per step.
+        """Return the points of a path of solutions with increasing λ, the given one first.
 
-        Each step maximises λ for one mechanism. point: (3m + 1,) of a solution. steps: maximum number of mechanisms.
-        idle: maximum number of failures in a row.
+        Each step maximises λ for one random mechanism. point: (3m + 1,) a solution. seed: of the mechanisms. steps:
+        maximum number of mechanisms. idle: maximum number of failures in a row.
         """
         rng = np.random.default_rng(seed)
         goal = np.append(np.zeros(len(point) - 1), -1.0)

@@ -16,14 +16,27 @@ BITS: Final = 70
 
 @dataclass(frozen=True)
 class BinaryFractions:
-    """Matrix of binary fractions: integers of any length, divided by 2^scale."""
+    """Matrix of binary fractions of any length, for sums and products without rounding.
+
+    The operators +, − and @ are exact.
+
+    Attributes
+    ----------
+    values : (r, c) object array
+        Integers of any length.
+    scale : int
+        Each entry is its integer divided by 2^scale.
+    """
 
     values: Any
     scale: int
 
     @staticmethod
     def of(table: Floats) -> BinaryFractions:
-        """Convert a matrix of doubles to binary fractions, exactly."""
+        """Convert a matrix of finite doubles to binary fractions, exactly.
+
+        table: (r, c) doubles.
+        """
         part, power = np.frexp(table)
         used = table != 0.0
         least = int(power[used].min(initial=0))
@@ -35,7 +48,7 @@ class BinaryFractions:
         return BinaryFractions(self.values.T, self.scale)
 
     def rows(self, chosen: Any) -> BinaryFractions:
-        """Return the matrix of the chosen rows."""
+        """Return the matrix of the chosen rows, given by indices, a mask or a slice."""
         return BinaryFractions(self.values[chosen], self.scale)
 
     def times(self, factor: float) -> BinaryFractions:
@@ -73,5 +86,8 @@ class BinaryFractions:
 
 
 def round_to_bits(table: Floats, bits: int = BITS) -> Floats:
-    """Round the entries of a matrix to multiples of 2^−bits."""
+    """Return an array of doubles rounded to multiples of 2^−bits.
+
+    table: doubles of any shape. Sums of such numbers need few digits as binary fractions.
+    """
     return np.asarray(np.ldexp(np.rint(np.ldexp(table, bits)), -bits))

@@ -13,9 +13,16 @@ from jld_core.models.zero_dilation.statics import Statics, bound_velocities
 
 @dataclass(frozen=True)
 class Region:
-    """Part of the solutions on which a bound is proven: an interval of λ, closed and held modes.
+    """Part of the solutions on which a bound is proven.
 
-    low ≤ λ ≤ high. closed: (4m,) modes with z = 0. held: (4m,) modes with y = 0.
+    Attributes
+    ----------
+    low, high : float
+        Ends of the interval of scaled λ.
+    closed : (4m,) bool array
+        Closed modes, with the rate z = 0.
+    held : (4m,) bool array
+        Held modes, with the yield slack y = 0.
     """
 
     low: float
@@ -26,8 +33,8 @@ class Region:
     def split(self, rates: Floats, slacks: Floats) -> tuple[Region, Region] | None:
         """Split the region at the mode that most violates y z = 0; None if no mode violates it.
 
-        The measure of a mode is min(z, 1) y. In one part, the mode does not move. In the other part, its slack is zero;
-        if the mode is a slide, the other slide of the face is then zero. rates, slacks: (4m,) mean z and mean y.
+        The measure of a mode is min(z, 1) y. In the first part, the mode is closed. In the second part, it is held; if
+        it is a slide, the other slide of its face is closed. rates, slacks: (4m,) mean z and mean y of a relaxation.
         """
         apart = np.where(self.closed | self.held, 0.0, np.minimum(rates, 1.0) * slacks)
         if not apart.max() > 0.0:
@@ -61,15 +68,18 @@ class BoundedModes:
 
     @classmethod
     def up_to(cls, modes: Modes, high: float) -> BoundedModes:
-        """Compute the bounds for all solutions with 0 ≤ λ ≤ high, scaled."""
+        """Compute the bounds for all solutions with 0 ≤ λ ≤ high.
+
+        modes: the complementarity problem. high: scaled λ. Bounds that are not proven are inf, or None for velocities.
+        """
         statics = Statics(modes, 0.0, high, np.zeros(len(modes.rows), dtype=bool))
         return cls(modes, statics.force_bounds, bound_velocities(statics))
 
     def region(self, low: float, high: float, closed: Bools, held: Bools) -> Region:
-        """Return a region of solutions, with all modes closed that cannot move in it.
+        """Return the region of solutions with low ≤ λ ≤ high and given closed and held modes.
 
-        low, high: ends of the interval of scaled λ. closed, held: (4m,) modes that are given as closed (z = 0), and as
-        held (y = 0).
+        Modes that are proven not to move in it are closed as well. low, high: scaled λ. closed, held: (4m,) modes with
+        z = 0, and with y = 0.
         """
         statics = Statics(self.modes, low, high, held, self.force_bounds)
         return Region(low, high, closed | statics.closed_modes(), held)

@@ -76,8 +76,21 @@ _NIL: Final = 1e-60
 class Certifier:
     """Certifier of one planar region: makes multipliers exact and checks the bound they prove.
 
-    bounded: complementarity problem with bounds on forces and velocities; both must be proven. region: part of the
-    solutions. slack: σ, decrease of λ per unit of cost. Raises ValueError if velocities are not bounded.
+    The identity that is checked is docs/method.md (4.8).
+
+    Parameters
+    ----------
+    bounded : BoundedModes
+        Complementarity problem with bounds on forces and velocities, both proven.
+    region : Region
+        Part of the solutions.
+    slack : float
+        σ, decrease of scaled λ per unit of the cost of a mechanism.
+
+    Raises
+    ------
+    ValueError
+        If velocities are not bounded.
     """
 
     def __init__(self, bounded: BoundedModes, region: Region, slack: float) -> None:
@@ -111,8 +124,8 @@ class Certifier:
     def bound(self, multipliers: Multipliers, sufficient_bound: float = math.inf) -> float:
         """Correct multipliers until they prove a lower bound on λ, and return that bound.
 
-        The result is scaled, and −inf if nothing is proven. sufficient_bound: bound at which refinement of the
-        certificate ends.
+        The result is scaled, at most region.high, and −inf if nothing is proven. sufficient_bound: scaled bound at
+        which refinement of the certificate ends.
         """
         of_products = BinaryFractions.of(round_to_bits(multipliers.products))
         live_work = BinaryFractions.of(round_to_bits(multipliers.live_work[:, None]))
@@ -248,12 +261,13 @@ def reduce_residual(
     unbalanced: Bools,
     equilibrium: Callable[[Floats], Floats] | None = None,
 ) -> Floats:
-    """Reduce a residual of the certificate's identity by forms that vanish in solutions.
+    """Reduce the residual of a certificate's identity by forms that vanish in solutions.
 
-    They are multiples of equilibrium and of velocities that are zero. lacking: (q + 2, w) form in Φ and w. statics:
-    matrix K with K Φ = 0. zero_forms: (e, w) forms of w that are zero. unbalanced: (w,) velocities to which no multiple
-    of equilibrium is applied. equilibrium: function from a residual to the multipliers of K that reduce the residual
-    most; None: least squares.
+    They are multiples of equilibrium and of velocities that are zero, the terms with Q and Ψ of docs/method.md (4.8).
+    Sums are exact; the result (q + 2, w) is converted to doubles. lacking: (q + 2, w) residual, a bilinear form of Φ =
+    (F, λ, 1) and w velocities. statics: matrix K with K Φ = 0. zero_forms: (e, w) forms of velocities that are zero.
+    unbalanced: (w,) velocities to which no multiple of equilibrium is applied. equilibrium: function from a residual to
+    the multipliers of K that reduce it most; None: least squares.
     """
     exact = BinaryFractions.of(statics)
     if equilibrium is None:
@@ -273,14 +287,19 @@ def reduce_residual(
 
 
 def drop_rounding(table: Floats) -> Floats:
-    """Set entries that are rounding errors of numbers of order one to zero."""
+    """Return an array, of any shape, in which entries below 1e-11 are zero.
+
+    They are rounding errors of numbers of order one.
+    """
     return np.where(abs(table) < 1e-11, 0.0, table)
 
 
 def least_change_solver(rows: Any, share: Floats) -> Any:
-    """Return a solver for the least weighted change of multipliers with rowsᵀ change ≈ target.
+    """Return a solver for the least weighted change x of multipliers with rowsᵀ x ≈ target.
 
-    rows: sparse, one per multiplier. share: weight of each multiplier. The solver uses refined normal equations.
+    rows: sparse (k, columns), one row per multiplier. share: (k,) weight of each multiplier; a small one changes
+    little. The solver is a function from target (columns,) to x (k,). It uses normal equations with iterative
+    refinement.
     """
     weighted = sp.csr_array(sp.diags_array(share) @ rows)
     normal = sp.csc_array(weighted.T @ weighted)

@@ -105,8 +105,12 @@ class ProximalOptions:
 class FixedPointSearch:
     """Fixed-point search for a solution of one labelling from given forces.
 
-    labels: (m,) True = dry. options: parameters of the search. All programs share solvers, and `solves` counts the
-    programs.
+    A problem with frozen friction has the shear capacity μ N_prev of given normal forces N_prev, docs/method.md (4.1).
+    The search looks for forces whose own frozen problem they solve, so that the complementarity gap Γ, (4.3), is zero.
+    `pair_from` or `attempts` run it; the other methods are its steps.
+
+    analysis: of associative friction. labels: (m,) True = dry. options: parameters of the search. solves: number of
+    programs solved so far; all programs share solvers.
     """
 
     def __init__(self, analysis: LimitAnalysis, labels: Bits, options: ProximalOptions) -> None:
@@ -143,8 +147,8 @@ class FixedPointSearch:
     ) -> tuple[Template, PrescribedFriction]:
         """Return the template and yield sets whose friction is μ(αN + (1 − α)N_prev).
 
-        alpha: α, share of the present N in friction. previous: (m,) N_prev, scaled. areas: effective areas, None if not
-        used.
+        The template shares matrix and structure with that of the analysis. alpha: α, share of the present N in
+        friction. previous: (m,) N_prev, scaled. areas: effective areas, None if not used.
         """
         sets = PrescribedFriction(self.base, alpha, previous, areas)
         self.shared = self.shared.renumbered(sets)
@@ -163,7 +167,8 @@ class FixedPointSearch:
     def step_from(self, forces: Floats, alpha: float) -> RawSolution:
         """Solve one proximal step: the problem with friction frozen at N of given forces.
 
-        forces: (q·m,) scaled. alpha: share of the present N in friction.
+        Where the solver fails, it is tried again from forces half way back to the last feasible ones, up to six times;
+        then the failed answer is returned. forces: (q·m,) scaled. alpha: share of the present N in friction.
         """
         centre = forces[: self.count]
         for _ in range(_BACK):
@@ -182,8 +187,9 @@ class FixedPointSearch:
     ) -> State:
         """Minimise the complementarity gap Γ over forces, for given velocities.
 
-        The result is the state of true friction nearest to `forces`. dual: multipliers whose first entries are the
-        velocities. held: if given, hold the forces with the larger weight `HOLDING_WEIGHT`, and require this slack.
+        The result is the state of true friction nearest to `forces`, as far as repairs succeed. forces: (q·m,) scaled.
+        dual: multipliers whose first entries are the velocities. areas: effective areas, None if not used. held: if
+        given, hold the forces with the larger weight `HOLDING_WEIGHT`, and require this slack.
         """
         template, program = self._gap_program(forces, dual, areas, self.margin if held is None else held)
         solver = self.gap_solver if held is None else self.holding_solver
@@ -193,8 +199,8 @@ class FixedPointSearch:
     def lowest_state(self, forces: Floats, dual: Floats) -> State:
         """Find the state of least λ among those of least gap Γ for given velocities.
 
-        Unlike `minimise_gap`, the state need not be near the forces. dual: multipliers whose first entries are the
-        velocities.
+        Unlike `minimise_gap`, the state need not be near the forces. forces: (q·m,) scaled, for effective areas and the
+        first guess. dual: multipliers whose first entries are the velocities.
         """
         template, program = self._gap_program(forces, dual, self.areas(forces), self.margin)
         # Γ contains −λ. A slightly smaller weight of λ prefers the lowest λ among states of equal Γ.
@@ -225,8 +231,8 @@ class FixedPointSearch:
     def mechanism(self, forces: Floats, raised: Floats | None = None) -> RawSolution:
         """Solve the problem frozen at N of given forces; its multipliers are the velocities.
 
-        The velocities do not dilate. raised: (linear rows,) increase of the resistances, which selects one of several
-        optimal mechanisms.
+        The velocities do not dilate. The answer is unverified. forces: (q·m,) scaled. raised: (linear rows,) increase
+        of the resistances, which selects one of several optimal mechanisms.
         """
         template, _ = self.freeze_friction(0.0, self.normals(forces), self.areas(forces))
         program = template.program(self.labels, self.margin)
@@ -239,7 +245,8 @@ class FixedPointSearch:
     def repaired_state(self, point: Floats, template: Template, areas: EffectiveAreas | None) -> State:
         """Move a raw point into equilibrium, and into the true friction cone where possible.
 
-        point: forces first, λ last. template: of the program. areas: effective areas, None if not used.
+        The result may be inadmissible. point: forces first, λ last, scaled. template: of the program. areas: effective
+        areas, None if not used.
         """
         labels, prover = self.labels, self.prover(template)
         state = prover.state(point, labels, passes=3)
@@ -256,9 +263,10 @@ class FixedPointSearch:
         return state
 
     def evaluate_pair(self, state: State, areas: EffectiveAreas | None) -> PrimalDualPair:
-        """Complete a state to a pair: compute non-dilatant velocities, and evaluate Γ.
+        """Complete a state to a pair: compute velocities without dilation, and evaluate Γ.
 
-        areas: effective areas of the faces, None if not used.
+        The velocities are those of the problem frozen at N of the state. areas: effective areas of the faces, None if
+        not used.
         """
         labels = self.labels
         template, sets = self.freeze_friction(0.0, state.forces[:, 0], areas)
@@ -304,7 +312,10 @@ class FixedPointSearch:
     # --- the search ----------------------------------------------------------------------------------------
 
     def pair_from(self, forces: Floats) -> PrimalDualPair:
-        """Search from scaled forces (q·m,) and return the best pair of all attempts."""
+        """Search from scaled forces (q·m,), and return the best pair of all rounds.
+
+        It need not be a solution, see `PrimalDualPair.is_solution`.
+        """
         best: PrimalDualPair | None = None
         for pair in self.attempts(forces):
             if best is None or pair.locked or rank(pair) > rank(best):
@@ -356,8 +367,8 @@ class FixedPointSearch:
     def settle_areas(self, state: State, dual: Floats, areas: EffectiveAreas) -> tuple[State, EffectiveAreas]:
         """Minimise the gap Γ for the same velocities until the state fits its own areas.
 
-        dual: multipliers whose first entries are the velocities. areas: effective areas so far. The results are the
-        state and its areas.
+        state: to begin with. dual: multipliers whose first entries are the velocities. areas: effective areas so far.
+        The results are the state and its areas; at the limit of programs they may not fit yet.
         """
         tries = 0
         while self.solves < self.program_limit - 2:

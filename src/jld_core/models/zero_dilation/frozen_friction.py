@@ -28,12 +28,12 @@ def frozen_friction_bound(
     """Prove a lower bound on λ by freezing friction at the least normal force of each face.
 
     A solution is the optimum of the problem whose friction is frozen at its own normal forces N, and this optimum grows
-    with N. Each iteration computes the least N of all states with λ above the last bound, freezes friction there, and
-    takes the proven lower bound on λ of that problem.
+    with N. Each iteration computes the least N of all states with λ above the last bound, and freezes friction there.
+    The proven lower bound on λ of that problem is the next bound.
 
-    labels: (m,) True = dry. modes: complementarity problem. normals: (m,) columns of N in F. force_bounds: see
-    `Statics.force_bounds`. problem: lowest solution found, time budget and log. The result is scaled, and 0 if no bound
-    is proven.
+    analysis: of the assembly. labels: (m,) True = dry. modes: complementarity problem. normals: (m,) columns of N in F.
+    force_bounds: (q + 2,), see `Statics.force_bounds`. problem: lowest solution found, time budget and log, updated.
+    The result is scaled, and 0 if no bound is proven.
     """
     base, bound, none = analysis.template.yield_set.associative, 0.0, np.zeros(len(modes.rows), dtype=bool)
     for turn in range(1, _ROUNDS + 1):

@@ -82,8 +82,18 @@ _GAINS: Final = 0.9
 class ProductProgram:
     """Program over products of forces and velocities: min cost·(Z, T) + (1 − b_λ·u)⁺.
 
-    space: unknowns (Z, T) and the products y_k z_l. equal, positive: (r, modes) masks of the products that are zero,
-    and that are not negative. cost: (Z, T). groups: (w,) number of the element of each velocity.
+    Products y_k z_l of `space` are zero, or not negative, where the masks say so.
+
+    Attributes
+    ----------
+    space : ProductSpace
+        Map from the unknowns (Z, T) to the products (r, forms).
+    equal, positive : (r, forms) bool arrays
+        Products that are zero, and products that are not negative.
+    cost : (Z, T)
+        Coefficients of the objective, in the shape of a point.
+    groups : (w,) int array
+        Number of the group in which each velocity is eliminated.
     """
 
     space: ProductSpace
@@ -97,9 +107,20 @@ class ProductProgram:
 class ProductSolution:
     """Result of the interior-point method for one program over products.
 
-    point: (Z, T). multipliers: (r, modes) of the products, ≥ 0 for positive ones. bound: multiplier of b_λ·u = 1, at
-    most 1. error: the largest of residuals and complementarity, all of order one. steps: number taken. accurate: True
-    if `error` is near the tolerance.
+    Attributes
+    ----------
+    point : (Z, T)
+        Best point found.
+    multipliers : (r, forms) array
+        Multipliers of the products, ≥ 0 for positive ones, 0 for those not in the program.
+    bound : float
+        Multiplier of b_λ·u = 1, at most 1.
+    error : float
+        Largest one of residuals and complementarity, all of order one.
+    steps : int
+        Number of steps taken.
+    accurate : bool
+        True if `error` is near the tolerance.
     """
 
     point: Point
@@ -115,8 +136,8 @@ def minimise_product_program(
 ) -> ProductSolution | None:
     """Minimise a program over products; None if a factorisation fails.
 
-    seconds: of processor time, after which the best iterate so far is returned. tolerance: of residuals and
-    complementarity; None: the default `_DONE`.
+    The best iterate is returned, also where the tolerance is not reached. seconds: processor time after which
+    iterations end. tolerance: of residuals and complementarity; None: the default of the method.
     """
     try:
         return _InteriorPointMethod(program, _DONE if tolerance is None else tolerance).run(seconds)

@@ -33,11 +33,12 @@ Loop = tuple[int, ...]
 
 
 def loops_of(assembly: Assembly, rates: Floats) -> Floats:
-    """Return sums of mode rates around loops of faces that are ≥ 0 in solutions.
+    """Return coefficients (2e, 4m) of sums of mode rates around loops, ≥ 0 in solutions.
 
-    The result (2e, 4m) holds their coefficients, two rows for each face of each loop. They bound the slides s⁺ and s⁻
-    of the face by the modes of the other faces, provided one slide of each face is zero. The difference of both rows is
-    the identity of the loop, which is zero up to rounding. rates: (4m, w) modes as forms of velocities.
+    There are two rows for each face of each loop, docs/method.md (4.7). They bound the slides s⁺ and s⁻ of the face by
+    the modes of the other faces, provided one slide of each face is zero. The difference of both rows is the identity
+    of the loop, which is zero up to rounding. Faces whose slip is no such sum have no rows. rates: (4m, w) mode rates
+    as forms of w velocities.
     """
     jumps = _jumps(rates)
     rows = []
@@ -62,9 +63,9 @@ def loops_of(assembly: Assembly, rates: Floats) -> Floats:
 
 
 def has_opening(assembly: Assembly) -> bool:
-    """Return True if the assembly has an opening: a loop of blocks that short loops do not span.
+    """Return True if the assembly has an opening, a hole between its blocks and supports.
 
-    The test counts the faces of loops modulo 2.
+    An opening is a loop of blocks that loops of two to four faces do not span, counting faces modulo 2.
     """
     between = _between(assembly)
     cycles = len(between) - _rank((1 << a) ^ (1 << b) for a, b in between)
@@ -93,7 +94,10 @@ def _between(assembly: Assembly) -> list[tuple[int, int]]:
 
 
 def face_loops(assembly: Assembly) -> Iterator[Loop]:
-    """Yield every loop of two to four faces around blocks in contact, without shortcuts."""
+    """Yield every loop of two to four faces around blocks in contact, as tuples of faces.
+
+    Loops of four blocks that a face shortens are left out. All supports count as one block.
+    """
     between: dict[tuple[int, int], list[int]] = {}
     near: dict[int, set[int]] = {}
     for face, (a, b) in enumerate(_between(assembly)):

@@ -76,8 +76,8 @@ class _Bounds:
 class LowerBoundSearch:
     """Search for a lower bound on λ over all non-dilatant solutions of one planar labelling.
 
-    labels: (m,) True = dry. modes: complementarity problem of these labels. problem: lowest solution found, time budget
-    and log.
+    analysis: of the assembly. labels: (m,) True = dry. modes: complementarity problem of these labels. problem: lowest
+    solution found, time budget and log; the search updates it.
     """
 
     def __init__(self, analysis: LimitAnalysis, labels: Bits, modes: Modes, problem: LowerBoundProblem) -> None:
@@ -85,7 +85,11 @@ class LowerBoundSearch:
         self._bounded = BoundedModes.up_to(modes, problem.interval_end(0.0))
 
     def search(self) -> LowerBound:
-        """Compute the lower bound: by frozen friction, then RLT relaxations, then branches."""
+        """Compute the lower bound: by frozen friction, then RLT relaxations, then branches.
+
+        The search ends where the bound meets the lowest solution found, or at the time limit. Without a proof the bound
+        is 0.
+        """
         modes, problem, none = self.modes, self.problem, np.zeros(len(self.modes.rows), dtype=bool)
         force_bounds, velocity_bounds = self._bounded.force_bounds, self._bounded.velocity_bounds
         if velocity_bounds is None:

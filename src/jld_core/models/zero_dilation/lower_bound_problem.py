@@ -36,9 +36,22 @@ _TRUSTED: Final = 1e-7
 class LowerBound:
     """Lower bounds on λ of all non-dilatant solutions with λ ≥ 0, scaled.
 
-    proven: bound by certificates only. bound: the highest bound, valid within the relative `tolerance`, which is 0 if
-    `bound` equals `proven`, and otherwise covers the solver. closed: True if `bound` meets the lowest solution found.
-    programs: number solved. seconds: of processor time. solve_log: steps in order.
+    Attributes
+    ----------
+    proven : float
+        Bound by certificates only.
+    bound : float
+        Highest bound, valid within `tolerance`.
+    tolerance : float
+        Relative; 0 if `bound` is proven, otherwise it covers the error of the solver.
+    closed : bool
+        True if `bound` meets the lowest solution found.
+    programs : int
+        Number of programs solved.
+    seconds : float
+        Processor time, s.
+    solve_log : tuple of str
+        Steps in order.
     """
 
     proven: float
@@ -53,9 +66,24 @@ class LowerBound:
 class LowerBoundProblem:
     """Shared state of a lower-bound search: lowest solution found, time budget, log.
 
-    load: scaled λ of the lowest solution found. seconds: of processor time from now, after which no further program
-    begins. offer: function that receives forces and λ (k, q + 1), which may lead to a lower solution, and returns λ of
-    the lowest solution found.
+    Parameters
+    ----------
+    load : float
+        Scaled λ of the lowest solution found.
+    seconds : float
+        Processor time from now, s, after which no further program begins.
+    offer : callable, optional
+        Function that takes forces and λ of states (k, q + 1), which may lead to a lower solution. It returns the scaled
+        λ of the lowest solution found.
+
+    Attributes
+    ----------
+    load : float
+        As above, updated by `offer_states`.
+    programs : int
+        Number of programs solved.
+    solve_log : list of str
+        Steps in order.
     """
 
     def __init__(self, load: float, seconds: float, offer: Callable[[Floats], float] | None = None) -> None:
@@ -80,25 +108,26 @@ class LowerBoundProblem:
 
     @property
     def load_unit(self) -> float:
-        """Return the scaled load to which relative distances of λ refer."""
+        """Return the scaled load to which relative distances of λ refer: |load|, at least 1e-8."""
         return max(abs(self.load), _LEAST)
 
     def scaled_slack(self, slack: float) -> float:
-        """Convert a relative slack σ to scaled λ per unit of cost.
+        """Convert a relative slack σ to scaled λ per unit of the cost of a mechanism.
 
-        slack: σ relative to max(|λ|, 1), where λ is that of the lowest solution found.
+        slack: σ relative to max(|λ|, 1), where λ is that of the lowest solution found. For the cost see docs/method.md
+        (4.8).
         """
         return slack * max(abs(self.load), 1.0)
 
     def interval_end(self, low: float) -> float:
         """Return the upper end of the next interval of λ to exclude, which begins at `low`.
 
-        It lies a little above the lowest solution found.
+        It lies a little above the lowest solution found. Both ends are scaled.
         """
         return self.load + _ROOM * (self.load - low) + _LEAST_ROOM * self.load_unit
 
     def load_below(self, share: float) -> float:
-        """Return λ of the lowest solution found, reduced by a relative share."""
+        """Return the scaled λ of the lowest solution found, reduced by a relative share."""
         return self.load - share * self.load_unit
 
     def closes_gap(self, bound: float) -> bool:
@@ -117,15 +146,18 @@ class LowerBoundProblem:
         return min(bound, self.load) - _TRUSTED * self.load_unit
 
     def offer_states(self, states: Floats) -> None:
-        """Search for solutions from states (k, q + 1), and update the lowest λ found."""
+        """Search for solutions from given states, and update the lowest λ found.
+
+        states: (k, q + 1) scaled forces and λ. Nothing happens without the function `offer` of the constructor.
+        """
         if self._offer is not None:
             self.load = min(self.load, self._offer(states))
 
     def allows_products(self, faces: int, most: int, force_bounds: Floats) -> bool:
         """Return True if the RLT relaxation may be formed; otherwise log the reason.
 
-        faces: number of faces. most: limit of this number, unless the time budget reaches `PATIENT`. force_bounds:
-        bounds on forces, which must be finite.
+        faces: number of faces. most: limit of this number, unless the time budget reaches `PATIENT`. force_bounds: (q +
+        2,) bounds on forces, which must be finite.
         """
         if faces > most and self._seconds < PATIENT:
             self.record(f"no products: {faces} faces")
@@ -138,7 +170,8 @@ class LowerBoundProblem:
     def result(self, proven: float, believed: float) -> LowerBound:
         """Build the result of the search from the proven bound and the believed one.
 
-        proven: by certificates. believed: may rely on the solver. Both are scaled.
+        proven: by certificates. believed: may rely on the solver. Both are scaled. The proven bound is taken if it is
+        as high as the believed one, up to the gap tolerance.
         """
         sure = proven >= believed - tolerances.GAP * self.load_unit
         bound = proven if sure else believed

@@ -50,8 +50,9 @@ _EXACT: Final = 1e-9
 def solve_rlt_by_matrix_blocks(bounded: BoundedModes, region: Region, options: RltOptions) -> RltSolution | None:
     """Solve the RLT relaxation of one region by matrix blocks; None without convergence.
 
-    It is the program of `solve_rlt`. bounded: complementarity problem with bounds on forces. region: part of the
-    solutions. options: products, slack, time limit, distance and tolerance.
+    It is the program of `solve_rlt`, and faster for many faces. bounded: complementarity problem with bounds on forces.
+    region: part of the solutions. options: products, slack, time limit, distance and tolerance. `violated` of the
+    result is None.
     """
     modes, force_bounds, pairs, slack = bounded.modes, bounded.force_bounds, options.pairs, options.slack
     count = len(modes.rows)
@@ -96,7 +97,7 @@ def solve_rlt_by_matrix_blocks(bounded: BoundedModes, region: Region, options: R
 class BlockCertifier(Certifier):
     """Certifier whose corrections of multipliers are computed by small matrix blocks.
 
-    The proof is that of `Certifier`. distance: as in the `RltOptions` of the program.
+    The proof and the other parameters are those of `Certifier`. distance: as in the `RltOptions` of the program.
     """
 
     def __init__(self, bounded: BoundedModes, region: Region, slack: float, distance: int | None = None) -> None:
@@ -107,8 +108,8 @@ class BlockCertifier(Certifier):
     def bound(self, multipliers: Multipliers, sufficient_bound: float = math.inf) -> float:
         """Correct multipliers until they prove a lower bound on λ, and return that bound.
 
-        The result is scaled, and −inf if nothing is proven. sufficient_bound: bound at which refinement of the
-        certificate ends.
+        The result is scaled, at most region.high, and −inf if nothing is proven. sufficient_bound: scaled bound at
+        which refinement of the certificate ends.
         """
         found = -math.inf
         lone = lone_faces(multipliers.products != 0.0, self.region.closed, self.modes.loops)

@@ -24,12 +24,29 @@ from jld_core.program import Template
 
 @dataclass(frozen=True)
 class LinearModes:
-    """Complementarity problem of one labelling with linear yield rows, in the plane or in space.
+    """Complementarity problem of one labelling with linear yield rows, in plane or space.
 
-    Crushing is excluded. matrix: A (·, q) of q resultants. dead: b. live_rate: (w,) b_λ·u of (u, further velocities).
-    rows, constants: C (k, q), d (k,), with y = C F + d. rates: of modes, one per row. capacities: (m, q + 2) friction
-    capacity μN or shear capacity τA as forms of (F, λ, 1). adjacent: (m, m) True for faces that meet at an element, and
-    on the diagonal.
+    Wanted are forces F, λ and velocities w = (u, t), where t are rates of slip, docs/method.md (4.6): A F + b + λ b_λ =
+    0, y = C F + d ≥ 0, b_λ·u = 1, z = H w ≥ 0, and y_k z_k = 0. A row y is the slack of a yield condition, and its mode
+    z the rate of a hinge or a slide. Crushing is excluded. There are q resultants, k rows, m faces. All values are
+    scaled.
+
+    Attributes
+    ----------
+    matrix : (equations, q) array
+        A.
+    dead : (equations,) array
+        b.
+    live_rate : (w,) array
+        Coefficients of b_λ·u in w.
+    rows, constants : (k, q) and (k,) arrays
+        C and d.
+    rates : (k, w) array
+        H.
+    capacities : (m, q + 2) array
+        Shear capacity of each face, μN or τA, as a linear form of (F, λ, 1).
+    adjacent : (m, m) bool array
+        True for faces that meet at an element, and on the diagonal.
     """
 
     matrix: Floats
@@ -48,12 +65,12 @@ class LinearModes:
 
     @property
     def live(self) -> Floats:
-        """Return the scaled live load b_λ."""
+        """Return the scaled live load b_λ (equations,)."""
         return self.live_rate[: len(self.dead)]
 
     @property
     def statics(self) -> Floats:
-        """Return the equilibrium matrix K (·, q + 2), with K (F, λ, 1) = 0 for forces F."""
+        """Return the equilibrium matrix K (equations, q + 2), with K (F, λ, 1) = 0."""
         return np.column_stack([self.matrix, self.live, self.dead])
 
     @property
@@ -64,18 +81,19 @@ class LinearModes:
 
 @dataclass(frozen=True)
 class Modes(LinearModes):
-    """Complementarity problem of a planar labelling.
+    """Complementarity problem of a planar labelling: four yield rows and modes per face.
 
-    A is (3n, 3m), C is (4m, 3m), and rates are H (4m, 3n + m). Mode 4f + j belongs to face f.
+    Mode 4f + j belongs to face f. j = 0, 1: hinges βδ ∓ θ, with β = 1 for dry and 3 for inner faces. j = 2, 3: slides t
+    and t + s. With n free elements, A is (3n, 3m), C is (4m, 3m), and H is (4m, 3n + m).
     """
 
     assembly: Assembly
 
     @cached_property
     def loops(self) -> Floats:
-        """Return sums of mode rates that are ≥ 0 in every solution, as coefficients (2e, 4m).
+        """Return coefficients (2e, 4m) of the sums of mode rates around loops of blocks.
 
-        See `loops_of`.
+        The sums are ≥ 0 in every solution. There are two for each of e slides that a loop bounds, see `loops_of`.
         """
         return loops_of(self.assembly, self.rates)
 
@@ -94,9 +112,10 @@ class Modes(LinearModes):
 
     @property
     def near_pairs(self) -> Bools:
-        """Return a mask (4m, 4m + 2e) of the slacks and forms whose faces are near each other.
+        """Return a mask (4m, 4m + 2e) of the yield rows and forms whose faces are near each other.
 
-        Two faces are near if they meet at an element, or if some face meets both of them. Forms are those of `forms`.
+        Two faces are near if they meet at an element, or if some face meets both of them. Forms are those of `forms`. A
+        program with these products only is smaller than one with all of them.
         """
         near = self.adjacent.astype(int)
         used = np.vstack([np.eye(len(self.rows)), self.loops]).reshape(-1, self.faces, 4).any(axis=2)
@@ -110,7 +129,8 @@ class Modes(LinearModes):
 def modes_of(template: Template, labels: Bits) -> Modes | None:
     """Build the complementarity problem of a planar labelling.
 
-    labels: (m,) True = dry. The result is None for spatial assemblies and with crushing.
+    template: of the assembly. labels: (m,) True = dry. The result is None for spatial assemblies, and for labels under
+    which a face may crush.
     """
     facets = template.yield_set.associative.facets(labels)
     if facets is None:

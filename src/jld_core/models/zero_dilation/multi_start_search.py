@@ -78,7 +78,7 @@ class Found:
 
     @property
     def lowest_load(self) -> float:
-        """Return λ of the lowest solution, +inf if there is none."""
+        """Return the scaled λ of the lowest solution, +inf if there is none."""
         return math.inf if self.lowest is None else self.lowest.state.load
 
     def offer(self, pair: PrimalDualPair) -> bool:
@@ -106,8 +106,19 @@ class Found:
 class MultiStartSearch:
     """Multi-start search for the lowest and the highest solution of one labelling.
 
-    Callers may add starts with `search_from` at any time. thorough, in several methods: use all starts and directions.
-    Points (q·m + 1,) are scaled forces and λ. Methods that use linear programs do nothing in space.
+    A point (q·m + 1,) holds scaled forces and λ. `found` collects the certified solutions. Callers may add starts with
+    `search_from` at any time. Methods that use linear programs do nothing in space.
+
+    Parameters
+    ----------
+    analysis : LimitAnalysis
+        Analysis of associative friction.
+    labels : (m,) bool array
+        Labels, True = dry.
+    options : ProximalOptions
+        Parameters of the fixed-point search from each start.
+    associative : Proof
+        Associative proof of these labels.
     """
 
     def __init__(self, analysis: LimitAnalysis, labels: Bits, options: ProximalOptions, associative: Proof) -> None:
@@ -124,8 +135,8 @@ class MultiStartSearch:
     def search(self, thorough: bool = True, sufficient_load: float = -math.inf) -> Found:
         """Search for solutions from all starts, and return the solutions found.
 
-        thorough: use all starts and directions. sufficient_load: scaled λ; the search stops once a solution at or below
-        this value is certified.
+        thorough: use all starts and directions, else only the first ones. sufficient_load: scaled λ; the search stops
+        once a solution at or below this value is certified.
         """
         for forces in starts(self.fixed_point, self.associative, thorough):
             self.search_from(forces)
@@ -140,7 +151,7 @@ class MultiStartSearch:
         return self.found
 
     def search_first_solution(self) -> None:
-        """Search from states of low compression until one solution is found."""
+        """Search from states of low compression until one solution is found (planar scenes)."""
         rng, nothing = np.random.default_rng(0), np.zeros(self.fixed_point.count + 1)
         for _ in range(_LITTLE if self.alternation is not None else 0):
             if self.found.lowest is not None:
@@ -170,9 +181,9 @@ class MultiStartSearch:
     def search_mixtures(self, sufficient_load: float = -math.inf) -> None:
         """Descend from mixtures of the lowest solution with states of low compression.
 
-        Only run if earlier descents ended at different λ, and stop after `_IDLE` mixtures without gain. If all descents
-        end at the same λ, hundreds of mixtures found nothing lower on walls of 83 to 141 faces. sufficient_load: as in
-        `search`.
+        It runs only if earlier descents ended at different λ, and stops after several mixtures in a row without gain.
+        If all descents end at the same λ, hundreds of mixtures found nothing lower on walls of 83 to 141 faces.
+        sufficient_load: as in `search`.
         """
         apart = max(self._ends, default=0.0) - min(self._ends, default=0.0)
         if self.alternation is None or apart <= _LOWER * max(self._ends, default=0.0):
@@ -196,9 +207,9 @@ class MultiStartSearch:
         return None if self.alternation is None else self.alternation.mix_with_low_compression(point, share, rng)
 
     def close_gap(self, point: Floats | None) -> Floats | None:
-        """Find a solution by closing the complementarity gap from a point.
+        """Find a solution by closing the complementarity gap from a point, and certify it.
 
-        The result is the lowest solution (F, λ) reached. It is None if no solution is reached, for `point` None, and in
+        The result is the point of lowest λ reached. It is None if no solution is reached, for `point` None, and in
         space.
         """
         if self.alternation is None or point is None:
@@ -255,7 +266,10 @@ class MultiStartSearch:
         self._seed += seeds
 
     def certify_extremes(self, points: Iterable[Floats]) -> None:
-        """Certify the lowest and the highest of the given points if they extend the range."""
+        """Certify the lowest and the highest of the given points if they extend the range.
+
+        points: each (q·m + 1,). Solutions are kept in `found`.
+        """
         lowest, highest = self.found.lowest, self.found.highest
         ends = sorted(points, key=lambda point: float(point[-1]))
         for point in ends[:1] + ends[1:][-1:]:

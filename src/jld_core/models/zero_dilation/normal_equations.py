@@ -37,14 +37,15 @@ _AWAY: Final = 1e3
 class NormalEquations:
     """Normal equations of an interior-point step over products, factored repeatedly.
 
-    For weights d_kl of the products y_k z_l and a weight d of the live work, the matrix is Σ d_kl (y_k z_l)(y_k z_l)ᵀ +
-    d (b_λ·u)(b_λ·u)ᵀ + shift. It acts on points (Z, T), see `ProductSpace`.
+    Construct it once for a space, call `factor` in each step, and the function that it returns for each right-hand
+    side. With weights d_kl of the products y_k z_l and d of the live work, the matrix is Σ d_kl (y_k z_l)(y_k z_l)ᵀ + d
+    (b_λ·u)(b_λ·u)ᵀ + shift. It acts on points (Z, T), see `ProductSpace`.
     """
 
     def __init__(self, space: ProductSpace, used: Bools, groups: Ints) -> None:
         """Prepare the elimination order and the tables of one product space.
 
-        used: (r, modes) mask of weights that may be positive. Slides of lone faces, see `ProductSpace`, may have
+        used: (r, forms) mask of weights that may be positive. Slides of lone faces, see `ProductSpace`, may have
         weights on their own slacks and 1 only. groups: (w,) number of the group in which each velocity is eliminated.
         """
         self.space = space
@@ -61,9 +62,12 @@ class NormalEquations:
     def factor(self, weights: Floats, live: float, shift: float, plain: bool = False) -> Solve:
         """Factor the matrix for given weights, and return the function that solves with it.
 
-        weights: (r, modes) weights d_kl ≥ 0 of the products. live: weight d of the live work. shift: added to the
-        diagonal. Refinement compensates for the shift and for rounding. By default it uses conjugate gradients with the
-        factor as preconditioner. plain: use simple corrections, which leave directions of tiny curvature unchanged.
+        weights: (r, forms) weights d_kl ≥ 0 of the products. live: weight d of the live work. shift: added to the
+        diagonal. plain: refine by simple corrections, which leave directions of tiny curvature unchanged. By default
+        refinement uses conjugate gradients with the factor as preconditioner.
+
+        The function takes a right-hand side (Z, T), the relative residual to reach, and the largest number of
+        corrections. It returns the point of least residual. LinAlgError is raised if the matrix cannot be factored.
         """
         once = self._once(weights, live, shift)
         space = self.space
@@ -167,7 +171,7 @@ class NormalEquations:
 
 
 def length(point: Point) -> float:
-    """Return the norm of a point (Z, T), see `ProductSpace`, taken as one vector."""
+    """Return the Euclidean norm of a point (Z, T), see `ProductSpace`, taken as one vector."""
     return float(np.hypot(np.linalg.norm(point[0]), np.linalg.norm(point[1])))
 
 

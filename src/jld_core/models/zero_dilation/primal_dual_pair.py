@@ -13,13 +13,30 @@ from jld_core.limit import Motion, State
 class PrimalDualPair:
     """Forces and velocities evaluated as one candidate solution, scaled.
 
-    state: in equilibrium, and inside the true friction cone as far as repairs achieved this.
-    motion: mechanism of the problem frozen at N of the state, None if none has finite dissipation.
-    locked: True if the frozen problem has no finite λ.
-    violation: excess of friction (|V| − μN)⁺ over the largest N. dilation: of pressed faces over the largest slip.
-    gap: complementarity gap Γ, see `solve`. dissipation: Σ D_N(J). area_change: change of effective areas that the
-    forces require. load_scale: scaled λ below which λ counts as zero.
-    settled: True if λ of the last two programs agree: minimisation of Γ, and problem frozen at its N.
+    A frozen problem is one whose friction is fixed at μN of the state, docs/method.md (4.1).
+
+    Attributes
+    ----------
+    state : State
+        Forces in equilibrium, inside the true friction cone as far as repairs achieved this.
+    motion : Motion or None
+        Mechanism of the frozen problem; None if none has finite dissipation.
+    locked : bool
+        True if the frozen problem has no finite λ.
+    violation : float
+        Largest excess of friction (|V| − μN)⁺ over the largest N.
+    dilation : float
+        Largest dilation of pressed faces over the largest slip; inf without a mechanism.
+    gap : float
+        Complementarity gap Γ, docs/method.md (4.3); inf without a mechanism.
+    dissipation : float
+        Σ D_N(J), docs/method.md (4.5).
+    area_change : float
+        Change of effective areas that the forces require; 0 without effective areas.
+    load_scale : float
+        Scaled λ below which λ counts as zero.
+    settled : bool
+        True if λ of the last two programs agree: minimisation of Γ, and frozen problem.
     """
 
     state: State
@@ -74,5 +91,8 @@ class PrimalDualPair:
 
 
 def rank(pair: PrimalDualPair) -> tuple[bool, bool, float]:
-    """Return the sort key of a pair: a solution first, then an admissible one, then a small gap Γ."""
+    """Return a sort key of a pair: greater keys are better candidates.
+
+    Solutions come before admissible pairs, these before others, and a small gap Γ before a large one.
+    """
     return pair.is_solution(tolerances.GAP), pair.state.admissible, -pair.gap

@@ -28,15 +28,31 @@ Point = tuple[Floats, Floats]
 
 @dataclass(frozen=True)
 class ProductSpace:
-    """Linear map from unknowns (Z, T) to products of yield slacks y_k and mode rates z_l.
+    """Linear map from unknowns (Z, T) to the products y_k z_l of yield slacks and mode rates.
 
-    Z are coefficients of states by velocities. T are the products of slides t of lone faces with the forces of the face
-    and 1. A lone face has a t that occurs nowhere else; its two slides, modes 4f + 2 and 4f + 3, are t and t + s.
+    Φ are the p numbers F, λ and 1, and X (p, w) holds their products with w velocities. Each column of X is a state in
+    equilibrium; Z (k, w) holds its coefficients in a basis. A lone face has a rate of slip t that needs its own forces
+    only. T (f, 4) holds the products of this t with the forces N, V, m and 1, in place of a column. The slides of a
+    lone face, modes 4f + 2 and 4f + 3, are t and t + s, with the slip s.
 
-    facts: (r, p) slacks and other forms of Φ, the last of them 1. rates: (forms, w) of z and of loops over free
-    velocities. bases: (p, k) bases of the states that velocities multiply. of: (w,) basis of each velocity; Z has as
-    many rows as the widest basis. lone: (f,) lone faces. own: (f, 5, 4) maps the products of a lone face to its slacks
-    and 1. at: (f, 4) places of its forces and 1 in Φ. live: (w,) b_λ·u.
+    Attributes
+    ----------
+    facts : (r, p) array
+        Linear forms of Φ: the yield slacks y, then others, the last of them 1.
+    rates : (forms, w) array
+        Linear forms of the velocities: the mode rates z, then the sums around loops.
+    bases : tuple of (p, k) arrays
+        Bases of the states that velocities multiply. Z has as many rows as the widest.
+    of : (w,) int array
+        Basis of each velocity.
+    lone : (f,) int array
+        Lone faces.
+    own : (f, 5, 4) array
+        Matrix from the products of each lone face in T to those of t with its four slacks and 1.
+    at : (f, 4) int array
+        Places of its N, V, m and of 1 in Φ.
+    live : (w,) array
+        Coefficients of b_λ·u.
     """
 
     facts: Floats
@@ -49,14 +65,20 @@ class ProductSpace:
     live: Floats
 
     def expand(self, z: Floats) -> Floats:
-        """Return the products X (p, w) that belong to basis coefficients Z (k, w)."""
+        """Return the products X (p, w) of the states whose basis coefficients are Z.
+
+        z: (k, w) coefficients Z.
+        """
         x = np.zeros((self.facts.shape[1], len(self.of)))
         for basis, columns in zip(self.bases, self._columns, strict=True):
             x[:, columns] = basis @ z[: basis.shape[1], columns]
         return x
 
     def gather(self, form: Floats) -> Floats:
-        """Convert a linear form (p, w) of X to a form (k, w) of the basis coefficients Z."""
+        """Convert a linear form of X, given by its coefficients (p, w), to one of Z, (k, w).
+
+        It is the transpose of `expand`.
+        """
         out = np.zeros((max(basis.shape[1] for basis in self.bases), len(self.of)))
         for basis, columns in zip(self.bases, self._columns, strict=True):
             out[: basis.shape[1], columns] = basis.T @ form[:, columns]
@@ -75,9 +97,9 @@ class ProductSpace:
         return out
 
     def adjoint(self, table: Floats) -> Point:
-        """Return the weighted sum of all products y_k z_l as a form of (Z, T).
+        """Return a weighted sum of all products y_k z_l as a linear form of (Z, T).
 
-        table: (r, forms) weights.
+        It is the transpose of `values`. table: (r, forms) weights.
         """
         slides = self.ones * (4 * self.lone)
         both = table[self.rows, slides + 2] + table[self.rows, slides + 3]
@@ -85,7 +107,7 @@ class ProductSpace:
 
     @cached_property
     def unit(self) -> Floats:
-        """Return the work rate b_λ·u of the live load as a form (k, w) of Z."""
+        """Return the coefficients (k, w) of the live work b_λ·u as a linear form of Z."""
         return self.gather(np.outer(self.facts[-1], self.live))
 
     @cached_property
@@ -95,7 +117,7 @@ class ProductSpace:
 
     @property
     def ones(self) -> Ints:
-        """Return a column (5, 1) of ones, which repeats mode numbers for each of the `rows`."""
+        """Return a column (5, 1) of ones; times numbers of modes it has the shape of `rows`."""
         return np.ones((5, 1), dtype=np.int64)
 
     @cached_property
@@ -107,11 +129,25 @@ class ProductSpace:
 class LocalProductSpace:
     """Sets of elements whose forces are multiplied with each velocity of a region.
 
-    Velocities tied by closed modes share the same set of elements.
+    Velocities tied by closed modes, those with z = 0, share the same set of elements.
 
-    distance: number of faces up to which forces are included, None for all elements. closed: (4m,) modes that do not
-    move. basis: (3n + m, w) of the velocities that closed modes leave free. forms: (4m + 2e, w) non-negative forms of
-    these velocities, the mode rates first. groups: (w,) number of the element of each velocity.
+    Parameters
+    ----------
+    modes : Modes
+        Planar complementarity problem with m faces, n free elements and 2e forms of loops.
+    closed : (4m,) bool array
+        Modes that do not move.
+    distance : int or None
+        Number of faces from a velocity up to which forces are included; None: all elements.
+
+    Attributes
+    ----------
+    basis : (3n + m, w) array
+        Basis of the velocities that closed modes leave free.
+    forms : (4m + 2e, w) array
+        Linear forms of these w velocities that are ≥ 0 in solutions, the mode rates first.
+    groups : (w,) int array
+        Number of the element of each velocity.
     """
 
     def __init__(self, modes: Modes, closed: Bools, distance: int | None) -> None:
@@ -157,9 +193,10 @@ class LocalProductSpace:
 
     @cached_property
     def allowed_products(self) -> Bools:
-        """Return a mask (4m + 3, 4m + 2e) of the products that the local spaces can represent.
+        """Return a mask (4m + 3, 4m + 2e) of the products that the local sets can represent.
 
-        A row needs all forces that the velocities of its form multiply; rows of λ and 1 are always available.
+        Rows are the yield slacks, λ above and below the ends of the region, and 1; columns are `forms`. A product needs
+        all forces that the velocities of its form multiply; the last three rows are always available.
         """
         faces = [self.touches[inside].any(axis=0) for inside in self.elements]
         known = np.ones((self.modes.faces, len(self.forms)), dtype=bool)
@@ -168,18 +205,20 @@ class LocalProductSpace:
         return np.vstack([np.repeat(known, 4, axis=0), np.ones((3, len(self.forms)), dtype=bool)])
 
     def forces(self, number: int) -> tuple[Ints, Ints]:
-        """Return the equilibrium equations of one set of elements, and the entries of Φ they use.
+        """Return the equilibrium equations of one set of elements, and the numbers that they use.
 
-        number: of the set. Both results are index arrays; the entries are forces of its faces, λ and 1.
+        number: index of the set. Both results are index arrays. The second one points into (F, λ, 1): forces of the
+        faces of the set, λ and 1.
         """
         inside = self.elements[number]
         own = np.append(np.repeat(self.touches[inside].any(axis=0), 3), [True, True])
         return np.flatnonzero(np.repeat(inside, 3)), np.flatnonzero(own)
 
     def bases(self, statics: Floats) -> tuple[Floats, ...]:
-        """Return, for each set of elements, a basis (3m + 2, k) of the states in equilibrium.
+        """Return, for each set of elements, a basis (3m + 2, k) of its states in equilibrium.
 
-        statics: (3n, 3m + 2) equations of equilibrium.
+        A state holds (F, λ, 1); forces that the set does not use are zero. statics: (3n, 3m + 2) equations of
+        equilibrium.
         """
         out = []
         for number in range(len(self.elements)):
@@ -192,9 +231,10 @@ class LocalProductSpace:
         return tuple(out)
 
     def equilibrium(self, statics: Floats, rest: Floats) -> Floats:
-        """Return multipliers (3n, 3n + m) of equilibrium that minimise a residual in least squares.
+        """Return multipliers of equilibrium (3n, 3n + m) that reduce a residual the most.
 
-        statics: (3n, 3m + 2) equations of equilibrium. rest: (3m + 2, 3n + m) residual.
+        Each column is a least-squares solution over the equations of its set of elements. statics: (3n, 3m + 2)
+        equations of equilibrium. rest: (3m + 2, 3n + m) residual, a form of (F, λ, 1) and velocities.
         """
         out = np.zeros((len(statics), rest.shape[1]))
         for number in range(len(self.elements)):
@@ -221,11 +261,24 @@ class LocalProductSpace:
 
 @dataclass(frozen=True)
 class Velocities:
-    """Free velocities of a region, split into columns of X and slides of lone faces.
+    """Free velocities of a region, split into columns of X and slips of lone faces.
 
-    The bounds on the slides of a lone face require its own forces only. Its t therefore has four products, in column
-    `at` (f,), and no equilibrium. All other velocities, `whole` (w,), have columns. On walls this removes a third of X,
-    and no case was found where it lowers the bound.
+    The bounds on the slides of a lone face require its own forces only. Its t therefore has four products and no
+    equilibrium, see `ProductSpace`. On walls this removes a third of X, and no case was found where it lowers the
+    bound.
+
+    Attributes
+    ----------
+    space : ProductSpace
+        Products of the velocities that have columns, and of the lone faces.
+    basis : (3n + m, v) array
+        Basis of all v free velocities.
+    whole : (v,) bool array
+        True for the w velocities that have columns in `space`.
+    at : (f,) int array
+        Free velocity that is the t of each lone face.
+    groups : (w,) int array
+        Number of the group in which each velocity with a column is eliminated.
     """
 
     space: ProductSpace
@@ -235,11 +288,11 @@ class Velocities:
     groups: Ints
 
     def split(self, form: Floats) -> Point:
-        """Convert a form (3m + 2, w) of X into a form of (Z, T)."""
+        """Convert a linear form (3m + 2, v) of all products X into one of (Z, T)."""
         return self.space.gather(form[:, self.whole]), form[self.space.at, self.at[:, None]]
 
     def assemble(self, point: Point) -> Floats:
-        """Return the products X (3m + 2, w) of a point (Z, T)."""
+        """Return the products X (3m + 2, v) of a point (Z, T) with all free velocities."""
         x = np.zeros((self.space.facts.shape[1], self.basis.shape[1]))
         x[:, self.whole] = self.space.expand(point[0])
         x[self.space.at, self.at[:, None]] = point[1]
@@ -249,8 +302,8 @@ class Velocities:
 def velocities_of(local_space: LocalProductSpace, facts: Floats, statics: Floats, lone: Bools) -> Velocities:
     """Build the product space and the free velocities of a region.
 
-    local_space: elements and forces for each velocity. facts: (4m + 3, 3m + 2) from `region_forms`. statics: (3n, 3m +
-    2) equilibrium. Both act on scaled Φ. lone: (m,) mask of faces from `lone_faces`.
+    local_space: sets of elements for each velocity. facts: (4m + 3, 3m + 2) from `region_forms`. statics: (3n, 3m + 2)
+    equilibrium. Both act on scaled (F, λ, 1). lone: (m,) mask of faces from `lone_faces`.
     """
     modes, basis = local_space.modes, local_space.basis
     faces, count, width = np.flatnonzero(lone), len(modes.rows), len(modes.dead)
@@ -272,10 +325,12 @@ def velocities_of(local_space: LocalProductSpace, facts: Floats, statics: Floats
 
 
 def lone_faces(used: Bools, closed: Bools, loops: Floats) -> Bools:
-    """Return a mask (m,) of faces whose slides are multiplied with their own slacks and 1 only.
+    """Return a mask (m,) of faces whose slides are multiplied with their own slacks and 1.
 
-    Both slides must be free to move. used: (4m + 3, 4m + 2e) mask of rows in the program: y, λ − L, U − λ, 1 times z
-    and forms of loops. closed: (4m,) modes with z = 0. loops: (2e, 4m).
+    No other product holds these slides, and both are free to move, so that `ProductSpace` needs four products each.
+    used: (4m + 3, 4m + 2e) mask of the products in the program. Its rows are the yield slacks y, λ − L, U − λ and 1,
+    with L ≤ λ ≤ U; its columns are mode rates and forms of loops. closed: (4m,) modes with z = 0. loops: (2e, 4m), see
+    `Modes.loops`.
     """
     faces = len(closed) // 4
     around = loops[used[:, 4 * faces :].any(axis=0)].reshape(-1, faces, 4)[:, :, 2:].any(axis=(0, 2))

@@ -9,7 +9,9 @@ from jld_core.models.zero_dilation.primal_dual_pair import PrimalDualPair
 def pair_proof(associative: Proof, analysis: LimitAnalysis, pair: PrimalDualPair | None, solves: int) -> Proof:
     """Convert a pair of forces and velocities into a proof of its load factor.
 
-    Without a pair, the proof keeps the status of the associative analysis. solves: number of programs of the search.
+    associative: associative proof of the same labels. pair: best pair of the search. Without one, the proof keeps the
+    status of the associative analysis. A pair that has not converged gives an uncertified proof. solves: number of
+    programs of the search.
     """
     converged = pair is not None and bool(pair.converged)
     proof = Proof(

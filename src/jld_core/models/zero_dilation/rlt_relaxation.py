@@ -38,9 +38,17 @@ _VIOLATED: Final = 1e-7
 class Multipliers:
     """Multipliers of the rows of an RLT program; a certificate turns them into a bound.
 
-    products: (4m + 3, 4m + 2e) of the forms (y, λ − L, U − λ, 1) of forces times forms of velocities; ≥ 0 except for
-    y_l z_l and held rows. L and U are the ends of the region. live_work: (4m + 2,) of (y, λ − L, U − λ) times b_λ·u; ≥
-    0 except for held rows. bound: scaled λ.
+    Rows are products of forms of forces with forms of velocities. The forms of forces are the 4m yield slacks y, λ − L,
+    U − λ and 1, where L and U are the ends of the region. The forms of velocities are those of `Modes.forms`.
+
+    Attributes
+    ----------
+    products : (4m + 3, 4m + 2e) array
+        Multipliers of the products; ≥ 0 except for y_k z_k and the rows of held modes.
+    live_work : (4m + 2,) array
+        Multipliers of the forms of forces, without 1, times b_λ·u; ≥ 0 except for held modes.
+    bound : float
+        Bound that the solver claims, scaled λ.
     """
 
     products: Floats
@@ -52,9 +60,21 @@ class Multipliers:
 class RltSolution:
     """Solution of the RLT relaxation: multipliers, and states and mean values computed from X.
 
-    multipliers: of the rows. states: (k, 3m + 1) forces and λ that X combines. rates, slacks: (4m,) mean z and mean y.
-    violated: (4m, 4m + 2e) mask of omitted rows that X violates, None if unknown. accurate: True if the solver reports
-    an optimum; otherwise the multipliers may still prove a bound.
+    X are the products of forces and velocities, docs/method.md (4.7). The values from `states` on are hints, where to
+    look for solutions and where to split a region.
+
+    Attributes
+    ----------
+    multipliers : Multipliers
+        Multipliers of the rows.
+    states : (k, 3m + 1) array
+        Forces and λ of which X is a combination.
+    rates, slacks : (4m,) arrays
+        Mean mode rates z and mean yield slacks y.
+    violated : (4m, 4m + 2e) bool array or None
+        Products that are not in the program and that X violates; None if unknown.
+    accurate : bool
+        True if the solver reports an optimum; otherwise the multipliers may still prove a bound.
     """
 
     multipliers: Multipliers
@@ -95,7 +115,8 @@ class RltOptions:
 def null_space(rows: Floats) -> Floats:
     """Return a sparse basis (n, k) of the null space of a matrix `rows` (r, n).
 
-    Gaussian elimination prefers pivots in columns with few entries.
+    Gaussian elimination prefers pivots in columns with few entries. Each basis vector has one entry 1 that all others
+    lack.
     """
     table, n = rows.copy(), rows.shape[1]
     used, pivots = np.zeros(n, dtype=bool), []
@@ -122,9 +143,11 @@ def null_space(rows: Floats) -> Floats:
 
 
 def product_rows(first: Any, second: Any, i: Ints, j: Ints) -> Any:
-    """Return the Kronecker products first_i ⊗ second_j of matrix rows, for given index pairs.
+    """Return the Kronecker products of rows i of one matrix with rows j of another.
 
-    i, j: (k,) rows of `first` and of `second`. The shape of the result is (k, columns of first × columns of second).
+    They state products of two linear forms, of forces and of velocities, as linear forms of X, docs/method.md (4.7).
+    first, second: matrices with one form per row. i, j: (k,) rows of `first` and of `second`, in pairs. The result is
+    sparse, (k, columns of first × columns of second).
     """
     one, two = sp.csr_array(first)[i], sp.csr_array(second)[j]
     a, b = np.diff(one.indptr), np.diff(two.indptr)
@@ -138,9 +161,10 @@ def product_rows(first: Any, second: Any, i: Ints, j: Ints) -> Any:
 
 
 def cost_form(modes: Modes) -> Floats:
-    """Return the cost of a mechanism as a bilinear form (3m + 2, 3n + m) of Φ and w.
+    """Return the cost of a mechanism as a bilinear form (3m + 2, 3n + m).
 
-    The cost is Σ_hinges z + Σ_faces capacity (z₊ + z₋), where z₊ and z₋ are the slides of a face.
+    It is bilinear in (F, λ, 1) and the velocities and slips (u, t), docs/method.md (4.8). The cost is Σ_hinges z +
+    Σ_faces capacity (z₊ + z₋), where z₊ and z₋ are the slides of a face.
     """
     one = np.zeros(modes.matrix.shape[1] + 2)
     one[-1] = 1.0
@@ -149,9 +173,11 @@ def cost_form(modes: Modes) -> Floats:
 
 
 def region_forms(modes: LinearModes, region: Region) -> Floats:
-    """Return the forms of (F, λ, 1) that are ≥ 0 in a region, (k + 3, q + 2).
+    """Return the linear forms (k + 3, q + 2) of (F, λ, 1) that are ≥ 0 in a region.
 
-    They are the k slacks of yield rows, λ − low, high − λ and 1.
+    They are the k slacks of yield rows, λ − low, high − λ and 1. Their products with forms of velocities are the rows
+    of the RLT relaxation, docs/method.md (4.7). modes: complementarity problem with q resultants F. region: has the
+    ends `low` and `high` of λ.
     """
     last = np.zeros((3, modes.matrix.shape[1] + 2))
     last[0, -2:], last[1, -2:], last[2, -1] = (1.0, -region.low), (-1.0, region.high), 1.0
@@ -162,9 +188,9 @@ def solve_rlt(bounded: BoundedModes, region: Region, options: RltOptions) -> Rlt
     """Solve the RLT relaxation of one region as one linear program; None if the solver fails.
 
     bounded: complementarity problem with bounds on forces and velocities. region: part of the solutions. options:
-    products, slack and time limit. The program scales forces by their bounds, and λ by the width of the region. Every
-    row and the objective (λ − low) b_λ·u are of order one, so that narrow regions keep their accuracy. The bound never
-    exceeds region.high, since the equation b_λ·u = 1 is elastic.
+    products, slack and time limit. Every row and the objective (λ − low) b_λ·u are scaled to order one, so that narrow
+    regions keep their accuracy. The bound never exceeds region.high, since the equation b_λ·u = 1 is elastic. A
+    certificate has to check it, see `Certifier`.
     """
     modes, force_bounds, pairs, slack = bounded.modes, bounded.force_bounds, options.pairs, options.slack
     count, columns = len(modes.rows), modes.matrix.shape[1] + 2
@@ -219,11 +245,12 @@ def solve_rlt(bounded: BoundedModes, region: Region, options: RltOptions) -> Rlt
 def solve_products(
     objective: Floats, matrix: Any, high: Floats, seconds: float, presolve: bool = True
 ) -> LinearAnswer | None:
-    """Minimise objective·X subject to 0 ≤ rows ≤ high, and b_λ·u = 1 as the last row.
+    """Minimise a linear objective of the products X subject to 0 ≤ matrix X ≤ high.
 
-    The last equation is elastic: an additional unknown ≥ 0, the last one, may replace b_λ·u at a cost of 1. Its sign is
-    the last row of the program. seconds: time limit. presolve: see `interior_point`. The result is None if the solver
-    returns no finite, nonzero multipliers.
+    The last row is the equation b_λ·u = 1. It is elastic: an additional unknown ≥ 0, the last one, may replace b_λ·u at
+    a cost of 1. A last row of the program states its sign. objective: in the shape of X. matrix: (rows, size of X)
+    sparse. high: (rows,). seconds: time limit. presolve: see `interior_point`. The result is None if the solver returns
+    no finite, nonzero multipliers.
     """
     elastic = np.zeros((matrix.shape[0], 1))
     elastic[-1] = 1.0
@@ -240,8 +267,9 @@ def solve_products(
 def scaled_forms(modes: LinearModes, region: Region, unit: Floats) -> tuple[Floats, Floats, Floats]:
     """Return the forms of a region and its equilibrium, scaled to entries of order one.
 
-    unit: matrix that maps scaled Φ to Φ. The results are `region_forms` with each row divided by its largest entry,
-    these divisors, and the equilibrium rows.
+    modes: complementarity problem with k yield rows. unit: matrix that maps scaled (F, λ, 1) to unscaled ones, see
+    `scaling_matrix`. The results are `region_forms` with each row divided by its largest entry, these divisors (k +
+    3,), and the equilibrium rows.
     """
     facts, statics = region_forms(modes, region) @ unit, modes.statics @ unit
     largest = row_maxima(facts)
@@ -249,9 +277,9 @@ def scaled_forms(modes: LinearModes, region: Region, unit: Floats) -> tuple[Floa
 
 
 def row_maxima(rows: Floats) -> Floats:
-    """Return the largest absolute entry (k,) of each row, and 1 for rows of zeros.
+    """Return the largest absolute entry (k,) of each row, but 1 for rows of zeros.
 
-    A crack without strength has rows of zeros.
+    Rows are divided by these numbers. A crack without strength has rows of zeros.
     """
     sizes = abs(rows).max(axis=1)
     return np.where(sizes > 0.0, sizes, 1.0)
@@ -282,7 +310,10 @@ def _read(
 
 
 def moving_forms(forms: Floats, region: Region) -> Bools:
-    """Return a mask (4m + 2e,) of the forms of w that are not identically zero in a region."""
+    """Return a mask (4m + 2e,) of the forms of velocities that are not zero in a region.
+
+    forms: (4m + 2e, w) coefficients of mode rates and of sums around loops, for the w free velocities of the region.
+    """
     moving = (forms != 0.0).any(axis=1)
     moving[: len(region.closed)] = ~region.closed
     return np.asarray(moving)
@@ -291,8 +322,10 @@ def moving_forms(forms: Floats, region: Region) -> Bools:
 def combined_states(x: Floats, live: Floats, rates: Floats) -> Floats:
     """Return states of forces and λ (k, q + 1) of which the products X are a combination.
 
-    The first is the mean state, the others belong to the modes of largest rate. x: products X. live: form b_λ·u over
-    the columns of X. rates: (4m, columns of X).
+    X is that of docs/method.md (4.7). The states are starting points of a search for solutions: first the mean state,
+    then those of the modes of largest rate. The array is empty where all rates vanish. x: (q + 2, w) products of (F, λ,
+    1) with velocities. live: (w,) coefficients of b_λ·u. rates: (4m, w) rates of the modes, that is, of hinges and
+    slides.
     """
     mean, z = x @ live, x[-1] @ rates.T
     states = [mean / mean[-1]] if mean[-1] > _SEEN else []
@@ -301,9 +334,10 @@ def combined_states(x: Floats, live: Floats, rates: Floats) -> Floats:
 
 
 def zero_product_pairs(held: Ints, moving: Ints) -> tuple[Ints, Ints]:
-    """Return the indices (k, l) of slacks and modes whose product y_k z_l is zero.
+    """Return the indices (k, l) of yield slacks and modes whose product y_k z_l is zero.
 
-    They are k = l, and every held k with every moving l. held, moving: indices of modes.
+    They are k = l, and every held k with every moving l, docs/method.md (4.7). held: modes with y = 0. moving: modes
+    that may have z > 0.
     """
     both = np.isin(moving, held)
     k = np.concatenate([moving[~both], np.repeat(held, len(moving))])

@@ -42,7 +42,8 @@ _DRAWN: Final = 1e-3
 def starts(search: FixedPointSearch, associative: Proof, thorough: bool = True) -> Iterator[Floats]:
     """Yield the scaled forces (q·m,) from which searches start, the most useful first.
 
-    associative: associative proof of the labelling. thorough: also yield starts that need more programs.
+    search: supplies labels and solvers, and counts programs. associative: associative proof of the labelling. thorough:
+    also yield starts that need more programs.
     """
     first = initial_forces(search, associative, "associative")
     yield first
@@ -58,7 +59,7 @@ def initial_forces(search: FixedPointSearch, associative: Proof, start: str) -> 
 
     "associative": forces of the associative solution. "vertex": a vertex of the associative problem. "gravity": the
     state of least forces at λ = 0. If the vertex program fails, or gravity has no state, the associative forces are
-    used.
+    used, and zero forces if there are none. search: supplies labels and solvers, and counts programs.
     """
     labels, template = search.labels, search.analysis.template
     if start == "vertex":
@@ -78,7 +79,8 @@ def forces_along_load_path(search: FixedPointSearch, gravity: Floats, most: floa
     """Follow a load path from gravity in steps of λ; return the forces (q·m,) at its end.
 
     Each state is the nearest to the previous one, as in distinct element analysis, where the final state depends on the
-    load path. most: scaled λ above which no state exists, NaN if unknown.
+    load path. The path ends where no further state is found. search: supplies labels and programs. gravity: (q·m,)
+    scaled forces at λ = 0. most: scaled λ above which no state exists, NaN if unknown.
     """
     forces, load = gravity, 0.0
     step = (most if most > 0.0 else 1.0) / _STEPS
@@ -124,7 +126,8 @@ def _at_load(search: FixedPointSearch, load: float) -> ConicProgram:
 def forces_of_decreasing_friction(search: FixedPointSearch, forces: Floats) -> Floats:
     """Iterate with friction that decreases as N grows; return the final forces (q·m,).
 
-    This removes thrust that the mechanism does not need.
+    This removes thrust that the mechanism does not need. forces: (q·m,) scaled start. Iterations end early where a
+    program fails.
     """
     previous = search.normals(forces)
     for _ in range(_FALLS):
@@ -139,11 +142,12 @@ def forces_of_decreasing_friction(search: FixedPointSearch, forces: Floats) -> F
 
 
 def low_compression_states(search: FixedPointSearch, load: float, rng: np.random.Generator) -> PrimalDualPair | None:
-    """Find a pair that starts from a state of low compression on random faces.
+    """Search for a solution from a state of low compression on random faces.
 
     Every solution has the λ of its own frozen friction, which grows with N: faces without compression do not resist.
     From a state at the scaled λ `load`, a mechanism of the frozen friction and the lowest forces for it are computed in
-    turn. The result is None where a program fails.
+    turn. The result is the pair reached, which need not be a solution; None where a program fails. rng: draws faces and
+    mechanisms.
     """
     program = _at_load(search, load)
     freedoms = search.analysis.template.assembly.freedoms
@@ -169,7 +173,10 @@ def low_compression_states(search: FixedPointSearch, load: float, rng: np.random
 
 
 def repair_and_evaluate(search: FixedPointSearch, point: Floats) -> PrimalDualPair:
-    """Move a point (q·m + 1,) into the true friction cone, and evaluate it as a pair."""
+    """Move a point into the true friction cone where possible, and evaluate it as a pair.
+
+    point: (q·m + 1,) scaled forces and λ.
+    """
     areas = search.areas(point)
     state: State = search.repaired_state(point, search.analysis.template, areas)
     return search.evaluate_pair(state, areas)

@@ -26,10 +26,20 @@ _SEEN: Final = 1e-8
 
 
 class Statics:
-    """States of equilibrium within the yield conditions, with λ in an interval, and bounds on them.
+    """States of equilibrium and yield with λ in an interval, and proven bounds on them.
 
-    The conditions are A F + b + λ b_λ = 0, C F + d ≥ 0, low ≤ λ ≤ high. held: (4m,) yield rows that are equations.
-    force_bounds: the property of this name, if already known.
+    The conditions are A F + b + λ b_λ = 0, C F + d ≥ 0, low ≤ λ ≤ high, see `LinearModes`.
+
+    Parameters
+    ----------
+    modes : LinearModes
+        Complementarity problem with m faces.
+    low, high : float
+        Ends of the interval of scaled λ.
+    held : (4m,) bool array
+        Yield rows that are equations.
+    force_bounds : (3m + 2,) array, optional
+        The property of this name, if already known.
     """
 
     def __init__(
@@ -58,7 +68,10 @@ class Statics:
 
     @cached_property
     def force_bounds(self) -> Floats:
-        """Return upper bounds (3m + 2,) on |F|, |λ| and 1; inf where self-stress is unbounded."""
+        """Return upper bounds (3m + 2,) on |F|, |λ| and 1; inf where none is proven.
+
+        There are none if self-stress is unbounded.
+        """
         if self._force_bounds is not None:
             return self._force_bounds
         modes = self.modes
@@ -83,7 +96,7 @@ class Statics:
         return force_bounds
 
     def closed_modes(self) -> Bools:
-        """Return a mask (4m,) of modes that cannot move, since their slack y > 0 in every state."""
+        """Return a mask (4m,) of modes that are proven not to move: y > 0 in every state."""
         return self.proven_positive(self.modes.slacks, ~self.held)
 
     def proven_positive(self, forms: Floats, tested: Bools) -> Bools:
@@ -122,11 +135,12 @@ class Statics:
 
 
 def bound_velocities(statics: Statics) -> Floats | None:
-    """Bound velocities |u| and slides t (3n + m,) of any mechanism per unit of its cost.
+    """Bound velocities |u| and slides t of any mechanism per unit of its cost, (3n + m,).
 
-    The result is None if no bound is proven. The cost is Σ_hinges z + Σ_faces capacity · |s|, docs/method.md (4.8).
-    Hinges bound openings and rotations, and these bound velocities except for a few ways to slide without opening. Such
-    a way is bounded if the faces that slide together carry some friction in every state.
+    statics: states of the region, whose least friction is used. The result is None if no bound is proven. The cost is
+    Σ_hinges z + Σ_faces capacity · |s|, docs/method.md (4.8). Hinges bound openings and rotations, and these bound
+    velocities except for a few ways to slide without opening. Such a way is bounded if the faces that slide together
+    carry some friction in every state.
     """
     modes, m = statics.modes, statics.modes.faces
     width = len(modes.dead)

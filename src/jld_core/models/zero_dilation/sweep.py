@@ -65,11 +65,21 @@ _DEPTH: Final = 12
 
 
 class BlockSweep:
-    """Search for a lower bound of one planar labelling by a sequence of certified programs.
+    """Search for a lower bound on λ of one planar labelling by a sequence of proven programs.
 
-    Each program is an RLT relaxation, solved by matrix blocks, that begins where the last certificate ended. bounded:
-    complementarity problem with bounds on forces and velocities; both must be proven. problem: lowest solution found,
-    time budget and log.
+    Each program is an RLT relaxation, solved by matrix blocks, that begins where the last certificate ended.
+
+    Parameters
+    ----------
+    bounded : BoundedModes
+        Complementarity problem with bounds on forces and velocities, both proven.
+    problem : LowerBoundProblem
+        Lowest solution found, time budget and log.
+
+    Attributes
+    ----------
+    stages : tuple of (str, (4m, 4m + 2e) bool array)
+        Names and products y_k h_l of programs, in the order in which they are tried.
     """
 
     def __init__(self, bounded: BoundedModes, problem: LowerBoundProblem) -> None:
@@ -83,7 +93,7 @@ class BlockSweep:
     def near_hinge_bound(self, low: float) -> float:
         """Prove a bound with products of near hinges only, solved to full accuracy.
 
-        low: scaled λ up to which no solution exists.
+        low: scaled λ up to which no solution exists. The result is scaled, and −inf if nothing is proven.
         """
         none = np.zeros(len(self.modes.rows), dtype=bool)
         return self._step("near hinges", self._region(low, none, none), self.near_pairs, _FINE, None)[1]
@@ -92,7 +102,8 @@ class BlockSweep:
         """Prove a bound that excludes only the first part of the interval of λ from `low`.
 
         The program takes half the steps of one that reaches up to the lowest solution found. It has enough slack that
-        its multipliers prove the bound without correction. stage: index of the products in `stages`.
+        its multipliers prove the bound without correction. low: scaled λ up to which no solution exists. stage: index
+        of the products in `stages`. The result is scaled, and `low` if nothing more is proven.
         """
         none = np.zeros(len(self.modes.rows), dtype=bool)
         region = self._region(low, none, none, low + _PART * (self.problem.load - low))
@@ -106,8 +117,9 @@ class BlockSweep:
     def sweep(self, low: float, closed: Bools, held: Bools, stage: int = 0, depth: int = 0) -> float:
         """Prove a bound by repeated steps from `low`, with branches where steps stall.
 
-        closed, held: (4m,) modes with z = 0, and with y = 0. stage: index of the products in `stages`. depth: of
-        branching.
+        low: scaled λ up to which no solution exists. closed, held: (4m,) modes with z = 0, and with y = 0. stage: index
+        of the products in `stages`. depth: of branching, 0 at the root. The result is scaled, and `low` if nothing more
+        is proven.
         """
         slack, problem, rough = 0.0, self.problem, False
         while not problem.closes_gap(low) and problem.seconds_left > 0.0:
