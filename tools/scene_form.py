@@ -10,7 +10,7 @@ from pydantic import BaseModel
 
 from jld_core.scene import PointLoad, Scene, cracks, loads, materials, move, search
 from jld_core.scene import schema as structure
-from jld_core.scene.loads import BodyLoad
+from jld_core.scene.loads import BodyLoad, FaceLoad
 from tools.scene_meanings import MEANINGS, Meaning
 
 Node = dict[str, Any]
@@ -69,7 +69,7 @@ def key_tables() -> str:
             kind = _kind(value).replace("|", "\\|")
             lines.append(f"| `{key}` | {kind} | {meaning.unit} | {default} | {meaning.text} |")
         title = f"## `{path}`" if path else "## The scene"
-        if model in (PointLoad, BodyLoad):
+        if model in (PointLoad, BodyLoad, FaceLoad):
             title += f" with `{node['required'][0]}`"
         pages.append("\n".join([title, "", *lines]))
     return "\n\n".join(pages) + "\n"

@@ -142,6 +142,27 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "dead": Meaning("", "Loads that λ does not multiply, beside self-weight."),
         "live": Meaning("", "Loads that λ multiplies; together they must not be zero. Not beside `cases`."),
         "cases": Meaning("", "Several patterns of load; the one with the least λ over `required` governs."),
+        "moving": Meaning("", "Vehicles on a planar structure: a load case for each position. Not beside `live`."),
+    },
+    loads.MovingLoad: {
+        "name": Meaning("", "First word of the names of its load cases, which end with the place of the first axle."),
+        "axles": Meaning("", "The axles, in the order in which they enter the path."),
+        "path": Meaning("length", "Points of a polyline on the outline of the structure."),
+        "steps": Meaning("", "Positions, from the first axle at the start of the path to the last one at its end."),
+        "both_directions": Meaning("", "Whether it also moves from the end to the start."),
+        "required": Meaning("", "Load factor that is asked of every position."),
+    },
+    loads.Axle: {
+        "weight": Meaning("force", "Weight of the axle, along gravity."),
+        "distance": Meaning("length", "Distance to the axle before it; of the first one without effect."),
+    },
+    loads.FaceLoad: {
+        "face": Meaning("", "Where the pressure acts: on free boundary alone, not on interfaces."),
+        "pressure": Meaning("stress", "Force per area, inwards; two numbers: at the first and last point of `along`."),
+    },
+    loads.FacePlace: {
+        "between": Meaning("", 'Id of a free element and `"outside"`: the whole free boundary of the element.'),
+        "along": Meaning("length", "Points of a polyline on the outline of a planar structure."),
     },
     loads.Case: {
         "name": Meaning("", "What the case is called in tables, a name of its own."),

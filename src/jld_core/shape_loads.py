@@ -19,12 +19,15 @@ class ShapeLoads:
         Forces that are proportional to the volume.
     dead_riding, live_riding : (n, d) arrays
         Forces that act at the centroid and move with it.
+    pressed : bool
+        True if pressure acts on faces, so that loads also change in ways that the arrays do not hold.
     """
 
     dead_growing: Floats
     dead_riding: Floats
     live_growing: Floats
     live_riding: Floats
+    pressed: bool = False
 
     def growing(self, load_factor: float) -> Floats:
         """Return the forces (n, d) proportional to the volume, at a load factor."""
@@ -37,5 +40,9 @@ class ShapeLoads:
     def take(self, rows: Ints) -> ShapeLoads:
         """Return the loads on some elements (k,), in their order."""
         return ShapeLoads(
-            self.dead_growing[rows], self.dead_riding[rows], self.live_growing[rows], self.live_riding[rows]
+            self.dead_growing[rows],
+            self.dead_riding[rows],
+            self.live_growing[rows],
+            self.live_riding[rows],
+            self.pressed,
         )

@@ -11,13 +11,16 @@ from jld_core.arrays import Bits, Floats
 from jld_core.assembly import DRY, INNER, Assembly, Elements, Interfaces, LoadCase, Points
 from jld_core.build import loads, materials
 from jld_core.build.elements import Geometry, faces_of_pairs, weighed
+from jld_core.build.loads import PlacedLoad
+from jld_core.build.moving import cases_of
 from jld_core.build.planar import planar_geometry
 from jld_core.build.plausibility import implausible
+from jld_core.build.pressure import Boundary
 from jld_core.build.spatial import spatial_geometry
 from jld_core.errors import InputError
 from jld_core.linalg import components
 from jld_core.scene import PointLoad, Scene
-from jld_core.scene.loads import BodyLoad
+from jld_core.scene.loads import require_unique_names
 from jld_core.scene.materials import FaceMaterial
 from jld_core.scene.reading import at_low
 from jld_core.scene.schema import Contact, Element
@@ -97,7 +100,8 @@ def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
     geometry = build_geometry(scene) if geometry is None else geometry
     interfaces, given = geometry.interfaces, geometry.given
     elements = weighed(geometry.elements, geometry.entries, scene)
-    cases = _cases(scene, elements, geometry.entries)
+    thickness = scene.grid.thickness if scene.grid is not None else (scene.thickness or 1.0)
+    cases = _cases(scene, Boundary(elements, interfaces, thickness), geometry.entries)
     assembly = Assembly(
         name=scene.name,
         dimension=scene.dimension,
@@ -112,7 +116,7 @@ def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
         live_widths=cases[0].live_widths,
         shape_loads=cases[0].shape_loads,
         moved=geometry.moved,
-        cases=cases if scene.loads.cases is not None else (),
+        cases=cases if scene.loads.has_cases else (),
         touching=geometry.touching,
     )
     return replace(assembly, warnings=(*geometry.warnings, *implausible(scene, assembly)))
@@ -173,51 +177,60 @@ def _own_labels(scene: Scene, elements: Elements, interfaces: Interfaces, given:
     return labels.astype(bool)
 
 
-def _cases(scene: Scene, elements: Elements, entries: list[Element]) -> tuple[LoadCase, ...]:
+def _cases(scene: Scene, boundary: Boundary, entries: list[Element]) -> tuple[LoadCase, ...]:
     """Return the load cases of a scene, each including the common dead load and self-weight.
 
-    A scene without "cases" has one case with an empty name. entries: the scene's entry for each element.
+    A scene without "cases" has one case with an empty name. boundary: elements and interfaces, for loads on faces.
+    entries: the scene's entry for each element.
     """
-    common = loads.generalised(scene.loads.dead, elements, "loads.dead")
+    elements = boundary.elements
+    always = boundary.plain(scene.loads.dead, "loads.dead")
+    common = loads.generalised(always, elements)
     common[:, : scene.dimension] += np.where(elements.support[:, None], 0.0, elements.weight)
-    if scene.loads.cases is None:
-        live = scene.loads.live or []
+    if not scene.loads.has_cases:
+        live = boundary.plain(scene.loads.live or [], "loads.live")
         only = _case("", "loads", common, live, 1.0, elements)  # refuses wrong entries
-        return (replace(only, shape_loads=loads.shape_dependent(scene.loads.dead, live, elements, entries)),)
+        return (replace(only, shape_loads=loads.shape_dependent(always, live, elements, entries)),)
     found = []
-    for position, case in enumerate(scene.loads.cases):
-        key = f"loads.cases[{position}]"
-        dead = common + loads.generalised(case.dead, elements, f"{key}.dead")
-        one = _case(case.name, key, dead, case.live, case.required, elements)
-        shaped = loads.shape_dependent([*scene.loads.dead, *case.dead], case.live, elements, entries)
+    direction = materials.direction_of_weight(scene)
+    stated = [(f"loads.cases[{position}]", case) for position, case in enumerate(scene.loads.cases or [])]
+    for position, moving in enumerate(scene.loads.moving or []):
+        key = f"loads.moving[{position}]"
+        stated += [(key, case) for case in cases_of(moving, elements, direction, key)]
+    require_unique_names("loads", [case.name for _, case in stated])
+    for key, case in stated:
+        own, live = boundary.plain(case.dead, f"{key}.dead"), boundary.plain(case.live, f"{key}.live")
+        dead = common + loads.generalised(own, elements)
+        one = _case(case.name, key, dead, live, case.required, elements)
+        shaped = loads.shape_dependent([*always, *own], live, elements, entries)
         found.append(replace(one, shape_loads=shaped))
     return tuple(found)
 
 
 def _case(
-    name: str, key: str, dead: Floats, live: Sequence[PointLoad | BodyLoad], required: float, elements: Elements
+    name: str, key: str, dead: Floats, live: Sequence[PlacedLoad], required: float, elements: Elements
 ) -> LoadCase:
     """Return one load case; raise InputError if its live load is zero.
 
     dead, total: (n, q) generalised forces.
     """
-    total = loads.generalised(live, elements, f"{key}.live")
+    total = loads.generalised(live, elements)
     if not np.any(total):
         raise InputError(f"{key}.live", "the live load is zero", "at least one load that acts on a free element")
     return LoadCase(name, dead, total, required, _points(live, elements), _widths(live))
 
 
-def _points(live: Sequence[PointLoad | BodyLoad], elements: Elements) -> Points:
+def _points(live: Sequence[PlacedLoad], elements: Elements) -> Points:
     """Return the point of application and the force of each live point load."""
     points = []
-    for entry in live:
+    for _, entry, _ in live:
         if isinstance(entry, PointLoad) and entry.force is not None:
             at = entry.at or elements.centroid[elements.index[entry.element]].tolist()
             points.append((tuple(at), tuple(entry.force)))
     return tuple(points)
 
 
-def _widths(live: Sequence[PointLoad | BodyLoad]) -> tuple[float | None, ...]:
+def _widths(live: Sequence[PlacedLoad]) -> tuple[float | None, ...]:
     """Return the width of the patch of each live point load; () where none states one."""
-    widths = tuple(entry.width for entry in live if isinstance(entry, PointLoad) and entry.force is not None)
+    widths = tuple(entry.width for _, entry, _ in live if isinstance(entry, PointLoad) and entry.force is not None)
     return widths if any(width is not None for width in widths) else ()

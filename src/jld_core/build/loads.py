@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,19 +18,25 @@ from jld_core.scene.schema import Element
 from jld_core.shape_loads import ShapeLoads
 
 
-def generalised(entries: Sequence[PointLoad | BodyLoad], elements: Elements, key: str) -> Floats:
+class PlacedLoad(NamedTuple):
+    """Load entry with its key in the scene, for error messages, and whether it is the sum of a pressure on a face."""
+
+    where: str
+    load: PointLoad | BodyLoad
+    from_pressure: bool = False
+
+
+def generalised(entries: Sequence[PlacedLoad], elements: Elements) -> Floats:
     """Sum load entries to generalised forces about the elements' centroids.
 
-    Returns (n, 3) planar (fx, fy, m) or (n, 6) spatial (f, m). elements: with weights. key: key of the entries in the
-    scene, for error messages. The moment of a force applied at p is (p − c) × f; "at" may lie outside the element. Sums
-    within rounding of zero become exactly zero. Raises InputError for an unknown element, a support, or a vector of the
-    wrong length.
+    Returns (n, 3) planar (fx, fy, m) or (n, 6) spatial (f, m). elements: with weights. The moment of a force applied at
+    p is (p − c) × f; "at" may lie outside the element. Sums within rounding of zero become exactly zero. Raises
+    InputError for an unknown element, a support, or a vector of the wrong length.
     """
     dimension = elements.centroid.shape[1]
     total = np.zeros((len(elements), 3 if dimension == 2 else 6))
     gross = np.zeros_like(total)
-    for position, entry in enumerate(entries):
-        where = f"{key}[{position}]"
+    for where, entry, _ in entries:
         if isinstance(entry, BodyLoad):
             body = _vector(entry.body, dimension, f"{where}.body")
             magnitude = np.linalg.norm(elements.weight, axis=1)
@@ -65,8 +72,8 @@ def generalised(entries: Sequence[PointLoad | BodyLoad], elements: Elements, key
 
 
 def shape_dependent(
-    dead: Sequence[PointLoad | BodyLoad],
-    live: Sequence[PointLoad | BodyLoad],
+    dead: Sequence[PlacedLoad],
+    live: Sequence[PlacedLoad],
     elements: Elements,
     entries: Sequence[Element],
 ) -> ShapeLoads:
@@ -80,13 +87,15 @@ def shape_dependent(
     parts = []
     for loads, by_weight in ((dead, elements.weight.copy()), (live, np.zeros_like(elements.weight))):
         at_centroid = np.zeros_like(elements.centroid)
-        for entry in loads:
+        for _, entry, _ in loads:
             if isinstance(entry, BodyLoad):
                 by_weight += np.linalg.norm(elements.weight, axis=1)[:, None] * np.array(entry.body, dtype=float)
             elif entry.force is not None and entry.at is None:
                 at_centroid[elements.index[entry.element]] += np.array(entry.force, dtype=float)
         parts += [np.where(grows[:, None], by_weight, 0.0), np.where(rides[:, None], by_weight + at_centroid, 0.0)]
-    return ShapeLoads(*parts)
+    pressed = any(entry.from_pressure for entry in (*dead, *live))
+    dead_growing, dead_riding, live_growing, live_riding = parts
+    return ShapeLoads(dead_growing, dead_riding, live_growing, live_riding, pressed)
 
 
 def _vector(values: list[float], dimension: int, where: str) -> Floats:

@@ -11,10 +11,11 @@ import scipy.sparse as sp
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly, blocks_of
+from jld_core.errors import InputError
 from jld_core.geometry_optimisation.planar_rates import AreaRates, area_rates
 from jld_core.geometry_optimisation.vertex_mesh import VertexMesh
 from jld_core.scene import PointLoad, Scene
-from jld_core.scene.loads import BodyLoad
+from jld_core.scene.loads import BodyLoad, FaceLoad
 from jld_core.scene.move import Move
 
 _EDGE: Final = 0.15
@@ -253,11 +254,15 @@ def _mass_rows(assembly: Assembly, labels: Bits, areas: Floats, moving: Bools, m
 def _loads_on_edges(scene: Scene, assembly: Assembly, mesh: VertexMesh) -> list[tuple[Floats, int, int]]:
     """Return place, and first and last vertex of the edge, of each point load on the outline of its element."""
     loads = scene.loads
-    entries: list[PointLoad | BodyLoad] = [*loads.dead, *(loads.live or [])]
+    entries: list[PointLoad | BodyLoad | FaceLoad] = [*loads.dead, *(loads.live or [])]
     for case in loads.cases or []:
         entries += [*case.dead, *case.live]
     found = []
+    if loads.moving:
+        raise InputError("loads.moving", "its places do not move with the joints", '"cases" with point loads')
     for entry in entries:
+        if isinstance(entry, FaceLoad):
+            raise InputError("loads", "pressure on faces does not move with its joints", "point loads and body loads")
         if not isinstance(entry, PointLoad) or entry.at is None:
             continue
         point, loop = np.array(entry.at, dtype=float), mesh.loops[assembly.elements.index[entry.element]]

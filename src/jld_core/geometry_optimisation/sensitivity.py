@@ -72,7 +72,7 @@ def geometry_sensitivities(result: LimitAnalysisResult, *, one_sided: bool = Tru
     Returns
     -------
     GeometrySensitivities or None
-        Rates in scene units. None where the status is not collapse, or for other models.
+        Rates in scene units. None where the status is not collapse, for other models, or under pressure on faces.
 
     Notes
     -----
@@ -97,6 +97,8 @@ def geometry_sensitivities(result: LimitAnalysisResult, *, one_sided: bool = Tru
         rates = (values / required for values in (one.derivative, one.left, one.right))
         return GeometrySensitivities(one.vertices, *rates)
     plain = result.model.supports_bounds_over_labellings and result.model.inner_bending == "uncoupled"
+    loads = result.assembly.shape_loads
+    plain = plain and not (loads is not None and loads.pressed)
     if result.status is not Status.COLLAPSE or not plain or result.forces is None or result.mechanism is None:
         return None
     if result.assembly.dimension == 3:

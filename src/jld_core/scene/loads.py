@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Final, Self
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from jld_core.errors import InputError
 from jld_core.scene.complaints import first_complaint
-from jld_core.scene.part import NonNegative, Part, Positive, Vector
+from jld_core.scene.part import NonNegative, Pair, Part, Positive, Vector
 
 
 class PointLoad(Part):
@@ -49,6 +49,58 @@ class PointLoad(Part):
         return self
 
 
+OUTSIDE: Final = "outside"
+"""Name of what lies beyond the free boundary of an element."""
+
+
+class FacePlace(Part):
+    """Part of the free boundary of a structure.
+
+    Attributes
+    ----------
+    between : list of str or None
+        Id of a free element and "outside": the whole free boundary of the element.
+    along : list of list of float or None
+        Points of a polyline on the outline of a planar structure.
+    """
+
+    between: Annotated[Pair | None, Field(description='[element, "outside"]')] = None
+    along: Annotated[list[Vector] | None, Field(min_length=2, description="a list of at least two points")] = None
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        """Check that exactly one of both is given."""
+        if (self.between is None) == (self.along is None):
+            problem = "it names no place" if self.between is None else '"along" stands beside "between"'
+            raise InputError("", problem, f'"between": [element, "{OUTSIDE}"], or "along" with points')
+        return self
+
+
+class FaceLoad(Part):
+    """Pressure on free faces, positive towards the inside.
+
+    Attributes
+    ----------
+    face : FacePlace
+        Where it acts.
+    pressure : float or list of float
+        Force per area. Two numbers: at the first and at the last point of "along", linear between them.
+    """
+
+    face: FacePlace
+    pressure: Annotated[
+        float | Annotated[list[float], Field(min_length=2, max_length=2)],
+        Field(description="a number, or two at the first and last point"),
+    ]
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Pressure at the first and at the last point."""
+        if isinstance(self.pressure, float):
+            return self.pressure, self.pressure
+        return self.pressure[0], self.pressure[1]
+
+
 class BodyLoad(Part):
     """Load on every free element: the magnitude of its weight times a vector.
 
@@ -62,7 +114,7 @@ class BodyLoad(Part):
 
 
 def _tell_the_kinds_apart(entries: Any) -> Any:
-    """Validate load entries as body loads or point loads, chosen by their keys.
+    """Validate load entries as body loads, pressures or point loads, chosen by their keys.
 
     Error messages then refer to the kind of load that was meant.
     """
@@ -71,6 +123,7 @@ def _tell_the_kinds_apart(entries: Any) -> Any:
     kinds: list[Any] = []
     for index, entry in enumerate(entries):
         body = isinstance(entry, dict) and "body" in entry
+        kind = BodyLoad if body else FaceLoad if isinstance(entry, dict) and "face" in entry else PointLoad
         if body and len(entry) > 1:
             other = next(key for key in entry if key != "body")
             raise InputError(
@@ -79,16 +132,16 @@ def _tell_the_kinds_apart(entries: Any) -> Any:
                 "a body load alone, others in entries of their own",
             )
         try:
-            kinds.append((BodyLoad if body else PointLoad).model_validate(entry))
+            kinds.append(kind.model_validate(entry))
         except ValidationError as error:
-            known = ("body", *PointLoad.model_fields)
-            found = first_complaint(error, BodyLoad if body else PointLoad, known)
+            known = ("body", *FaceLoad.model_fields, *PointLoad.model_fields)
+            found = first_complaint(error, kind, known)
             where = f"[{index}]" + (f".{found.where}" if found.where else "")
             raise InputError(where, found.problem, found.expected) from None
     return kinds
 
 
-_Entries = list[PointLoad | BodyLoad]
+_Entries = list[PointLoad | BodyLoad | FaceLoad]
 """Load entries of a scene."""
 
 
@@ -110,24 +163,66 @@ class Case(Part):
     _kinds = field_validator("dead", "live", mode="before")(_tell_the_kinds_apart)
 
 
+class Axle(Part):
+    """Axle of a vehicle: its weight, and its distance to the axle before it."""
+
+    weight: Annotated[Positive, Field(description="a force above 0")]
+    distance: NonNegative = 0.0
+
+
+class MovingLoad(Part):
+    """Vehicle that moves along a path on a planar structure.
+
+    Attributes
+    ----------
+    name : str
+        First word of the names of its load cases.
+    axles : list of Axle
+        Axles in the order in which they enter the path. The distance of the first one is ignored.
+    path : list of list of float
+        Points of a polyline on the outline of the structure.
+    steps : int
+        Number of positions from the first axle at the start of the path to the last axle at its end.
+    both_directions : bool
+        Also move from the end of the path to its start.
+    required : float
+        Required load factor of every position.
+    """
+
+    name: Annotated[str, Field(min_length=1, description="a name of its own")] = "moving"
+    axles: Annotated[list[Axle], Field(min_length=1, description="a list of axles with weights and distances")]
+    path: Annotated[list[Vector], Field(min_length=2, description="a list of at least two points")]
+    steps: Annotated[int, Field(ge=1, le=1000, description="a whole number from 1 to 1000")] = 20
+    both_directions: bool = False
+    required: Positive = 1.0
+
+
 class Loads(Part):
-    """Dead loads, and either live loads or load cases."""
+    """Dead loads, and one of live loads, load cases and moving loads; cases and moving loads may stand together."""
 
     dead: _Entries = []
     live: Annotated[_Entries | None, Field(description="a list of loads that are multiplied by λ")] = None
     cases: Annotated[list[Case] | None, Field(min_length=1)] = None
+    moving: Annotated[list[MovingLoad] | None, Field(min_length=1, description="a list of moving loads")] = None
 
     _kinds = field_validator("dead", "live", mode="before")(_tell_the_kinds_apart)
 
     @model_validator(mode="after")
     def _one_or_several(self) -> Self:
-        """Check that exactly one of live loads and load cases is given."""
-        if self.live is None and self.cases is None:
+        """Check that live loads are given, or load cases and moving loads."""
+        several = "cases" if self.cases is not None else "moving" if self.moving is not None else ""
+        if self.live is None and not several:
             raise InputError(".live", "missing", 'a list of loads that are multiplied by λ, or "cases"')
-        if self.live is not None and self.cases is not None:
-            raise InputError(".live", 'it stands beside "cases"', "the live loads of each case inside it")
+        if self.live is not None and several:
+            raise InputError(".live", f'it stands beside "{several}"', "the live loads of each case inside it")
         require_unique_names(".cases", [case.name for case in self.cases or []])
+        require_unique_names(".moving", [one.name for one in self.moving or []])
         return self
+
+    @property
+    def has_cases(self) -> bool:
+        """Whether the loads are load cases, stated or from moving loads."""
+        return self.live is None
 
 
 class Moved(Part):

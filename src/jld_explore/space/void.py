@@ -18,6 +18,7 @@ from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import DRY, Assembly, LoadCase, Strengths
 from jld_core.errors import InputError
 from jld_core.scene import PointLoad, Scene
+from jld_core.scene.loads import FaceLoad
 from jld_core.sub_assembly import without
 from jld_explore.space.labelling import INNER_LETTER, LETTERS, from_string, to_strings
 
@@ -183,6 +184,8 @@ def void_of(scene: Scene, assembly: Assembly) -> Void | None:
             raise InputError("search.void", f"it stands beside search.{key}", "searches of blocks without it")
     cases = scene.loads.cases or []
     lists = [scene.loads.dead, scene.loads.live or [], *(part for case in cases for part in (case.dead, case.live))]
+    if scene.loads.moving or any(isinstance(entry, FaceLoad) for part in lists for entry in part):
+        raise InputError("search.void", "a load moves or acts on faces", "loads on elements, or no void cells")
     loaded = {entry.element for part in lists for entry in part if isinstance(entry, PointLoad)}
     if asked.cells == "all":
         chosen = [k for k in elements.free.tolist() if elements.ids[k] not in loaded]

@@ -1,0 +1,100 @@
+"""Load cases of vehicles that move along a path on the outline of a planar structure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+import shapely
+
+from jld_core import tolerances
+from jld_core.arrays import Floats, Ints
+from jld_core.assembly import Elements
+from jld_core.errors import InputError
+from jld_core.scene import PointLoad
+from jld_core.scene.loads import BodyLoad, Case, FaceLoad, MovingLoad
+
+_REACH: Final = 10.0 * tolerances.CONTACT
+"""Distance from an element, relative to the size of the structure, up to which an axle stands on it."""
+
+
+def cases_of(moving: MovingLoad, elements: Elements, downwards: Floats, where: str) -> list[Case]:
+    """Return one load case for each position of a vehicle.
+
+    Parameters
+    ----------
+    moving : MovingLoad
+        The vehicle and its path.
+    elements : Elements
+        Elements of the structure.
+    downwards : (2,) array
+        Direction of the weights, a unit vector.
+    where : str
+        Key of the moving load in the scene, for error messages.
+
+    Returns
+    -------
+    list of Case
+        Load cases in the order of the positions, named by the position of the first axle along the path. A position
+        with no axle on a free element is left out.
+
+    Raises
+    ------
+    InputError
+        If the scene is spatial, a point of the path coincides with the one before, or an axle on the path touches no
+        element.
+    """
+    if elements.centroid.shape[1] == 3 or any(len(point) != 2 for point in moving.path):
+        raise InputError(where, "it is for planar scenes", '"cases" with the positions of the loads')
+    found: list[Case] = []
+    path = np.array(moving.path, dtype=float)
+    ways = [("", path), (" back", path[::-1])] if moving.both_directions else [("", path)]
+    for word, points in ways:
+        legs = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        if not (legs > 0.0).all():
+            raise InputError(f"{where}.path", "two of its points coincide", "points apart from each other")
+        for first, forces in _positions(moving, points, legs):
+            live: list[PointLoad | BodyLoad | FaceLoad] = []
+            for at, unit, weight in forces:
+                element = _element_under(elements, at, unit)
+                if element is None:
+                    problem = f"no element is at ({at[0]:.6g}, {at[1]:.6g})"
+                    raise InputError(f"{where}.path", problem, "points on the outline of the structure")
+                if not elements.support[element]:
+                    force = (weight * downwards).tolist()
+                    live.append(PointLoad(element=elements.ids[element], force=force, at=at.tolist()))
+            if live:
+                name = f"{moving.name}{word} at {first:.6g}"
+                found.append(Case(name=name, live=live, required=moving.required))
+    if not found:
+        raise InputError(f"{where}.path", "it touches supports alone", "points on free elements")
+    return found
+
+
+def _positions(
+    moving: MovingLoad, points: Floats, legs: Floats
+) -> Iterator[tuple[float, list[tuple[Floats, Floats, float]]]]:
+    """Yield the distance of the first axle along a path, and place, direction and weight of each axle on the path."""
+    behind = np.cumsum([0.0, *(axle.distance for axle in moving.axles[1:])])
+    ends = np.append(0.0, np.cumsum(legs))
+    whole = float(ends[-1])
+    for first in np.linspace(0.0, whole + float(behind[-1]), moving.steps).tolist():
+        forces = []
+        for place, axle in zip((first - behind).tolist(), moving.axles, strict=True):
+            if -_REACH * whole <= place <= (1.0 + _REACH) * whole:
+                leg = min(int(np.searchsorted(ends, place, side="right")) - 1, len(legs) - 1)
+                leg = max(leg, 0)
+                unit = (points[leg + 1] - points[leg]) / legs[leg]
+                forces.append((points[leg] + (place - ends[leg]) * unit, unit, axle.weight))
+        yield first, forces
+
+
+def _element_under(elements: Elements, at: Floats, unit: Floats) -> int | None:
+    """Return the element that a point touches, of several the one farthest along the path; None without one."""
+    size = float((elements.upper.max(axis=0) - elements.lower.min(axis=0)).max())
+    reach = _REACH * size
+    near: Ints = np.flatnonzero(((elements.lower - reach <= at) & (at <= elements.upper + reach)).all(axis=1))
+    point = shapely.Point(*at)
+    touching = [k for k in near.tolist() if shapely.Polygon(elements.shape[k]).distance(point) <= reach]
+    return max(touching, key=lambda k: float(elements.centroid[k] @ unit), default=None)

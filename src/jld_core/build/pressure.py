@@ -1,0 +1,199 @@
+"""Conversion of pressure on boundary faces to forces and moments on elements.
+
+Source: docs/method.md (1.7) and (1.8).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from jld_core import tolerances
+from jld_core.arrays import Floats
+from jld_core.assembly import Elements, Interfaces
+from jld_core.build.loads import PlacedLoad
+from jld_core.errors import InputError
+from jld_core.scene import PointLoad
+from jld_core.scene.loads import OUTSIDE, BodyLoad, FaceLoad
+
+_REACH: Final = 10.0 * tolerances.CONTACT
+"""Distance from a line, relative to the size of the structure, up to which an edge lies on it."""
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """Elements and interfaces of a structure, from which free boundaries follow.
+
+    Attributes
+    ----------
+    elements : Elements
+        The elements.
+    interfaces : Interfaces
+        All interfaces, also those that a scene states.
+    thickness : float
+        Thickness of planar elements, length.
+    """
+
+    elements: Elements
+    interfaces: Interfaces
+    thickness: float
+
+    def plain(self, entries: Sequence[PointLoad | BodyLoad | FaceLoad], key: str) -> list[PlacedLoad]:
+        """Replace pressures by the forces and moments on elements that they add up to.
+
+        Parameters
+        ----------
+        entries : sequence of PointLoad, BodyLoad or FaceLoad
+            Load entries of a scene.
+        key : str
+            Key of the entries in the scene, for error messages.
+
+        Returns
+        -------
+        list of PlacedLoad
+            The other entries unchanged. One force and moment for each straight piece of free boundary under pressure.
+
+        Raises
+        ------
+        InputError
+            If a pressure names no free boundary, or varies where it has no direction to vary along.
+        """
+        found: list[PlacedLoad] = []
+        for position, entry in enumerate(entries):
+            where = f"{key}[{position}]"
+            loads: Sequence[PointLoad | BodyLoad]
+            if not isinstance(entry, FaceLoad):
+                loads = [entry]
+            elif entry.face.along is not None:
+                loads = self._along(entry, entry.face.along, where)
+            else:
+                loads = self._around(entry, where)
+            found += [PlacedLoad(where, load, isinstance(entry, FaceLoad)) for load in loads]
+        return found
+
+    @property
+    def _size(self) -> float:
+        """Largest side of the bounding box of all elements."""
+        return float((self.elements.upper.max(axis=0) - self.elements.lower.min(axis=0)).max())
+
+    def _around(self, entry: FaceLoad, where: str) -> list[PointLoad]:
+        """Return the loads of a uniform pressure on the whole free boundary of one element."""
+        name, other = entry.face.between or ("", "")
+        if other != OUTSIDE or name not in self.elements.index:
+            problem = f"no free face lies between {name!r} and {other!r}"
+            raise InputError(f"{where}.face.between", problem, f'the id of a free element, and "{OUTSIDE}"')
+        index = self.elements.index[name]
+        if self.elements.support[index]:
+            raise InputError(f"{where}.face.between", f"{name!r} is a support", "the id of a free element")
+        first, last = entry.ends
+        if first != last:
+            problem = "the pressure varies, and the faces of an element have no first and last point"
+            raise InputError(f"{where}.pressure", problem, 'one number, or "along" with two points')
+        if self.elements.centroid.shape[1] == 3:
+            return self._solid(index, first)
+        free = [
+            self._piece(index, start, end, (first, first))
+            for _, _, pieces in self._edges(index)
+            for start, end in pieces
+        ]
+        if not free:
+            raise InputError(f"{where}.face.between", f"no face of {name!r} is free", "an element with a free face")
+        return free
+
+    def _solid(self, index: int, pressure: float) -> list[PointLoad]:
+        """Return the loads of a uniform pressure on the free surface of a solid.
+
+        Pressure on a whole closed surface is in balance, so that on the free part is minus that on the interfaces.
+        """
+        found: list[PointLoad] = []
+        for face in range(len(self.interfaces)):
+            for element, sign in ((self.interfaces.a[face], 1.0), (self.interfaces.b[face], -1.0)):
+                if element == index:
+                    force = sign * pressure * self.interfaces.area[face] * self.interfaces.normal[face]
+                    at = self.interfaces.origin[face].tolist()
+                    found.append(PointLoad(element=self.elements.ids[index], force=force.tolist(), at=at))
+        return found
+
+    def _along(self, entry: FaceLoad, along: list[list[float]], where: str) -> list[PointLoad]:
+        """Return the loads of a pressure along a polyline on the free boundary of a planar structure."""
+        if self.elements.centroid.shape[1] == 3 or any(len(point) != 2 for point in along):
+            raise InputError(f"{where}.face.along", "it is for planar scenes", f'"between": [element, "{OUTSIDE}"]')
+        points = np.array(along, dtype=float)
+        legs = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        if not (legs > _REACH * self._size).all():
+            raise InputError(f"{where}.face.along", "two of its points coincide", "points apart from each other")
+        place = np.append(0.0, np.cumsum(legs)) / legs.sum()
+        first, last = entry.ends
+        found: list[PointLoad] = []
+        for k, leg in enumerate(legs.tolist()):
+            ends = [first + (last - first) * share for share in (place[k], place[k + 1])]
+            pieces = list(self._on_leg(points[k], (points[k + 1] - points[k]) / leg, leg))
+            covered = sum(high - low for _, low, high, _ in pieces)
+            if abs(covered - leg) > _REACH * self._size * (1 + len(pieces)):
+                problem = f"of its {leg:.6g} from point {k + 1} to {k + 2}, {covered:.6g} is free boundary"
+                raise InputError(f"{where}.face.along", problem, "points on the outline of the structure")
+            for index, low, high, forward in pieces:
+                values = [ends[0] + (ends[1] - ends[0]) * share / leg for share in (low, high)]
+                start, end = (points[k] + share * (points[k + 1] - points[k]) / leg for share in (low, high))
+                if self.elements.support[index]:
+                    continue
+                if forward:
+                    found.append(self._piece(index, start, end, (values[0], values[1])))
+                else:
+                    found.append(self._piece(index, end, start, (values[1], values[0])))
+        return found
+
+    def _on_leg(self, start: Floats, unit: Floats, length: float) -> Iterator[tuple[int, float, float, bool]]:
+        """Yield element, first and last distance along a leg, and whether its edge has the direction of the leg."""
+        reach = _REACH * self._size
+        for index in range(len(self.elements)):
+            for first, last, pieces in self._edges(index):
+                sideways = [abs((p - start)[0] * unit[1] - (p - start)[1] * unit[0]) for p in (first, last)]
+                if max(sideways) > reach:
+                    continue
+                forward = bool((last - first) @ unit > 0.0)
+                for one, other in pieces:
+                    low, high = sorted((float((one - start) @ unit), float((other - start) @ unit)))
+                    low, high = max(low, 0.0), min(high, length)
+                    if high - low > reach:
+                        yield index, low, high, forward
+
+    def _edges(self, index: int) -> Iterator[tuple[Floats, Floats, list[tuple[Floats, Floats]]]]:
+        """Yield both ends of each edge of a planar element, and its free pieces: pairs of points in its direction."""
+        reach = _REACH * self._size
+        outline = self.elements.shape[index]
+        mine = np.flatnonzero((self.interfaces.a == index) | (self.interfaces.b == index))
+        for first, last in zip(outline, np.roll(outline, -1, axis=0), strict=True):
+            length = float(np.hypot(*(last - first)))
+            if length <= reach:
+                continue
+            unit = (last - first) / length
+            taken = []
+            for face in mine.tolist():
+                arm = self.interfaces.polygon[face] - first
+                if abs(arm[:, 0] * unit[1] - arm[:, 1] * unit[0]).max() <= reach:
+                    low, high = sorted((arm @ unit).tolist())
+                    taken.append((max(low, 0.0), min(high, length)))
+            free, place = [], 0.0
+            for low, high in [*sorted(span for span in taken if span[1] > span[0]), (length, length)]:
+                if low - place > reach:
+                    free.append((first + place * unit, first + low * unit))
+                place = max(place, high)
+            yield first, last, free
+
+    def _piece(self, index: int, start: Floats, end: Floats, pressures: tuple[float, float]) -> PointLoad:
+        """Return the force at the middle of a straight free piece of an outline, and the moment about it.
+
+        start, end: in the direction of the outline, which is counter-clockwise. pressures: at both, positive inwards.
+        """
+        length = float(np.hypot(*(end - start)))
+        inward = np.array([start[1] - end[1], end[0] - start[0]]) / length
+        first, last = pressures
+        force = 0.5 * (first + last) * length * self.thickness * inward
+        moment = (last - first) * length**2 * self.thickness / 12.0
+        middle = (0.5 * (start + end)).tolist()
+        name = self.elements.ids[index]
+        return PointLoad(element=name, force=force.tolist(), at=middle, moment=moment, width=length)
