@@ -28,7 +28,7 @@ def printable(text: str) -> str:
     Returns
     -------
     str
-        Text of the same length.
+        Text of the same number of characters.
     """
     return _UNPRINTABLE.sub(" ", text)
 
