@@ -76,12 +76,12 @@ class Laying:
 
     @property
     def possible(self) -> bool:
-        """Return True if an order that meets the requested rule was found."""
+        """True if an order that meets the requested rule was found."""
         return not self.locked and not self.searched
 
     @property
     def stands(self) -> bool | None:
-        """Return True if every stage stands without props; None where a stage is undecided."""
+        """True if every stage of the order stands without props; None where one is undecided."""
         verdicts = [step.stage.stands for step in self.steps]
         return False if False in verdicts else None if None in verdicts else True
 
@@ -222,7 +222,11 @@ def _apart(freedom: Freedom, standing: Standing, group: int) -> tuple[list[Move]
 
 
 def emptied(freedom: Freedom, there: Bools, group: int) -> Bools:
-    """Return the blocks (k,) that remain after removal of all that can be removed."""
+    """Return the blocks that remain after removal of all blocks and groups that can leave.
+
+    there: (k,) bool mask of the blocks present. group: largest number of blocks that may leave together. The result is
+    such a mask, with all present fixed blocks; it does not depend on the order of removal.
+    """
     blocks = freedom.blocks
     there = there.copy()
     while np.any(there & ~blocks.fixed):
@@ -291,10 +295,10 @@ def _standing_order(freedom: Freedom, standing: Standing, group: int) -> tuple[l
 
 @dataclass(frozen=True)
 class Built:
-    """Result of building up a labelling block by block with stages that stand.
+    """Result of `built_up`: whether an order of single blocks with standing stages exists.
 
-    possible: None where the search reached its limit or a stage was undecided. seen: (n,) elements of all blocks that
-    were laid or tried.
+    possible: True where an order was found, False where none exists, None where the search reached its limit or a stage
+    was undecided. seen: (n,) bool mask of the elements of all blocks that were laid or tried, and of the fixed block.
     """
 
     possible: bool | None
@@ -302,11 +306,11 @@ class Built:
 
 
 def built_up(freedom: Freedom, standing: Standing) -> Built:
-    """Search an order of single blocks whose every stage stands, depth first, lowest first.
+    """Search an order of single blocks, each touching a laid one, whose every stage stands.
 
-    Each block must touch a laid one. Provided single blocks can be removed until nothing is left, the search finds an
-    order wherever one exists. Its outcome depends only on the visited blocks: a block that touches no laid block cannot
-    stand.
+    The search goes depth first and tries the lowest block first. If single blocks can be removed until none is left, it
+    finds an order wherever one exists. A block that touches no laid block cannot stand. The outcome therefore depends
+    on the visited blocks alone.
     """
     blocks = freedom.blocks
     failed: set[bytes] = set()
