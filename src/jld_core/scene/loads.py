@@ -93,14 +93,29 @@ _Entries = list[PointLoad | BodyLoad]
 
 
 def require_unique_names(key: str, names: list[str]) -> None:
-    """Raise InputError for a name used twice."""
+    """Raise InputError if two entries of a list have the same name.
+
+    key: key of the list in the scene, for the message. names: names of its entries.
+    """
     for position, name in enumerate(names):
         if name in names[:position]:
             raise InputError(f"{key}[{position}].name", f"{name!r} is used twice", "a name of its own for each")
 
 
 class Case(Part):
-    """Load case: further dead loads, live loads multiplied by λ, and the required factor."""
+    """Load case of a structure.
+
+    Attributes
+    ----------
+    name : str
+        Name of its own.
+    live : list of PointLoad or BodyLoad
+        Loads that are multiplied by λ.
+    dead : list of PointLoad or BodyLoad
+        Loads that act beside the dead loads of all cases.
+    required : float
+        Required load factor, by which λ of the case is divided.
+    """
 
     name: Annotated[str, Field(min_length=1, description="a name of its own")]
     live: Annotated[_Entries, Field(description="a list of loads that are multiplied by λ")]
@@ -111,7 +126,17 @@ class Case(Part):
 
 
 class Loads(Part):
-    """Dead loads, and either live loads or load cases."""
+    """Dead loads, and either live loads or load cases.
+
+    Attributes
+    ----------
+    dead : list of PointLoad or BodyLoad
+        Loads beside self-weight that are not multiplied by λ.
+    live : list of PointLoad or BodyLoad, or None
+        Loads that are multiplied by λ; None if there are cases.
+    cases : list of Case or None
+        Load cases; None if there is one live load.
+    """
 
     dead: _Entries = []
     live: Annotated[_Entries | None, Field(description="a list of loads that are multiplied by λ")] = None
@@ -131,7 +156,19 @@ class Loads(Part):
 
 
 class Moved(Part):
-    """Supports that move together: translation, rotation and its centre."""
+    """Supports that move together as a rigid body during a settlement.
+
+    Attributes
+    ----------
+    elements : str or list of str
+        Ids of the supports.
+    move : list of float or None
+        Direction and relative size of the translation; None for none.
+    turn : float or list of float
+        Rotation relative to the translation: a number, counter-clockwise, or a spatial vector.
+    about : list of float or None
+        Centre of the rotation; None for the mean of the supports' centroids.
+    """
 
     elements: Annotated[str | list[str], Field(description="the id of a support, or a list of them")]
     move: Annotated[Vector | None, Field(description="a vector")] = None
@@ -143,7 +180,17 @@ class Moved(Part):
 
 
 class Settling(Part):
-    """Movement of supports in a known direction: a foundation that sinks, spreads or tilts."""
+    """Movement of supports in a known direction, such as a foundation that sinks or tilts.
+
+    Attributes
+    ----------
+    name : str
+        Name of its own.
+    supports : list of Moved
+        Supports that move; all others stay.
+    load : float
+        Share of the live load that acts meanwhile.
+    """
 
     name: Annotated[str, Field(min_length=1, description="a name of its own")]
     supports: Annotated[list[Moved], Field(min_length=1)]
