@@ -33,7 +33,9 @@ class _Run(NamedTuple):
 
 
 class Fronts:
-    """Elimination order and fronts of one symmetric pattern.
+    """Symbolic analysis of one sparsity pattern for multifrontal Cholesky factorisation.
+
+    Make it once per pattern; then call `factor` for each matrix.
 
     Parameters
     ----------
@@ -50,10 +52,12 @@ class Fronts:
         Unknowns in order of elimination, and the position of each unknown in it.
     size : int
         Number of unknowns n.
-    parent, bounds : int arrays
-        Parent of each front, and where its pivot unknowns start.
+    parent : (fronts,) int array
+        Parent of each front in the elimination tree, −1 for a root.
+    bounds : (fronts + 1,) int array
+        Front k eliminates the positions from bounds[k] to bounds[k + 1].
     passed : list of int arrays
-        Unknowns of each front's update matrix.
+        For each front, positions of the later unknowns that its elimination changes.
     """
 
     def __init__(self, rows: Ints, columns: Ints, node: Ints, places: Floats | None = None) -> None:

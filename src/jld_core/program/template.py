@@ -112,7 +112,7 @@ class Template:
 
     @property
     def precision(self) -> Precision:
-        """Residual and margin that an interior-point method should use on these programs."""
+        """Accuracy that an interior-point method should reach on these programs, by their cones."""
         if not self.structure.cones:
             return tolerances.LINEAR
         strengths = self.assembly.strengths
@@ -120,18 +120,19 @@ class Template:
         return tolerances.CRUSHING if crushing else tolerances.FRICTION_CONES
 
     def renumbered(self, sets: YieldSet) -> Template:
-        """Return this template with another yield set; everything else is shared.
+        """Return a template with another yield set, for instance of other strengths.
 
-        The structure is shared too if the sparsity is the same.
+        Scaling and equilibrium are shared, and so is the structure if its sparsity is the same.
         """
         other = self.with_rows(sets)
         other.yield_set = sets
         return other
 
     def with_rows(self, rows: Rows) -> Template:
-        """Return this template with rows of other yield sets; its `yield_set` stays.
+        """Return a template with the rows of other yield sets in its programs.
 
-        The structure is shared if the sparsity is the same.
+        Its attribute `yield_set` stays; use `renumbered` to replace that too. The structure is shared if its sparsity
+        is the same.
         """
         other = copy.copy(self)
         other._lay_out(rows)
@@ -143,7 +144,7 @@ class Template:
 
     @property
     def columns(self) -> int:
-        """Number of columns of the program (resultants, extra variables, λ)."""
+        """Number of columns of the programs: resultants, extra variables and λ."""
         return self.structure.shape[1]
 
     def _lay_out(self, sets: Rows) -> None:

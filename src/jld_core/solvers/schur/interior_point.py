@@ -64,7 +64,11 @@ class SchurSolver(Solver):
         self._system: SchurSystem | None = None
 
     def solve(self, program: ConicProgram) -> RawSolution:
-        """Solve a program; analyse its structure if it differs from that of the previous one."""
+        """Solve a program by the Schur-complement interior-point method.
+
+        The structure is analysed if it is not that of the previous program. The status is FAILED where the iterations
+        break down. Raises SolverError for a structure that does not separate into faces, or cones of several sizes.
+        """
         start = time.perf_counter()
         program = program.rounded
         if self._system is None or self._structure is not program.structure:
