@@ -37,7 +37,10 @@ _GAP: Final = 1e-3
 
 
 def require_movable(scene: Scene, assembly: Assembly) -> None:
-    """Raise InputError where the key "move" of a scene does not fit its own layout."""
+    """Raise InputError if the key "move" of a scene does not fit the scene's own labelling.
+
+    A scene without the key is accepted.
+    """
     if scene.move is not None:
         GeometrySearch(scene, assembly, assembly.labels)
 
@@ -58,7 +61,7 @@ def move(
     gap: Annotated[float, typer.Option(min=1e-9, help="With --prove: relative distance of both bounds.")] = _GAP,
     as_json: AsJson = False,
 ) -> None:
-    """Move the joints of a planar layout for the largest load factor; every accepted point is proven."""
+    """Move the joints of a planar layout to raise its load factor, with each step proven."""
     _check_out(source, out)
     scene, assembly, labels = layout_of(source, rank)
 

@@ -30,7 +30,10 @@ def settlement(
     out: Annotated[Path | None, typer.Option(help="Folder for settlement.json and pictures.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Range of thrust along each movement of supports that the scene names, and the mechanisms at its ends."""
+    """Compute the range of thrust along each movement of supports that a scene names.
+
+    Also compute the mechanisms at its ends.
+    """
     if out is not None:
         require_folder(out)
     scene, assembly, labels = layout_of(source, rank)
