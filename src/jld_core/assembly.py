@@ -362,9 +362,10 @@ class Assembly(NotebookRepr):
 
 
 def blocks_of(assembly: Assembly, labels: Bits, joined: tuple[Ints, Ints] | None = None) -> Ints:
-    """Return the block of each element, that is, of elements joined by inner faces.
+    """Return the block of each element under a labelling.
 
-    Blocks are numbered by their first elements. An element glued to a support belongs to the support's block.
+    Elements joined by inner faces form a block. Blocks are numbered by their first elements. An element glued to a
+    support belongs to the support's block.
 
     Parameters
     ----------
@@ -378,7 +379,7 @@ def blocks_of(assembly: Assembly, labels: Bits, joined: tuple[Ints, Ints] | None
     Returns
     -------
     (n,) int array
-        Block of each element.
+        Number of the block of each element, from 0.
     """
     inner, touching = ~np.asarray(labels, dtype=bool), np.array(assembly.touching, dtype=np.int64).reshape(-1, 2)
     one = np.concatenate([assembly.interfaces.a[inner], touching[:, 0]])

@@ -69,10 +69,10 @@ class Arcs:
         self._exact: dict[int, Floats] = {}
 
     def of(self, piece: int) -> Floats:
-        """Return the arcs of directions in which one piece would meet each of the p pieces.
+        """Return the directions in which a piece would meet each of the p pieces, as arcs (p, 2).
 
-        The result (p, 2) holds begin in [0, 2π) and width of each arc, radians. A width below 0 means that the piece is
-        never met. Pieces at rest are shrunk by a relative 1e-6, so that sliding along a contact is free.
+        A row has the begin in [0, 2π) and the width of the arc, radians. A width below 0 means that the piece is never
+        met. The pieces at rest are shrunk by a relative 1e-6, so that sliding along a contact is free.
         """
         if piece not in self._of:
             begin, width = self._seen(piece, self._smaller, 0.0)
@@ -82,9 +82,10 @@ class Arcs:
         return self._of[piece]
 
     def ends(self, piece: int) -> Floats:
-        """Return the exact end angles (p, 2), radians, of the arcs that `of` returns shrunk.
+        """Return begin and end of each arc (p, 2), radians, for pieces that are not shrunk.
 
-        Rows are NaN for pieces that are never met. Motion along an exact end is parallel to the faces in contact.
+        `of` returns slightly smaller arcs. Rows are NaN for pieces that are never met. Motion of the piece along an end
+        is parallel to the faces in contact.
         """
         if piece not in self._exact:
             begin, width = self._seen(piece, self._corner, _SAME * self._size)

@@ -97,7 +97,7 @@ class SequenceConstraint:
 
     @property
     def undecided(self) -> int:
-        """Number of those refused labellings for which an unlimited search might find a sequence."""
+        """Number of refused labellings for which an unlimited search might find a sequence."""
         return sum(lock is not None and not lock.proven for lock in self._known.values())
 
     def lock(self, labels: Bits) -> Lock | None:

@@ -29,16 +29,16 @@ _STAGES: Final = 400
 
 @dataclass(frozen=True)
 class Step:
-    """One step of an assembly sequence.
+    """One step of an assembly sequence: blocks that are laid together.
 
     Attributes
     ----------
     blocks : tuple of int
         Numbers of the blocks that are laid; several where they can only be moved together.
     direction : (d,) or (3,) array
-        Direction of removal; the blocks arrive along its negative. (3,) for out of the plane.
+        Unit vector along which they could be removed; they arrive along its negative. (3,) for out of the plane.
     stage : Stage
-        Stage after the step.
+        Stability of the structure after the step.
     """
 
     blocks: tuple[int, ...]
@@ -48,7 +48,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Laying:
-    """Assembly sequence of a labelling, block by block.
+    """Assembly sequence of a labelling, or the blocks that make one impossible.
 
     Attributes
     ----------
@@ -58,12 +58,10 @@ class Laying:
         Steps in the order of laying; empty where there is no order.
     locked : tuple of int
         Blocks that lock one another: none of them, and no group up to the given size, can be moved. Empty where an
-        order
-        exists.
+        order exists.
     searched : bool
-        True where the search for an order whose every stage stands found none, at its limit or exhaustively.
-        Another order
-        may exist; `steps` then hold an order by translations.
+        True where the search for an order whose every stage stands found none, at its limit or exhaustively. Another
+        order may exist; `steps` then hold an order by translations.
     undecided : bool
         True where that search stopped at its limit or met an undecided stage, so that an order of its kind may exist.
     """
@@ -143,9 +141,9 @@ def locked_blocks(
     group: int = GROUP,
     bodies: Bodies | None = None,
 ) -> tuple[int, ...]:
-    """Return the elements of blocks that lock one another.
+    """Return the elements of blocks that prevent any assembly by translations.
 
-    They lock one another wherever the same blocks occur, whatever other blocks are present.
+    These blocks lock one another wherever they occur, whatever other blocks are present.
 
     Parameters
     ----------

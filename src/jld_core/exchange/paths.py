@@ -25,9 +25,9 @@ _MOST: Final = 1e7
 class Path:
     """Sequence of lines and arcs on a layer of a drawing.
 
-    points: (k, 3) x, y and bulge of the edge to the next point, as in the module docstring. closed: True if the last
-    point is joined to the first. name: id of the future element, None if unknown. holes: outlines (k, 3) cut out of the
-    area.
+    points: (k, 3) x, y and bulge of the edge from this point to the next. The bulge is the tangent of a quarter of the
+    arc's angle, positive to the left, 0 for a line. closed: True if the last point is joined to the first. name: id of
+    the future element, None if unknown. holes: outlines (k, 3) cut out of the area.
     """
 
     points: Floats

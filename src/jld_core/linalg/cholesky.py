@@ -226,14 +226,16 @@ def _expand(nodes: Ints, offset: Ints) -> Ints:
 
 
 class Factor:
-    """Cholesky factorisation that solves linear systems; made by `Fronts.factor`.
+    """Cholesky factorisation of a matrix, made by `Fronts.factor`; it solves linear systems.
 
     Parameters
     ----------
     fronts : Fronts
         Analysis of the pattern.
-    pivots, panels : list of arrays
-        Factored pivot matrix and panel below it, of each front.
+    pivots : list of (p, p) arrays
+        Lower Cholesky factor of the p unknowns that each front eliminates.
+    panels : list of (r, p) arrays
+        Rows of the factor below them, for the r later unknowns of the front.
     """
 
     def __init__(self, fronts: Fronts, pivots: list[Floats], panels: list[Floats]) -> None:

@@ -49,7 +49,9 @@ class Beside:
 
 
 class Template:
-    """Scaled data of an assembly that do not depend on the labelling.
+    """Programs of one assembly: all their data that do not depend on the labelling, scaled.
+
+    Make it once per assembly, and call `program` for each labelling.
 
     Parameters
     ----------
@@ -66,8 +68,8 @@ class Template:
     ----------
     assembly, scaling, yield_set, beside
         As above.
-    matrix : sparse array
-        Scaled A_eq with all resultants active, and the row of `beside`.
+    matrix : (q·free, q·m) sparse array
+        Scaled equilibrium matrix with all resultants active; one row longer with `beside`.
     dead, live : (q·free,) arrays
         Scaled load vectors, one entry longer with `beside`.
     floor : float
@@ -197,24 +199,24 @@ class Template:
     def program(
         self, labels: Bits, margin: float = 0.0, *, other: Template | None = None, taken: Bools | None = None
     ) -> ConicProgram:
-        """Return the program of one labelling: maximise λ over admissible forces.
+        """Return the conic program of one labelling: maximise λ over admissible forces.
 
         Parameters
         ----------
         labels : (m,) bool array
             True = dry.
         margin : float
-            Scaled slack that every yield row keeps, and reward per unit of normal force. With it forces end inside the
-            yield sets and jumps end opening.
+            Scaled distance that forces keep from the boundary of every yield set, and reward per unit of normal force.
+            A value above 0 leaves room to repair the solution; all joints then open in the mechanism.
         other : Template, optional
-            Template of the same structure whose dry rows apply to the faces `taken`.
+            Template of the same structure, whose rows of dry faces replace those of the faces `taken`.
         taken : (m,) bool array, optional
-            Faces with the rows of `other`.
+            Faces with the rows of `other`; without it `other` has no effect.
 
         Returns
         -------
         ConicProgram
-            The program.
+            Program with the unknowns resultants, extra variables and λ, all scaled.
         """
         data = np.where(labels[self._face], self._dry, self._inner)
         rhs = np.where(labels[self._row_face], self._rhs_dry, self._rhs_inner)

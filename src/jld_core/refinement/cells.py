@@ -65,7 +65,7 @@ def crack_cells(scene: Scene, assembly: Assembly, cell: float) -> CrackCells:
     Raises
     ------
     InputError
-        As `refine`.
+        The scene does not fit `refine`, or cells touch whose elements do not.
     """
     try:
         refined = refine(scene, (cell,))

@@ -72,7 +72,10 @@ def cap(elements: float) -> None:
 
 
 def choose(option: str, value: str, allowed: Sequence[str]) -> None:
-    """Raise InputError if the value of an option is not one of the allowed names."""
+    """Raise InputError if the value of an option is not one of the allowed names.
+
+    option: name of the option, for the message. value: the given name.
+    """
     if value not in allowed:
         raise ParameterError(option, f"{value!r} is unknown", "one of " + ", ".join(allowed))
 

@@ -41,7 +41,7 @@ def figure_of_settled(found: Settled) -> Figure:
 
 
 def without_live_load(found: Settled) -> Settled:
-    """Return a settlement result whose figures show no live loads, since none act during it."""
+    """Return a copy of a settlement result without live loads, so that figures show none."""
     bare = replace(found.assembly, live=np.zeros_like(found.assembly.live), live_points=())
 
     def stripped(end: Thrust | None) -> Thrust | None:

@@ -30,9 +30,9 @@ def settlement(
     out: Annotated[Path | None, typer.Option(help="Folder for settlement.json and pictures.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Compute the range of thrust along each movement of supports that a scene names.
+    """Bracket the thrust along each movement of supports that a scene names.
 
-    Also compute the mechanisms at its ends.
+    The output has the least and the greatest thrust, with the mechanisms at these ends.
     """
     if out is not None:
         require_folder(out)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class ExplorationView:
-    """Notebook representation of a finished study."""
+    """Notebook representation of a finished study: facts, front, and first rows of its tables."""
 
     def svg(self, thing: Exploration) -> str | None:
         """Return the front with its layouts as SVG text; None above `LARGEST` elements."""
@@ -51,7 +51,7 @@ register_repr(Exploration, ExplorationView())
 
 @dataclass(frozen=True)
 class Page:
-    """Page of a search that a notebook shows in a frame.
+    """Interactive page of a search, which a notebook shows in a frame.
 
     Attributes
     ----------

@@ -174,7 +174,7 @@ class Column(TypedDict):
 
 @with_config(_EXACT)
 class Table(TypedDict):
-    """Table of layouts, with the bits of their labellings."""
+    """Table of layouts that the page shows, by columns, with the labels of each row as bits."""
 
     rows: int
     columns: list[Column]
@@ -247,7 +247,7 @@ class Curve(TypedDict):
 
 @with_config(_EXACT)
 class Picture(TypedDict):
-    """A picture drawn by Python, shown as it is."""
+    """Picture drawn by Python, for what the page itself cannot draw."""
 
     title: str
     png: Base64

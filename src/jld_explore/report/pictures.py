@@ -308,7 +308,7 @@ class Gallery:
 
     @classmethod
     def of(cls, count: int, assembly: Assembly, width: float) -> Gallery:
-        """Choose rows and sizes for `count` layouts in a figure of given width, inches."""
+        """Return a gallery of `count` layouts for a figure of given width, inches."""
         columns = count if count <= 5 else math.ceil(count / 2)
         wide = width / max(columns, 4)
         return cls(count, columns, (wide, _thumbnail_height(assembly, wide) + 0.42), width)

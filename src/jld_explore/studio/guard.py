@@ -29,9 +29,9 @@ HEADERS: Final = {
 
 
 class Guard:
-    """ASGI middleware that admits requests with the right host, origin and token.
+    """ASGI middleware that admits only requests with the right host, origin and token.
 
-    POST requests need JSON and an `Origin` of these hosts or none. No request may be larger than `LARGEST`.
+    POST requests need JSON, and an `Origin` of these hosts or none. A request may have at most `LARGEST` bytes.
 
     Parameters
     ----------

@@ -52,15 +52,15 @@ class Family:
 
 @dataclass(frozen=True)
 class FaceBlocks:
-    """Structure of a program grouped by face.
+    """Rows and columns of a program grouped by face, as positions in the program's data.
 
     Attributes
     ----------
     cones : Cones
-        Product of cones.
+        Product of cones of the yield rows.
     families : tuple of Family
         Faces, grouped by size.
-    border : int array
+    border : (border,) int array
         Columns that belong to no face.
     idle : int array
         Columns without yield rows; no program may have entries in them.

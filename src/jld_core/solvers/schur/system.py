@@ -31,9 +31,13 @@ _PASSES = 3  # largest number of iterative refinements
 class SchurSystem:
     """Linear systems of the interior-point method, for all programs of one structure.
 
-    Call `load` once per program, then `factor` once per iteration, then `solve` for each right-hand side. The module
-    docstring states the system and its symbols. The constructor raises SolverError if the structure does not separate
-    into faces.
+    Call `load` once per program, then `factor` once per iteration, then `solve` for each right-hand side. With the
+    equations E and the yield rows G of the program, and the scaling W of the cones, the system is
+
+        Eᵀu + Gᵀv = p,   E x = q,   G x − W²v = r.
+
+    x are the columns of the program, u and v the multipliers of its equations and of its yield rows. The constructor
+    raises SolverError if the structure does not separate into faces.
     """
 
     def __init__(self, structure: Structure) -> None:

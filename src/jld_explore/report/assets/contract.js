@@ -122,7 +122,7 @@ export const VERSION = 1;
  */
 
 /**
- * @typedef {object} Picture A picture drawn by Python, shown as it is.
+ * @typedef {object} Picture Picture drawn by Python, for what the page itself cannot draw.
  * @property {string} title
  * @property {string} png Base64 of a PNG file.
  */
@@ -153,7 +153,7 @@ export const VERSION = 1;
  */
 
 /**
- * @typedef {object} Table Table of layouts, with the bits of their labellings.
+ * @typedef {object} Table Table of layouts that the page shows, by columns, with the labels of each row as bits.
  * @property {number} rows
  * @property {Column[]} columns
  * @property {string} labellings Base64 of the bits of all labellings, a whole number of bytes a row, 1 = dry.
