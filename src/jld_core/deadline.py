@@ -1,4 +1,4 @@
-"""Deadline of a command: the time at which it must end, for every phase and for worker processes.
+"""Deadline of a command: the time at which it must end, in all phases and processes.
 
 A phase that holds a `Deadline` calls `remaining` or `passed`. Long loops in lower layers do not know the command; they
 call `checkpoint`. It raises `DeadlinePassed` inside `Deadline.enforced` and does nothing elsewhere.

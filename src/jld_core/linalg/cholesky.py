@@ -1,4 +1,4 @@
-"""Multifrontal Cholesky factorisation of sparse symmetric positive definite matrices, in numpy and LAPACK.
+"""Multifrontal Cholesky factorisation of sparse matrices, in numpy and LAPACK.
 
 `Fronts` analyses a pattern once: elimination order, and one dense front per separator of a nested dissection. The
 numbers are then computed by dense LAPACK routines, front by front. Source: Duff & Reid, ACM TOMS 9 (1983) 302–325; Liu,

@@ -1,4 +1,4 @@
-"""Nested dissection: elimination order of a graph of elements, and the tree of its separators.
+"""Nested dissection: elimination order of a graph, and the tree of its separators.
 
 A line of elements cuts the graph in two, then each half again, down to small parts. Separators are eliminated after the
 parts that they separate. Cuts are perpendicular to the longest directions of a part, because contacts are local in

@@ -1,4 +1,4 @@
-"""Projection on the solutions of linear equations, by a factorisation that is computed once."""
+"""Projection on the solutions of linear equations, by a factorisation computed once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Template of the conic programs of one assembly: the data that do not depend on the labelling.
+"""Template of the conic programs of one assembly: data independent of the labelling.
 
 minimise  q·y   subject to   M y + s = r,   s in {0} × R₊ × second-order cones,   y = (F, extra, λ)
 

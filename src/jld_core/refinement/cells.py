@@ -1,4 +1,7 @@
-"""Finer rigid cells inside the joint grid: pieces of one joint face share its label, all other faces are inner."""
+"""Finer rigid cells inside the joint grid, along whose faces blocks may crack.
+
+Pieces of one joint face share its label; all other faces are inner.
+"""
 
 from __future__ import annotations
 

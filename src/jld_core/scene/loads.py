@@ -1,4 +1,4 @@
-"""Define the keys of loads and of movements of supports in a scene file, with types and defaults."""
+"""Define the keys of loads and of movements of supports in a scene file."""
 
 from __future__ import annotations
 

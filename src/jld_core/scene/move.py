@@ -1,4 +1,4 @@
-"""Keys of a scene for `jld move`: which vertices of joints move, within which limits, and to what end."""
+"""Keys of a scene for `jld move`: variables, limits and objective."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures of stress and velocity fields: stress trajectories, and where blocks crack, on any matplotlib axes."""
+"""Figures of stress and velocity fields: stress trajectories, and where blocks crack."""
 
 from __future__ import annotations
 

@@ -78,9 +78,9 @@ def draw_assembly(ax: Axes, assembly: Assembly, labels: Bits | None = None, *, p
 def draw_forces(ax: Axes, result: LimitAnalysisResult) -> Drawn:
     """Draw the forces on the faces of a result on axes, with utilisation and thrust line.
 
-    Arrows start at centres of pressure, in the direction of the load path; hollow arrows are tension (N < 0). A turning
-    arrow at the centroid marks a face without a centre of pressure on it. Forces below 1 % of the largest are left out.
-    Without forces the title says so.
+    Arrows are centred at centres of pressure and point along the load path; hollow arrows are tension (N < 0). A
+    turning arrow at the centroid marks a face without a centre of pressure on it. Forces below 1 % of the largest are
+    left out. Without forces the title says so.
 
     Returns artists by name: those of `paint`, the loads, and "press", "tension", "couples on faces", "yield dry",
     "yield inner", "thrust", as present.

@@ -1,4 +1,4 @@
-"""Figures of joints that move: before and after, and derivatives of λ by vertices as arrows."""
+"""Figures of joints that move, and of derivatives of λ by vertices."""
 
 from __future__ import annotations
 

@@ -72,7 +72,8 @@ def block_colours(assembly: Assembly, labels: Bits, available: int) -> Ints:
 def typical(assembly: Assembly) -> float:
     """Return the median size of the free elements, by which figures scale arrows and lines.
 
-    The size of an element is the square root (planar) or cube root of its bounding box, scene units.
+    The size of an element, in scene units, is the square root of the area of its bounding box; in space the cube root
+    of the volume.
     """
     sides = (assembly.elements.upper - assembly.elements.lower)[assembly.elements.free]
     return float(np.median(np.prod(sides, axis=1) ** (1.0 / assembly.dimension)))

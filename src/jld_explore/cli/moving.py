@@ -1,4 +1,4 @@
-"""Provide `jld move`: joints whose geometry is variable, and what `jld solve` tells about vertices."""
+"""Provide `jld move`: joints whose geometry is variable."""
 
 from __future__ import annotations
 

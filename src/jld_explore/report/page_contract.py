@@ -1,4 +1,4 @@
-"""State what Python sends to a page and what the page reads: the one statement of this contract.
+"""State the contract of a page: what Python sends to it and what it reads.
 
 `page_schema` makes a JSON schema of it. `tools/page_contract.py` writes it into `assets/contract.js`, for the type
 checks of the page and for its check of keys. Lengths and forces are in the units of the scene. The text below a key

@@ -293,7 +293,7 @@ def _orders_of(study: Path) -> dict[str, Any]:
 def orders_for(kind: Kind, labelling: str, seconds: float) -> dict[str, Any]:
     """Return the settings of a search by its purpose, as keywords of `ExploreSettings`.
 
-    "improve" climbs from a labelling (letters d and i), "prove" uses the exact driver, others the default driver.
+    "improve" uses hillclimb from a labelling (letters d and i), "prove" the exact driver, "explore" the default driver.
     seconds: time limit.
     """
     if kind == "improve":

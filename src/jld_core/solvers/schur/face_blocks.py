@@ -1,4 +1,4 @@
-"""Matrix-block structure of a conic program: which columns, rows and equations belong to one face.
+"""Matrix blocks of a conic program: columns, rows and equations of each face.
 
 Columns that share yield rows form a matrix block, which touches the equations of two elements. A few columns stand
 apart (λ, a common slack) and border the system. Faces of equal sizes form a family, computed as arrays with one row per

@@ -1,4 +1,4 @@
-"""Schur-complement interior-point method for large assemblies, with sparse Cholesky in numpy.
+"""Schur-complement interior-point method for large assemblies, with sparse Cholesky.
 
 The method is the Nesterov–Todd predictor–corrector on the homogeneous self-dual embedding, so that infeasible and
 unbounded programs end in a ray. Once τ is stable and κ vanishes, the iterations continue without the embedding. They

@@ -1,4 +1,4 @@
-"""Linear systems of the interior-point method, solved by a Schur complement on the equations.
+"""Linear systems of the interior-point method, solved by a Schur complement.
 
 With W the scaling of the cones, E the equations and G the yield rows of a program, each step solves
 
