@@ -82,10 +82,10 @@ class Arcs:
         return self._of[piece]
 
     def ends(self, piece: int) -> Floats:
-        """Return begin and end of each arc (p, 2), radians, for pieces that are not shrunk.
+        """Return the directions in which a piece would meet each piece at its exact size, (p, 2).
 
-        `of` returns slightly smaller arcs. Rows are NaN for pieces that are never met. Motion of the piece along an end
-        is parallel to the faces in contact.
+        A row has the angles of begin and end, radians; NaN for a piece that is never met. Motion along an end is
+        parallel to the faces in contact, which the shrunk pieces of `of` do not give exactly.
         """
         if piece not in self._exact:
             begin, width = self._seen(piece, self._corner, _SAME * self._size)

@@ -36,7 +36,7 @@ It is below 1 because forces belong to the proven lower bound of λ.
 
 
 class MovementSign(StrEnum):
-    """Kinds of face movement in a mechanism that figures distinguish."""
+    """Kinds of face movement that figures distinguish: still, hinge, slide, open or crack."""
 
     STILL = "still"
     HINGE = "hinge"

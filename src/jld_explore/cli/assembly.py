@@ -29,7 +29,10 @@ def assembly(
     group: Annotated[int, typer.Option(min=1, help="Blocks moved together at the most, where single ones fail.")] = 3,
     out: Annotated[Path | None, typer.Option(help="Folder for assembly.csv and the strip of stages.")] = None,
 ) -> None:
-    """Find an order in which the blocks of a layout can be laid, with directions and props."""
+    """Find an order in which the blocks of a layout can be laid, with directions and props.
+
+    Print one row per step, or the blocks that lock one another. With --out also write assembly.csv and assembly.png.
+    """
     if out is not None:
         require_folder(out)
     scene, found, labels = layout_of(source, rank)

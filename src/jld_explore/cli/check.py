@@ -61,7 +61,10 @@ def check_search(path: Path, scene: Scene, assembly: Assembly) -> SearchSpace:
 
 
 def check(scene: SceneFile, strict: Strict = False) -> None:
-    """Check a scene file: read it, find its interfaces, and print what will be modelled."""
+    """Check a scene file: read it, find its interfaces, and print what will be modelled.
+
+    Plausibility warnings go to stderr; with --strict they are errors. The exit code is 2 for a scene that is refused.
+    """
     from jld_explore.report import words
 
     parsed, assembly = load(scene, strict)

@@ -61,7 +61,11 @@ def move(
     gap: Annotated[float, typer.Option(min=1e-9, help="With --prove: relative distance of both bounds.")] = _GAP,
     as_json: AsJson = False,
 ) -> None:
-    """Move the joints of a planar layout to raise its load factor, with each step proven."""
+    """Move the joints of a planar layout to raise its load factor, with each step proven.
+
+    Write the moved scene to --out, with a table and a picture of the same name beside it. --prove bounds λ over a box
+    of positions instead.
+    """
     _check_out(source, out)
     scene, assembly, labels = layout_of(source, rank)
 

@@ -32,7 +32,8 @@ def settlement(
 ) -> None:
     """Bracket the thrust along each movement of supports that a scene names.
 
-    The output has the least and the greatest thrust, with the mechanisms at these ends.
+    The output has the least and the greatest thrust, with the mechanisms at these ends. The exit code is 4 if an end
+    stays uncertified.
     """
     if out is not None:
         require_folder(out)

@@ -71,7 +71,11 @@ def solve(
     field_seconds: FieldSeconds = FIELD_SECONDS,
     as_json: AsJson = False,
 ) -> None:
-    """Compute the collapse load factor of one layout, with a two-sided bracket."""
+    """Compute the collapse load factor of one layout, with a two-sided bracket.
+
+    Print status, λ, bracket and evidence. With --out also write result.json and pictures. The exit code is 4 if the
+    bracket stays too wide (uncertified).
+    """
     if out is not None:
         require_folder(out)
     options = SolveOptions(

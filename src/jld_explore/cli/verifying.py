@@ -22,7 +22,10 @@ def verify_command(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Check the certificate of a proof: no labelling of its scene carries more than it says."""
+    """Check the certificate of a proof: no labelling of its scene carries more than it says.
+
+    Print the proven bound. The exit code is 2, with the first reason that does not hold, if the certificate is wrong.
+    """
     done = verify(certificate, None if scene is None else load_scene(scene))
     say(json.dumps(facts(done), indent=1) if as_json else words(done))
 

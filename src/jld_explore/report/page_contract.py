@@ -256,7 +256,7 @@ class Picture(TypedDict):
 
 @with_config(_EXACT)
 class PageData(TypedDict):
-    """All data of a page."""
+    """All data of a page, for a report of a search, a single scene or the studio."""
 
     format: Literal["jld-page"]
     version: Literal[1]

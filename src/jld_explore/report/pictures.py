@@ -324,7 +324,7 @@ class Gallery:
         return self.rows * self.cell[1]
 
     def draw(self, figure: Figure, number: int, assembly: Assembly, labelling: object, words: str) -> None:
-        """Draw one layout of the gallery, with its number (from 0, shown from 1) and words above."""
+        """Draw one layout, given by its letters, with `number` + 1 in a circle and `words` above."""
         width, total = figure.get_size_inches()
         row, column = divmod(number, self.columns)
         left = (width - min(self.columns, self.count) * self.cell[0]) / 2.0 + column * self.cell[0]

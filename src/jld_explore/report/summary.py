@@ -92,7 +92,7 @@ class Summary(Mapping[str, Any]):
         Parameters
         ----------
         facts : mapping of str to object
-            Content of summary.json; keys without a field stay in `facts`.
+            Content of summary.json; all of it is kept in `facts`.
 
         Returns
         -------

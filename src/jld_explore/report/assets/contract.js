@@ -173,7 +173,7 @@ export const VERSION = 1;
  */
 
 /**
- * @typedef {object} PageData All data of a page.
+ * @typedef {object} PageData All data of a page, for a report of a search, a single scene or the studio.
  * @property {"jld-page"} format
  * @property {1} version
  * @property {"report" | "studio"} kind
