@@ -187,7 +187,7 @@ Points = tuple[tuple[tuple[float, ...], tuple[float, ...]], ...]
 
 @dataclass(frozen=True)
 class LoadCase:
-    """One load case of an assembly.
+    """One load case of an assembly: its loads, and the load factor required under them.
 
     Attributes
     ----------

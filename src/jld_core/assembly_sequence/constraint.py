@@ -87,7 +87,7 @@ class SequenceConstraint:
 
     @property
     def counted(self) -> int:
-        """Largest number of labellings worth testing one by one: they take some seconds together."""
+        """Number of labellings that can be tested one by one within seconds, a limit for callers."""
         return COUNTED[self.wish]
 
     @property
