@@ -1,4 +1,4 @@
-"""Limit analysis of one assembly: the load factor λ of a labelling, with proven lower and upper bounds.
+"""Limit analysis of one assembly: the load factor λ of a labelling, between proven bounds.
 
 - `Assembly`: one structure with loads and materials, before any labelling is chosen
 - `BatchResult`: λ of many labellings, with proven bounds

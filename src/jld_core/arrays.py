@@ -1,4 +1,4 @@
-"""Array types by element type, so that linear algebra and geometry need not import `Assembly`."""
+"""Array types by element type, for modules that do not import `Assembly`."""
 
 from __future__ import annotations
 

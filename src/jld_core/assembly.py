@@ -64,7 +64,7 @@ class Elements:
         return len(self.ids)
 
     def take(self, rows: Ints) -> Elements:
-        """Return some of the elements, in the order of the indices `rows` (k,)."""
+        """Return the elements of the indices `rows` (k,), in this order."""
         numbers = {name: getattr(self, name)[rows] for name in ("support", "centroid", "volume", "weight")}
         return Elements(
             ids=tuple(self.ids[k] for k in rows),
@@ -77,12 +77,12 @@ class Elements:
 
     @cached_property
     def index(self) -> dict[str, int]:
-        """Position of each element by its id."""
+        """Position of each element in these arrays, by its id."""
         return {name: position for position, name in enumerate(self.ids)}
 
     @cached_property
     def free(self) -> Ints:
-        """Indices of the elements whose equilibrium is written."""
+        """Indices (k,) of the elements that are no supports, ascending."""
         return np.flatnonzero(~self.support)
 
     @cached_property
@@ -143,7 +143,7 @@ class Interfaces:
         return len(self.a)
 
     def take(self, rows: Ints) -> Interfaces:
-        """Return some of the interfaces, in the order of the indices `rows` (k,)."""
+        """Return the interfaces of the indices `rows` (k,), in this order."""
         arrays = {name: values[rows] for name, values in vars(self).items() if name != "polygon"}
         return Interfaces(**arrays, polygon=tuple(self.polygon[k] for k in rows))
 
@@ -177,7 +177,7 @@ class Strengths:
     inner_friction: Floats
 
     def take(self, rows: Ints) -> Strengths:
-        """Return the strengths of some interfaces, in the order of the indices `rows` (k,)."""
+        """Return the strengths of the interfaces of the indices `rows` (k,), in this order."""
         return Strengths(**{name: values[rows] for name, values in vars(self).items()})
 
 
@@ -187,7 +187,7 @@ Points = tuple[tuple[tuple[float, ...], tuple[float, ...]], ...]
 
 @dataclass(frozen=True)
 class LoadCase:
-    """One load case of an assembly.
+    """One load case of an assembly: its loads, and the load factor required under them.
 
     Attributes
     ----------
@@ -291,12 +291,12 @@ class Assembly(NotebookRepr):
 
     @property
     def resultants(self) -> tuple[str, ...]:
-        """Names of the resultants of a face, in their order."""
+        """Names of the force and moment components on a face, in the order of its unknowns."""
         return ("N", "V", "M") if self.dimension == 2 else ("N", "V1", "V2", "M1", "M2", "MT")
 
     @cached_property
     def by_case(self) -> tuple[Assembly, ...]:
-        """The structure under each of its load cases alone; a tuple of itself without cases."""
+        """One assembly for each load case, with its loads alone; itself alone without cases."""
         if not self.cases:
             return (self,)
         return tuple(
@@ -315,17 +315,17 @@ class Assembly(NotebookRepr):
 
     @cached_property
     def at_nominal(self) -> Assembly:
-        """The structure with the nominal strengths of its materials; itself without such."""
+        """The structure with nominal instead of low strengths; itself if it has no low values."""
         return self if self.nominal is None else replace(self, strengths=self.nominal, nominal=None)
 
     @property
     def required(self) -> Floats:
-        """Required factors (c,) by which the λ of each load case is divided."""
+        """Required load factors (c,), one per load case; 1 for an assembly without cases."""
         return np.array([case.required for case in self.cases]) if self.cases else np.ones(1)
 
     @cached_property
     def free_faces(self) -> Bools:
-        """True (m,) where the interface joins two free elements."""
+        """Mask (m,), True for interfaces between two elements that are no supports."""
         support = self.elements.support
         faces = self.interfaces
         return ~(support[faces.a] | support[faces.b])
@@ -351,10 +351,10 @@ class Assembly(NotebookRepr):
 
     @cached_property
     def total_live(self) -> float:
-        """Sum of the magnitudes of the live forces on free elements, or of moments / size.
+        """Total of the live load's magnitudes on free elements, a force by which λ is scaled.
 
-        The larger of both sums counts. Forces may cancel to a couple on each element. The rounding error that remains
-        of them would be no scale.
+        It is the larger of two sums: of the forces, and of the moments divided by `size`. Moments count because forces
+        may cancel on each element and leave a couple.
         """
         live = self.live[self.elements.free]
         forces = float(np.linalg.norm(live[:, : self.dimension], axis=1).sum())
@@ -362,9 +362,10 @@ class Assembly(NotebookRepr):
 
 
 def blocks_of(assembly: Assembly, labels: Bits, joined: tuple[Ints, Ints] | None = None) -> Ints:
-    """Return the block of each element, that is, of elements joined by inner faces.
+    """Return the block of each element under a labelling.
 
-    Blocks are numbered by their first elements. An element glued to a support belongs to the support's block.
+    Elements joined by inner faces form a block. Blocks are numbered by their first elements. An element glued to a
+    support belongs to the support's block.
 
     Parameters
     ----------
@@ -378,7 +379,7 @@ def blocks_of(assembly: Assembly, labels: Bits, joined: tuple[Ints, Ints] | None
     Returns
     -------
     (n,) int array
-        Block of each element.
+        Number of the block of each element, from 0.
     """
     inner, touching = ~np.asarray(labels, dtype=bool), np.array(assembly.touching, dtype=np.int64).reshape(-1, 2)
     one = np.concatenate([assembly.interfaces.a[inner], touching[:, 0]])

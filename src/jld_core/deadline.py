@@ -1,4 +1,4 @@
-"""Deadline of a command: the time at which it must end, for every phase and for worker processes.
+"""Deadline of a command: the time at which it must end, in all phases and processes.
 
 A phase that holds a `Deadline` calls `remaining` or `passed`. Long loops in lower layers do not know the command; they
 call `checkpoint`. It raises `DeadlinePassed` inside `Deadline.enforced` and does nothing elsewhere.
@@ -18,16 +18,16 @@ class DeadlinePassed(Exception):
 
 
 class Deadline:
-    """Point in time, by `time.perf_counter`, at which work must end.
+    """Time at which work must end, with a start from which elapsed time counts.
 
-    Pickled for another process or machine, a deadline keeps its distance to the time of day.
+    A deadline pickled for another process or machine ends there at the same time of day.
 
     Parameters
     ----------
     seconds : float or None
         Time from `started` to the end, s; None: no end.
     started : float or None
-        Start of the time, as `time.perf_counter` counts, s; None: now.
+        Start, a value of `time.perf_counter` in this process, s; None: now.
     """
 
     __slots__ = ("end", "started")
@@ -45,32 +45,32 @@ class Deadline:
 
     @property
     def limited(self) -> bool:
-        """Whether the deadline has an end."""
+        """True if the deadline has an end."""
         return self.end < math.inf
 
     def elapsed(self) -> float:
-        """Return the seconds since the start."""
+        """Return the time since the start, s."""
         return time.perf_counter() - self.started
 
     def remaining(self) -> float:
-        """Return the seconds left: inf without an end, 0 after the end."""
+        """Return the time left until the end, s: 0 after the end, inf without an end."""
         return max(self.end - time.perf_counter(), 0.0)
 
     def passed(self) -> bool:
-        """Return True after the end."""
+        """Return True if the end has been reached; False without an end."""
         return time.perf_counter() >= self.end
 
     def check(self) -> None:
-        """Raise DeadlinePassed after the end."""
+        """Raise DeadlinePassed if the end has been reached; otherwise do nothing."""
         if self.passed():
             raise DeadlinePassed
 
     def earlier(self, seconds: float) -> Deadline:
-        """Return a deadline that ends this many seconds earlier."""
+        """Return a deadline of the same start that ends `seconds` earlier (none stays none)."""
         return self._ending(self.end - seconds)
 
     def within(self, seconds: float) -> Deadline:
-        """Return a deadline at most this many seconds from now, and no later than this one."""
+        """Return a deadline that ends `seconds` from now, or with this one if that is earlier."""
         return self._ending(min(self.end, time.perf_counter() + seconds))
 
     def _ending(self, end: float) -> Deadline:
@@ -81,9 +81,9 @@ class Deadline:
 
     @contextmanager
     def enforced(self) -> Iterator[None]:
-        """Make `checkpoint` raise DeadlinePassed in this thread once this deadline has passed.
+        """Make `checkpoint` raise DeadlinePassed inside this context once the deadline has passed.
 
-        A deadline enforced outside that ends earlier stays in force.
+        Contexts may be nested: the earliest of their deadlines counts. Other threads are not affected.
         """
         outer = _enforced.get()
         token = _enforced.set(self if outer is None or self.end < outer.end else outer)
@@ -97,14 +97,17 @@ _enforced: ContextVar[Deadline | None] = ContextVar("enforced", default=None)
 
 
 def checkpoint() -> None:
-    """Raise DeadlinePassed if an enforced deadline has passed; for loops that may run long."""
+    """Raise DeadlinePassed if the deadline enforced around this call has passed.
+
+    Loops that may run long call it. It does nothing where no deadline is enforced (`Deadline.enforced`).
+    """
     deadline = _enforced.get()
     if deadline is not None:
         deadline.check()
 
 
 def time_left() -> float:
-    """Return the seconds left to the enforced deadline.
+    """Return the time left until the enforced deadline ends.
 
     Returns
     -------

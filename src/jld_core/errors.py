@@ -46,6 +46,11 @@ class InputError(ValueError):
         ----------
         file : str
             File that the error came from.
+
+        Returns
+        -------
+        InputError
+            New error of the plain class InputError, to be raised in place of this one.
         """
         where = f"{file}: {self.where}" if self.where else file
         return InputError(where, self.problem, self.expected)
@@ -97,4 +102,4 @@ def error_context(file: str | Path, *outside: str) -> Iterator[None]:
 
 
 class SolverError(RuntimeError):
-    """Error for a program that a solver does not support."""
+    """Error for a program of a kind that the chosen solver cannot handle."""

@@ -28,7 +28,7 @@ def printable(text: str) -> str:
     Returns
     -------
     str
-        Text of the same length.
+        Text of the same number of characters.
     """
     return _UNPRINTABLE.sub(" ", text)
 
@@ -126,14 +126,19 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file atomically.
+    """Write a text file completely or not at all, replacing an existing one.
 
     Parameters
     ----------
     path : Path
-        File to write.
+        File to write; its folder must exist.
     text : str
         Content, encoded as UTF-8.
+
+    Raises
+    ------
+    OSError
+        The file cannot be written; the error names the file.
     """
     with whole_file(path) as fresh:
         fresh.write_text(text, encoding="utf-8")

@@ -10,16 +10,22 @@ from typing import Any, Protocol
 
 
 class View(Protocol):
-    """Interface of the notebook output of one class."""
+    """Interface of the drawing code that shows objects of one class in notebooks."""
 
     def svg(self, thing: Any) -> str | None:
-        """Return the drawing as SVG text; None if it is too large to be drawn without request."""
+        """Return the drawing of an object as SVG text; None if it is too large to show unasked."""
 
     def figure(self, thing: Any, *, ids: bool = False, values: bool = False) -> Any:
-        """Return the drawing as a matplotlib figure."""
+        """Return the drawing of an object as a matplotlib figure, of any size.
+
+        ids: write the ids of elements. values: write the values of loads and forces, where the view has them.
+        """
 
     def html(self, thing: Any, drawing: str | None) -> str:
-        """Return the facts and the drawing as HTML."""
+        """Return the main facts of an object as HTML, followed by its drawing if there is one.
+
+        drawing: SVG text from `svg`, None for facts alone.
+        """
 
 
 _VIEWS: dict[type, View] = {}
@@ -52,12 +58,22 @@ class NotebookRepr:
         return None if view is None else view.svg(self)
 
     def drawn(self, *, ids: bool = False, values: bool = False) -> Any:
-        """Return the drawing of the registered view as a matplotlib figure.
+        """Return the object's drawing as a matplotlib figure, made by the registered view.
 
         Parameters
         ----------
         ids, values : bool
             Also write the ids of elements, and the values of loads and forces, where the view has them.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            The drawing.
+
+        Raises
+        ------
+        KeyError
+            No view is registered for the class.
         """
         return _VIEWS[type(self)].figure(self, ids=ids, values=values)
 

@@ -9,9 +9,10 @@ from jld_core.arrays import Floats, Ints
 
 @dataclass(frozen=True)
 class ShapeLoads:
-    """Parts of the loads on n elements that change where the shape of the element changes, scene units.
+    """Parts of the loads on n elements that change with the shapes of the elements.
 
-    A force may do both: self-weight by density grows with the volume and rides on the centroid.
+    All are forces in scene units. A force may do both: self-weight by density grows with the volume and acts at the
+    centroid.
 
     Attributes
     ----------
@@ -30,15 +31,15 @@ class ShapeLoads:
     pressed: bool = False
 
     def growing(self, load_factor: float) -> Floats:
-        """Return the forces (n, d) proportional to the volume, at a load factor."""
+        """Return the forces (n, d) proportional to the volume: dead + load factor × live."""
         return self.dead_growing + load_factor * self.live_growing
 
     def riding(self, load_factor: float) -> Floats:
-        """Return the forces (n, d) that move with the centroid, at a load factor."""
+        """Return the forces (n, d) that move with the centroid: dead + load factor × live."""
         return self.dead_riding + load_factor * self.live_riding
 
     def take(self, rows: Ints) -> ShapeLoads:
-        """Return the loads on some elements (k,), in their order."""
+        """Return the loads on the elements of the indices `rows` (k,), in this order."""
         return ShapeLoads(
             self.dead_growing[rows],
             self.dead_riding[rows],

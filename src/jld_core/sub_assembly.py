@@ -12,21 +12,21 @@ from jld_core.shape_loads import ShapeLoads
 
 
 def without(assembly: Assembly, gone: Bools) -> tuple[Assembly, Ints]:
-    """Remove elements from an assembly.
+    """Remove elements, with all their interfaces and loads, from an assembly.
 
     Parameters
     ----------
     assembly : Assembly
-        Assembly to reduce.
+        Assembly with n elements.
     gone : (n,) bool array
-        True for the elements to remove.
+        True for the elements to remove; no support that touches another support may be among them.
 
     Returns
     -------
     assembly : Assembly
-        Assembly of the remaining elements, without a sink.
+        Assembly of the remaining elements, in the same order, with `sink` = −1.
     faces : (k,) int array
-        Indices of the remaining faces.
+        Indices, in the given assembly, of the interfaces that remain.
     """
     rows = np.flatnonzero(~gone)
     place = np.cumsum(~gone) - 1

@@ -32,10 +32,10 @@ class Precision:
     Attributes
     ----------
     residual : float
-        Residual and gap.
+        Largest residual of equations and largest duality gap, dimensionless.
     margin : float
-        Distance from the boundary of every yield set, and opening of every joint. It makes a solution with such a
-        residual admissible after projection.
+        Scaled distance from the boundary of every yield set, and opening of every joint. It makes a solution with such
+        a residual admissible after projection.
     """
 
     residual: float

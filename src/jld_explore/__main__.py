@@ -8,11 +8,11 @@ import time
 
 
 def main() -> None:
-    """Run the command line with one BLAS thread per process.
+    """Run the command line `jld` with one BLAS thread per process.
 
-    The matrices of one labelling are small, and the cores are used for different labellings.
-    With one BLAS thread per core the same search took up to 17 times as long on a busy machine.
-    The environment must be set before numpy is imported.
+    The matrices of one labelling are small, and the cores are used for different labellings. With one BLAS thread per
+    core the same search took up to 17 times as long on a busy machine. The environment must be set before numpy is
+    imported.
     """
     started = time.perf_counter()
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):

@@ -44,9 +44,11 @@ _CHUNK: Final = 1 << 22
 
 
 class Arcs:
-    """Blocked translation directions between convex pieces of a planar assembly's elements.
+    """Blocked translation directions between the elements of a planar assembly.
 
-    They are independent of the labelling.
+    Elements that are not convex are split into triangles. The resulting convex *pieces* are numbered over all elements;
+    `owner` (p,) is the element of each. For each pair, the directions in which one piece meets the other at rest form
+    one arc of angles. The arcs do not depend on the labelling.
     """
 
     def __init__(self, assembly: Assembly) -> None:
@@ -67,9 +69,10 @@ class Arcs:
         self._exact: dict[int, Floats] = {}
 
     def of(self, piece: int) -> Floats:
-        """Return begin in [0, 2π) and width of the arc of each other piece, (p, 2), radians.
+        """Return the directions in which a piece would meet each of the p pieces, as arcs (p, 2).
 
-        Pieces at rest are slightly shrunk. A width below 0 means that the piece is never met.
+        A row has the begin in [0, 2π) and the width of the arc, radians. A width below 0 means that the piece is never
+        met. The pieces at rest are shrunk by a relative 1e-6, so that sliding along a contact is free.
         """
         if piece not in self._of:
             begin, width = self._seen(piece, self._smaller, 0.0)
@@ -79,10 +82,10 @@ class Arcs:
         return self._of[piece]
 
     def ends(self, piece: int) -> Floats:
-        """Return begin and end of the exact arc of each other piece, (p, 2); NaN if never met.
+        """Return the directions in which a piece would meet each piece at its exact size, (p, 2).
 
-        `of` gives the blocked directions with an allowance for rounding; a direction along the end of an exact arc is
-        parallel to the faces themselves.
+        A row has the angles of begin and end, radians; NaN for a piece that is never met. Motion along an end is
+        parallel to the faces in contact, which the shrunk pieces of `of` do not give exactly.
         """
         if piece not in self._exact:
             begin, width = self._seen(piece, self._corner, _SAME * self._size)
@@ -109,9 +112,10 @@ class Arcs:
         return np.arctan2(towards[:, 1], towards[:, 0]) + low, high - low
 
     def way_out(self, moving: Bools, still: Bools, up: Floats) -> Floats | None:
-        """Return the free direction (2,) nearest to `up` for elements to leave others, or None.
+        """Return the direction nearest to `up` in which elements can leave others, or None.
 
-        moving, still: (n,) bool masks of elements. up: (2,) unit vector.
+        moving, still: (n,) bool masks of the elements that move together and of those at rest. up: (2,) unit vector.
+        The result is a unit vector (2,); it is None where every direction is blocked.
         """
         mine, others = np.flatnonzero(moving[self.owner]), still[self.owner]
         arcs = np.concatenate([self.of(int(piece))[others] for piece in mine])
@@ -141,9 +145,10 @@ class Arcs:
 
     @cached_property
     def turns(self) -> Floats:
-        """Return the angles (k,) at which blocking changes: ends of arcs.
+        """Directions to be tried for groups of blocks: the angles (k,) at which blocking changes.
 
-        Above `_PIECES` or `_TURNS`, the directions along contacts are returned.
+        They are the end angles of all arcs in [0, 2π), radians, ascending. An assembly of many pieces or many ends has
+        the directions along its contacts instead, at most 2000.
         """
         if len(self.owner) <= _PIECES:
             every = np.concatenate([self.ends(piece) for piece in range(len(self.owner))]).ravel()
@@ -155,9 +160,10 @@ class Arcs:
         return _different(np.concatenate([angles, angles + np.pi]))[:_TURNS]
 
     def blocking(self, of: Ints, count: int) -> Bools:
-        """Return the blocking table (k, b, b) for every angle in `turns`.
+        """Return, for each direction in `turns`, which block keeps which other block from moving.
 
-        Entry (angle, i, j) is True where block j keeps block i from moving. of: (n,) block of each element; count: b.
+        of: (n,) block of each element. count: number b of blocks. Entry (angle, i, j) of the result (k, b, b) is True
+        where block i, moved along the direction, meets block j.
         """
         place = of[self.owner]
         table = np.array([self.of(piece) for piece in range(len(self.owner))])

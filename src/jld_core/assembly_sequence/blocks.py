@@ -41,7 +41,7 @@ class Blocks:
         return len(self.fixed)
 
     def elements(self, block: int) -> Ints:
-        """Return the elements of a block."""
+        """Return the indices of the elements of a block, ascending."""
         return np.flatnonzero(self.of == block)
 
     def name(self, block: int) -> str:
@@ -49,7 +49,10 @@ class Blocks:
         return self.assembly.elements.ids[int(self.elements(block)[0])]
 
     def contacts_of(self, block: int) -> tuple[Ints, Floats]:
-        """Return the neighbours (c,) of a block and the unit normals (c, d) towards them."""
+        """Return the neighbour across each contact of a block (c,), and unit normals (c, d) to it.
+
+        A neighbour with several contacts is listed several times.
+        """
         out, back = self.first == block, self.second == block
         return (
             np.concatenate([self.second[out], self.first[back]]),

@@ -29,11 +29,21 @@ COUNTED: Final = {"translation": 2000, "standing": 60}
 
 @dataclass(frozen=True)
 class Lock:
-    """Conflict: labellings with `labels` (k,) on `faces` (k,) are refused.
+    """Conflict of the assembly constraint: labels on some faces that allow no assembly order.
 
-    elements: (e,) elements of the blocks that prevent the assembly. proven: False where the search for stages that
-    stand stopped at its limit, or a stage was undecided. No order is known then, although one may exist, and the
-    conflict covers all faces.
+    Every labelling with `labels` on `faces` is refused.
+
+    Attributes
+    ----------
+    faces : (k,) int array
+        Faces of the conflict.
+    labels : (k,) bool array
+        Their labels, True = dry.
+    elements : (e,) int array
+        Elements of the blocks that prevent the assembly.
+    proven : bool
+        False where the search for stages that stand stopped at its limit, or a stage was undecided. An order may then
+        exist although none is known, and the conflict covers all faces.
     """
 
     faces: Ints
@@ -77,21 +87,24 @@ class SequenceConstraint:
 
     @property
     def counted(self) -> int:
-        """Return the number of labellings that can be tested within seconds."""
+        """Number of labellings that can be tested one by one within seconds, a limit for callers."""
         return COUNTED[self.wish]
 
     @property
     def refused(self) -> int:
-        """Return the number of tested labellings that were refused."""
+        """Number of different labellings tested so far for which no sequence was found."""
         return sum(lock is not None for lock in self._known.values())
 
     @property
     def undecided(self) -> int:
-        """Return the number of refused labellings that an unlimited search might admit."""
+        """Number of refused labellings for which an unlimited search might find a sequence."""
         return sum(lock is not None and not lock.proven for lock in self._known.values())
 
     def lock(self, labels: Bits) -> Lock | None:
-        """Return the conflict of a labelling (m,), True = dry; None where a sequence was found."""
+        """Return the conflict that refuses a labelling; None where an assembly sequence was found.
+
+        labels: (m,) True = dry. Results are stored, and conflicts found before are tried first.
+        """
         key = np.packbits(labels).tobytes()
         if key not in self._known:
             known = next((one for one in self.locks if np.array_equal(labels[one.faces], one.labels)), None)
@@ -99,7 +112,10 @@ class SequenceConstraint:
         return self._known[key]
 
     def possible(self, labellings: Bits) -> Bools:
-        """Return (k,) True for the labellings (k, m) with a known assembly sequence."""
+        """Return which of several labellings have an assembly sequence that was found.
+
+        labellings: (k, m), True = dry. The result is a (k,) bool array.
+        """
         return np.array([self.lock(labels) is None for labels in labellings], dtype=bool)
 
     def _found(self, labels: Bits) -> Lock | None:

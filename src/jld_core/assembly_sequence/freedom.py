@@ -37,9 +37,10 @@ _SIDEWAYS: Final = (0.0, 0.0, 1.0)
 
 
 class Bodies:
-    """Translation data of an assembly's elements, shared by all its labellings.
+    """Translation data of an assembly's elements, computed once for all its labellings.
 
-    sideways: planar walls may be taken apart out of their plane.
+    sideways: blocks of a planar wall may leave it out of its plane; without effect in space. The attribute `up` (d,) is
+    the unit vector against the total weight, or the last axis without weight.
     """
 
     def __init__(self, assembly: Assembly, sideways: bool = False) -> None:
@@ -52,21 +53,25 @@ class Bodies:
 
     @cached_property
     def arcs(self) -> Arcs:
-        """Return the blocked directions of a planar assembly."""
+        """Blocked directions between the elements of a planar assembly."""
         return Arcs(self.assembly)
 
     @cached_property
     def solids(self) -> Solids:
-        """Return the sweep tests of a spatial assembly."""
+        """Sweep tests between the elements of a spatial assembly."""
         return Solids(self.assembly)
 
     @cached_property
     def common(self) -> Floats:
-        """Return the directions in space (k, 3) that are tried for groups."""
+        """Unit directions in space (k, 3) tried for groups: at most 400, from contact normals."""
         return _directions(self.assembly.interfaces.normal)
 
     def ways_of(self, mine: Bools) -> Floats:
-        """Return the directions in space (k, 3) tried for some elements (n,), upward first."""
+        """Return the unit directions in space (k, 3) that are tried for one block, upward first.
+
+        mine: (n,) bool mask of the block's elements. The directions follow from the normals of its own contacts, and
+        include `common`.
+        """
         key = np.packbits(mine).tobytes()
         if key not in self._ways:
             faces = self.assembly.interfaces
@@ -78,9 +83,9 @@ class Bodies:
 
 
 class Freedom:
-    """Free translations of the blocks of one labelling.
+    """Tests in which directions the blocks of one labelling can be translated away.
 
-    bodies: translation data of the assembly; created if not given.
+    bodies: translation data of the assembly; made with `sideways` if not given.
     """
 
     def __init__(self, blocks: Blocks, sideways: bool = False, bodies: Bodies | None = None) -> None:
@@ -91,9 +96,11 @@ class Freedom:
         self._apart: dict[bytes, bool] = {}
 
     def way_out(self, block: int, there: Bools) -> Floats | None:
-        """Return the most upward direction (d,) in which one block leaves those present (k,).
+        """Return a unit direction (d,) in which one block can leave the other blocks present.
 
-        None where there is none. Out of the plane, the direction is the third unit vector.
+        there: (k,) bool mask of the blocks present. The free direction nearest to upward is chosen among those tried;
+        None where there is none. Where `sideways` applies, the result is always the out-of-plane vector (3,). Raises
+        DeadlinePassed after an enforced deadline.
         """
         checkpoint()
         if self.sideways:
@@ -111,10 +118,12 @@ class Freedom:
         return next(free, None)
 
     def group_out(self, there: Bools, most: int) -> tuple[Ints, Floats] | None:
-        """Return the smallest group of at most `most` blocks that can leave, and its direction.
+        """Return the smallest group of blocks that can leave together, and its direction.
 
-        there: (k,) blocks present, fixed ones included. None where there is no such group. In space, the blocks of the
-        group must also be separable; those of a planar wall are first slid together from the side.
+        there: (k,) bool mask of the blocks present, fixed ones included. most: largest size of the group. Returns the
+        block indices, ascending, and a unit vector (d,); None where no such group exists. In space, the blocks of the
+        group must also be separable from one another afterwards. Those of a planar wall can be put together from the
+        side beforehand.
         """
         return next((found for found in self._groups(there, most) if self._planar or self._separable(found[0])), None)
 

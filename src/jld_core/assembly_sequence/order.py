@@ -29,16 +29,16 @@ _STAGES: Final = 400
 
 @dataclass(frozen=True)
 class Step:
-    """One step of an assembly sequence.
+    """One step of an assembly sequence: blocks that are laid together.
 
     Attributes
     ----------
     blocks : tuple of int
         Numbers of the blocks that are laid; several where they can only be moved together.
     direction : (d,) or (3,) array
-        Direction of removal; the blocks arrive along its negative. (3,) for out of the plane.
+        Unit vector along which they could be removed; they arrive along its negative. (3,) for out of the plane.
     stage : Stage
-        Stage after the step.
+        Stability of the structure after the step.
     """
 
     blocks: tuple[int, ...]
@@ -48,7 +48,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Laying:
-    """Assembly sequence of a labelling, block by block.
+    """Assembly sequence of a labelling, or the blocks that make one impossible.
 
     Attributes
     ----------
@@ -58,12 +58,10 @@ class Laying:
         Steps in the order of laying; empty where there is no order.
     locked : tuple of int
         Blocks that lock one another: none of them, and no group up to the given size, can be moved. Empty where an
-        order
-        exists.
+        order exists.
     searched : bool
-        True where the search for an order whose every stage stands found none, at its limit or exhaustively.
-        Another order
-        may exist; `steps` then hold an order by translations.
+        True where the search for an order whose every stage stands found none, at its limit or exhaustively. Another
+        order may exist; `steps` then hold an order by translations.
     undecided : bool
         True where that search stopped at its limit or met an undecided stage, so that an order of its kind may exist.
     """
@@ -76,12 +74,12 @@ class Laying:
 
     @property
     def possible(self) -> bool:
-        """Return True if an order that meets the requested rule was found."""
+        """True if an order that meets the requested rule was found."""
         return not self.locked and not self.searched
 
     @property
     def stands(self) -> bool | None:
-        """Return True if every stage stands without props; None where a stage is undecided."""
+        """True if every stage of the order stands without props; None where one is undecided."""
         verdicts = [step.stage.stands for step in self.steps]
         return False if False in verdicts else None if None in verdicts else True
 
@@ -143,9 +141,9 @@ def locked_blocks(
     group: int = GROUP,
     bodies: Bodies | None = None,
 ) -> tuple[int, ...]:
-    """Return the elements of blocks that lock one another.
+    """Return the elements of blocks that prevent any assembly by translations.
 
-    They lock one another wherever the same blocks occur, whatever other blocks are present.
+    These blocks lock one another wherever they occur, whatever other blocks are present.
 
     Parameters
     ----------
@@ -222,7 +220,11 @@ def _apart(freedom: Freedom, standing: Standing, group: int) -> tuple[list[Move]
 
 
 def emptied(freedom: Freedom, there: Bools, group: int) -> Bools:
-    """Return the blocks (k,) that remain after removal of all that can be removed."""
+    """Return the blocks that remain after removal of all blocks and groups that can leave.
+
+    there: (k,) bool mask of the blocks present. group: largest number of blocks that may leave together. The result is
+    such a mask, with all present fixed blocks; it does not depend on the order of removal.
+    """
     blocks = freedom.blocks
     there = there.copy()
     while np.any(there & ~blocks.fixed):
@@ -291,10 +293,10 @@ def _standing_order(freedom: Freedom, standing: Standing, group: int) -> tuple[l
 
 @dataclass(frozen=True)
 class Built:
-    """Result of building up a labelling block by block with stages that stand.
+    """Result of `built_up`: whether an order of single blocks with standing stages exists.
 
-    possible: None where the search reached its limit or a stage was undecided. seen: (n,) elements of all blocks that
-    were laid or tried.
+    possible: True where an order was found, False where none exists, None where the search reached its limit or a stage
+    was undecided. seen: (n,) bool mask of the elements of all blocks that were laid or tried, and of the fixed block.
     """
 
     possible: bool | None
@@ -302,11 +304,11 @@ class Built:
 
 
 def built_up(freedom: Freedom, standing: Standing) -> Built:
-    """Search an order of single blocks whose every stage stands, depth first, lowest first.
+    """Search an order of single blocks, each touching a laid one, whose every stage stands.
 
-    Each block must touch a laid one. Provided single blocks can be removed until nothing is left, the search finds an
-    order wherever one exists. Its outcome depends only on the visited blocks: a block that touches no laid block cannot
-    stand.
+    The search goes depth first and tries the lowest block first. If single blocks can be removed until none is left, it
+    finds an order wherever one exists. A block that touches no laid block cannot stand. The outcome therefore depends
+    on the visited blocks alone.
     """
     blocks = freedom.blocks
     failed: set[bytes] = set()

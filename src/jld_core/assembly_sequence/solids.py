@@ -21,7 +21,7 @@ Its power 2/3, times the element size, is the allowed penetration.
 
 
 class Solids:
-    """Sweep tests between the elements of a spatial assembly.
+    """Tests whether elements of a spatial assembly meet others when translated to infinity.
 
     An element that is not convex is represented by the triangles of its surface, against a convex partner. Where both
     are not convex, the moving one is replaced by its convex hull.
@@ -39,7 +39,10 @@ class Solids:
         self.convex = np.array([hull.volume for hull in hulls]) <= (1.0 + SHARED) * _volumes(elements)
 
     def swept(self, mine: Ints, others: Ints, direction: Floats) -> Ints:
-        """Return those of `others` that the elements `mine` meet along a unit direction."""
+        """Return those of `others` (k,) that one of the elements `mine` meets along a direction.
+
+        mine, others, and the result: indices of elements. direction: (3,) unit vector.
+        """
         low, high = self.elements.lower, self.elements.upper
         met = np.zeros(len(others), dtype=bool)
         for e in mine.tolist():
@@ -52,7 +55,11 @@ class Solids:
         return others[met]
 
     def meets(self, moving: int, still: int, direction: Floats) -> bool:
-        """Return True if an element moved along a direction ever overlaps another one; cached."""
+        """Return True if an element translated along a direction would overlap another at rest.
+
+        moving, still: indices of elements. direction: (3,) unit vector. Sliding contact is no overlap. Results are
+        stored.
+        """
         key = (moving, still, direction.tobytes())
         if key not in self._met:
             self._met[key] = self._meets(moving, still, direction)
@@ -165,6 +172,9 @@ def _triangles(face: Floats) -> Floats:
 
 
 def tangents(normal: Floats) -> Floats:
-    """Return four unit directions orthogonal to a normal."""
+    """Return two axes of the plane of a contact and their negatives: (4, 3) unit vectors.
+
+    normal: (3,) unit normal of the plane.
+    """
     plane = across(normal)
     return np.concatenate([plane, -plane])

@@ -34,10 +34,10 @@ A stage stands up to ten times this force.
 
 @dataclass(frozen=True)
 class Stage:
-    """One stage of an assembly sequence.
+    """Stability of one stage of an assembly sequence under self-weight.
 
-    props: (k,) upward force on each block, scene units, 0 where none. error: largest of the residuals of equations and
-    yield rows and of the duality gap, relative to the weight. weight: laid weight, force.
+    props: (k,) upward force on each block, scene units, 0 where none is needed. error: largest of the residuals of
+    equations and yield rows and of the duality gap, relative to the weight. weight: laid weight, force.
     """
 
     props: Floats
@@ -46,7 +46,11 @@ class Stage:
 
     @property
     def stands(self) -> bool | None:
-        """Return True if the stage stands without props; None where the program did not converge."""
+        """True if the stage stands without props, False if not; None if it was not solved.
+
+        A stage is solved where its error is at most 1e-6. It stands where all props together are at most 1e-5 of its
+        weight.
+        """
         if not self.error <= _NONE:
             return None
         return bool(self.props.sum() <= 10.0 * _NONE * self.weight)
@@ -65,9 +69,10 @@ class _Part:
 
 
 class Standing:
-    """Stages of one labelling.
+    """Solved assembly stages of one labelling, stored by the set of laid blocks.
 
-    labels: (m,) True = dry. parts: solved parts of the same assembly; created if not given.
+    blocks: blocks of the labelling. labels: (m,) True = dry. parts: parts solved for other labellings of the same
+    assembly, for reuse; created if not given.
     """
 
     def __init__(self, blocks: Blocks, labels: Bits, parts: Parts | None = None) -> None:
@@ -76,7 +81,11 @@ class Standing:
         self._known: dict[bytes, Stage] = {}
 
     def stage(self, laid: Bools) -> Stage:
-        """Return the stage in which the blocks `laid` (k,) and the fixed ones are laid."""
+        """Return the stability of the stage in which some blocks, and the fixed ones, are laid.
+
+        laid: (k,) bool mask of blocks. A stage is solved at the first call and stored. Raises DeadlinePassed after an
+        enforced deadline.
+        """
         laid = laid | self.blocks.fixed
         key = np.packbits(laid).tobytes()
         if key not in self._known:
@@ -90,7 +99,11 @@ class Standing:
 
 
 class Parts:
-    """Cache of the parts of stages of all labellings of one assembly."""
+    """Store of solved parts of stages, shared by all labellings of one assembly.
+
+    Laid elements that touch one another, apart from supports, form a part. Its prop forces depend only on its elements
+    and the labels between them.
+    """
 
     def __init__(self, assembly: Assembly) -> None:
         self.assembly = assembly
@@ -98,16 +111,14 @@ class Parts:
 
     @cached_property
     def template(self) -> Template:
-        """Return the program template.
-
-        It is that of the first load case: cases differ only in loads, and a stage carries self-weight only.
-        """
+        """Program template of the first load case; the others differ in loads, which are not used."""
         return Template(self.assembly.by_case[0])
 
     def of(self, here: Bools, labels: Bits) -> list[_Part]:
-        """Return the parts of the laid elements that do not touch one another.
+        """Return the prop forces of each part of a stage, solved or from the store.
 
-        here: (n,) laid elements; labels: (m,) True = dry.
+        here: (n,) bool mask of the laid elements. labels: (m,) True = dry. An empty list means that no free element is
+        laid.
         """
         faces, support = self.assembly.interfaces, self.assembly.elements.support
         free = here & ~support

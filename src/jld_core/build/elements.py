@@ -23,9 +23,9 @@ def collect_elements(
     shape: list[Floats],
     faces: tuple[tuple[tuple[int, ...], ...], ...],
 ) -> Elements:
-    """Return the elements of a scene, still without weights.
+    """Make the elements of a scene from its entries and computed geometry, without weights.
 
-    Volumes and centroids given in the scene replace computed ones. centroid: (n, d); volume: (n,); shape, faces: as in
+    centroid: (n, d) and volume: (n,), computed; values that an entry states replace them. shape, faces: as in
     `Elements`. Raises InputError where all or none of the elements are supports.
     """
     volume = np.array([e.volume if e.volume is not None else v for e, v in zip(entries, volume, strict=True)])
@@ -50,7 +50,10 @@ def collect_elements(
 
 
 def weighed(elements: Elements, entries: list[Element], scene: Scene) -> Elements:
-    """Return the elements with their self-weights from element entries and materials."""
+    """Return elements with the self-weights that their entries or the materials give.
+
+    entries: the scene's entry for each element, in the same order.
+    """
     direction = materials.direction_of_weight(scene)
     gravity = float(np.linalg.norm(materials.gravity_vector(scene.materials, scene.dimension)))
     weight = [
@@ -92,9 +95,10 @@ class Geometry:
 
 
 def snapping(scene: Scene, edges: Floats) -> tuple[float, float]:
-    """Return the snapping tolerance (0 for none) and the shortest edge (inf without edges).
+    """Return the snapping tolerance of a scene and its shortest edge, both lengths.
 
-    edges: lengths of all edges. Gaps and overlaps up to the tolerance are closed.
+    edges: lengths of all edges. Gaps and overlaps up to the tolerance are closed. It is the scene's own, or a small
+    share of the shortest edge; without edges the results are 0 and inf.
     """
     shortest = float(edges[edges > 0.0].min(initial=np.inf))
     tolerance = scene.tolerance if scene.tolerance is not None else tolerances.SNAP * shortest
@@ -102,7 +106,7 @@ def snapping(scene: Scene, edges: Floats) -> tuple[float, float]:
 
 
 def refuse_twins(ids: list[str]) -> None:
-    """Raise InputError for an element id that is used twice."""
+    """Raise InputError if an element id is used twice."""
     seen: set[str] = set()
     for position, name in enumerate(ids):
         if name in seen:
@@ -111,9 +115,10 @@ def refuse_twins(ids: list[str]) -> None:
 
 
 def pair_index(pair: list[str], elements: Elements, where: str) -> tuple[int, int]:
-    """Return the element indices of a pair of ids.
+    """Return the indices of two elements that are named by their ids.
 
-    Raises InputError for an unknown id, or for one id given twice.
+    where: key of the pair in the scene, for the message. Raises InputError for an unknown id, or for one id given
+    twice.
     """
     for name in pair:
         if name not in elements.index:

@@ -18,6 +18,7 @@ from jld_core.scene.schema import Element
 from jld_core.shape_loads import ShapeLoads
 
 
+<<<<<<< HEAD
 class PlacedLoad(NamedTuple):
     """Load entry with its key in the scene, for error messages, and whether it is the sum of a pressure on a face."""
 
@@ -32,6 +33,15 @@ def generalised(entries: Sequence[PlacedLoad], elements: Elements) -> Floats:
     Returns (n, 3) planar (fx, fy, m) or (n, 6) spatial (f, m). elements: with weights. The moment of a force applied at
     p is (p − c) × f; "at" may lie outside the element. Sums within rounding of zero become exactly zero. Raises
     InputError for an unknown element, a support, or a vector of the wrong length.
+=======
+def generalised(entries: Sequence[PointLoad | BodyLoad], elements: Elements, key: str) -> Floats:
+    """Sum load entries to generalised forces on each element, about its centroid.
+
+    Returns (n, 3) planar (fx, fy, m) or (n, 6) spatial (f, m), scene units; zero for supports. elements: with weights.
+    key: key of the entries in the scene, for error messages. The moment of a force applied at p is (p − c) × f about
+    centroid c; p may lie outside the element. Sums within rounding of zero become exactly zero. Raises InputError for
+    an unknown element, a support, or a vector of the wrong length.
+>>>>>>> w-d3
     """
     dimension = elements.centroid.shape[1]
     total = np.zeros((len(elements), 3 if dimension == 2 else 6))
@@ -77,10 +87,10 @@ def shape_dependent(
     elements: Elements,
     entries: Sequence[Element],
 ) -> ShapeLoads:
-    """Return the loads that change with the shapes of elements, self-weight included.
+    """Return the parts of the loads that change with the shapes of elements.
 
-    elements: with weights. entries: the scene's entry for each element; a stated weight or volume does not grow, and a
-    stated centroid does not move. dead, live: valid load entries.
+    Self-weight is included. dead, live: valid load entries. elements: with weights. entries: the scene's entry for each
+    element. A stated weight or volume does not grow with the shape, and a stated centroid does not move with it.
     """
     rides = ~elements.support & np.array([entry.centroid is None for entry in entries])
     grows = ~elements.support & np.array([entry.weight is None and entry.volume is None for entry in entries])

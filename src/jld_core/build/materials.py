@@ -15,7 +15,10 @@ from jld_core.scene.schema import Contact, Element
 
 
 def friction(source: Dry | Inner | Contact) -> float | None:
-    """Return the friction coefficient from either key; None where neither is given."""
+    """Return the friction coefficient of an entry that states it or the friction angle.
+
+    None where the entry states neither.
+    """
     return _coefficient(source.friction_coefficient, source.friction_angle)
 
 
@@ -58,7 +61,10 @@ def gravity_vector(materials: Materials, dimension: int) -> Floats:
 
 
 def direction_of_weight(scene: Scene) -> Floats:
-    """Return the unit vector (d,) along which given weights act; downwards for zero gravity."""
+    """Return the unit vector (d,) along which stated weights act: along gravity.
+
+    It is downwards, the negative last axis, for zero gravity.
+    """
     vector = gravity_vector(scene.materials, scene.dimension)
     length = float(np.linalg.norm(vector))
     if length == 0.0:
@@ -67,10 +73,10 @@ def direction_of_weight(scene: Scene) -> Floats:
 
 
 def self_weight(element: Element, volume: float, materials: Materials, direction: Floats, gravity: float) -> Floats:
-    """Return the self-weight (d,) of one element as a force.
+    """Return the self-weight (d,) of one element as a force, scene units.
 
-    It is "weight" if given, else density × volume × gravity; without a density it is zero. direction: unit vector of
-    gravity; gravity: its magnitude.
+    It is the entry's "weight" if stated, else density × volume × gravity; without a density it is zero. volume: of the
+    element. direction: unit vector of gravity. gravity: its magnitude, an acceleration.
     """
     if element.weight is not None:
         return element.weight * direction
@@ -96,12 +102,14 @@ def _of_face(face: FaceMaterial) -> dict[str, float]:
 def strengths(
     materials: Materials, contacts: list[Contact | None], faces: list[FaceMaterial | None] | None = None
 ) -> Strengths:
-    """Return the strengths of each interface under both labels as (m,) arrays.
+    """Return the strengths of m interfaces under both labels.
 
-    Friction, tension and shear that are not given are NaN; compressive strengths are inf, cohesion and inner friction
-    0. contacts: per interface the scene's own entry with overriding keys, or None. faces: per interface the entry of
-    "materials.faces" for its two elements, or None; keys of a contact override it. Raises InputError where a tensile
-    strength exceeds the apex of its friction cone.
+    contacts: for each interface the scene's own entry, or None. faces: for each interface the entry of
+    "materials.faces" for its two elements, or None. Keys of a contact override those of faces, which override the
+    materials.
+
+    Friction, tension and shear that nobody states are NaN; compressive strengths are inf, cohesion and inner friction
+    0. Raises InputError where a tensile strength exceeds the apex of its friction cone.
     """
     dry, inner = materials.dry, materials.inner
     usual = {

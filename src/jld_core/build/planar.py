@@ -27,8 +27,9 @@ from jld_core.scene.schema import Contact, Element, Grid
 
 
 def planar_geometry(scene: Scene) -> Geometry:
-    """Compute elements and interfaces of a planar scene, with gaps and overlaps closed.
+    """Compute the elements and interfaces of a planar scene, given as a grid or as polygons.
 
+    Gaps and overlaps up to the tolerance are closed. Interfaces are those that the scene states, or all contacts found.
     Interfaces between two supports are dropped. Raises InputError for invalid polygons or interfaces.
     """
     entries = _cells(scene.grid) if scene.grid is not None else list(scene.elements or [])

@@ -52,7 +52,7 @@ class Resultant:
 
     @property
     def cancels(self) -> bool:
-        """Return True if the forces add up to zero within rounding."""
+        """True if the forces add up to zero within rounding."""
         return bool(np.isnan(self.point).any())
 
 
@@ -90,9 +90,10 @@ def resultant(loads: Floats, elements: Elements) -> Resultant:
 
 
 def implausible(scene: Scene, assembly: Assembly) -> list[str]:
-    """Return one sentence for each implausible number, with usual range and likely cause.
+    """Return warnings about implausible numbers of a scene, one sentence each.
 
-    For scenes in units other than metres and newtons, only keys without effect are reported.
+    A sentence names the usual range and the likely cause. For scenes in units other than metres and newtons, only keys
+    without effect are reported. The list is empty where all is plausible.
     """
     idle = [*_of_no_use(scene)]
     if (scene.units.length, scene.units.force) != ("m", "N"):

@@ -15,14 +15,14 @@ from jld_core.scene import Scene
 
 @dataclass(frozen=True)
 class Settlement:
-    """Movement of supports, known up to its magnitude.
+    """Movement of supports with a given direction and an unknown magnitude.
 
     Attributes
     ----------
     name : str
         Name in the scene.
-    velocity : (n, q) array
-        Velocity of each element about its centroid, rotations last; zero except for supports that move.
+    velocity : (n, 3) or (n, 6) array
+        Velocity of each element about its centroid, translation then rotation; zero except for supports that move.
     load : float
         Share of the live load that acts during the settlement.
     """

@@ -22,8 +22,9 @@ from jld_core.scene.schema import Contact
 
 
 def spatial_geometry(scene: Scene) -> Geometry:
-    """Compute elements and interfaces of a spatial scene, with gaps and overlaps closed.
+    """Compute the elements and interfaces of a spatial scene.
 
+    Gaps and overlaps up to the tolerance are closed. Interfaces are those that the scene states, or all contacts found.
     Interfaces between two supports are dropped. Raises InputError for invalid polyhedra or interfaces.
     """
     entries = list(scene.elements or [])

@@ -40,10 +40,13 @@ _CHUNK, _CROSSINGS = 64, 5
 
 
 def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes) -> Imported:
-    """Convert a drawing to a planar scene.
+    """Convert the content of a planar drawing to a scene document.
 
-    Raises InputError if nothing can become an element, a support is missing, a unit, size or load is invalid, or the
-    drawing exceeds `MOST` corners or cells.
+    The paths are scaled to metres where a unit is known, snapped, and cut into elements. Layers decide supports, labels
+    and loads. Decisions are added to `notes`, and the result holds them as its report.
+
+    Raises InputError if nothing can become an element, or a support is missing. It also does so for an invalid unit,
+    size or load, and for more than `MOST` corners or cells.
     """
     scale, unit = _scale(drawing, options, notes)
     paths = [_scaled(path, scale) for path in drawing.paths if options.role(path.layer) not in ("skip", "id")]
@@ -293,7 +296,10 @@ def _support(
 
 
 def check_supports(support: Sequence[bool], options: ImportOptions) -> None:
-    """Raise InputError where no element or every element is a support."""
+    """Raise InputError where no element is a support, or every element is one.
+
+    support: True for each element that is a support. options: options of the import, named in the message.
+    """
     if not any(support):
         given = f"no layer is like {listed(options.support)}" if options.support else "no layer is named for supports"
         raise InputError("", f"it has no support: {given}", '`support` with the name of a layer, or `support="lowest"`')

@@ -14,9 +14,9 @@ MOST: Final = 200_000
 
 @dataclass(frozen=True)
 class Mark:
-    """Point or text on a layer.
+    """Point or text on a layer of a drawing.
 
-    at: place. end: end of an arrow, for a line on a load layer.
+    at: its place, drawing units. text: None for a bare point. end: end of an arrow, for a line on a load layer.
     """
 
     at: tuple[float, float]
@@ -27,9 +27,10 @@ class Mark:
 
 @dataclass(frozen=True)
 class Drawing:
-    """Content of a planar file.
+    """Content of a planar file before it is converted to elements.
 
-    unit: unit of length, None if unknown. facts: keys of a scene stored in the file.
+    paths: outlines and lines in the file's unit. marks: points and texts. unit: unit of length, such as "mm"; None if
+    unknown. facts: keys of a scene that an earlier export stored in the file. name: name of the scene.
     """
 
     paths: list[Path]
@@ -41,7 +42,11 @@ class Drawing:
 
 @dataclass
 class Cell:
-    """Future element: outline, layer, name, and index of the outline from which it was cut."""
+    """Future planar element, before it is written to a scene document.
+
+    points: (k, 2) corners, scene units. owner: index of the closed outline from which the cell was cut, None in a
+    network of lines. name, block: ids in the scene, None where not yet known.
+    """
 
     points: Floats
     layer: str

@@ -20,8 +20,12 @@ def drawn_loads(
 ) -> dict[str, Any]:
     """Return the entry "loads" of a scene from the lines, points and texts of a drawing.
 
-    A line is a force that ends at its point of application. A text nearby gives its magnitude, 1 without. A text at a
-    point gives a force there; a single number acts downwards.
+    A line on a load layer is a force that ends at its point of application. The nearest text states its magnitude;
+    without one it is 1. Any other text is a force at its place: two components, or one magnitude downwards. A force
+    acts on the nearest free cell. Keys without loads are left out.
+
+    paths, marks: lines, and points or texts, in scene units. cells: elements of the scene. drawing: source of the force
+    unit and of stored loads. notes: receives what was found and assumed. Raises InputError for a text that is no force.
     """
     entries: dict[str, list[dict[str, Any]]] = {"live": [], "dead": []}
     unit = str(drawing.facts.get("units", {}).get("force", "N"))

@@ -24,17 +24,17 @@ _PLACE: Final = {"elements", "polygon", "label"}
 
 
 def document_of(layout: Layout) -> dict[str, Any]:
-    """Return the layout's scene as a document, without defaults."""
+    """Return the scene of a layout as a JSON document, without keys that have default values."""
     found: dict[str, Any] = layout.scene.model_dump(mode="json", exclude_defaults=True)
     return found
 
 
 def facts_of(layout: Layout, *, cells: bool, spatial: bool) -> dict[str, Any]:
-    """Return name, units, materials and loads of a layout's scene.
+    """Return name, units, materials and loads of a layout's scene, to be stored in a file.
 
     cells: True where the file holds every element; otherwise point loads refer to blocks. spatial: True where a planar
     scene is extruded: vectors (x, y) become (x, 0, y), and places lie in the middle of the thickness. Raises InputError
-    for "materials.faces".
+    for a scene with "materials.faces", which such a file cannot hold.
     """
     document = document_of(layout)
     if layout.scene.materials.faces:
@@ -92,9 +92,9 @@ def _lifted(vector: list[float], y: float = 0.0) -> list[float]:
 
 
 def element_keys(layout: Layout) -> dict[str, dict[str, Any]]:
-    """Return density, weight, volume, centroid and block as the scene states them, by element id.
+    """Return density, weight, volume, centroid and block that a scene states, by element id.
 
-    Elements without any of them are left out.
+    Only stated keys are included; elements without any of them, and grids, are left out.
     """
     entries = layout.scene.elements or []
     dumped = [entry.model_dump(mode="json", exclude_defaults=True) for entry in entries]
@@ -105,7 +105,11 @@ def element_keys(layout: Layout) -> dict[str, dict[str, Any]]:
 
 
 def interfaces_of(layout: Layout) -> list[dict[str, Any]]:
-    """Return all interfaces with label, and with the strengths and friction that the scene states for them alone."""
+    """Return all interfaces of a layout as entries of "interfaces" in a scene.
+
+    Each entry states its two elements, polygon and label. It also holds the strengths and friction that the scene
+    states for this interface alone.
+    """
     assembly = layout.assembly
     faces, ids = assembly.interfaces, assembly.elements.ids
     stated = _stated_values(layout.scene)
@@ -121,9 +125,10 @@ def interfaces_of(layout: Layout) -> list[dict[str, Any]]:
 
 
 def _stated_values(scene: Scene) -> dict[tuple[str, str, bytes], dict[str, Any]]:
-    """Return the values of each stated interface that override the materials, by its elements and its origin.
+    """Return the values by which stated interfaces override the materials, by interface.
 
-    They are taken from the scene, because an assembly holds neither low values of a spread nor which key was given.
+    The keys are the ids of its two elements and the bytes of its origin. The values are taken from the scene, because
+    an assembly holds neither low values of a spread nor which key was given.
     """
     if not scene.interfaces:
         return {}

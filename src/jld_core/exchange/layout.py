@@ -81,7 +81,7 @@ class Layout:
 
     @cached_property
     def block_of(self) -> Ints:
-        """Return the position in `blocks` (n,) of each element's block; free blocks come first."""
+        """Position in `blocks` of each element's block (n,)."""
         number = blocks_of(self.assembly, self.labels)
         free = ~self.assembly.elements.support
         _, first = np.unique(number, return_index=True)
@@ -92,20 +92,20 @@ class Layout:
 
     @cached_property
     def members(self) -> tuple[Ints, ...]:
-        """Return the elements of each block, ascending."""
+        """Indices of the elements of each block, ascending, in the order of `blocks`."""
         return tuple(np.flatnonzero(self.block_of == k) for k in range(int(self.block_of.max()) + 1))
 
     @cached_property
     def regions(self) -> tuple[tuple[Region, ...], ...]:
-        """Return the planar regions of each block, with holes."""
+        """Plane regions of each block, one per connected part, with holes; planar scenes only."""
         shapes = self.assembly.elements.shape
         return tuple(tuple(union_outlines([shapes[k] for k in one.tolist()])) for one in self.members)
 
     @cached_property
     def surfaces(self) -> tuple[tuple[Surface, ...], ...]:
-        """Return the closed surfaces of each block.
+        """Closed surfaces of each block, in the order of `blocks`.
 
-        Planar blocks are extruded from y = 0; the plane's y becomes z.
+        Planar blocks are extruded along y from 0 to the thickness; the second coordinate of the plane becomes z.
         """
         elements = self.assembly.elements
         if self.assembly.dimension == 2:
@@ -118,13 +118,13 @@ class Layout:
 
     @property
     def thickness(self) -> float:
-        """Return the out-of-plane depth of a planar scene."""
+        """Out-of-plane depth of a planar scene, scene units."""
         scene = self.scene
         return scene.grid.thickness if scene.grid is not None else (scene.thickness or 1.0)
 
     @cached_property
     def blocks(self) -> tuple[Block, ...]:
-        """Return all blocks, pure supports last."""
+        """All blocks; those with a free element come first, those of supports alone last."""
         elements, faces = self.assembly.elements, self.assembly.interfaces
         weight = np.linalg.norm(elements.weight, axis=1)
         extent = self.assembly.face_sizes
@@ -179,7 +179,11 @@ class Layout:
         return numbers
 
     def table(self) -> list[dict[str, Any]]:
-        """Return the rows of blocks.csv: names, sizes and shapes of blocks with a free element."""
+        """Return the rows of `blocks.csv`: one dict by column per block with a free element.
+
+        Columns are name, elements, mass, centroid, extents, shape, volume, and sizes of dry and inner faces. Numbers
+        are in scene units, rounded to twelve digits.
+        """
         ids, axes = self.assembly.elements.ids, "xyz"[: self.assembly.dimension]
         measure = "length" if self.assembly.dimension == 2 else "area"
         rows = [

@@ -17,9 +17,10 @@ _LARGEST: Final = 64 * 1024 * 1024  # bytes; parsers need about thirty times the
 
 
 def library(name: str, path: Path) -> Any:
-    """Import a library by name.
+    """Import an optional library and return its module.
 
-    Raises InputError naming the extra to install where it is missing.
+    name: a key of `EXTRAS`. path: file that needs it, for the message. Raises InputError that names the extra to
+    install where the library is missing.
     """
     try:
         return import_module(name)
@@ -30,9 +31,9 @@ def library(name: str, path: Path) -> Any:
 
 
 def readable(path: Path) -> Path:
-    """Check that a file exists, is not empty and has at most `_LARGEST` bytes; return it.
+    """Return the path of a file that exists, is not empty and has at most 64 MB.
 
-    Raises InputError otherwise.
+    Raises InputError for any other file.
     """
     try:
         size = path.stat().st_size
@@ -48,7 +49,10 @@ def readable(path: Path) -> Path:
 
 
 def text_of(path: Path) -> str:
-    """Read a text file in UTF-8; raise InputError for another encoding."""
+    """Return the content of a UTF-8 text file, without a byte order mark.
+
+    Raises InputError for a file in another encoding, or one that `readable` refuses.
+    """
     try:
         return readable(path).read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
@@ -57,9 +61,10 @@ def text_of(path: Path) -> str:
 
 @contextmanager
 def parsing(kind: str, expected: str) -> Iterator[None]:
-    """Convert any exception of a parser to one InputError (context manager).
+    """Make the calls inside this context raise InputError for a file that cannot be parsed.
 
-    kind: of the file, for the message. expected: what the message asks for.
+    Any exception is converted; an InputError stays as it is. kind: name of the format, for the message. expected: what
+    the message asks for.
     """
     try:
         yield

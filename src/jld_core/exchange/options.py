@@ -78,7 +78,11 @@ class ImportOptions:
             raise ParameterError("unit", f"no unit is named {self.unit!r}", "one of " + ", ".join(METRES))
 
     def role(self, layer: str) -> str | None:
-        """Return the role of a layer: a key of ROLES, "dead", or None for any other layer."""
+        """Return the role that a layer has in an import, or None for an ordinary layer.
+
+        Roles are "support", "dry", "inner", "load", "dead", "id", "hole" and "skip". The patterns of these options
+        count first, then those of `ROLES` for roles without an option. Letter case is ignored.
+        """
         plain = layer.casefold()
         for role in ("support", "dry", "inner", "load"):
             if any(fnmatchcase(plain, pattern.casefold()) for pattern in getattr(self, role) if pattern != LOWEST):
@@ -104,12 +108,18 @@ DEFAULT_MATERIALS: Final[dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class Report:
-    """Report of an import, as sentences.
+    """Report of an import as sentences, for the user to check.
 
     Attributes
     ----------
-    found, snapped, assumed, skipped : tuple of str
-        Sentences of each kind.
+    found : tuple of str
+        What the file holds.
+    snapped : tuple of str
+        How many corners were moved to close gaps, and by how much.
+    assumed : tuple of str
+        Values that the file does not state.
+    skipped : tuple of str
+        What was left out.
     largest : float
         Largest displacement of a corner, scene units.
     """
@@ -143,7 +153,7 @@ class Imported:
 
 @dataclass
 class Notes:
-    """Mutable collection of the sentences of a report."""
+    """Collection of the sentences of a report while a file is read; fields as in `Report`."""
 
     found: list[str] = field(default_factory=list)
     snapped: list[str] = field(default_factory=list)
@@ -152,36 +162,50 @@ class Notes:
     largest: float = 0.0
 
     def skip(self, what: str, count: int, why: str) -> None:
-        """Note the number of things left out, and why; do nothing for 0."""
+        """Add a sentence about things that were left out; do nothing for a count of 0.
+
+        what: name of the things in the plural. count: their number. why: reason.
+        """
         if count:
             self.skipped.append(f"{count} {what}: {why}")
 
     def report(self) -> Report:
-        """Return the immutable report."""
+        """Return the sentences collected so far as a report that does not change."""
         return Report(tuple(self.found), tuple(self.snapped), tuple(self.assumed), tuple(self.skipped), self.largest)
 
 
 def rounded(points: Floats, size: float) -> list[list[float]]:
-    """Convert coordinates to lists, with rounding errors of zero set to zero."""
+    """Convert an array of points (k, d) to nested lists, with rounding errors set to zero.
+
+    size: size of the drawing. Coordinates below 1e-15 of it become 0.
+    """
     cleaned: list[list[float]] = np.where(np.abs(points) < _ZERO * size, 0.0, points).tolist()
     return cleaned
 
 
 def several(count: int, word: str, plural: str | None = None) -> str:
-    """Return a number with its noun, in singular or plural."""
+    """Return a number with its noun, such as "1 arc" or "3 arcs".
+
+    plural: plural of the noun; None for one with an "s".
+    """
     return f"{count} {word if count == 1 else plural or word + 's'}"
 
 
 def listed(names: Iterable[str], most: int = 6) -> str:
-    """Return the first few names, and the number of the others."""
+    """Join the first names by commas, and state how many more there are.
+
+    most: largest number of names that are written.
+    """
     every = list(names)
     return ", ".join(every[:most]) + (f" and {len(every) - most} more" if len(every) > most else "")
 
 
 def complete(document: dict[str, Any], options: ImportOptions, notes: Notes, *, dimension: int) -> dict[str, Any]:
-    """Add materials and a live load to a document where missing, and note assumptions.
+    """Add materials and a live load to a scene document that lacks them, and return it.
 
-    They come from `options.like` if given, else from defaults. dimension: 2 or 3.
+    They come from `options.like` if given, together with its search and units. Otherwise they are `DEFAULT_MATERIALS`
+    and a horizontal body load. Each assumption is added to `notes`. The document is changed in place. dimension: 2 or
+    3.
     """
     like = options.like.model_dump(mode="json", exclude_defaults=True) if options.like is not None else {}
     if "materials" not in document:

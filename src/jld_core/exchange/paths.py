@@ -23,9 +23,11 @@ _MOST: Final = 1e7
 
 @dataclass(frozen=True)
 class Path:
-    """Sequence of lines and arcs.
+    """Sequence of lines and arcs on a layer of a drawing.
 
-    points: (k, 3) x, y, bulge. closed: True if the last point is joined to the first. holes: (k, 3) each.
+    points: (k, 3) x, y and bulge of the edge from this point to the next. The bulge is the tangent of a quarter of the
+    arc's angle, positive to the left, 0 for a line. closed: True if the last point is joined to the first. name: id of
+    the future element, None if unknown. holes: outlines (k, 3) cut out of the area.
     """
 
     points: Floats
@@ -60,9 +62,10 @@ class _Arc:
 
 
 def arc_points(centre: Sequence[float], radius: float, first: float, sweep: float) -> Floats:
-    """Return points (k, 3) with bulges along an arc.
+    """Return points (k, 3) of x, y and bulge along an arc, as rows of a `Path`.
 
-    first, sweep: angles in radians. A full turn ends at its first point.
+    centre: (x, y). radius: a length. first, sweep: begin and extent, radians, positive counter-clockwise. The arc is
+    divided into parts of at most half a turn. The last point has bulge 0.
     """
     parts = max(1, int(np.ceil(abs(sweep) / np.pi - 1e-12)))
     angles = first + sweep * np.arange(parts + 1) / parts
@@ -72,9 +75,10 @@ def arc_points(centre: Sequence[float], radius: float, first: float, sweep: floa
 
 
 def flatten(paths: Sequence[Path], facet: float, same: float) -> Chords:
-    """Approximate the arcs of all paths by chords.
+    """Approximate the arcs of all paths by chords, equal ones on both sides of a shared arc.
 
-    facet: largest distance between an arc and its chord. same: distance within which two circles are equal.
+    facet: largest distance between an arc and its chord. same: distance within which two circles are equal. Both are
+    lengths. Raises InputError where one circle has excessively many arcs.
     """
     arcs = [arc for number, path in enumerate(paths) for arc in _arcs(number, path)]
     if not arcs:

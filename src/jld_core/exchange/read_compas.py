@@ -29,9 +29,10 @@ _ELEMENT: Final = ("density", "weight", "volume", "centroid", "block")
 
 
 def read_compas(path: File, notes: Notes) -> Solids:
-    """Read blocks, supports and interfaces of a COMPAS file.
+    """Read the blocks, supports and interfaces of a COMPAS JSON file.
 
-    Raises InputError where the file is not JSON or holds no assembly.
+    notes: receives what was found. Scene keys that jld has stored in the file are read back; stored interfaces replace
+    those of the file. Raises InputError where the file is not JSON or holds no assembly.
     """
     try:
         document = json.loads(text_of(path), parse_constant=_refuse)

@@ -30,9 +30,11 @@ FACTS: Final = "jld"
 
 
 def read_dxf(path: File, options: ImportOptions, notes: Notes) -> Drawing | Solids:
-    """Read the model space of a DXF file; return solids, in metres, where it holds any.
+    """Read the model space of a DXF file as a drawing, or as solids where it holds meshes.
 
-    Raises InputError where the file is not DXF or broken, ezdxf is missing, or blocks are nested too deeply.
+    Solids are in metres, a drawing is in the file's unit. options: layers and accuracy of curves. notes: receives what
+    was found and skipped. Raises InputError where the file is not DXF or broken, ezdxf is missing, or nested blocks
+    hold too much.
     """
     ezdxf = library("ezdxf", path)
     readable(path)
@@ -258,7 +260,7 @@ class _Reader:
         return len(self._solids) > before
 
     def _loop(self, path: Any) -> Any:
-        """Return (k, 3) rows x, y, bulge of a hatch boundary, or None if it is empty or has curves other than arcs.
+        """Return a hatch boundary as (k, 3) rows x, y, bulge; None if empty or with other curves.
 
         The bulge is the tangent of a quarter of the angle of the arc to the next point.
         """

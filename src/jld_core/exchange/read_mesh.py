@@ -25,9 +25,10 @@ from jld_core.geometry import Faces
 
 
 def read_mesh(path: File, notes: Notes) -> Solids:
-    """Read the solids of a mesh file.
+    """Read the solids of an OBJ, PLY or STL file: one per group or closed part.
 
-    Raises InputError where the file is broken, meshio is missing, or the counts are excessive.
+    notes: receives the number of groups. Raises InputError where the file is broken, holds no faces or too many, or
+    meshio is missing.
     """
     meshio = library("meshio", path)
     kind = path.suffix.lower().lstrip(".")

@@ -27,9 +27,11 @@ _PAGE: Final = r"""\s(viewBox|width|height)\s*=\s*("[^"]*"|'[^']*')"""
 
 
 def read_svg(path: File, options: ImportOptions, notes: Notes) -> Drawing:
-    """Read an SVG file in its user units; the nearest named group is the layer.
+    """Read the shapes and texts of an SVG file as a drawing in the file's own units.
 
-    Raises InputError where the file is not SVG, is broken, or defines entities.
+    The y axis is turned upwards. The name of the innermost named group is the layer. options: accuracy of curves.
+    notes: receives what was found and skipped. Raises InputError where the file is not SVG, is broken or excessive, or
+    defines XML entities.
     """
     svg = library("svgelements", path)
     text = text_of(path)

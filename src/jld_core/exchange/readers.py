@@ -22,12 +22,12 @@ KINDS: Final = ("dxf", "svg", "csv", "json", "obj", "ply", "stl")
 
 
 def import_file(path: str | Path, options: ImportOptions | None = None) -> Imported:
-    """Read a file of another program, by its ending.
+    """Convert a file of another program to a scene document, by the ending of its name.
 
     Parameters
     ----------
     path : str or Path
-        File to read.
+        File to read; its ending is one of `KINDS`.
     options : ImportOptions, optional
         How the file is read.
 

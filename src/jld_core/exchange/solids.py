@@ -41,9 +41,10 @@ from jld_core.linalg import components
 
 @dataclass(frozen=True)
 class Part:
-    """One solid of a file.
+    """One solid of a spatial file.
 
-    group: name that decides its role. keys: further keys of its element.
+    name: future id of its element. group: name by which its role (support) is decided. vertices: (k, 3), file units.
+    faces: loops of vertex indices. support: True if the file says so. keys: further keys of its element in the scene.
     """
 
     name: str
@@ -56,9 +57,10 @@ class Part:
 
 @dataclass(frozen=True)
 class Solids:
-    """Content of a spatial file.
+    """Content of a spatial file before it is converted to elements.
 
-    contacts: (name, name, corners) where the file gives interfaces. facts: keys of a scene stored in the file.
+    contacts: (name, name, corners (k, 3)) where the file gives interfaces. facts: keys of a scene that an earlier
+    export stored in the file. name: name of the scene.
     """
 
     parts: list[Part]
@@ -68,7 +70,10 @@ class Solids:
 
 
 def _size(vertices: list[Floats]) -> float:
-    """Return the longest side of the bounding box of all solids; raise InputError where it is out of range."""
+    """Return the longest side of the bounding box of all solids.
+
+    Raises InputError where it is out of range.
+    """
     every = np.concatenate(vertices)
     if not np.isfinite(every).all():
         raise InputError("", "it holds a coordinate that is no number", "finite numbers only")
@@ -79,7 +84,10 @@ def _size(vertices: list[Floats]) -> float:
 
 
 def _supports(parts: list[Part], vertices: list[Floats], options: ImportOptions, near: float) -> list[bool]:
-    """Return which solids are supports; `near` is the height above the lowest point that counts as lowest."""
+    """Return which solids are supports.
+
+    near: height above the lowest point that counts as lowest.
+    """
     low = min(float(v[:, 2].min()) for v in vertices)
     return [
         part.support
@@ -90,9 +98,11 @@ def _supports(parts: list[Part], vertices: list[Floats], options: ImportOptions,
 
 
 def spatial_scene(found: Solids, options: ImportOptions, notes: Notes) -> Imported:
-    """Convert solids to a spatial scene.
+    """Convert the solids of a file to a spatial scene document.
 
-    Raises InputError where there is no solid, an open solid, no support, or more content than a structure has.
+    Corners are snapped, faces that are not plane are triangulated, and coplanar faces are merged. Decisions are added
+    to `notes`, and the result holds them as its report. Raises InputError where there is no solid, an open solid, no
+    support, or more content than a structure has.
     """
     parts = found.parts
     if not parts:
@@ -270,11 +280,13 @@ def _say_contacts(vertices: list[Floats], faces: list[Faces], notes: Notes) -> N
 
 
 def split(points: Floats, faces: Faces, tolerance: float) -> list[Ints]:
-    """Split the faces of a mesh into solids: face numbers (k,) of each.
+    """Split the faces of a mesh into solids, as arrays (k,) of face indices.
 
-    Faces connected by corner numbers form a solid where it is closed. In a file without corner numbers, a surface that
-    closes before the file continues is a solid, so that touching blocks stay separate. Otherwise faces that touch are
-    connected. Raises InputError where touching solids cannot be separated.
+    points: (n, 3) corners. faces: loops of corner indices. tolerance: length within which corners are equal.
+
+    Faces connected by corner indices form a solid where they are closed. In a file without shared indices, a solid ends
+    where the surface first closes, so that touching blocks stay separate. Otherwise faces that touch are connected.
+    Raises InputError where touching solids cannot be told apart.
     """
     loose = _connected(faces)
     if all(_closed(faces, part) for part in loose):

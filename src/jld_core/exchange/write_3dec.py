@@ -15,10 +15,10 @@ from jld_core.geometry.unions import Surface, extrude, union_outlines, union_sol
 
 
 def command_text(layout: Layout) -> str:
-    """Return 3DEC commands that create every element, join blocks, and set properties.
+    """Return 3DEC commands that create elements, join those of a block, and set properties.
 
-    Properties are densities and joint properties. Joint stiffnesses are not part of a scene; the file's head defines
-    them for the user to edit. Raises InputError for an element that is not convex.
+    Properties are densities, joint friction and gravity. Joint stiffnesses are not part of a scene; the first lines
+    define them for the user to edit. Raises InputError for an element that is not convex.
     """
     assembly = layout.assembly
     elements, strengths = assembly.elements, assembly.strengths

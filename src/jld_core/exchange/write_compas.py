@@ -20,9 +20,10 @@ _SPACE: Final = uuid.UUID("6f1c2a52-6d0e-5a5e-9a54-6a6c64636f6d")
 
 
 def compas_text(layout: Layout, *, cells: bool) -> str:
-    """Return an assembly of compas_assembly as JSON.
+    """Return a layout as the JSON text of a compas_assembly `Assembly`.
 
-    Scene data that it cannot represent are stored in its attribute "jld". cells: write every element, not every block.
+    cells: write every element, not every block. Scene data that an assembly cannot represent are stored in its
+    attribute "jld". Raises InputError for a scene with "materials.faces".
     """
     solids = list(solids_of(layout, cells=cells))
     facts = facts_of(layout, cells=cells, spatial=True)

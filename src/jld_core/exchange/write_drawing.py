@@ -34,9 +34,10 @@ _CHUNK: Final = 200
 
 
 def write_dxf(layout: Layout, path: Path) -> None:
-    """Write a DXF file: planar outlines and lines, or a spatial mesh of each block.
+    """Write a DXF file of a layout: planar outlines and faces, or in space a mesh per block.
 
-    Raises InputError without ezdxf.
+    A planar file also has ids, live loads and dimensions, and stores the scene's materials and loads. Raises InputError
+    if ezdxf is missing or a planar scene has "materials.faces".
     """
     ezdxf = library("ezdxf", path)
     document = ezdxf.new(setup=True)
@@ -135,9 +136,10 @@ def _escaped(text: str) -> str:
 
 
 def svg_text(layout: Layout) -> str:
-    """Return an SVG drawing of a planar layout, in its units, with groups as layers.
+    """Return the text of an SVG drawing of a planar layout, with one group per layer.
 
-    The y axis points down, as in SVG. Raises InputError for a spatial layout.
+    Layers are block shapes, supports, joints, cracks and ids. Coordinates are in scene units with reversed y, since y
+    points down in SVG. Raises InputError for a spatial layout.
     """
     if layout.assembly.dimension == 3:
         raise ParameterError("format", "the layout is spatial", "obj, ply, stl, compas, 3dec or vtk")

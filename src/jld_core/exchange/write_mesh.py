@@ -12,7 +12,10 @@ from jld_core.geometry.unions import Surface, extrude, union_outlines, union_sol
 
 
 def solids_of(layout: Layout, *, cells: bool) -> Iterator[tuple[str, bool, Surface]]:
-    """Yield name, support flag and surface of each block, or of each element for `cells`."""
+    """Yield name, support flag and closed surface of each block, or of each element.
+
+    cells: True for elements. A block of several separate parts gives one solid for each, numbered from 1.
+    """
     if not cells:
         for block, surfaces in zip(layout.blocks, layout.surfaces, strict=True):
             for number, surface in enumerate(surfaces):
@@ -36,7 +39,10 @@ def _title(name: str, support: bool) -> str:
 
 
 def obj_text(layout: Layout, *, cells: bool) -> str:
-    """Return an OBJ file with one group per solid and polygonal faces."""
+    """Return the text of an OBJ file with one group of polygonal faces per solid.
+
+    cells: write every element, not every block. Names of supports contain "support", so that a later import finds them.
+    """
     lines = [f"# {layout.assembly.name}, lengths in {layout.assembly.units[0]}, z up; written by jld"]
     start = 1
     for name, support, surface in solids_of(layout, cells=cells):
@@ -48,7 +54,10 @@ def obj_text(layout: Layout, *, cells: bool) -> str:
 
 
 def stl_text(layout: Layout, *, cells: bool) -> str:
-    """Return an ASCII STL file, which keeps all digits, with one named solid per block."""
+    """Return the text of an ASCII STL file with one named solid of triangles per block.
+
+    cells: write every element, not every block. Coordinates keep all digits.
+    """
     lines = []
     for name, support, surface in solids_of(layout, cells=cells):
         title = _title(name, support)
@@ -66,7 +75,11 @@ def stl_text(layout: Layout, *, cells: bool) -> str:
 
 
 def ply_text(layout: Layout, *, cells: bool) -> str:
-    """Return an ASCII PLY file with consecutive solids, and their names in comments."""
+    """Return the text of an ASCII PLY file of polygonal faces, solid after solid.
+
+    cells: write every element, not every block. PLY has no groups: comments state the names of the solids in their
+    order.
+    """
     points: list[str] = []
     faces: list[str] = []
     names = []

@@ -69,12 +69,14 @@ class _Polygons:
 
 
 def write_vtk(layout: Layout, path: Path, *, legacy: bool = False) -> None:
-    """Write a layout and its analysis as an unstructured grid of polygons.
+    """Write a layout and its analysis as a VTK grid of polygons, for ParaView.
 
-    Cell fields: part (0 surface of an element, 1 interface), element, block, shape, support, label (1 dry, 0 inner, −1
-    on surfaces), utilisation, force (vector on b, scene units), normal_force. Point field: mechanism (velocity for live
-    power 1). Fields of an analysis are zero where the layout has none. legacy: write the older format of files that end
-    in .vtk. Raises InputError without meshio.
+    legacy: write the older format of files that end in .vtk, not .vtu. Raises InputError if meshio is missing.
+
+    Each polygon is part 0 (surface of an element) or part 1 (interface). Its further fields are: element, block, shape,
+    support, label, utilisation, force and normal_force. Label is 1 dry, 0 inner, and −1 on surfaces; force is the
+    vector on element b, scene units. The field of the points is mechanism, the velocity that gives the live load power
+    1. Without an analysis its fields are zero.
     """
     meshio = library("meshio", path)
     found = _polygons_of(layout)

@@ -17,14 +17,14 @@ Rings = tuple[Floats, tuple[Floats, ...]]
 
 
 def clean_parts(region: shapely.Geometry, reach: float) -> list[Rings]:
-    """Split a region into its parts, without anything narrower than a tolerance.
+    """Split a region into its parts, and remove what is narrower than a tolerance.
 
     Parameters
     ----------
     region : shapely geometry
         Polygons, lines and points; lines and points are dropped.
     reach : float
-        Width up to which spikes and holes are removed; parts and necks are removed up to half of it. A length.
+        Width up to which spikes and holes are removed, a length. Parts and necks are removed up to half of it.
 
     Returns
     -------

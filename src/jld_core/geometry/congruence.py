@@ -106,9 +106,10 @@ def shape_numbers(outlines: Sequence[Outline], reach: float, *, rotate: bool = T
 
 
 def alike(one: Outline, other: Outline, reach: float, *, rotate: bool = False, flip: bool = False) -> bool:
-    """Return True if two outlines are congruent under the allowed moves.
+    """Return True if the corners of two outlines coincide after an allowed move.
 
-    Shifts are always allowed, rotations and mirrors as given.
+    Shifts are always allowed; `rotate` and `flip` allow rotations and mirrors as in `Kinds`. Middles of edges or faces
+    must coincide too. reach: half the largest distance at which two points coincide, scene units.
     """
     near = abs(one.size - other.size) <= 1e-3 * other.size
     if not near or one.count != other.count or len(one.points) != len(other.points):

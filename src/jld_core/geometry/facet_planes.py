@@ -20,9 +20,10 @@ PARALLEL: Final = 1e-9
 
 @dataclass(frozen=True)
 class FacetFrames:
-    """Local axes of facets.
+    """Two axes in the plane of each of f facets, and which facets are rectangles.
 
-    e1: (f, 3) along the longest edge. e2: (f, 3) = n × e1. rectangle: (f,) True for rectangles within `PARALLEL`.
+    e1: (f, 3) unit vectors along the longest edge. e2: (f, 3) normal × e1. rectangle: (f,) True for rectangles without
+    holes, within the tolerance `PARALLEL`.
     """
 
     e1: Floats
@@ -31,7 +32,7 @@ class FacetFrames:
 
     @classmethod
     def on(cls, facets: Facets) -> FacetFrames:
-        """Compute the local axes of all facets."""
+        """Compute the axes of all facets."""
         e1 = np.empty((len(facets), 3))
         rectangle = np.zeros(len(facets), dtype=bool)
         for chosen, stack in measures.by_corner_count([loops[0] for loops in facets.loops]):
@@ -43,7 +44,7 @@ class FacetFrames:
 
 
 def unit_vectors(vectors: Floats) -> Floats:
-    """Scale vectors (…, d) to unit length."""
+    """Scale vectors (…, d) to unit length; none of them may be zero."""
     return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
@@ -59,7 +60,11 @@ def longest_edge(polygons: Floats) -> Floats:
 
 
 def regions_in_planes(facets: Facets, frames: FacetFrames, which: Ints, plane: Ints) -> Sequence[shapely.Geometry]:
-    """Return the facets `which` as shapely polygons in the planes of the facets `plane`."""
+    """Return facets as shapely polygons in the planes of other facets.
+
+    which: (k,) indices of the facets to convert. plane: (k,) index of the facet whose axes give the coordinates of
+    each. Holes are kept. Invalid polygons are replaced by the polygons that their area consists of.
+    """
     shells = [facets.loops[index][0] for index in which]
     count = np.array([len(shell) for shell in shells])
     owner = np.repeat(np.arange(len(which)), count)
@@ -76,6 +81,9 @@ def regions_in_planes(facets: Facets, frames: FacetFrames, which: Ints, plane: I
 
 
 def project(points: Floats, facets: Facets, frames: FacetFrames, plane: Ints) -> Floats:
-    """Project points (k, 3) to coordinates (k, 2) in the frames of the facets `plane` (k,)."""
+    """Project points to coordinates (k, 2) in the planes of facets.
+
+    points: (k, 3). plane: (k,) index of the facet for each point; its origin and axes in `frames` give the coordinates.
+    """
     arm = points - facets.origin[plane]
     return np.column_stack([np.einsum("ij,ij->i", arm, frames.e1[plane]), np.einsum("ij,ij->i", arm, frames.e2[plane])])

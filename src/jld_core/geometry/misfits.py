@@ -42,9 +42,9 @@ class NearMiss:
 
 
 def refuse_overlaps(pairs: Sequence[Overlap], expected: str) -> None:
-    """Raise InputError if there are overlaps, naming up to ten pairs with depth and place.
+    """Raise InputError if elements overlap, naming up to ten pairs with depth and place.
 
-    expected: what the message asks for.
+    pairs: overlaps found; nothing happens where there are none. expected: what the message asks for.
     """
     if not pairs:
         return

@@ -155,9 +155,10 @@ class Outlines:
 
 
 def flat_outline(polygons: Sequence[Floats], reach: float, edges: Sequence[_Edges] | None = None) -> Outline:
-    """Compute the outline of the union of polygons (k, 2).
+    """Compute the outline of a planar block from the polygons of its elements.
 
-    reach: distance within which corners coincide. edges: edges of each polygon where already computed.
+    polygons: corners (k, 2) of each element, scene units. reach: distance within which corners coincide. edges: edges
+    of each polygon, where already computed.
     """
     if edges is None:
         edges = [_edges(polygon, _SNAP * reach) for polygon in polygons]
@@ -346,7 +347,7 @@ def _planes(facets: Sequence[_Facet], reach: float) -> list[list[_Facet]]:
 
 
 def _united(facets: Sequence[_Facet], reach: float) -> list[Floats]:
-    """Compute the outlines (k, 3) of facets of one plane, without the parts where two of opposite normals meet."""
+    """Compute the outlines (k, 3) of coplanar facets, without parts where opposite ones meet."""
     normal, offset, grid = facets[0].normal, facets[0].offset, _SNAP * reach
     plane = across(normal)
     members: tuple[list[shapely.Polygon], list[shapely.Polygon]] = ([], [])

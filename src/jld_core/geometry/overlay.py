@@ -25,7 +25,7 @@ Doubles resolve 1e-12 of it; beyond, the grid is widened.
 
 
 def intersections(first: Sequence[shapely.Geometry], second: Sequence[shapely.Geometry]) -> Any:
-    """Intersect regions pairwise.
+    """Intersect each region of one sequence with the region at the same place of another.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def intersections(first: Sequence[shapely.Geometry], second: Sequence[shapely.Ge
     Returns
     -------
     (n,) array of shapely geometries
-        Regions, lines and points.
+        Regions, lines and points that a pair has in common; empty geometries where it has none.
     """
     one, two = np.asarray(first, dtype=object), np.asarray(second, dtype=object)
     boxes = np.nan_to_num(np.stack([shapely.bounds(one), shapely.bounds(two)])).reshape(2, -1, 2, 2)

@@ -45,9 +45,9 @@ def centroid(polygons: Floats) -> Floats:
 
 
 def second_moments(polygons: Floats) -> Floats:
-    """Compute the second moments (n, 2, 2) of polygons (n, k, 2) about their centroids.
+    """Compute the second moments of area of polygons about their centroids.
 
-    The tensor is ∫ x xᵀ dA; polygons are counter-clockwise.
+    polygons: (n, k, 2), counter-clockwise. The result (n, 2, 2) holds ∫ x xᵀ dA of each.
     """
     p = polygons - centroid(polygons)[:, None]
     q = np.roll(p, -1, axis=1)
@@ -58,12 +58,13 @@ def second_moments(polygons: Floats) -> Floats:
 
 
 def torsion_length(polygons: Floats) -> Floats:
-    """Compute c_T = (1/A) ∫ r dA about the centroid, (n,), of polygons (n, k, 2) exactly.
+    """Compute the torsion length c_T, the mean distance from the centroid, of polygons.
 
-    Polygons are simple and counter-clockwise. The triangle from the centroid to an edge at signed distance d, with the
-    ends of the edge at s0 and s1 along it, has
-    ∫ r dA = ∫ ρ³/3 dθ = (d/3) ∫ √(s² + d²) ds = (d/6) [s √(s² + d²) + d² asinh(s/d)] from s0 to s1.
-    Source: docs/method.md (1.6).
+    polygons: (n, k, 2), simple and counter-clockwise. The result (n,) is c_T = (1/A) ∫ r dA, a length, docs/method.md
+    (1.6). It is exact: the sum over triangles from the centroid to each edge. The edge has signed distance d, and its
+    ends lie at s0 and s1 along it. Each triangle contributes, taken from s0 to s1,
+
+        ∫ r dA = ∫ ρ³/3 dθ = (d/3) ∫ √(s² + d²) ds = (d/6) [s √(s² + d²) + d² asinh(s/d)].
     """
     p = polygons - centroid(polygons)[:, None]
     edge = np.roll(p, -1, axis=1) - p
@@ -84,7 +85,7 @@ def _radial(d: Floats, s: Floats) -> Floats:
 
 
 def rectangle_torsion_length(l1: Floats, l2: Floats) -> Floats:
-    """Compute c_T of rectangles in closed form.
+    """Compute the torsion length c_T, the mean distance from the centroid, of rectangles.
 
     Parameters
     ----------
@@ -94,7 +95,7 @@ def rectangle_torsion_length(l1: Floats, l2: Floats) -> Floats:
     Returns
     -------
     (n,) array
-        c_T, scene units; 0.382598 for the unit square. Source: docs/method.md (1.5).
+        c_T in closed form, scene units; 0.382598 for the unit square. Source: docs/method.md (1.5).
     """
     diagonal = np.hypot(l1, l2)
     ends = l1 * l1 / (12.0 * l2) * np.arcsinh(l2 / l1) + l2 * l2 / (12.0 * l1) * np.arcsinh(l1 / l2)
@@ -102,11 +103,11 @@ def rectangle_torsion_length(l1: Floats, l2: Floats) -> Floats:
 
 
 def is_rectangle(polygons: Floats, tolerance: float) -> Bools:
-    """Return (n,) True for the rectangles among polygons (n, k, d).
+    """Return which polygons are rectangles, as a (n,) bool array.
 
-    Polygons have no corners in straight edges. A rectangle has equal diagonals that halve one another.
-    tolerance: allowed difference of the diagonals' lengths and middles, relative to the length of the first diagonal
-    (twice the distance of the middles is compared).
+    polygons: (n, k, d), without corners in straight edges. A rectangle has four corners, and equal diagonals that halve
+    one another. tolerance: allowed difference of the diagonals' lengths, and twice the distance of their middles,
+    relative to the length of the first diagonal.
     """
     if polygons.shape[1] != 4:
         return np.zeros(len(polygons), dtype=bool)
@@ -117,7 +118,7 @@ def is_rectangle(polygons: Floats, tolerance: float) -> Bools:
 
 
 def sizes(polygons: Floats) -> Floats:
-    """Return the extents (n, 2) of polygons (n, k, 2) along e1 and e2: l1 and l2."""
+    """Return the extents l1 and l2 (n, 2) of polygons (n, k, 2) along the axes e1 and e2."""
     return np.asarray(np.ptp(polygons, axis=1))
 
 
@@ -142,10 +143,10 @@ def corners(polygon: Floats, tolerance: float) -> Floats:
 
 
 def keyhole(shell: Floats, holes: Sequence[Floats]) -> Floats:
-    """Join a shell (k, d) and holes of the opposite sense to one outline by bridges.
+    """Join a polygon and its holes to one closed outline, by bridges between nearest corners.
 
-    The outline runs along each bridge both ways. Integrals over the outline are those of the area without its holes,
-    and its convex hull is that of the shell. Each bridge joins the nearest corners.
+    shell: (k, d) outer corners. holes: corners of each hole, in the opposite sense of rotation. The outline runs along
+    each bridge both ways. Integrals over the outline are therefore those of the area without its holes.
     """
     outline, left = shell, list(holes)
     while left:
@@ -217,11 +218,11 @@ def hulls(polygons: Sequence[Floats]) -> list[Floats]:
 
 
 def hull_rows(hull_: Floats) -> Floats:
-    """Compute rows (h, 3) on (N, M1, M2) that keep the resultant in the hull, one per edge.
+    """Return rows that keep a compressive resultant within a convex hull, one per edge.
 
-    All rows are ≥ 0 when the centre of pressure lies within the hull. hull_: (h, 2) counter-clockwise, about the
-    section's centroid. With x1 = −M2/N, x2 = M1/N the condition a·x ≤ d on an edge of unit outward normal a becomes
-    d N − a2 M1 + a1 M2 ≥ 0. Source: docs/method.md (2.3).
+    hull_: (h, 2) corners about the section's centroid, counter-clockwise. The rows (h, 3) act on (N, M1, M2) and are
+    all ≥ 0 where the centre of pressure lies within the hull. It has coordinates x1 = −M2/N and x2 = M1/N. The
+    condition a·x ≤ d on an edge of unit outward normal a becomes d N − a2 M1 + a1 M2 ≥ 0. Source: docs/method.md (2.3).
     """
     edge = np.roll(hull_, -1, axis=0) - hull_
     outward = np.column_stack([edge[:, 1], -edge[:, 0]]) / np.hypot(edge[:, 0], edge[:, 1])[:, None]
@@ -230,11 +231,11 @@ def hull_rows(hull_: Floats) -> Floats:
 
 
 def kern_rows(hull_: Floats, area_: float, moments: Floats) -> Floats:
-    """Compute rows (h, 3) on (N, M1, M2): area times elastic normal stress at hull corners.
+    """Return rows that compute the elastic normal stress at hull corners, times the area.
 
-    Compression is positive. hull_: (h, 2) about the centroid; moments: (2, 2) full tensor, so that e1, e2 need not be
-    principal axes. σ(x) A = N + A x·S⁻¹(−M2, M1). The kern form of an inner face requires rows ≥ −σt A:
-    docs/method.md (2.6).
+    hull_: (h, 2) corners about the centroid. area_: A. moments: (2, 2) tensor S of second moments, so that e1, e2 need
+    not be principal axes. The rows (h, 3) act on (N, M1, M2), with compression positive: σ(x) A = N + A x·S⁻¹(−M2, M1).
+    An inner face of kern form requires rows ≥ −σt A: docs/method.md (2.6).
     """
     slope = area_ * np.linalg.solve(moments, hull_.T).T
     return np.column_stack([np.ones(len(hull_)), slope[:, 1], -slope[:, 0]])

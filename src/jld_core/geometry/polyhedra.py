@@ -55,9 +55,10 @@ class Facets:
 
 
 def spread(start: Ints, count: Ints) -> tuple[Ints, Ints]:
-    """Return owners and positions of ragged ranges.
+    """Return the owner and the index of every entry of several index ranges.
 
-    Owner i has the positions start[i] … start[i] + count[i] − 1.
+    start, count: (n,) first index and length of each range. Range i holds start[i] … start[i] + count[i] − 1. The
+    results are arrays over all entries, range after range: the number i of the range, and the index.
     """
     owner = np.repeat(np.arange(len(count)), count)
     first = np.concatenate([[0], np.cumsum(count)])[:-1]

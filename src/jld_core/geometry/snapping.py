@@ -338,7 +338,11 @@ def straight(outline: Floats) -> Floats:
 
 
 def without_spikes(ring: Sequence[int], *, closed: bool) -> list[int]:
-    """Remove repeated nodes of a ring, and runs there and back again."""
+    """Remove repeated nodes from a path of node indices, and spikes from a closed one.
+
+    A spike is a run from a node to another and back. closed: True if the last node is joined to the first. The result
+    may have too few nodes to be a path.
+    """
     kept: list[int] = []
     for node in ring:
         if kept and kept[-1] == node:

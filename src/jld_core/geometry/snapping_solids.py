@@ -31,7 +31,7 @@ Beyond, the corner stays in place: its planes meet at too flat an angle to defin
 
 @dataclass(frozen=True)
 class SnappedSolids:
-    """Solids after snapping, in the given order; faces keep their numbering.
+    """Solids after snapping, in the given order; faces keep their vertex indices.
 
     vertices: (k, 3) of each solid. largest: largest displacement of a vertex, length. moved: number of moved vertices.
     """

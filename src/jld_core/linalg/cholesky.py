@@ -1,4 +1,4 @@
-"""Multifrontal Cholesky factorisation of sparse symmetric positive definite matrices, in numpy and LAPACK.
+"""Multifrontal Cholesky factorisation of sparse matrices, in numpy and LAPACK.
 
 `Fronts` analyses a pattern once: elimination order, and one dense front per separator of a nested dissection. The
 numbers are then computed by dense LAPACK routines, front by front. Source: Duff & Reid, ACM TOMS 9 (1983) 302–325; Liu,
@@ -33,7 +33,9 @@ class _Run(NamedTuple):
 
 
 class Fronts:
-    """Elimination order and fronts of one symmetric pattern.
+    """Symbolic analysis of one sparsity pattern for multifrontal Cholesky factorisation.
+
+    Make it once per pattern; then call `factor` for each matrix.
 
     Parameters
     ----------
@@ -50,10 +52,12 @@ class Fronts:
         Unknowns in order of elimination, and the position of each unknown in it.
     size : int
         Number of unknowns n.
-    parent, bounds : int arrays
-        Parent of each front, and where its pivot unknowns start.
+    parent : (fronts,) int array
+        Parent of each front in the elimination tree, −1 for a root.
+    bounds : (fronts + 1,) int array
+        Front k eliminates the positions from bounds[k] to bounds[k + 1].
     passed : list of int arrays
-        Unknowns of each front's update matrix.
+        For each front, positions of the later unknowns that its elimination changes.
     """
 
     def __init__(self, rows: Ints, columns: Ints, node: Ints, places: Floats | None = None) -> None:
@@ -222,14 +226,16 @@ def _expand(nodes: Ints, offset: Ints) -> Ints:
 
 
 class Factor:
-    """Cholesky factorisation that solves linear systems; made by `Fronts.factor`.
+    """Cholesky factorisation of a matrix, made by `Fronts.factor`; it solves linear systems.
 
     Parameters
     ----------
     fronts : Fronts
         Analysis of the pattern.
-    pivots, panels : list of arrays
-        Factored pivot matrix and panel below it, of each front.
+    pivots : list of (p, p) arrays
+        Lower Cholesky factor of the p unknowns that each front eliminates.
+    panels : list of (r, p) arrays
+        Rows of the factor below them, for the r later unknowns of the front.
     """
 
     def __init__(self, fronts: Fronts, pivots: list[Floats], panels: list[Floats]) -> None:

@@ -1,4 +1,4 @@
-"""Nested dissection: elimination order of a graph of elements, and the tree of its separators.
+"""Nested dissection: elimination order of a graph, and the tree of its separators.
 
 A line of elements cuts the graph in two, then each half again, down to small parts. Separators are eliminated after the
 parts that they separate. Cuts are perpendicular to the longest directions of a part, because contacts are local in
@@ -37,7 +37,7 @@ class Dissection:
 
 
 def nested_dissection(rows: Ints, columns: Ints, count: int, leaf: int, places: Floats | None = None) -> Dissection:
-    """Dissect a graph by recursive bisection.
+    """Order the nodes of a graph for sparse elimination, by recursive bisection.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def nested_dissection(rows: Ints, columns: Ints, count: int, leaf: int, places: 
     Returns
     -------
     Dissection
-        Order, parts and tree.
+        Order of elimination, its parts (separators and leaves), and their tree.
     """
     proper = rows != columns
     rows, columns = rows[proper], columns[proper]
@@ -126,9 +126,10 @@ def _along(nodes: Ints, places: Floats) -> Ints:
 
 
 def graph_places(rows: Ints, columns: Ints, count: int) -> Floats:
-    """Return coordinates (count, 3) from distances in the graph to distant nodes.
+    """Return artificial coordinates (count, 3) of the nodes of a graph, for bisection.
 
-    Connected components get separate ranges of the first coordinate.
+    They follow from the numbers of edges to a few distant nodes. Connected components get separate ranges of the first
+    coordinate; the third is 0. rows, columns: (e,) ends of the edges. count: number of nodes.
     """
     both = np.concatenate([rows, columns]), np.concatenate([columns, rows])
     graph = sp.csr_array((np.ones(len(both[0])), both), shape=(count, count))

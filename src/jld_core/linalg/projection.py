@@ -1,4 +1,4 @@
-"""Projection on the solutions of linear equations, by a factorisation that is computed once."""
+"""Projection on the solutions of linear equations, by a factorisation computed once."""
 
 from __future__ import annotations
 
@@ -18,18 +18,20 @@ _DENSE = 200  # number of equations up to which a stored dense projector is fast
 
 
 class Projector:
-    """Projection on the solutions of A F = r: F − Aᵀ(A Aᵀ)⁻¹(A F − r), docs/method.md (3.9).
+    """Projection of a vector F on the solutions of A F = r, with A factored once.
+
+    The projected vector is F − Aᵀ(A Aᵀ)⁻¹(A F − r), docs/method.md (3.9).
 
     Parameters
     ----------
-    matrix : sparse array
+    matrix : (rows, columns) sparse array
         A, restricted to the active resultants.
     places : (rows, d) array, optional
         Coordinates of the element of each row, for sparse Cholesky; None (LU) if a full column makes A Aᵀ full.
 
     Attributes
     ----------
-    matrix : sparse array
+    matrix : (rows, columns) sparse array
         Matrix A.
     rows : sparse or dense array
         A in a form for fast products with vectors (see `dense_if_small`).

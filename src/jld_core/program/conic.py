@@ -47,7 +47,7 @@ class Structure:
 
     @property
     def heads(self) -> Ints:
-        """First row (cones,) of each cone."""
+        """First row of each second-order cone, (cones,)."""
         return self.equalities + self.linear + beginnings(self.cones)
 
 
@@ -76,9 +76,10 @@ def pack(
     cones: tuple[int, ...],
     places: Floats | None = None,
 ) -> ConicProgram:
-    """Make the program min q·y subject to M y + s = r, with s in zeros, R₊ and second-order cones.
+    """Make a conic program from a sparse matrix and vectors.
 
-    Its sparsity pattern is not shared with other programs.
+    The program is: minimise q·y subject to M y + s = r. The slacks s are 0 in equations, at least 0 in inequalities,
+    and in second-order cones in the last rows. Its sparsity pattern is not shared with other programs.
 
     Parameters
     ----------
@@ -123,12 +124,12 @@ def _round(values: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class ConicProgram:
-    """Numbers of one conic program.
+    """Conic program: minimise q·y subject to M y + s = r, with s in a product of cones.
 
     Attributes
     ----------
     structure : Structure
-        Sparsity and cones.
+        Sparsity of M, and cones.
     data : (nnz,) array
         Values of M in the order of the structure.
     rhs : (rows,) array
@@ -144,15 +145,15 @@ class ConicProgram:
 
     @cached_property
     def rounded(self) -> ConicProgram:
-        """The program that solvers see: M and r rounded to `_SHARED_BITS` bits.
+        """The program that solvers get: M and r rounded to `_SHARED_BITS` bits.
 
-        A solver's path, and with it the last digits of its answer, then depends neither on units nor on the order of a
-        sum. What is proven from that answer is computed from the numbers as they are.
+        The last digits of a solver's answer then depend neither on units nor on the order of a sum. Bounds proven from
+        that answer use the numbers as they are.
         """
         return replace(self, data=_round(self.data), rhs=_round(self.rhs))
 
     @cached_property
     def matrix(self) -> sp.csc_array:
-        """M as a sparse array."""
+        """Matrix M as a sparse array (rows, columns) in compressed columns."""
         s = self.structure
         return sp.csc_array((self.data, s.indices, s.indptr), shape=s.shape)

@@ -1,4 +1,4 @@
-"""Template of the conic programs of one assembly: the data that do not depend on the labelling.
+"""Template of the conic programs of one assembly: data independent of the labelling.
 
 minimise  q·y   subject to   M y + s = r,   s in {0} × R₊ × second-order cones,   y = (F, extra, λ)
 
@@ -49,7 +49,9 @@ class Beside:
 
 
 class Template:
-    """Scaled data of an assembly that do not depend on the labelling.
+    """Programs of one assembly: all their data that do not depend on the labelling, scaled.
+
+    Make it once per assembly, and call `program` for each labelling.
 
     Parameters
     ----------
@@ -66,8 +68,8 @@ class Template:
     ----------
     assembly, scaling, yield_set, beside
         As above.
-    matrix : sparse array
-        Scaled A_eq with all resultants active, and the row of `beside`.
+    matrix : (q·free, q·m) sparse array
+        Scaled equilibrium matrix with all resultants active; one row longer with `beside`.
     dead, live : (q·free,) arrays
         Scaled load vectors, one entry longer with `beside`.
     floor : float
@@ -112,7 +114,7 @@ class Template:
 
     @property
     def precision(self) -> Precision:
-        """Residual and margin that an interior-point method should use on these programs."""
+        """Accuracy that an interior-point method should reach on these programs, by their cones."""
         if not self.structure.cones:
             return tolerances.LINEAR
         strengths = self.assembly.strengths
@@ -120,18 +122,19 @@ class Template:
         return tolerances.CRUSHING if crushing else tolerances.FRICTION_CONES
 
     def renumbered(self, sets: YieldSet) -> Template:
-        """Return this template with another yield set; everything else is shared.
+        """Return a template with another yield set, for instance of other strengths.
 
-        The structure is shared too if the sparsity is the same.
+        Scaling and equilibrium are shared, and so is the structure if its sparsity is the same.
         """
         other = self.with_rows(sets)
         other.yield_set = sets
         return other
 
     def with_rows(self, rows: Rows) -> Template:
-        """Return this template with rows of other yield sets; its `yield_set` stays.
+        """Return a template with the rows of other yield sets in its programs.
 
-        The structure is shared if the sparsity is the same.
+        Its attribute `yield_set` stays; use `renumbered` to replace that too. The structure is shared if its sparsity
+        is the same.
         """
         other = copy.copy(self)
         other._lay_out(rows)
@@ -143,7 +146,7 @@ class Template:
 
     @property
     def columns(self) -> int:
-        """Number of columns of the program (resultants, extra variables, λ)."""
+        """Number of columns of the programs: resultants, extra variables and λ."""
         return self.structure.shape[1]
 
     def _lay_out(self, sets: Rows) -> None:
@@ -196,24 +199,24 @@ class Template:
     def program(
         self, labels: Bits, margin: float = 0.0, *, other: Template | None = None, taken: Bools | None = None
     ) -> ConicProgram:
-        """Return the program of one labelling: maximise λ over admissible forces.
+        """Return the conic program of one labelling: maximise λ over admissible forces.
 
         Parameters
         ----------
         labels : (m,) bool array
             True = dry.
         margin : float
-            Scaled slack that every yield row keeps, and reward per unit of normal force. With it forces end inside the
-            yield sets and jumps end opening.
+            Scaled distance that forces keep from the boundary of every yield set, and reward per unit of normal force.
+            A value above 0 leaves room to repair the solution; all joints then open in the mechanism.
         other : Template, optional
-            Template of the same structure whose dry rows apply to the faces `taken`.
+            Template of the same structure, whose rows of dry faces replace those of the faces `taken`.
         taken : (m,) bool array, optional
-            Faces with the rows of `other`.
+            Faces with the rows of `other`; without it `other` has no effect.
 
         Returns
         -------
         ConicProgram
-            The program.
+            Program with the unknowns resultants, extra variables and λ, all scaled.
         """
         data = np.where(labels[self._face], self._dry, self._inner)
         rhs = np.where(labels[self._row_face], self._rhs_dry, self._rhs_inner)

@@ -125,9 +125,10 @@ def _nodes(
 
 
 def join_small(parts: list[shapely.Polygon], least: float) -> list[shapely.Polygon]:
-    """Join parts smaller than an area to the neighbour with the longest common boundary.
+    """Join parts smaller than a least area to the neighbour with the longest common boundary.
 
-    Parts share their corners exactly. A part stays separate where every union would have a hole or two components.
+    parts: polygons that share their corners exactly. least: the area, scene units. The smallest part is joined first. A
+    part stays separate where every union would have a hole or two components.
     """
     parts, stuck = list(parts), set[bytes]()
     while len(parts) > 1:

@@ -1,4 +1,7 @@
-"""Finer rigid cells inside the joint grid: pieces of one joint face share its label, all other faces are inner."""
+"""Finer rigid cells inside the joint grid, along whose faces blocks may crack.
+
+Pieces of one joint face share its label; all other faces are inner.
+"""
 
 from __future__ import annotations
 
@@ -16,12 +19,12 @@ from jld_core.scene import Scene
 
 @dataclass(frozen=True)
 class CrackCells:
-    """Assembly of finer cells, whose faces belong to faces of the joint grid or lie inside an element.
+    """Assembly of finer cells, with the joint-grid face that each of its faces is part of.
 
     Attributes
     ----------
     fine : Assembly
-        The cells; the assembly of the joint grid itself where no element is larger than a cell.
+        The cells, with M interfaces; the assembly of the joint grid itself where no element is larger than a cell.
     face : (M,) int array
         Face of the joint grid that each face of the cells is a piece of, −1 inside an element.
     """
@@ -65,7 +68,7 @@ def crack_cells(scene: Scene, assembly: Assembly, cell: float) -> CrackCells:
     Raises
     ------
     InputError
-        As `refine`.
+        The scene does not fit `refine`, or cells touch whose elements do not.
     """
     try:
         refined = refine(scene, (cell,))
@@ -79,7 +82,11 @@ def crack_cells(scene: Scene, assembly: Assembly, cell: float) -> CrackCells:
 
 
 def joint_faces(joints: Assembly, fine: Assembly, parent: dict[str, str]) -> Ints:
-    """Return for each face of the cells (M,) the joint face that it is a piece of, −1 inside an element."""
+    """Return the face of the joint grid that each face of the cells is a piece of, (M,).
+
+    It is −1 inside an element. joints: assembly of the joint grid. fine: assembly of the cells, with M interfaces.
+    parent: element of the joint grid, by the id of each cell. Raises InputError if cells touch whose elements do not.
+    """
     element = np.array([joints.elements.index[parent[name]] for name in fine.elements.ids])
     between: dict[tuple[int, int], list[int]] = {}
     for face, pair in enumerate(zip(joints.interfaces.a.tolist(), joints.interfaces.b.tolist(), strict=True)):

@@ -307,7 +307,7 @@ def _old_faces(assembly: Assembly) -> dict[tuple[str, str], list[int]]:
 
 
 def _labels(old: Assembly, new: Assembly, parent: dict[str, str]) -> dict[str, list[list[str]]]:
-    """Return the pairs of pieces to label "inner" and "dry", so that new faces keep the label of the old face.
+    """Return the pairs of pieces to label "inner" and "dry", so that faces keep their labels.
 
     New faces within one element are inner. Pairs that the new scene labels so already are left out.
     """

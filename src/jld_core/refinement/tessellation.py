@@ -22,7 +22,11 @@ _ON: Final = 1e-9
 
 
 def squares(lower: Floats, upper: Floats, cell: tuple[float, float]) -> list[shapely.Polygon]:
-    """Cover a box with rectangles of a given size, row by row from the lower left corner."""
+    """Cover a box with rectangles of a given size, row by row from the lower left corner.
+
+    lower, upper: (2,) corners of the box. cell: width and height, length. The last rectangles may exceed the box.
+    Raises InputError for more than `MOST` cells.
+    """
     counts = [
         max(1, int(np.ceil((high - low) / size - 1e-9))) for low, high, size in zip(lower, upper, cell, strict=True)
     ]
@@ -33,9 +37,10 @@ def squares(lower: Floats, upper: Floats, cell: tuple[float, float]) -> list[sha
 
 
 def voronoi(region: shapely.Geometry, cell: tuple[float, float], seed: int) -> list[shapely.Polygon]:
-    """Cover a region with Voronoi cells of about a given size.
+    """Return Voronoi cells that cover a region, about as many as cells of a given size.
 
-    Seeds are drawn at random in the region and spread by Lloyd iterations.
+    region: polygons. cell: width and height, length. seed: of the random points in the region, which are then spread
+    evenly by Lloyd iterations. Outer cells extend beyond the region. Raises InputError for more than `MOST` cells.
     """
     count = max(2, round(region.area / (cell[0] * cell[1])))
     _refuse(count)
@@ -61,7 +66,8 @@ def sectors(
 ) -> list[shapely.Polygon]:
     """Cover a box with sectors of rings about a centre, with chords for arcs.
 
-    cell: ring thickness, length, and sector angle, degrees. Raises InputError for an angle above 120 degrees.
+    lower, upper: (2,) corners of the box. cell: ring thickness, length, and sector angle, degrees. Raises InputError
+    for an angle above 120 degrees, or more than `MOST` cells.
     """
     thick, angle = cell
     if not angle <= 120.0:
@@ -91,9 +97,10 @@ def _refuse(count: float) -> None:
 
 
 def cut(vertices: Floats, faces: Faces, normal: Floats, offset: float) -> list[tuple[Floats, Faces]]:
-    """Cut a convex polyhedron by the plane n·x = offset.
+    """Cut a convex polyhedron by the plane n·x = offset into two closed polyhedra.
 
-    Returns both parts, or the polyhedron itself where the plane does not cross it.
+    vertices: (k, 3). faces: outward loops of vertex indices. normal: (3,) unit vector n. Returns vertices and faces of
+    the part below the plane, then above; of the polyhedron alone where the plane does not cross it.
     """
     height = vertices @ normal - offset
     size = float(np.ptp(vertices, axis=0).max())
@@ -150,7 +157,10 @@ def _half(vertices: Floats, faces: Faces, height: Floats, normal: Floats) -> tup
 
 
 def convex(vertices: Floats, faces: Faces) -> bool:
-    """Return True if a polyhedron lies behind each of its own faces."""
+    """Return True if a polyhedron is convex, up to 1e-5 of its size.
+
+    vertices: (k, 3). faces: outward loops of vertex indices.
+    """
     facets = facets_of([vertices], [faces])
     size = float(np.ptp(vertices, axis=0).max())
     over = np.einsum("fd,fvd->fv", facets.normal, vertices[None] - facets.origin[:, None])

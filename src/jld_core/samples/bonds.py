@@ -22,10 +22,11 @@ _SLIVER: Final = 0.25
 
 
 def course(bond: str, number: int, length: float, stretcher: float) -> Floats:
-    """Return the ends (k + 1,) of the stones of one course, ascending from 0 to its length.
+    """Return the positions of the head joints of one course, with its ends.
 
-    bond: one of BONDS. number: of the course, from 0. length, stretcher: lengths. Raises InputError for an unknown
-    bond.
+    The result (k + 1,) ascends from 0 to `length` and bounds k stones. bond: one of BONDS. number: number of the course
+    from 0, which decides its shift. length, stretcher: lengths of course and stretcher, m. Raises InputError for an
+    unknown bond.
     """
     if bond not in BONDS:
         raise ParameterError("bond", f"no bond is named {bond!r}", "one of " + ", ".join(BONDS))
@@ -46,9 +47,10 @@ def course(bond: str, number: int, length: float, stretcher: float) -> Floats:
 
 
 def without(pieces: list[tuple[float, float]], left: float, right: float, least: float) -> list[tuple[float, float]]:
-    """Remove the interval [left, right] from the stones of a course.
+    """Remove an interval, such as an opening, from the stones of a course.
 
-    A remainder shorter than `least` joins the adjacent stone.
+    pieces: begin and end of each stone, ascending. left, right: ends of the interval. least: length below which the
+    rest of a stone joins the stone beside it. Returns the remaining stones in the same form.
     """
     before = [(float(a), float(min(b, left))) for a, b in pieces if a < left - 1e-12]
     after = [(float(max(a, right)), float(b)) for a, b in pieces if b > right + 1e-12]

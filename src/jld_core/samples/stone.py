@@ -46,27 +46,36 @@ push: horizontal body load. crown, quarter: 1 N downwards on the upper side of t
 
 
 def check(**values: float) -> None:
-    """Raise InputError for a dimension that is not above 0, named by its option."""
+    """Raise InputError for a dimension that is not a finite number above 0.
+
+    values: dimensions by the names of their options.
+    """
     for name, value in values.items():
         if not (value > 0.0 and np.isfinite(value)):
             raise ParameterError(name, f"{value:g} is wrong", "a number above 0")
 
 
 def count(least: int, **values: int) -> None:
-    """Raise InputError for a number of parts below `least` or above `MOST`."""
+    """Raise InputError for a number of parts below `least` or above `MOST`.
+
+    values: numbers by the names of their options.
+    """
     for name, value in values.items():
         if not least <= value <= MOST:
             raise ParameterError(name, f"{value} is wrong", f"a number from {least} to {MOST}")
 
 
 def cap(elements: float) -> None:
-    """Raise InputError for more than `MOST` elements, before they are made."""
+    """Raise InputError if a sample would have more than `MOST` elements, before it is made."""
     if elements > MOST:
         raise InputError("jld new", f"that would be {elements:.3g} elements", f"at most {MOST}")
 
 
 def choose(option: str, value: str, allowed: Sequence[str]) -> None:
-    """Raise InputError for a name that is not allowed."""
+    """Raise InputError if the value of an option is not one of the allowed names.
+
+    option: name of the option, for the message. value: the given name.
+    """
     if value not in allowed:
         raise ParameterError(option, f"{value!r} is unknown", "one of " + ", ".join(allowed))
 
@@ -74,9 +83,10 @@ def choose(option: str, value: str, allowed: Sequence[str]) -> None:
 def scene_of(
     name: str, elements: list[dict[str, Any]], stone: Stone, load: str, *, depth: float | None = None
 ) -> Scene:
-    """Return a scene of elements with material and live load.
+    """Return the scene of a sample from its elements, with material and live load.
 
-    depth: out-of-plane depth of planar elements. load: one of LOADS. Raises InputError for another load.
+    elements: entries of "elements" in a scene, all planar or all spatial. load: one of LOADS. depth: out-of-plane depth
+    of planar elements, m. Raises InputError for another load, or an invalid element.
     """
     choose("load", load, LOADS)
     spatial = "vertices" in elements[0]
@@ -92,7 +102,7 @@ def scene_of(
 
 
 def materials(stone: Stone) -> dict[str, Any]:
-    """Return the "materials" of a scene."""
+    """Return the entry "materials" of a scene for a sample's stone."""
     return {
         "density": stone.density,
         "dry": {"friction_coefficient": stone.friction},
@@ -167,9 +177,10 @@ def box(name: str, low: Sequence[float], high: Sequence[float], **keys: Any) -> 
 
 
 def swept(name: str, sections: Floats, **keys: Any) -> dict[str, Any]:
-    """Make a spatial element through consecutive plane four-cornered sections.
+    """Make a spatial element through consecutive four-cornered sections.
 
-    sections: (k, 4, 3), k ≥ 2, corners in the same order; each side between two sections must be plane.
+    sections: (k, 4, 3), k ≥ 2, corners in the same order, m. Each section, and each side between two of them, must be
+    plane. keys: further keys of the element, such as `support`. Returns its entry of "elements" in a scene.
     """
     number = len(sections)
     faces = [[3, 2, 1, 0], [4 * (number - 1) + i for i in range(4)]]
@@ -180,9 +191,10 @@ def swept(name: str, sections: Floats, **keys: Any) -> dict[str, Any]:
 
 
 def steps(parts: int, offset: bool) -> list[tuple[int, ...]]:
-    """Return the stations 0 … 2·parts that each part of a ring spans, two half steps each.
+    """Return the stations along a ring that each of its parts spans, to shift its joints.
 
-    In a ring with offset, parts begin half a part later and both ends are half parts.
+    The ring has 2·parts half steps and stations 0 … 2·parts. A part spans two half steps. With `offset`, parts begin
+    half a part later, and the first and the last part are half as long.
     """
     if not offset:
         return [(2 * k, 2 * k + 1, 2 * k + 2) for k in range(parts)]

@@ -28,9 +28,9 @@ _EXPECTED = {
 
 
 def first_complaint(error: ValidationError, model: type[BaseModel], known: Iterable[str] = ()) -> InputError:
-    """Return the most informative validation error as an InputError with its key path.
+    """Return the most informative of pydantic's errors as an InputError with its key path.
 
-    model: the validated model; known: further keys that its top level may have. Where a value may have several forms,
+    model: the validated model. known: further keys that its top level may have. Where a value may have several forms,
     pydantic reports one error for each. The deepest path belongs to the form that was probably meant, and names of
     forms are removed from it. Where no form fits better than the others, the message names all of them.
     """
@@ -124,11 +124,11 @@ def _model_in(annotation: Any) -> type[BaseModel] | None:
 
 
 def plain(key: str) -> str:
-    """Return a key unchanged if it is an identifier, else quoted so that it stays on one line."""
+    """Return a key of a scene file for a message: unchanged if an identifier, else quoted."""
     return key if key.isidentifier() else shown(key)
 
 
 def shown(value: object) -> str:
-    """Return a value as JSON, shortened to 40 characters."""
+    """Return a value as JSON text for a message, cut to 40 characters."""
     text = json.dumps(value, default=str, skipkeys=True)
     return text if len(text) <= 40 else text[:37] + "..."

@@ -53,7 +53,10 @@ CrackModel = Literal["faces"] | CellCracks | FieldCracks
 
 
 def cracks_by_kind(given: Any) -> Any:
-    """Validate the key "cracks" by its kind, so that messages refer to the kind that was meant."""
+    """Validate the value of the key "cracks" by its kind, for messages about the kind meant.
+
+    Returns "faces", a CellCracks or a FieldCracks. Raises InputError for an unknown kind or a wrong value.
+    """
     if given == "faces" or isinstance(given, CellCracks | FieldCracks):
         return given
     kind = given.get("kind") if isinstance(given, dict) else None

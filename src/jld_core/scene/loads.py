@@ -1,4 +1,4 @@
-"""Define the keys of loads and of movements of supports in a scene file, with types and defaults."""
+"""Define the keys of loads and of movements of supports in a scene file."""
 
 from __future__ import annotations
 
@@ -146,14 +146,29 @@ _Entries = list[PointLoad | BodyLoad | FaceLoad]
 
 
 def require_unique_names(key: str, names: list[str]) -> None:
-    """Raise InputError for a name used twice."""
+    """Raise InputError if two entries of a list have the same name.
+
+    key: key of the list in the scene, for the message. names: names of its entries.
+    """
     for position, name in enumerate(names):
         if name in names[:position]:
             raise InputError(f"{key}[{position}].name", f"{name!r} is used twice", "a name of its own for each")
 
 
 class Case(Part):
-    """Load case: further dead loads, live loads multiplied by λ, and the required factor."""
+    """Load case of a structure.
+
+    Attributes
+    ----------
+    name : str
+        Name of its own.
+    live : list of PointLoad or BodyLoad
+        Loads that are multiplied by λ.
+    dead : list of PointLoad or BodyLoad
+        Loads that act beside the dead loads of all cases.
+    required : float
+        Required load factor, by which λ of the case is divided.
+    """
 
     name: Annotated[str, Field(min_length=1, description="a name of its own")]
     live: Annotated[_Entries, Field(description="a list of loads that are multiplied by λ")]
@@ -198,7 +213,19 @@ class MovingLoad(Part):
 
 
 class Loads(Part):
-    """Dead loads, and one of live loads, load cases and moving loads; cases and moving loads may stand together."""
+    """Dead loads, and either live loads, or load cases and moving loads.
+
+    Attributes
+    ----------
+    dead : list of PointLoad, BodyLoad or FaceLoad
+        Loads beside self-weight that are not multiplied by λ.
+    live : list of PointLoad, BodyLoad or FaceLoad, or None
+        Loads that are multiplied by λ; None if there are load cases or moving loads.
+    cases : list of Case or None
+        Load cases; None if none is stated.
+    moving : list of MovingLoad or None
+        Vehicles of which every position is a load case; None for none.
+    """
 
     dead: _Entries = []
     live: Annotated[_Entries | None, Field(description="a list of loads that are multiplied by λ")] = None
@@ -226,7 +253,19 @@ class Loads(Part):
 
 
 class Moved(Part):
-    """Supports that move together: translation, rotation and its centre."""
+    """Supports that move together as a rigid body during a settlement.
+
+    Attributes
+    ----------
+    elements : str or list of str
+        Ids of the supports.
+    move : list of float or None
+        Direction and relative size of the translation; None for none.
+    turn : float or list of float
+        Rotation relative to the translation: a number, counter-clockwise, or a spatial vector.
+    about : list of float or None
+        Centre of the rotation; None for the mean of the supports' centroids.
+    """
 
     elements: Annotated[str | list[str], Field(description="the id of a support, or a list of them")]
     move: Annotated[Vector | None, Field(description="a vector")] = None
@@ -238,7 +277,17 @@ class Moved(Part):
 
 
 class Settling(Part):
-    """Movement of supports in a known direction: a foundation that sinks, spreads or tilts."""
+    """Movement of supports in a known direction, such as a foundation that sinks or tilts.
+
+    Attributes
+    ----------
+    name : str
+        Name of its own.
+    supports : list of Moved
+        Supports that move; all others stay.
+    load : float
+        Share of the live load that acts meanwhile.
+    """
 
     name: Annotated[str, Field(min_length=1, description="a name of its own")]
     supports: Annotated[list[Moved], Field(min_length=1)]

@@ -1,4 +1,4 @@
-"""Keys of a scene for `jld move`: which vertices of joints move, within which limits, and to what end."""
+"""Keys of a scene for `jld move`: variables, limits and objective."""
 
 from __future__ import annotations
 
@@ -52,7 +52,10 @@ class Path(Part):
 
 
 class Draft(Part):
-    """Least inclination of joints to the direction in which blocks are lifted out, degrees."""
+    """Least inclination of dry joints that lets blocks be lifted out of a mould.
+
+    direction: vector along which blocks are lifted. degrees: least angle between it and each joint.
+    """
 
     direction: Annotated[Vector, Field(description="a vector")]
     degrees: Annotated[float, Field(ge=0, lt=90)]

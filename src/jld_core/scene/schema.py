@@ -18,7 +18,10 @@ from jld_core.scene.search import Labels, Search
 
 
 class Units(Part):
-    """Names of the units for tables and axes; the numbers must be consistent with them."""
+    """Names of the units of length and force, written in tables and on axes.
+
+    The numbers of the scene must be consistent with them; no number is converted.
+    """
 
     length: str = "m"
     force: str = "N"
@@ -253,12 +256,12 @@ class Scene(Part):
 
     @property
     def dimension(self) -> Literal[2, 3]:
-        """Return 2 for a planar scene, 3 for a spatial one."""
+        """Dimension of the scene: 2 planar, 3 spatial."""
         return 3 if self.elements is not None and self.elements[0].polygon is None else 2
 
     @property
     def fingerprint(self) -> str:
-        """Return a hex digest of all keys that results depend on.
+        """Hex digest of all keys that results depend on, by which records of a search are found.
 
         Name, source, notes, expected and move are left out.
         """

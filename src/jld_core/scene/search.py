@@ -12,7 +12,11 @@ from jld_core.scene.part import LabelName, NonNegative, Pair, Part, Positive
 
 
 class Labels(Part):
-    """The scene's own labelling: default label, and pairs of elements with dry or inner faces."""
+    """The scene's own labelling.
+
+    default: label of all faces that the lists do not name. None: inner between elements of one named block, else dry.
+    inner, dry: pairs of ids of elements whose faces have that label.
+    """
 
     default: LabelName | None = None
     inner: list[Pair] = []
@@ -20,7 +24,10 @@ class Labels(Part):
 
 
 class Keep(Part):
-    """Pairs of elements whose faces keep the label dry or inner in a search."""
+    """Pairs of elements whose faces keep a label in a search.
+
+    dry, inner: pairs of ids of elements whose faces stay dry or inner.
+    """
 
     dry: list[Pair] = []
     inner: list[Pair] = []
@@ -45,7 +52,17 @@ Sense = Literal["max", "min"]
 
 
 class Front(Part):
-    """Objectives of a search beside λ: one count, or two, each to be maximised or minimised."""
+    """Counts that a search optimises beside λ.
+
+    Attributes
+    ----------
+    count : str
+        Name of the first count, such as "dry_faces".
+    counts : list of two str, or None
+        Names of two counts, where two are optimised.
+    sense : {"max", "min"} or list of them
+        Better direction of every count, or of each.
+    """
 
     count: Annotated[str, Field(min_length=1)] = "dry_faces"
     counts: Annotated[list[str] | None, Field(min_length=2, max_length=2, description="two names of counts")] = None
@@ -72,7 +89,7 @@ class Front(Part):
 
     @property
     def axes(self) -> tuple[tuple[str, Sense], ...]:
-        """Return every count with its better direction."""
+        """Name and better direction ("max" or "min") of each count."""
         names = self.counts or [self.count]
         senses = self.sense if isinstance(self.sense, list) else [self.sense] * len(names)
         return tuple(zip(names, senses, strict=True))
@@ -85,19 +102,25 @@ class Require(Part):
 
     @property
     def threshold(self) -> float:
-        """Return the λ that meets the requirement, reduced by the tolerance of proven bounds."""
+        """Least λ that meets the requirement: `load_factor`, less the tolerance of proven bounds."""
         return self.load_factor * (1.0 - tolerances.PROVEN)
 
 
 class Moulds(Part):
-    """Congruence of block shapes: translated copies, and rotated or mirrored ones if allowed."""
+    """Which copies of a block's shape count as the same shape, beside translated ones.
+
+    rotate: rotated copies. flip: mirrored copies.
+    """
 
     rotate: bool = False
     flip: bool = False
 
 
 class VoidCells(Part):
-    """Cells that a search may leave out, and the largest share of them."""
+    """Cells that a search may leave out of the structure.
+
+    cells: "all", or ids of free elements. most: largest share of the cells that is left out.
+    """
 
     cells: Annotated[Literal["all"] | list[str], Field(description='"all" or a list of ids of free elements')] = "all"
     most: Annotated[float, Field(gt=0, lt=1)] = 0.5

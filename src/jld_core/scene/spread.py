@@ -15,7 +15,7 @@ _KEYS = ("nominal", "low")
 
 
 class Spread(float):
-    """Float of the nominal value that also holds the low value."""
+    """Nominal value of a material, used as a float, with its low value in the attribute `low`."""
 
     __slots__ = ("low",)
     low: float
@@ -32,7 +32,7 @@ class Spread(float):
 
 @dataclass(frozen=True)
 class MaySpread:
-    """Marker of a number that may be given as a `Spread`."""
+    """Annotation of a pydantic field whose number may be given as nominal and low value."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         written = core_schema.plain_serializer_function_ser_schema(_written)
@@ -69,7 +69,7 @@ def _written(value: Any) -> Any:
 
 
 def lowered(document: Any) -> Any:
-    """Return a document with every spread value replaced by its low value."""
+    """Return a scene document in which low values replace all pairs of nominal and low value."""
     if isinstance(document, dict):
         if set(document) == set(_KEYS):
             return document["low"]

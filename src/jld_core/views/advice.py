@@ -22,7 +22,11 @@ _CARRIES: Final = 1e-3
 
 
 def advice(result: LimitAnalysisResult) -> dict[str, str]:
-    """Return advice by name; empty for a conclusive result and for several load cases."""
+    """Return what explains a result without a load factor, and the next option to try.
+
+    The keys are "falls" (which elements, how), "confined" (between which supports) and "next". The result is empty for
+    a conclusive result and for several load cases.
+    """
     if result.cases:
         return {}
     if result.status is Status.UNSTABLE:

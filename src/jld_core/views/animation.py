@@ -25,9 +25,10 @@ PER_SECOND: Final = 12
 
 
 def save_animation(result: LimitAnalysisResult, path: str | Path) -> None:
-    """Write the mechanism of a result as a loop, .gif or .mp4 by the ending.
+    """Write the collapse mechanism of a result as a looped animation, .gif or .mp4.
 
-    Raises InputError for another ending, for .mp4 without ffmpeg, or for a result without a mechanism.
+    path: file to write; its ending decides. An existing file is replaced. Raises InputError for another ending, for
+    .mp4 without ffmpeg, or for a result without a mechanism.
     """
     ending = Path(path).suffix.lower()
     if ending not in (".gif", ".mp4"):

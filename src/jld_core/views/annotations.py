@@ -63,10 +63,11 @@ FONT: Final = 7.5
 
 
 def draw_loads(ax: Axes, assembly: Assembly, drawn: Drawn) -> list[Floats]:
-    """Draw the live loads and add them to `drawn` as "live", "body" and "couples".
+    """Draw the live loads on axes, and return the points that loads and structure cover.
 
-    Point loads have their tips at the points; the load on all bodies is one arrow beside the structure. Returns the
-    points (k, 2) on paper that loads and structure cover.
+    Point loads have their tips at the points; the load on all bodies is one arrow beside the structure. Artists are
+    added to `drawn` as "live", "body" and "couples". The result is a list of arrays (2,) or (k, 2) on paper, scene
+    units.
     """
     projection = projection_of(assembly)
     lower, upper = extent(assembly, projection)
@@ -113,10 +114,10 @@ def arrows(
     width: float,
     hollow: bool = False,
 ) -> Quiver:
-    """Draw arrows of vectors (k, 2), in data units, at points (k, 2).
+    """Draw vectors as arrows and return the artist.
 
-    feet: positions of the `pivot` ("tail", "mid", "tip") of each arrow. width: of the shaft, points. hollow: white
-    inside.
+    feet: (k, 2) positions, and vectors: (k, 2), both in data units. name: label of the artist. pivot: part of the arrow
+    at its position, "tail", "mid" or "tip". width: of the shaft, points. hollow: white inside.
     """
     look: dict[str, Any] = {"facecolor": "white" if hollow else colour, "edgecolor": colour}
     look |= {"linewidth": 0.8 if hollow else 0.0, "zorder": 4.0, "label": name}
@@ -126,9 +127,10 @@ def arrows(
 
 
 def frame(ax: Axes, assembly: Assembly, covered: list[Floats], bare: bool = False) -> None:
-    """Set the limits around covered points (k, 2), equal aspect, and axes with units.
+    """Set the limits and aspect of axes so that they show given points, and label the axes.
 
-    bare: no axes. Spatial views show the directions x, y, z instead of axes.
+    covered: arrays (2,) or (k, 2), data units. bare: no axes. Spatial views show the directions x, y, z instead of
+    axes.
     """
     points = np.vstack([np.atleast_2d(p) for p in covered])
     lower, upper = points.min(axis=0), points.max(axis=0)
@@ -172,9 +174,9 @@ def _draw_triad(ax: Axes, assembly: Assembly, lower: Floats) -> Floats:
 
 
 def legend(ax: Axes, handles: list[Artist]) -> None:
-    """Add a legend below the axes.
+    """Add a legend below the axes, at a distance in points that suits any shape of the axes.
 
-    Its distance is in points, so that it covers nothing for any shape of the axes.
+    handles: legend handles, in order.
     """
     figure = ax.get_figure(root=True)
     if figure is None:
@@ -194,7 +196,7 @@ def _below(ax: Axes) -> float:
 
 
 def legend_inches(ax: Axes) -> float:
-    """Return the height of ticks and legend below the axes, inches."""
+    """Return the height of ticks and legend below the axes, inches; 0.6 without a legend."""
     found = ax.get_legend()
     figure = ax.get_figure(root=True)
     if found is None or figure is None:
@@ -215,7 +217,10 @@ def _mark(label: str, marker: str, size: float, **style: Any) -> Line2D:
 
 
 def label_handles(assembly: Assembly, labels: Bits, ink: LineStyle) -> list[Artist]:
-    """Return legend handles of the labels present (dry and inner faces) and of supports."""
+    """Return legend handles of dry faces, inner faces and supports.
+
+    labels: (m,) True = dry; labels that no face has are left out. ink: style in which the faces were drawn.
+    """
     handles: list[Artist] = []
     for mask, name, dash in ((labels, "dry face", "solid"), (~labels, "inner face", DOTTED)):
         if mask.any():
@@ -227,14 +232,17 @@ def label_handles(assembly: Assembly, labels: Bits, ink: LineStyle) -> list[Arti
 
 
 def block_handle(assembly: Assembly, labels: Bits) -> Artist:
-    """Return the legend handle of the tints, with the number of blocks with a free element."""
+    """Return the legend handle of the blocks' tints; its text has the number of blocks.
+
+    labels: (m,) True = dry. Blocks of supports alone are not counted.
+    """
     count = len(np.unique(blocks_of(assembly, labels)[assembly.elements.free]))
     name = "1 block" if count == 1 else f"{count} blocks, by tint"
     return Patch(facecolor=TINTS[0], edgecolor=SOFT, linewidth=0.6, label=name)
 
 
 def load_handles(drawn: Drawn) -> list[Artist]:
-    """Return legend handles of the live loads drawn."""
+    """Return legend handles of the live loads that `draw_loads` has added to `drawn`."""
     known = {
         "live": _mark("live load, × λ", r"$\longrightarrow$", 15.0, color=LOAD, markeredgewidth=0.3),
         "body": _mark("live load on all bodies, × λ", r"$\Rightarrow$", 13.0, color=LOAD),
@@ -244,9 +252,10 @@ def load_handles(drawn: Drawn) -> list[Artist]:
 
 
 def force_handles(result: LimitAnalysisResult, forces: Floats, drawn: Drawn, thick: float) -> list[Artist]:
-    """Return legend handles of a figure of forces.
+    """Return legend handles of a figure of forces: utilisation, arrows, thrust line, loads.
 
-    forces: (m, q) those of the result. thick: width of the widest face at rest, points.
+    forces: (m, q) those of the result. drawn: artists by name; only names that it has get a handle. thick: width of the
+    widest face at rest, points.
     """
     size = np.linalg.norm(quantities.face_vectors(result.assembly, forces), axis=1)
     largest = f"longest {float(size.max(initial=0.0)):.3g} {result.assembly.units[1]}"
@@ -267,7 +276,10 @@ def force_handles(result: LimitAnalysisResult, forces: Floats, drawn: Drawn, thi
 
 
 def mechanism_handles(assembly: Assembly, labels: Bits, ink: LineStyle, drawn: Drawn) -> list[Artist]:
-    """Return legend handles of a figure of a mechanism."""
+    """Return legend handles of a figure of a mechanism: labels, rest, kinds of movement.
+
+    labels: (m,) True = dry. ink: style of the faces. drawn: artists by name; only its kinds of movement get a handle.
+    """
     handles = label_handles(assembly, labels, ink)
     handles.append(_line("at rest", color=REST, linewidth=0.6))
     for kind, style in MOVES.items():

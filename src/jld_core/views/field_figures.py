@@ -1,4 +1,4 @@
-"""Figures of stress and velocity fields: stress trajectories, and where blocks crack, on any matplotlib axes."""
+"""Figures of stress and velocity fields: stress trajectories, and where blocks crack."""
 
 from __future__ import annotations
 
@@ -42,11 +42,11 @@ _CRUSHED: Final = 0.02
 
 
 def draw_stresses(ax: Axes, assembly: Assembly, labels: Bits, stresses: Stresses | None) -> Drawn:
-    """Draw trajectories of principal stresses: compression as solid lines, tension as dashed ones, wider with stress.
+    """Draw the trajectories of principal stresses of a layout on axes, wider with stress.
 
-    labels: (m,) True = dry. stresses: field of a lower bound; without one the title says so. Stresses are averaged over
-    about a twelfth of an element. Returns the artists of `paint`, the loads, and "compression" and "tension", as
-    present.
+    Compression is solid, tension dashed. Stresses are first averaged over about a twelfth of an element. labels: (m,)
+    True = dry. stresses: field of a lower bound; without one the title says so. Returns artists by name: those of
+    `paint`, the loads, and "compression" and "tension", as present.
     """
     base = default_ink(ax, assembly, labels)
     faded = LineStyle([INK if dry else HATCH for dry in labels], 0.7 * base.widths)
@@ -89,11 +89,11 @@ def _lines(found: list[Trajectory], largest: float, colour: str, kind: str) -> L
 
 
 def draw_cracks(ax: Axes, assembly: Assembly, labels: Bits, velocities: Velocities | None) -> Drawn:
-    """Draw the displaced triangles of a velocity field, with the joints and cracks across which velocity jumps.
+    """Draw the displaced triangles of a velocity field, and where velocity jumps, on axes.
 
-    labels: (m,) True = dry. velocities: field of an upper bound; without one the title says so. Joints are
-    dark lines on both sides, thick where they move, cracks thinner red ones; triangles that deform are shaded.
-    Returns "supports", "blocks", "deforming", "joints", "cracks" and "rest", as present.
+    labels: (m,) True = dry. velocities: field of an upper bound; without one the title says so. Joints are dark lines
+    on both sides, thick where they move, and cracks are thinner red ones. Triangles that deform are shaded. Returns
+    artists by name: "supports", "blocks", "deforming", "joints", "cracks" and "rest", as present.
     """
     base = default_ink(ax, assembly, labels)
     if velocities is None:
@@ -124,7 +124,7 @@ def draw_cracks(ax: Axes, assembly: Assembly, labels: Bits, velocities: Velociti
 
 
 def _blocks(ax: Axes, assembly: Assembly, labels: Bits, velocities: Velocities, moved: Floats) -> Drawn:
-    """Draw supports, the displaced triangles in the tints of their blocks, and shade those that deform."""
+    """Draw supports and displaced triangles in the tints of their blocks; shade what deforms."""
     mesh, tints = velocities.mesh, tints_of(assembly, labels)
     fills = [tints[cell] for cell in mesh.cell]
     support = assembly.elements.support
@@ -148,7 +148,10 @@ def _blocks(ax: Axes, assembly: Assembly, labels: Bits, velocities: Velocities, 
 
 
 def strain_power(velocities: Velocities) -> Floats:
-    """Return a measure (t,) of how fast triangles deform: the largest shear rate times the area, live work one."""
+    """Return how fast triangles deform, (t,): rate of largest shear plus dilation, times area.
+
+    Velocities give the live load power 1. The measure decides which triangles figures shade.
+    """
     mesh = velocities.mesh
     slope = np.einsum("tki,tkj->tij", velocities.velocity, mesh.gradient)
     shear = np.hypot(slope[:, 0, 0] - slope[:, 1, 1], slope[:, 0, 1] + slope[:, 1, 0])
@@ -156,9 +159,9 @@ def strain_power(velocities: Velocities) -> Floats:
 
 
 def _jumps(labels: Bits, velocities: Velocities, moved: Floats, top: float, faces: int) -> tuple[Floats, Bools, Floats]:
-    """Both sides (k, 2, 2, 2) of dry joints and of cracks, whether each is a joint, and how far velocity jumps.
+    """Return both sides of dry joints and cracks, whether each is a joint, and their jumps.
 
-    Sides: edge, side, end, axis. A support does not move.
+    The sides (k, 2, 2, 2) have the axes edge, side, end and coordinate. A support does not move.
     """
     mesh, e = velocities.mesh, velocities.mesh.edges
     face = np.where(e.tag < faces, e.tag, -1)
@@ -191,7 +194,7 @@ def _crack_handles(drawn: Drawn, thick: float) -> list[Any]:
 def figure_of_fields(assembly: Assembly, labels: Bits, bounds: FieldBounds) -> Figure:
     """Return a figure of labels, stress trajectories and cracks of one layout under one load.
 
-    The title has name, both bounds on λ, and the number of triangles.
+    labels: (m,) True = dry. bounds: both bounds by fields. The title has name, bounds on λ and number of triangles.
     """
     figure, axes = figure_for(assembly, 3)
     draw_assembly(axes[0], assembly, labels)
@@ -204,7 +207,7 @@ def figure_of_fields(assembly: Assembly, labels: Bits, bounds: FieldBounds) -> F
 def figure_of_field_layouts(layouts: Sequence[tuple[Assembly, Bits, FieldBounds]], titles: Sequence[str]) -> Figure:
     """Return a figure of layouts side by side, stress trajectories above cracks.
 
-    layouts: assembly under one load, labels (m,), and bounds of each. titles: one per layout.
+    layouts: for each an assembly under one load, its labels (m,), True = dry, and its bounds. titles: one per layout.
     """
     count = len(layouts)
     figure, axes = figure_for(layouts[0][0], 2 * count, columns=count)
@@ -217,7 +220,7 @@ def figure_of_field_layouts(layouts: Sequence[tuple[Assembly, Bits, FieldBounds]
 
 
 def title_of_fields(assembly: Assembly, bounds: FieldBounds) -> str:
-    """Return name, both bounds on λ and the number of triangles, on two lines."""
+    """Return the title of a figure of fields: name, bounds on λ and number of triangles."""
     low, high = (f"{end:.4g}" if math.isfinite(end) else "none" for end in (bounds.lower, bounds.upper))
     name = textwrap.shorten(assembly.name, 90, placeholder=" …")
     value = "no λ ≥ 0 is admissible" if bounds.upper < 0.0 else f"λ of the blocks in [{low}, {high}]"

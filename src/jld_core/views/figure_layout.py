@@ -21,9 +21,10 @@ from jld_core.views.structure import (
 
 
 def figure_for(assembly: Assembly, count: int, columns: int | None = None) -> tuple[Figure, list[Axes]]:
-    """Return a figure with axes of about their final size, on which line widths depend.
+    """Return a new figure with axes of about their final size, on which line widths depend.
 
-    count: number of axes. columns: axes per row.
+    count: number of axes. columns: axes per row; None for one row, or one column for very wide scenes. Call `finish`
+    when all axes are drawn.
     """
     lower, upper = extent(assembly, projection_of(assembly))
     figure = Figure(dpi=120)
@@ -34,7 +35,10 @@ def figure_for(assembly: Assembly, count: int, columns: int | None = None) -> tu
 
 
 def finish(figure: Figure, axes: list[Axes], title: str, columns: int | None = None) -> None:
-    """Give all axes one scale and their final sizes, and set the title."""
+    """Give all axes of a figure one scale and their final sizes, and set the figure's title.
+
+    columns: as in `figure_for`.
+    """
     limits = np.array([[ax.get_xlim(), ax.get_ylim()] for ax in axes])
     low, high = limits[:, :, 0].min(axis=0), limits[:, :, 1].max(axis=0)
     for ax in axes:
@@ -69,7 +73,7 @@ def _place(figure: Figure, axes: list[Axes], span: Floats, columns: int | None =
 
 
 def title_of(result: LimitAnalysisResult) -> str:
-    """Return name, λ with its bracket, status and kind of friction, on two lines."""
+    """Return the title of a figure of a result: name, λ with its bracket, status, friction."""
     digits = 4
     if math.isfinite(result.gap) and result.gap > 0.0:
         digits = int(np.clip(math.ceil(-math.log10(result.gap)) + 2, 4, 14))

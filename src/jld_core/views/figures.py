@@ -53,12 +53,13 @@ NO_MECHANISM: Final = {
 
 
 def draw_assembly(ax: Axes, assembly: Assembly, labels: Bits | None = None, *, plain: bool = False) -> Drawn:
-    """Draw blocks in tints, dry and inner faces, supports and live loads.
+    """Draw an assembly on axes: blocks in tints, dry and inner faces, supports, live loads.
 
     Dry faces are thick with ticks, inner faces thin and dotted, supports hatched. labels: (m,) True = dry, default the
     assembly's own. plain: no loads, axes or legend, for thumbnails.
-    Returns "elements", "supports", "outlines", "dry", "inner", "ticks", "live", "body", "couples", as present. Spatial:
-    faces and elements are in "elements" and "supports", in the order in which they are painted.
+
+    Returns artists by name: "elements", "supports", "outlines", "dry", "inner", "ticks", "live", "body", "couples", as
+    present. In space faces and elements are in "elements" and "supports", in the order in which they are painted.
     Raises ValueError for labels of another length than the interfaces.
     """
     labels = _labels(assembly, labels)
@@ -75,13 +76,14 @@ def draw_assembly(ax: Axes, assembly: Assembly, labels: Bits | None = None, *, p
 
 
 def draw_forces(ax: Axes, result: LimitAnalysisResult) -> Drawn:
-    """Draw face forces at centres of pressure, utilisation, yielding faces and thrust line.
+    """Draw the forces on the faces of a result on axes, with utilisation and thrust line.
 
-    Arrows have the sign that points along the load path; hollow arrows are tension (N < 0). A turning arrow at the
-    centroid marks a face whose resultant has no centre of pressure on the face. Forces below 1 % of the largest are
-    left out.
-    Returns the artists of `paint`, the loads, and "press", "tension", "couples on faces", "yield dry", "yield inner",
-    "thrust", as present.
+    Arrows are centred at centres of pressure and point along the load path; hollow arrows are tension (N < 0). A
+    turning arrow at the centroid marks a face without a centre of pressure on it. Forces below 1 % of the largest are
+    left out. Without forces the title says so.
+
+    Returns artists by name: those of `paint`, the loads, and "press", "tension", "couples on faces", "yield dry",
+    "yield inner", "thrust", as present.
     """
     assembly, labels = result.assembly, result.labels
     base = default_ink(ax, assembly, labels)
@@ -171,13 +173,15 @@ def _draw_yielding(ax: Axes, result: LimitAnalysisResult, forces: Floats, used: 
 
 
 def draw_mechanism(ax: Axes, result: LimitAnalysisResult, share: float = 1.0) -> Drawn:
-    """Draw displaced elements over the outline at rest, with the movement of each face.
+    """Draw the mechanism of a result on axes: displaced elements over the outline at rest.
 
     share: part of the displacement that is drawn, 0 … 1, for animations. The scale is automatic: the largest
-    displacement is 12 % of the scene's size, or less where rotations would exceed 0.35 rad. Displacements are linear in
-    the velocities. An instability mechanism takes precedence over the collapse mechanism. Returns the artists of
-    `paint` for the displaced state, "rest", and one entry ("hinge", "slide", "open", "crack") for each kind of movement
-    present. Without a mechanism, the structure at rest is drawn, with the reason in the title.
+    displacement is 12 % of the scene's size, or less where rotations would exceed 0.35 rad. An instability mechanism
+    takes precedence over the collapse mechanism. Without either, the structure at rest is drawn, with the reason in the
+    title.
+
+    Returns artists by name: those of `paint` for the displaced state, "rest", and "hinge", "slide", "open" and "crack"
+    for the kinds of movement present.
     """
     assembly, labels, projection = result.assembly, result.labels, projection_of(result.assembly)
     ink, falls = default_ink(ax, assembly, labels), result.instability_mechanism is not None
@@ -219,7 +223,7 @@ def draw_mechanism(ax: Axes, result: LimitAnalysisResult, share: float = 1.0) ->
 
 
 def draw_rest(ax: Axes, assembly: Assembly) -> list[Artist]:
-    """Draw thin outlines of the free elements at rest, as one line with gaps."""
+    """Draw thin outlines of the free elements at rest on axes; return the one artist."""
     projection, rings = projection_of(assembly), []
     for k in assembly.elements.free:
         shape = projection(assembly.elements.shape[k])
@@ -248,7 +252,10 @@ def figure_of_assembly(
 
 
 def figure_of_mechanism(result: LimitAnalysisResult) -> tuple[Figure, Axes]:
-    """Return a figure of the mechanism under name, λ and status, and its axes."""
+    """Return a figure of the mechanism of a result, and its axes for an animation.
+
+    The title has name, λ and status.
+    """
     figure, axes = figure_for(result.assembly, 1)
     draw_mechanism(axes[0], result)
     name = textwrap.shorten(result.assembly.name, 50, placeholder=" …")
@@ -281,7 +288,7 @@ def figure_of_result(result: LimitAnalysisResult, *, ids: bool = False, values: 
 def figure_of_layouts(results: Sequence[LimitAnalysisResult], titles: Sequence[str]) -> Figure:
     """Return a figure of layouts of one assembly side by side, labels above mechanisms.
 
-    titles: one per layout.
+    results: one per layout, at least one. titles: one per layout.
     """
     count = len(results)
     figure, axes = figure_for(results[0].assembly, 2 * count, columns=count)
@@ -294,9 +301,9 @@ def figure_of_layouts(results: Sequence[LimitAnalysisResult], titles: Sequence[s
 
 
 def save_figure(figure: Figure, path: str | Path) -> None:
-    """Write a figure as .png, .svg or .pdf, by the ending; equal figures give equal bytes.
+    """Write a figure to a file that ends in .png, .svg or .pdf, completely or not at all.
 
-    Raises InputError for another ending.
+    Equal figures give equal bytes. Raises InputError for another ending.
     """
     ending = Path(path).suffix.lower()
     undated: dict[str, dict[str, Any]] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
@@ -307,7 +314,7 @@ def save_figure(figure: Figure, path: str | Path) -> None:
 
 
 def svg_of(figure: Figure) -> str:
-    """Return a figure as SVG text from its opening tag on, for `_repr_html_`.
+    """Return a figure as SVG text that can stand in an HTML page, without an XML header.
 
     Equal figures give equal text.
     """
@@ -327,6 +334,9 @@ def _labels(assembly: Assembly, labels: Bits | None) -> Bits:
 
 
 def tints_of(assembly: Assembly, labels: Bits) -> list[str]:
-    """Return the fill colour of each element, by block."""
+    """Return the fill colour (#rrggbb) of each element: by block, and grey for supports.
+
+    labels: (m,) True = dry.
+    """
     colours = quantities.block_colours(assembly, labels, len(TINTS))
     return [TINTS[colour] if colour >= 0 else SUPPORT for colour in colours]

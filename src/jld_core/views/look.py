@@ -73,9 +73,9 @@ _MARKERS: Final[dict[Shape, str]] = {
 
 @dataclass(frozen=True)
 class Mark:
-    """Marker with its legend text.
+    """Marker that figures and pages draw alike, with its legend text.
 
-    shape, fill, edge: shape and colours. meaning: legend text.
+    shape: its name. fill, edge: colours #rrggbb. meaning: legend text.
     """
 
     shape: Shape
@@ -85,7 +85,7 @@ class Mark:
 
     @property
     def style(self) -> dict[str, Any]:
-        """Return the marker style for matplotlib lines."""
+        """Keyword arguments of matplotlib that draw a line's marker in this style."""
         return {"marker": _MARKERS[self.shape], "color": self.fill, "markeredgecolor": self.edge}
 
 
@@ -112,9 +112,9 @@ EVIDENCE: Final[dict[str, Mark]] = {
 
 
 def rules() -> dict[str, Any]:
-    """Return all styles as numbers and texts: the object `look` of a page's data.
+    """Return all colours, dashes and marks as the object `look` of a page's data.
 
-    Format: docs/guide/page.md.
+    Its format is in docs/guide/page.md.
     """
 
     def mark(of: Mark) -> dict[str, str]:

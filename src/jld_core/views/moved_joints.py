@@ -1,4 +1,4 @@
-"""Figures of joints that move: before and after, and derivatives of λ by vertices as arrows."""
+"""Figures of joints that move, and of derivatives of λ by vertices."""
 
 from __future__ import annotations
 
@@ -23,9 +23,10 @@ _LONGEST: Final = 0.8
 
 
 def draw_vertex_vectors(ax: Axes, assembly: Assembly, places: Floats, vectors: Floats, *, true: bool = False) -> None:
-    """Draw vectors (v, d) at vertices (v, d) as arrows; those below 1 % of the longest and NaN are left out.
+    """Draw vectors at vertices as arrows on axes.
 
-    true: draw them in data units, with their tips at the vertices; else the longest has the length of an element.
+    places, vectors: (v, d), scene units. Vectors below 1 % of the longest, or NaN, are left out. true: draw vectors in
+    data units, with their tips at the vertices; otherwise the longest has nearly the length of an element.
     """
     sizes = np.linalg.norm(np.nan_to_num(vectors), axis=1)
     largest = float(sizes.max(initial=0.0))
@@ -41,9 +42,10 @@ def draw_vertex_vectors(ax: Axes, assembly: Assembly, places: Floats, vectors: F
 def figure_of_move(
     before: Assembly, after: Assembly, labels: Bits, places: Floats, moved: Floats, titles: tuple[str, str]
 ) -> Figure:
-    """Return a figure of a structure before and after its joints moved, with the way of each vertex.
+    """Return a figure of a structure before and after a move of its joints.
 
-    labels: (m,) True = dry. places: (v, 2) vertices after the move. moved: (v, 2) their movements.
+    labels: (m,) True = dry. places: (v, 2) vertices after the move. moved: (v, 2) their displacements, drawn as arrows.
+    Both are in scene units. titles: of the two axes.
     """
     figure, axes = figure_for(before, 2)
     for ax, assembly, title in zip(axes, (before, after), titles, strict=True):
@@ -55,9 +57,10 @@ def figure_of_move(
 
 
 def figure_of_vertex_rates(assembly: Assembly, labels: Bits, places: Floats, rates: Floats) -> Figure:
-    """Return a figure of the derivatives (v, d) of λ by the positions of vertices (v, d).
+    """Return a figure of the derivatives of λ by the positions of vertices, as arrows.
 
-    Each arrow points to where λ grows.
+    labels: (m,) True = dry. places: (v, d) vertices, scene units. rates: (v, d) derivatives, 1/length; NaN where
+    unknown. Each arrow points to where λ grows.
     """
     figure, axes = figure_for(assembly, 1)
     draw_assembly(axes[0], assembly, labels)

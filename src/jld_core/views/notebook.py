@@ -174,7 +174,7 @@ class AssemblyView:
     """Notebook representation of an assembly: structure, labels and loads, beside its facts."""
 
     def svg(self, thing: Assembly) -> str | None:
-        """Return the drawing; None above `LARGEST` elements."""
+        """Return the drawing of an assembly as SVG text; None above `LARGEST` elements."""
         if len(thing.elements) > LARGEST:
             return None
         from jld_core.views import figures
@@ -182,13 +182,16 @@ class AssemblyView:
         return figures.svg_of(figures.figure_of_assembly(thing))
 
     def figure(self, thing: Assembly, *, ids: bool = False, values: bool = False) -> Figure:
-        """Return the figure; options as `figure_of_assembly`."""
+        """Return the figure of an assembly, of any size; options as in `figure_of_assembly`."""
         from jld_core.views import figures
 
         return figures.figure_of_assembly(thing, ids=ids, values=values)
 
     def html(self, thing: Assembly, drawing: str | None) -> str:
-        """Return the HTML of facts and drawing."""
+        """Return the HTML of an assembly's facts and drawing.
+
+        drawing: SVG text, or None where it is too large.
+        """
         return page(thing.name, facts_of_assembly(thing), drawing)
 
 
@@ -196,7 +199,7 @@ class ResultView:
     """Notebook representation of a result: labels, forces and mechanism, beside its facts."""
 
     def svg(self, thing: LimitAnalysisResult) -> str | None:
-        """Return the drawing; None above `LARGEST` elements."""
+        """Return the drawing of a result as SVG text; None above `LARGEST` elements."""
         if len(thing.assembly.elements) > LARGEST:
             return None
         from jld_core.views import figures
@@ -204,13 +207,16 @@ class ResultView:
         return figures.svg_of(figures.figure_of_result(thing))
 
     def figure(self, thing: LimitAnalysisResult, *, ids: bool = False, values: bool = False) -> Figure:
-        """Return the figure; options as `figure_of_result`."""
+        """Return the figure of a result, of any size; options as in `figure_of_result`."""
         from jld_core.views import figures
 
         return figures.figure_of_result(thing, ids=ids, values=values)
 
     def html(self, thing: LimitAnalysisResult, drawing: str | None) -> str:
-        """Return the HTML of facts and drawing."""
+        """Return the HTML of a result's facts and drawing.
+
+        drawing: SVG text, or None where it is too large.
+        """
         return page(thing.assembly.name, facts_of_result(thing), drawing)
 
 
@@ -219,9 +225,9 @@ register_repr(LimitAnalysisResult, ResultView())
 
 
 def page(title: str, facts: Mapping[str, str], drawing: str | None, *tables: str) -> str:
-    """Return the HTML of one object: title, table of facts, drawing, and further tables.
+    """Return HTML that shows one object in a notebook: title, facts, drawing, further tables.
 
-    drawing: SVG text, or None where it is too large. tables: HTML, appended unchanged.
+    facts: texts by name. drawing: SVG text, or None where it is too large. tables: HTML, appended unchanged.
     """
     cell = 'style="text-align: left; vertical-align: top"'
     rows = "".join(f"<tr><th {cell}>{escape(k)}</th><td {cell}>{escape(v)}</td></tr>" for k, v in facts.items())

@@ -36,7 +36,7 @@ It is below 1 because forces belong to the proven lower bound of λ.
 
 
 class MovementSign(StrEnum):
-    """Kinds of face movement in a mechanism that figures distinguish."""
+    """Kinds of face movement that figures distinguish: still, hinge, slide, open or crack."""
 
     STILL = "still"
     HINGE = "hinge"
@@ -46,10 +46,10 @@ class MovementSign(StrEnum):
 
 
 def block_colours(assembly: Assembly, labels: Bits, available: int) -> Ints:
-    """Return the colour number (n,) of each element, 0 … available − 1, or −1 for supports.
+    """Choose a colour number for each element so that touching blocks differ if possible.
 
-    Greedy colouring, blocks with most neighbours first, so that touching blocks differ while colours suffice. Among the
-    free colours it takes the least used one.
+    labels: (m,) True = dry. available: number of colours. The result (n,) is 0 … available − 1, or −1 for supports.
+    Blocks with most neighbours choose first; each takes the least used of the colours that its neighbours do not have.
     """
     block, support = blocks_of(assembly, labels), assembly.elements.support
     a, b = block[assembly.interfaces.a], block[assembly.interfaces.b]
@@ -70,16 +70,20 @@ def block_colours(assembly: Assembly, labels: Bits, available: int) -> Ints:
 
 
 def typical(assembly: Assembly) -> float:
-    """Return the median size of the free elements, scene units.
+    """Return the median size of the free elements, by which figures scale arrows and lines.
 
-    It is the scale of arrows and line widths.
+    The size of an element, in scene units, is the square root of the area of its bounding box; in space the cube root
+    of the volume.
     """
     sides = (assembly.elements.upper - assembly.elements.lower)[assembly.elements.free]
     return float(np.median(np.prod(sides, axis=1) ** (1.0 / assembly.dimension)))
 
 
 def body_load(assembly: Assembly) -> Floats | None:
-    """Return the total live load (d,) not contained in `live_points`, scene units, or None."""
+    """Return the sum (d,) of the live forces that are not in `live_points`, scene units.
+
+    None where it is zero, within rounding.
+    """
     d = assembly.dimension
     total = assembly.live[assembly.elements.free, :d].sum(axis=0)
     for _, force in assembly.live_points:
@@ -90,7 +94,7 @@ def body_load(assembly: Assembly) -> Floats | None:
 
 
 def live_couples(assembly: Assembly) -> Ints:
-    """Return the indices of elements whose live load is a moment without a force."""
+    """Return the indices of the elements whose live load is a moment without a force."""
     d = assembly.dimension
     force = np.linalg.norm(assembly.live[:, :d], axis=1)
     moment = np.linalg.norm(assembly.live[:, d:], axis=1)
@@ -98,12 +102,11 @@ def live_couples(assembly: Assembly) -> Ints:
 
 
 def pressure_points(assembly: Assembly, forces: Floats) -> tuple[Floats, Bools]:
-    """Return centres of pressure (m, d) and (m,) True where they lie on the face.
+    """Return the centre of pressure of each face, and whether it lies on the face.
 
-    Places are in scene units.
-
-    forces: (m, q). x1 = −M2/N along e1, x2 = M1/N along e2 (planar M = M2). A face without a centre of pressure on it
-    gets its centroid; inner faces may have a couple without thrust.
+    forces: (m, q) resultants of the faces, scene units. The centres are (m, d), scene units: x1 = −M2/N along e1 and x2
+    = M1/N along e2 from the centroid (planar M = M2). A face without a centre of pressure on it gets its centroid, and
+    False in the mask (m,); an inner face may have a moment without thrust.
     """
     faces, normal = assembly.interfaces, forces[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -135,18 +138,21 @@ def _gauge(assembly: Assembly, face: int, point: Floats) -> float:
 
 
 def face_vectors(assembly: Assembly, forces: Floats) -> Floats:
-    """Return the force (m, d) of each interface on its element b, scene units. forces: (m, q)."""
+    """Return the force vector of each interface on its element b, (m, d), scene units.
+
+    forces: (m, q) resultants of the faces; moments are not used.
+    """
     faces = assembly.interfaces
     vectors = forces[:, [0]] * faces.normal + forces[:, [1]] * faces.e1
     return vectors + forces[:, [2]] * faces.e2 if assembly.dimension == 3 else vectors
 
 
 def utilisation(result: LimitAnalysisResult) -> Floats:
-    """Return the utilisation (m,) of each face: largest of bending, shear, tension, crushing.
+    """Return how much of its strength each face of a result uses, (m,): 1 is at yield.
 
-    It follows the yield set of the result's own model, with friction that depends on N and with whole faces. 1 is at
-    yield; faces without force have 0. Raises ValueError where the result holds no forces, and TypeError for yield sets
-    without a utilisation.
+    It is the largest of bending, shear, tension and crushing, by the yield set of the result's own model. Faces without
+    force have 0. Raises ValueError where the result holds no forces, and TypeError for yield sets without a
+    utilisation.
     """
     if result.forces is None:
         raise ValueError("the result holds no forces")
@@ -159,9 +165,10 @@ def utilisation(result: LimitAnalysisResult) -> Floats:
 
 
 def down_the_load_path(assembly: Assembly, vectors: Floats) -> Floats:
-    """Return face forces (m, d) with the sign that points along the dead load.
+    """Return face forces with the sign by which arrows run along the dead load.
 
-    Without dead load, the live load gives the direction. The force then acts on the element that carries the other one.
+    vectors: (m, d) forces on the faces. Those that point against the total dead load are reversed: they then act on the
+    other element. Without dead load, the live load gives the direction.
     """
     d, free = assembly.dimension, assembly.elements.free
     down = assembly.dead[free, :d].sum(axis=0)
@@ -171,10 +178,11 @@ def down_the_load_path(assembly: Assembly, vectors: Floats) -> Floats:
 
 
 def thrust_segments(assembly: Assembly, forces: Floats) -> list[Floats]:
-    """Return segments (2, d) of the thrust line between centres of pressure.
+    """Return the segments of the thrust line between centres of pressure.
 
-    There is one for each free element that exactly two faces press. With more faces, a single line is undefined. The
-    list is empty where this holds for most of the loaded elements.
+    forces: (m, q) resultants of the faces, scene units. There is one segment (2, d) for each free element that exactly
+    two faces press. With more faces, a single line is undefined. The list is empty where fewer than half of the loaded
+    elements have a segment.
     """
     points, on_face = pressure_points(assembly, forces)
     size = np.linalg.norm(face_vectors(assembly, forces), axis=1)
@@ -190,9 +198,10 @@ def thrust_segments(assembly: Assembly, forces: Floats) -> list[Floats]:
 
 
 def mechanism_scale(assembly: Assembly, mechanism: Floats) -> float:
-    """Return the factor on velocities (n, q) for a figure; 0 for no motion.
+    """Return the factor by which a figure multiplies velocities; 0 for no motion.
 
-    The largest displacement becomes at most `REACH` of the scene's size, the largest rotation at most `TURN`.
+    mechanism: (n, q) velocities. The largest displacement becomes at most `REACH` of the scene's size, and the largest
+    rotation at most `TURN`.
     """
     reach = max(
         float(np.linalg.norm(displacement(assembly, mechanism, k, shape), axis=1).max())
@@ -205,9 +214,9 @@ def mechanism_scale(assembly: Assembly, mechanism: Floats) -> float:
 
 
 def movements(result: LimitAnalysisResult) -> tuple[tuple[MovementSign, ...], Floats]:
-    """Return the kind of movement of each of the m faces, and its place (m, d).
+    """Return the kind of movement of each face in a result's mechanism, and its place.
 
-    Places lie on the undeformed faces, scene units. Raises ValueError where the result holds no mechanism.
+    The places (m, d) lie on the undeformed faces, scene units. Raises ValueError where the result holds no mechanism.
     """
     motions = face_motions(result)
     kinds = tuple(_SIGNS[motion.kind] for motion in motions)

@@ -18,9 +18,10 @@ from jld_core.views.structure import projection_of
 
 
 def figure_of_settled(found: Settled) -> Figure:
-    """Return a figure of a settlement: forces at the least and greatest reaction, mechanism.
+    """Return a figure of a settlement: both ends of the reaction's range, and the mechanism.
 
     The axes show, from left to right, forces at the least reaction, the mechanism there, and forces at the greatest.
+    The title says where the structure falls under its dead load alone.
     """
     if not found.settlement.load:
         found = without_live_load(found)
@@ -40,7 +41,7 @@ def figure_of_settled(found: Settled) -> Figure:
 
 
 def without_live_load(found: Settled) -> Settled:
-    """Return the settlement without live loads, for settlements during which these do not act."""
+    """Return a copy of a settlement result without live loads, so that figures show none."""
     bare = replace(found.assembly, live=np.zeros_like(found.assembly.live), live_points=())
 
     def stripped(end: Thrust | None) -> Thrust | None:
@@ -51,9 +52,9 @@ def without_live_load(found: Settled) -> Settled:
 
 
 def draw_thrust(ax: Axes, found: Settled, end: Thrust | None, title: str) -> None:
-    """Draw the forces at one end of the range, and the support movement.
+    """Draw the forces at one end of the reaction's range, and the movement of the supports.
 
-    Without a state, the structure is drawn with its labels.
+    end: least or greatest reaction. Where it is None or holds no state, the structure is drawn with its labels.
     """
     if end is None or end.state is None:
         draw_assembly(ax, found.assembly, found.labels)
@@ -65,7 +66,7 @@ def draw_thrust(ax: Axes, found: Settled, end: Thrust | None, title: str) -> Non
 
 
 def draw_movement(ax: Axes, found: Settled) -> None:
-    """Draw an arrow at every moving support, along its movement."""
+    """Draw an arrow at the centroid of every translating support, along its movement."""
     assembly, velocity = found.assembly, found.settlement.velocity
     d, projection = assembly.dimension, projection_of(assembly)
     size = float(np.linalg.norm(velocity[:, :d], axis=1).max())
@@ -79,7 +80,10 @@ def draw_movement(ax: Axes, found: Settled) -> None:
 
 
 def words_of(end: Thrust | None, force: str) -> str:
-    """Format a reaction for a title or a terminal."""
+    """Format a reaction, with its unit and evidence, for a title or a terminal.
+
+    end: least or greatest reaction, None for none. force: unit of force.
+    """
     if end is None:
         return "none"
     if end.status == "unbounded":

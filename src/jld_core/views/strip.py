@@ -33,10 +33,11 @@ _MOST: Final = 60
 
 
 def figure_of_laying(laying: Laying, title: str) -> Figure:
-    """Return a strip of the stages in order; a regular selection where there are more than 60.
+    """Return a figure of an assembly sequence: a strip of its stages in order.
 
     Blocks laid before are pale. Arriving blocks are orange and hatched, with an arrow of their direction. Props are
-    blue triangles below the blocks; the title of each stage has their total force.
+    blue triangles below the blocks; the title of each stage has their total force. Of more than 60 stages a regular
+    selection is drawn.
     """
     steps = list(laying.steps)
     shown = steps if len(steps) <= _MOST else [steps[round(k)] for k in np.linspace(0, len(steps) - 1, _MOST)]

@@ -35,9 +35,10 @@ DOTTED: Final = (0, INNER_DASH)
 
 @dataclass(frozen=True)
 class Projection:
-    """Linear projection of the scene onto the paper.
+    """Linear projection of the scene onto the paper; call it with points or vectors.
 
-    across: (d, 2) columns point right and up on the paper. toward: (d,) unit vector to the viewer.
+    across: (d, 2) its columns are the directions right and up on the paper. toward: (d,) unit vector to the viewer;
+    zero in the plane.
     """
 
     across: Floats
@@ -50,9 +51,10 @@ class Projection:
 
 @dataclass(frozen=True)
 class LineStyle:
-    """Line style of the m interfaces.
+    """Style in which the m interfaces are drawn.
 
-    colours: one per interface. widths: (m,) points. tick: half length of ticks on dry faces, scene units, 0 for none.
+    colours: one matplotlib colour per interface. widths: (m,) points. tick: half length of ticks on dry faces, scene
+    units, 0 for none.
     """
 
     colours: list[Any]
@@ -61,7 +63,7 @@ class LineStyle:
 
 
 def projection_of(assembly: Assembly) -> Projection:
-    """Return the identity for planar scenes, an axonometric (orthographic) view otherwise."""
+    """Return the projection of an assembly: itself in the plane, an axonometric view in space."""
     if assembly.dimension == 2:
         return Projection(np.eye(2), np.zeros(2))
     azimuth, elevation = np.radians(EYE)
@@ -71,9 +73,9 @@ def projection_of(assembly: Assembly) -> Projection:
 
 
 def extent(assembly: Assembly, projection: Projection, move: Move | None = None) -> tuple[Floats, Floats]:
-    """Return the lower and upper corner (2,) of the structure on paper, scene units.
+    """Return the lower and upper corner of the structure on paper, (2,) each, scene units.
 
-    move: displacement, if any.
+    move: displacement function (element, points) → points, if any.
     """
     shapes = [shape if move is None else move(k, shape) for k, shape in enumerate(assembly.elements.shape)]
     points = projection(np.vstack(shapes))
@@ -81,7 +83,7 @@ def extent(assembly: Assembly, projection: Projection, move: Move | None = None)
 
 
 def element_points(ax: Axes, assembly: Assembly) -> float:
-    """Estimate the size of a typical element on these axes before layout, points."""
+    """Return the size that a typical element has on axes before they are laid out, points."""
     lower, upper = extent(assembly, projection_of(assembly))
     figure = ax.get_figure(root=True)
     dots = float(figure.dpi) if figure is not None else 100.0
@@ -91,9 +93,9 @@ def element_points(ax: Axes, assembly: Assembly) -> float:
 
 
 def default_ink(ax: Axes, assembly: Assembly, labels: Bits) -> LineStyle:
-    """Return the default style: thick dark dry faces, thin dotted inner faces.
+    """Return the usual style of faces: dry ones thick and dark, inner ones thin and grey.
 
-    Widths grow with the size of elements on the axes.
+    labels: (m,) True = dry. Widths grow with the size of elements on the axes.
     """
     points = element_points(ax, assembly)
     thick, thin = float(np.clip(0.07 * points, 0.5, 2.4)), float(np.clip(0.04 * points, 0.3, 0.9))
@@ -109,11 +111,11 @@ def paint(
     ink: LineStyle | None = None,
     move: Move | None = None,
 ) -> Drawn:
-    """Draw a structure on given axes.
+    """Draw the elements and interfaces of a structure on axes, at rest or displaced.
 
-    labels: (m,) True = dry. fills: n colours; supports are always grey. ink: default as `default_ink`. move:
-    displacement; both sides of every face are then drawn. Returns artists "elements", "supports", and planar also
-    "outlines", "dry", "inner", "ticks".
+    labels: (m,) True = dry. fills: colour of each of the n elements; supports are always grey. ink: style of the faces,
+    default as `default_ink`. move: displacement function; both sides of every face are then drawn. Returns artists by
+    name: "elements", "supports", and in the plane also "outlines", "dry", "inner", "ticks".
     """
     ink = default_ink(ax, assembly, labels) if ink is None else ink
     return (_paint_planar if assembly.dimension == 2 else _paint_spatial)(ax, assembly, labels, fills, ink, move)
@@ -197,7 +199,7 @@ def _outlines(assembly: Assembly, shapes: list[Floats], blocks: Ints) -> list[Fl
 
 
 def painter_order(assembly: Assembly, toward: Floats) -> list[int]:
-    """Return the elements from the farthest to the nearest (painter's algorithm).
+    """Return the indices of the elements from the farthest to the nearest to the viewer.
 
     Of two elements in contact, the one on the viewer's side of the contact plane is nearer. Depth of the centroids
     decides for other pairs and in cycles. toward: (3,) unit vector to the viewer.

@@ -1,4 +1,4 @@
-"""Trajectories of principal stresses: lines along them, evenly spaced, from stresses that are linear in triangles."""
+"""Trajectories of principal stresses: evenly spaced lines in fields linear in triangles."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ _PIECES: Final = 4
 
 @dataclass(frozen=True)
 class AveragedStresses:
-    """Stresses averaged on a regular grid.
+    """Stresses averaged on a regular grid of ny × nx points.
 
-    origin: (2,) first grid point. spacing: of grid points. stress: (ny, nx, 3) σx, σy, τxy, tension positive.
+    origin: (2,) first grid point. spacing: of grid points, length. stress: (ny, nx, 3) σx, σy, τxy, tension positive.
     inside: (ny, nx) True within free elements.
     """
 
@@ -51,13 +51,13 @@ class AveragedStresses:
     inside: Bools
 
     def at(self, points: Floats) -> Floats:
-        """Return stresses (k, 3) at points (k, 2), linear between grid points."""
+        """Return the stresses (k, 3) at points (k, 2), interpolated linearly between grid points."""
         place = ((points - self.origin) / self.spacing)[:, ::-1].T
         parts = [map_coordinates(self.stress[..., c], place, order=1, mode="nearest") for c in range(3)]
         return np.stack(parts, axis=1)
 
     def holds(self, points: Floats) -> Bools:
-        """Return whether points (k, 2) lie inside, by the nearest grid point."""
+        """Return which points (k, 2) lie inside free elements, by the nearest grid point."""
         column, row = np.round((points - self.origin) / self.spacing).astype(np.int64).T
         rows, columns = self.inside.shape
         known = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
@@ -68,14 +68,20 @@ class AveragedStresses:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """One trajectory: points (k, 2) and the principal stress (k,) along it."""
+    """One trajectory of principal stress.
+
+    points: (k, 2) along it, scene units. stress: (k,) magnitude of the principal stress there.
+    """
 
     points: Floats
     stress: Floats
 
 
 def averaged(assembly: Assembly, stresses: Stresses) -> AveragedStresses:
-    """Average stresses on a grid for drawing; jumps between triangles are smoothed over about one grid spacing."""
+    """Average a stress field on a grid, so that its trajectories can be drawn.
+
+    Jumps between triangles are smoothed over about one grid spacing, which is a share of a typical element.
+    """
     elements = assembly.elements
     lower, upper = elements.lower[elements.free].min(axis=0), elements.upper[elements.free].max(axis=0)
     spacing = max(typical(assembly) / GRID, float((upper - lower).max()) / _MOST_POINTS)
@@ -103,7 +109,11 @@ def averaged(assembly: Assembly, stresses: Stresses) -> AveragedStresses:
 
 
 def principal(stress: Floats, kind: Sign) -> tuple[Floats, Floats]:
-    """Return the principal stress of one sign, as a magnitude (k,), and its direction (k, 2)."""
+    """Return the principal stress of one sign at points, and its direction.
+
+    stress: (k, 3) σx, σy, τxy, tension positive. The magnitude (k,) is 0 where no stress has that sign; the directions
+    (k, 2) are unit vectors.
+    """
     m, d, s = 0.5 * (stress[:, 0] + stress[:, 1]), 0.5 * (stress[:, 0] - stress[:, 1]), stress[:, 2]
     radius, angle = np.hypot(d, s), 0.5 * np.arctan2(s, d)
     if kind == "compression":
@@ -112,9 +122,10 @@ def principal(stress: Floats, kind: Sign) -> tuple[Floats, Floats]:
 
 
 def trajectories(grid: AveragedStresses, kind: Sign, apart: float) -> list[Trajectory]:
-    """Trace evenly spaced trajectories, the most stressed first, until none fits between the others.
+    """Trace evenly spaced trajectories of principal stress, the most stressed first.
 
-    apart: distance between trajectories, scene units. Source of the spacing: Jobard & Lefer, *Visualization in
+    kind: sign of the stress. apart: distance between trajectories, scene units. Tracing ends when none fits between the
+    others. The list is empty where no stress has that sign. Source of the spacing: Jobard & Lefer, *Visualization in
     Scientific Computing '97*, pp. 43–55.
     """
     rows, columns = np.nonzero(grid.inside)

@@ -28,7 +28,7 @@ _HALO: Final = [withStroke(linewidth=1.8, foreground=WHITE)]
 
 @contextmanager
 def as_written(figure: Figure) -> Iterator[None]:
-    """Draw all text of a figure literally (context manager).
+    """Make figures drawn inside this context show all text literally.
 
     Dollar signs do not begin formulas, unprintable characters become blanks, and missing glyphs cause no warning.
     """
@@ -43,7 +43,7 @@ def as_written(figure: Figure) -> Iterator[None]:
 
 
 def write_ids(ax: Axes, assembly: Assembly) -> list[Artist]:
-    """Write the id of each element at its centroid, without parsing formulas."""
+    """Write the id of each element at its centroid on axes; return the texts."""
     size = float(np.clip(0.16 * element_points(ax, assembly), 3.0, 8.0))
     places = projection_of(assembly)(assembly.elements.centroid)
     look: dict[str, Any] = {"ha": "center", "va": "center", "color": SOFT, "fontsize": size}
@@ -51,7 +51,7 @@ def write_ids(ax: Axes, assembly: Assembly) -> list[Artist]:
 
 
 def write_loads(ax: Axes, assembly: Assembly) -> list[Artist]:
-    """Write the value of each live load, with its unit, at its arrow."""
+    """Write the value and unit of each live load at its arrow on axes; return the texts."""
     projection, unit = projection_of(assembly), assembly.units[1]
     length = 0.13 * assembly.size
     written: list[Artist] = []
@@ -78,7 +78,10 @@ def write_loads(ax: Axes, assembly: Assembly) -> list[Artist]:
 
 
 def write_forces(ax: Axes, result: LimitAnalysisResult) -> list[Artist]:
-    """Write the magnitude of the force on each face beside its arrow, except below the share `SMALL` of the largest."""
+    """Write the magnitude of each face's force beside its arrow on axes; return the texts.
+
+    Forces below the share `SMALL` of the largest are left out. The list is empty for a result without forces.
+    """
     if result.forces is None:
         return []
     assembly = result.assembly

@@ -29,7 +29,10 @@ def assembly(
     group: Annotated[int, typer.Option(min=1, help="Blocks moved together at the most, where single ones fail.")] = 3,
     out: Annotated[Path | None, typer.Option(help="Folder for assembly.csv and the strip of stages.")] = None,
 ) -> None:
-    """Order in which the blocks are laid, the way each comes, and the props that stages need."""
+    """Find an order in which the blocks of a layout can be laid, with directions and props.
+
+    Print one row per step, or the blocks that lock one another. With --out also write assembly.csv and assembly.png.
+    """
     if out is not None:
         require_folder(out)
     scene, found, labels = layout_of(source, rank)
@@ -51,7 +54,11 @@ def assembly(
 
 
 def table_of(laying: Laying) -> pd.DataFrame:
-    """Return one row per step: blocks, elements, direction, stability and props."""
+    """Return the table of an assembly sequence: one row per step, in the order of laying.
+
+    Its columns are step, blocks, elements, direction of arrival, whether the stage stands, and prop forces. It has no
+    rows where there is no order.
+    """
     import pandas as pd  # slow to import and needed for tables only
 
     blocks = laying.blocks
@@ -77,7 +84,7 @@ def table_of(laying: Laying) -> pd.DataFrame:
 
 
 def words_of(laying: Laying) -> str:
-    """Describe the assembly sequence in one line."""
+    """Describe an assembly sequence, or why there is none, in one line for the terminal."""
     blocks = laying.blocks
     if laying.locked:
         named = ", ".join(blocks.name(block) for block in laying.locked)

@@ -23,7 +23,11 @@ if TYPE_CHECKING:
 
 
 def load(path: Path, strict: bool = False) -> tuple[Scene, Assembly]:
-    """Return a scene and its assembly; raise InputError if it cannot be analysed."""
+    """Read a scene file and return its scene and assembly.
+
+    strict: refuse a scene with plausibility warnings. Raises InputError for a scene that is invalid, or needs more
+    memory than there is.
+    """
     scene = load_scene(path)
     with error_context(path):
         assembly = build_assembly(scene)
@@ -35,13 +39,20 @@ def load(path: Path, strict: bool = False) -> tuple[Scene, Assembly]:
 
 
 def warn_of(path: Path, assembly: Assembly) -> None:
-    """Write warnings of an assembly to stderr, after all checks that may refuse it."""
+    """Write the plausibility warnings of an assembly to stderr, each with the file's name.
+
+    Call it after all checks that may refuse the scene.
+    """
     for warning in assembly.warnings:
         warn(f"jld: warning: {path}: {warning}")
 
 
 def check_search(path: Path, scene: Scene, assembly: Assembly) -> SearchSpace:
-    """Return the search space; if the scene asks for a search, check it as `jld explore` does."""
+    """Return the search space of a scene; check it as `jld explore` does if the scene has one.
+
+    path: scene file, for messages. A scene without the key "search" may have nothing to search. Raises InputError for a
+    search that is impossible.
+    """
     from jld_explore.space import search_space  # imported where a search is checked: it takes a tenth of a second
 
     asked = "search" in scene.model_fields_set
@@ -50,7 +61,10 @@ def check_search(path: Path, scene: Scene, assembly: Assembly) -> SearchSpace:
 
 
 def check(scene: SceneFile, strict: Strict = False) -> None:
-    """Parse a scene, find its interfaces, and print what will be modelled."""
+    """Check a scene file: read it, find its interfaces, and print what will be modelled.
+
+    Plausibility warnings go to stderr; with --strict they are errors. The exit code is 2 for a scene that is refused.
+    """
     from jld_explore.report import words
 
     parsed, assembly = load(scene, strict)

@@ -38,12 +38,18 @@ _OPTION = "--cracks"
 
 
 def with_cracks(scene: Scene, text: str | None) -> Scene:
-    """Return the scene with the crack model of the option, if one is given."""
+    """Return a scene with the crack model that the option --cracks names.
+
+    text: value of the option; None leaves the scene unchanged. Raises InputError for an unknown model.
+    """
     return scene if text is None else scene.model_copy(update={"cracks": parse_cracks(text)})
 
 
 def check_cracks(scene: Scene, assembly: Assembly, text: str | None, options: SolveOptions, robust: bool) -> None:
-    """Raise InputError if the scene or the options do not support its crack model."""
+    """Raise InputError if the scene or the options of a solve do not fit its crack model.
+
+    text: value of --cracks, None if not given. robust: True with --robust.
+    """
     if isinstance(scene.cracks, FieldCracks) and robust:
         raise ParameterError("robust", "cracks by fields take one value of each strength", "cracks by faces or cells")
     require_cracks(scene, assembly, options, "cracks" if text is None else _OPTION)
@@ -52,7 +58,11 @@ def check_cracks(scene: Scene, assembly: Assembly, text: str | None, options: So
 def say_by_fields(
     scene: Scene, assembly: Assembly, labels: Bits, seconds: float, out: Path | None, as_json: bool
 ) -> None:
-    """Solve by fields and print the result; exit with the code of `uncertified` where the gap is not reached."""
+    """Solve a layout whose blocks crack by fields, print the result, and write it to a folder.
+
+    labels: (m,) True = dry. seconds: time for each load case. out: folder for result.json and pictures, None for none.
+    as_json: print JSON. Exits with the code of `uncertified` where the gap is not reached.
+    """
     assert isinstance(scene.cracks, FieldCracks)
     found = solve_by_fields(assembly, labels, gap=scene.cracks.gap, seconds=seconds)
     content = json.dumps(found.to_json(), indent=1)
@@ -67,7 +77,7 @@ def say_by_fields(
 
 
 def _draw(found: FieldResult, out: Path) -> None:
-    """Draw labels, stress trajectories and cracks under each load case into a folder, as png and svg."""
+    """Draw labels, stresses and cracks under each load case into a folder, as png and svg."""
     from jld_core.views import field_figures, figures  # importing matplotlib takes longer than many solves
 
     several = len(found.cases) > 1
@@ -80,7 +90,11 @@ def _draw(found: FieldResult, out: Path) -> None:
 
 
 def rigid_cells(scene: Scene, assembly: Assembly, labels: Bits) -> tuple[Assembly, Bits]:
-    """Return assembly and labels for a command that needs rigid cells; raise InputError for cracks by fields."""
+    """Return the assembly and labels that a command for rigid elements solves.
+
+    They are finer cells where blocks crack by cells. labels: (m,) True = dry. Raises InputError where blocks crack by
+    fields, or the crack model does not fit the scene.
+    """
     if isinstance(scene.cracks, FieldCracks):
         raise InputError("cracks", "this command needs rigid cells, and fields have none", '"faces" or "cells"')
     require_cracks(scene, assembly)
@@ -88,7 +102,10 @@ def rigid_cells(scene: Scene, assembly: Assembly, labels: Bits) -> tuple[Assembl
 
 
 def of_cells(scene: Scene, assembly: Assembly, labels: Bits) -> tuple[Assembly, Bits]:
-    """Return assembly and labels with which a labelling is solved, of finer cells where cracks are by cells."""
+    """Return the assembly and labels of the finer cells, where blocks crack by cells.
+
+    labels: (m,) True = dry. For other crack models both are returned unchanged.
+    """
     if not isinstance(scene.cracks, CellCracks):
         return assembly, labels
     cells = crack_cells(scene, assembly, scene.cracks.cell)
@@ -96,10 +113,10 @@ def of_cells(scene: Scene, assembly: Assembly, labels: Bits) -> tuple[Assembly, 
 
 
 def named(scene: Scene, result: LimitAnalysisResult) -> LimitAnalysisResult:
-    """Return the result with its crack model among its facts."""
+    """Return a result with the scene's crack model in its `facts`, for JSON output."""
     return replace(result, facts={"cracks": cracks_to_json(scene.cracks), **result.facts})
 
 
 def result_in_words(scene: Scene, result: LimitAnalysisResult) -> str:
-    """Describe a limit analysis for the terminal, with its crack model."""
+    """Describe a limit analysis and the scene's crack model for the terminal."""
     return aligned({**facts_of_result(result), "cracks": cracks_in_words(scene.cracks)})

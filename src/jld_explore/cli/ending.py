@@ -29,7 +29,10 @@ _PARAMETER: Final = re.compile(r"`(?P<name>[a-z_]+)(?:=(?P<value>[^`]*))?`")
 
 
 def raise_on_signals() -> None:
-    """Let signals end a search with finished results on disk; ignored signals stay ignored."""
+    """Make signals such as SIGINT and SIGTERM raise Interrupted, so that searches end cleanly.
+
+    Finished results stay on disk. Signals that the process ignores stay ignored.
+    """
     from jld_explore.evaluation import raise_deferred  # only searches need it, and it takes long to import
 
     def stop(number: int, frame: object) -> None:
@@ -42,7 +45,10 @@ def raise_on_signals() -> None:
 
 
 def usage_of(message: str) -> str:
-    """Convert a usage error to one line: option, given value and expected value."""
+    """Convert a usage error of the command-line parser to one line.
+
+    It names the option, the given value and the expected value; a message of another form is kept.
+    """
     text = " ".join(message.split()).rstrip(".")
     found = re.match(r"Invalid value for '([^']+)': (?:Value error, )?(?:Input should be )?(.*)", text)
     if found is None:
@@ -62,7 +68,7 @@ def flag_of(parameter: str) -> str:
 
 
 def in_flags(error: InputError) -> str:
-    """Return the message of an error with flags in the place of the parameters that it names."""
+    """Return the message of an error with command-line flags for the parameters that it names."""
 
     def flag(found: re.Match[str]) -> str:
         name, value = found["name"], (found["value"] or "").strip("\"'")
@@ -75,15 +81,16 @@ def in_flags(error: InputError) -> str:
 
 
 def complain(line: str) -> NoReturn:
-    """Write an error to stderr and exit with the code for bad input."""
+    """Write an error to stderr and end the process with the exit code for bad input, 2."""
     warn(f"jld: {line}")
     sys.exit(INPUT)
 
 
 def run(app: typer.Typer, started: float) -> None:
-    """Run the command line; every error ends in one line and an exit code.
+    """Run the command line; every error ends in one line on stderr and an exit code.
 
-    `started` is the start of the process on the clock `time.perf_counter`, s. Commands find it in their context.
+    started: start of the process on the clock `time.perf_counter`, s; commands find it as `context.obj`. The function
+    always raises SystemExit.
     """
     try:
         code = app(standalone_mode=False, obj=started)

@@ -40,7 +40,10 @@ def import_command(
     unit: Annotated[str | None, typer.Option(help="Unit of the file's lengths, made metres; default its own.")] = None,
     like: Annotated[Path | None, typer.Option(help="Scene to take materials, search and body loads from.")] = None,
 ) -> None:
-    """Make a scene of a drawing, and say what was found, snapped, assumed and skipped."""
+    """Convert a drawing or a file of solids to a scene, and report what was assumed.
+
+    The report says what was found, snapped, assumed and skipped.
+    """
     options = ImportOptions(
         support=tuple(support or ()),
         dry=tuple(dry or ()),
@@ -72,7 +75,10 @@ def export_command(
         bool, typer.Option("--cells", help="Every element as a solid of its own (obj, stl, ply, compas).")
     ] = False,
 ) -> None:
-    """Write the blocks of a layout for another program, and a table of them."""
+    """Write the blocks of a layout to a file of another program, and a table of them.
+
+    The table has the name of the file with the ending .blocks.csv.
+    """
     if out.is_dir() or not out.absolute().parent.is_dir():
         raise InputError(str(out), "it cannot be written", "a file in a folder that is there")
     table = out.with_suffix(".blocks.csv")
@@ -99,7 +105,10 @@ def refine_command(
     centre: Annotated[str | None, typer.Option(help="Centre of radial cells: x,y.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of Voronoi cells.")] = 0,
 ) -> None:
-    """Split every element of a scene into cells, so that any drawing becomes a grid of candidate faces."""
+    """Split every element of a scene into cells, whose faces a search can choose from.
+
+    Write the new scene, and print what could not be kept of the old one.
+    """
     sizes = _numbers("cell", cell)
     middle = None if centre is None else _numbers("centre", centre)
     if middle is not None and len(middle) != 2:

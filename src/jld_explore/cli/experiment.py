@@ -57,7 +57,11 @@ def experiment(
     residual_friction: Annotated[float, typer.Option(help="Friction coefficient of a crack.")] = 0.0,
     as_json: AsJson = False,
 ) -> None:
-    """Virtual experiment: settle a layout, push it until it comes down, twice; what brittle faces do."""
+    """Load a layout in a virtual experiment until it comes down, and compare with λ.
+
+    The layout is pushed twice, slowly and fast. The output has the collapse load, its ratio to λ of limit analysis, and
+    the load at the first crack. The exit code is 4 if the two pushes do not agree.
+    """
     from jld_experiment import Joints, Settings, run_experiment
     from jld_experiment.report import status_of, summary
 

@@ -88,7 +88,11 @@ def explore_command(
     as_json: AsJson = False,
     **own: Any,
 ) -> None:
-    """Search the labellings of a scene for the strongest: ranked table, front, pictures."""
+    """Search the layouts of a scene for the strongest, and write a folder of results.
+
+    The folder holds ranked tables, the front, pictures, a page and a summary. After a signal it holds what was found
+    until then, and --resume goes on.
+    """
     parsed = with_cracks(load_scene(scene), cracks)
     if certificates:
         warn("jld: --certificates has no effect and will be refused in version 0.4; leave it out")

@@ -22,9 +22,11 @@ _MOST: Final = 6
 
 
 def layout_of(source: Path, rank: int | None) -> tuple[Scene, Assembly, Bits]:
-    """Return scene, assembly and labels of a scene file or of a rank in a results folder.
+    """Return the scene, assembly and labels (m,) of the layout that a command refers to.
 
-    The default rank is the best. Raises InputError for a rank of a scene, or one that the folder does not have.
+    source: scene file, or results folder. rank: row of the folder's results from 1; None for the strongest. The layout
+    of a scene file is its own labelling. Raises InputError for a rank of a scene file, or one that the folder does not
+    have.
     """
     if not source.is_dir():
         if rank is not None:
@@ -39,10 +41,10 @@ def layout_of(source: Path, rank: int | None) -> tuple[Scene, Assembly, Bits]:
 
 
 def plot_ranks(source: Path, text: str, out: Path | None, ending: str) -> Path:
-    """Draw layouts of a results folder side by side and return the file.
+    """Draw layouts of a results folder side by side, and return the file written.
 
-    `text` holds ranks, for example "1,4". `out` is the file, by default one in the folder.
-    Raises InputError for invalid ranks or a source that is no results folder.
+    text: rows of the results, such as "1,4". out: the file; None for one in the folder, of the kind `ending`. Raises
+    InputError for invalid rows, an unknown ending, or a source that is no results folder.
     """
     if not source.is_dir():
         raise ParameterError("rank", f"{source} is a scene, which has no ranks", "a folder written by jld explore")
@@ -72,7 +74,7 @@ def plot_ranks(source: Path, text: str, out: Path | None, ending: str) -> Path:
 
 
 def _by_fields(done: Exploration, ranks: list[int]) -> Figure:
-    """Draw stress trajectories and cracks of layouts side by side, each under its governing load case."""
+    """Draw stresses and cracks of layouts side by side, each under its governing load case."""
     from jld_core.views.field_figures import figure_of_field_layouts
 
     found = [done.field_result(rank) for rank in ranks]

@@ -49,7 +49,7 @@ Robust = Annotated[
 
 
 def current_bending(given: str) -> InnerBending:
-    """Return the value of --inner-bending by its present name; warn about a name of version 0.2."""
+    """Return the present name of a value of --inner-bending; warn if it is one of version 0.2."""
     if given not in RENAMED_BENDING:
         return cast(InnerBending, given)
     warn(f"jld: warning: --inner-bending {given} is now {RENAMED_BENDING[given]}; the old name works until version 0.4")

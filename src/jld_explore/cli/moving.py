@@ -1,4 +1,4 @@
-"""Provide `jld move`: joints whose geometry is variable, and what `jld solve` tells about vertices."""
+"""Provide `jld move`: joints whose geometry is variable."""
 
 from __future__ import annotations
 
@@ -37,7 +37,10 @@ _GAP: Final = 1e-3
 
 
 def require_movable(scene: Scene, assembly: Assembly) -> None:
-    """Raise InputError where the key "move" of a scene does not fit its own layout."""
+    """Raise InputError if the key "move" of a scene does not fit the scene's own labelling.
+
+    A scene without the key is accepted.
+    """
     if scene.move is not None:
         GeometrySearch(scene, assembly, assembly.labels)
 
@@ -58,7 +61,11 @@ def move(
     gap: Annotated[float, typer.Option(min=1e-9, help="With --prove: relative distance of both bounds.")] = _GAP,
     as_json: AsJson = False,
 ) -> None:
-    """Move the joints of a planar layout for the largest load factor; every accepted point is proven."""
+    """Move the joints of a planar layout to raise its load factor, with each step proven.
+
+    Write the moved scene to --out, with a table and a picture of the same name beside it. --prove bounds λ over a box
+    of positions instead.
+    """
     _check_out(source, out)
     scene, assembly, labels = layout_of(source, rank)
 

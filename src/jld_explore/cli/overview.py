@@ -46,7 +46,7 @@ _EXAMPLE = """  jld new wall --length 1.2 --courses 6 -o wall.json
 
 
 def text() -> str:
-    """Return the whole help text."""
+    """Return the text of `jld --help`: commands, drivers and an example."""
     parts = [_HEAD]
     tables = {"Options": _OPTIONS, "Commands": COMMANDS, "Drivers of jld explore (--driver)": DRIVERS}
     for title, lines in tables.items():

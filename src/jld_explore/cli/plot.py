@@ -30,7 +30,10 @@ def plot_command(
     ids: Annotated[bool, typer.Option("--ids", help="Write the ids of elements (scene).")] = False,
     values: Annotated[bool, typer.Option("--values", help="Write the values of live loads (scene).")] = False,
 ) -> None:
-    """Draw a scene with its own labels, or a study's pictures again; gif and mp4 show its mechanism moving."""
+    """Draw a scene with its own labels, or the pictures of a results folder again.
+
+    The formats gif and mp4 show the mechanism moving.
+    """
     moving = kind in ("gif", "mp4") or (out is not None and out.suffix in (".gif", ".mp4"))
     if source.is_dir() and (ids or values):
         raise ParameterError("ids" if ids else "values", "a study's pictures have none", "a scene, or the page of it")

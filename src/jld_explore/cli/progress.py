@@ -21,7 +21,10 @@ from jld_explore import study_state
 
 
 class ProgressBar:
-    """Progress bar with count, rate, best λ and remaining time; silent without a terminal."""
+    """Progress bar of a search on stderr: count, rate, best λ and remaining time.
+
+    Use it as a context, and call it with each progress report. It shows nothing if stderr is no terminal.
+    """
 
     def __init__(self, label: str) -> None:
         console = Console(file=sys.stderr)
@@ -51,7 +54,7 @@ class ProgressBar:
         self._bar.stop()
 
     def __call__(self, now: study_state.Progress) -> None:
-        """Show the state of a study."""
+        """Show the latest progress report of a search."""
         rate = now.solved / now.seconds if now.seconds > 0.0 else 0.0
         best = "no λ yet" if math.isnan(now.best) else f"best λ {now.best:.6g}"
         if math.isfinite(now.bound):

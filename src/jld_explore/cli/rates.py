@@ -17,9 +17,10 @@ _FACES: Final = 40
 
 
 def with_rates(result: LimitAnalysisResult, *, vertices: bool) -> LimitAnalysisResult:
-    """Return a result with the derivatives of λ by strengths and weight among its facts, and by `vertices` if asked.
+    """Return a result with the derivatives of λ by strengths and weight in its `facts`.
 
-    Derivatives by vertices take three times as long as the others, and the terminal does not show them.
+    vertices: add those by the positions of vertices, which take three times as long and are None where unknown. The
+    entries are "sensitivities" and "geometry_sensitivities".
     """
     rates = {name: rate.to_json() for name, rate in sensitivities(result).items()}
     if not vertices:
@@ -31,7 +32,10 @@ def with_rates(result: LimitAnalysisResult, *, vertices: bool) -> LimitAnalysisR
 
 
 def draw_rates(result: LimitAnalysisResult, out: Path) -> None:
-    """Write a picture of the derivatives by vertices into a folder, where there are any."""
+    """Write `vertices.png`, the derivatives of λ by vertices, into a folder.
+
+    Nothing is written for a result without them.
+    """
     rates = result.facts.get("geometry_sensitivities")
     if rates is None:
         return

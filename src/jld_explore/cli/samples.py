@@ -34,7 +34,10 @@ _CELLS = 4  # Without a limit the strongest layout is often a single block.
 
 
 def write_scene(scene: Scene, out: Path) -> None:
-    """Write a scene file atomically; raise InputError if its folder does not exist."""
+    """Write a scene file, completely or not at all; keys with default values are left out.
+
+    Raises InputError if the path is a folder, or its folder does not exist.
+    """
     if out.is_dir():
         raise InputError(str(out), "it is a folder", "the name of a scene file")
     if not out.absolute().parent.is_dir():
@@ -43,7 +46,7 @@ def write_scene(scene: Scene, out: Path) -> None:
 
 
 def commands() -> typer.Typer:
-    """Return the commands of `jld new`, one per sample."""
+    """Return the group of commands `jld new`, one per sample, with its parameters as options."""
     group = typer.Typer(
         help="Write a scene by name: a grid of candidate cells with supports, stone and a load.",
         add_completion=False,

@@ -30,7 +30,11 @@ def settlement(
     out: Annotated[Path | None, typer.Option(help="Folder for settlement.json and pictures.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Range of thrust along each movement of supports that the scene names, and the mechanisms at its ends."""
+    """Bracket the thrust along each movement of supports that a scene names.
+
+    The output has the least and the greatest thrust, with the mechanisms at these ends. The exit code is 4 if an end
+    stays uncertified.
+    """
     if out is not None:
         require_folder(out)
     scene, assembly, labels = layout_of(source, rank)

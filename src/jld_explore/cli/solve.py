@@ -71,7 +71,11 @@ def solve(
     field_seconds: FieldSeconds = FIELD_SECONDS,
     as_json: AsJson = False,
 ) -> None:
-    """Collapse load factor of the scene's own labelling, with a two-sided bracket."""
+    """Compute the collapse load factor of one layout, with a two-sided bracket.
+
+    Print status, λ, bracket and evidence. With --out also write result.json and pictures. The exit code is 4 if the
+    bracket stays too wide (uncertified).
+    """
     if out is not None:
         require_folder(out)
     options = SolveOptions(
@@ -129,7 +133,10 @@ def _checked(
     *,
     robust: bool,
 ) -> tuple[Scene, Assembly, Bits]:
-    """Return scene, assembly and labels as they are solved; raise InputError where the options do not fit them."""
+    """Return the scene, assembly and labels of a layout as they are solved.
+
+    Raises InputError where the options do not fit them.
+    """
     scene, assembly, labels = given
     if "search" in scene.model_fields_set:
         check_search(path, scene, assembly)

@@ -49,9 +49,10 @@ def _spelled(error: UnicodeError) -> tuple[str | bytes, int]:
 
 
 def open_streams() -> None:
-    """Prepare stdin, stdout and stderr so that writing never ends in a traceback.
+    """Prepare stdin, stdout and stderr so that writing to them never ends in a traceback.
 
-    Closed streams become the null device, so that no opened file gets their number.
+    Characters that an encoding lacks are spelt out. Closed streams become the null device, so that no opened file gets
+    their number.
     """
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         try:
@@ -67,9 +68,10 @@ def open_streams() -> None:
 
 
 def say(text: object) -> None:
-    """Write a line to stdout and flush it; ignore a closed pipe.
+    """Write a line to stdout and flush it.
 
-    Raises OSError with the name "standard output" if writing fails.
+    A closed pipe is ignored, and later output with it. Raises OSError with the file name "standard output" if writing
+    fails otherwise.
     """
     try:
         sys.stdout.write(f"{text}\n")
@@ -82,7 +84,7 @@ def say(text: object) -> None:
 
 
 def warn(line: str) -> None:
-    """Write a line to stderr; ignore errors, since the terminal may be closed."""
+    """Write a line to stderr; ignore any failure, since the terminal may be closed."""
     with contextlib.suppress(OSError):
         sys.stderr.write(f"{line}\n")
         sys.stderr.flush()

@@ -18,7 +18,11 @@ def studio(
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port on this machine; 0 takes a free one.")] = 0,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")] = True,
 ) -> None:
-    """Move joints by hand and see the proven collapse load follow: a page on this machine, for you alone."""
+    """Serve a page on this machine on which the proven load of a layout follows each change.
+
+    Print the address of the page. The server runs until it is interrupted; searches begun from the page are then
+    stopped.
+    """
     from jld_explore.studio import open_studio
 
     open_studio(source, port, say, browser)

@@ -22,13 +22,16 @@ def verify_command(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Check a certificate: that no labelling of its scene carries more than it says."""
+    """Check the certificate of a proof: no labelling of its scene carries more than it says.
+
+    Print the proven bound. The exit code is 2, with the first reason that does not hold, if the certificate is wrong.
+    """
     done = verify(certificate, None if scene is None else load_scene(scene))
     say(json.dumps(facts(done), indent=1) if as_json else words(done))
 
 
 def facts(done: Verified) -> dict[str, object]:
-    """Return the result of a check as JSON data."""
+    """Return the outcome of a successful check of a certificate as JSON data."""
     claim = done.claim
     return {
         "scene": done.scene.name,
@@ -44,7 +47,7 @@ def facts(done: Verified) -> dict[str, object]:
 
 
 def words(done: Verified) -> str:
-    """Describe the result of a check for the terminal."""
+    """Describe the outcome of a successful check of a certificate for the terminal."""
     claim = done.claim
     lines = [
         f"verified: no labelling of {done.scene.name!r} carries more than λ = {claim.bound:.9g}",

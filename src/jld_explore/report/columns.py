@@ -65,22 +65,22 @@ _CONVERGENCE: Final = {
 
 
 def ranked_by(results: pd.DataFrame) -> str:
-    """Return the name of the ranking quantity: λ, or with load cases the governing factor.
+    """Return the name of the quantity that ranks layouts: "λ", or "λ / required" with cases.
 
-    The governing factor is the least λ over the required factor of each case.
+    With load cases the rank follows the governing factor: the least λ over the required factor of its case.
     """
     return "λ / required" if "governing" in results.columns else "λ"
 
 
 def value_in_words(results: pd.DataFrame, value: float) -> str:
-    """Return a value of the ranking quantity as short text, for the title of a small drawing."""
+    """Return a value of the ranking quantity as a short text, such as "λ = 1.234"."""
     return f"{value:#.4g} × required" if "governing" in results.columns else f"λ = {value:#.4g}"
 
 
 def columns(assembly: Assembly) -> dict[str, Columns]:
-    """Return the content of columns.json: unit and meaning by file and column.
+    """Return the content of columns.json: unit and meaning of each column of each table.
 
-    Load factors multiply the live load and have no unit.
+    The keys are file name, then column name, then "unit" and "meaning". Load factors have the unit "".
     """
     length = assembly.units[0]
     ends = {f"{axis}{end}": (length, f"{axis} of end {end} of the face") for end in (0, 1) for axis in "xyz"}

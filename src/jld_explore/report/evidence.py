@@ -26,9 +26,10 @@ COLUMN: Final = "evidence"
 def front_rows(
     front: pd.DataFrame, summary: Mapping[str, Any], counts: Sequence[str], *, complete: bool, aimed: bool
 ) -> list[dict[str, Any]]:
-    """Return `best_by_count` of summary.json for all counts on the front or of the driver.
+    """Return the best λ known for every count, with its evidence, for summary.json.
 
-    Each row has count, load_factor, bound, proven and evidence; with two counts `count` is a list.
+    Counts are those on the front and those of the driver's own front. Each row has count, load_factor, bound, proven
+    and evidence ("proven", "found" or "visited"). With two counts `count` is a list.
 
     Parameters
     ----------
@@ -82,7 +83,10 @@ def _value(values: Sequence[Any]) -> Any:
 
 
 def known_front(front: pd.DataFrame) -> tuple[pd.DataFrame, Bools]:
-    """Return the rows of a front that are not merely visited, and a (k,) mask of proven ones."""
+    """Return the rows of a front with better evidence than "visited", and which are proven.
+
+    The mask (k,) belongs to the rows returned. A front without evidence is returned whole, with no row proven.
+    """
     if COLUMN not in front:
         return front, np.zeros(len(front), dtype=bool)
     known = front[front[COLUMN] != VISITED]
@@ -90,9 +94,9 @@ def known_front(front: pd.DataFrame) -> tuple[pd.DataFrame, Bools]:
 
 
 def with_evidence(front: pd.DataFrame, summary: Mapping[str, Any], counts: Sequence[str]) -> pd.DataFrame:
-    """Return the front with its column `evidence`, taken from `front` of a summary.
+    """Return a front with its column `evidence`, from the entry `front` of a summary.
 
-    Points that the summary does not contain were merely visited.
+    counts: names of the counts that identify a point. Points that the summary does not contain become "visited".
     """
     told = summary.get("front") or []
     known = {str(row["count"]): row.get(COLUMN, PROVEN if row["proven"] else FOUND) for row in told}
@@ -100,5 +104,8 @@ def with_evidence(front: pd.DataFrame, summary: Mapping[str, Any], counts: Seque
 
 
 def values_on(front: pd.DataFrame, counts: Sequence[str]) -> list[Any]:
-    """Return the count of each row of a front as in summary.json."""
+    """Return the count of each row of a front in the form of summary.json.
+
+    It is a number, or a list of numbers for several counts.
+    """
     return [_value(row) for row in zip(*(front[name].tolist() for name in counts), strict=True)]

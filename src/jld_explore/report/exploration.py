@@ -105,7 +105,23 @@ class Exploration(NotebookRepr):
         return Layout(self.scene, *cut(self.assembly, str(self.row(rank)["labelling"])))
 
     def result(self, rank: int | None = None) -> LimitAnalysisResult:
-        """Return the limit analysis of one layout by the search's model; `rank` as in `layout`."""
+        """Return the limit analysis of one layout, solved by the model of the search.
+
+        Parameters
+        ----------
+        rank : int, optional
+            Number of the row of the results, from 1. Default: the strongest layout.
+
+        Returns
+        -------
+        LimitAnalysisResult
+            Result, on finer cells where the scene's blocks crack by cells.
+
+        Raises
+        ------
+        InputError
+            If there is no such row, or blocks crack by fields.
+        """
         layout, cracks = self.layout(rank), self.scene.cracks
         assembly, labels = layout.assembly, layout.labels
         if isinstance(cracks, FieldCracks):
@@ -118,7 +134,7 @@ class Exploration(NotebookRepr):
         return solve(assembly, labels, **vars(self.model))
 
     def field_result(self, rank: int | None = None, seconds: float = FIELD_PICTURE) -> FieldResult:
-        """Return both bounds by fields of one layout, with stresses and velocities; `rank` as in `layout`.
+        """Return both bounds by fields on λ of one layout, with stresses and velocities.
 
         Parameters
         ----------
@@ -142,18 +158,31 @@ class Exploration(NotebookRepr):
         return solve_by_fields(layout.assembly, layout.labels, gap=gap, seconds=seconds)
 
     def blocks(self, rank: int | None = None) -> pd.DataFrame:
-        """Return the blocks of one layout as in blocks.csv; `rank` as in `layout`."""
+        """Return the blocks of one layout as a table, with the columns of blocks.csv.
+
+        `rank`, and the errors, are as in `layout`.
+        """
         import pandas as pd  # slow to import and needed for tables only
 
         return pd.DataFrame(self.layout(rank).table())
 
     def row(self, rank: int | None = None) -> pd.Series[Any]:
-        """Return one row of the results, by default the strongest layout; `rank` as in `layout`.
+        """Return one row of the results: the strongest layout, or the row number `rank` from 1.
+
+        Parameters
+        ----------
+        rank : int, optional
+            Number of the row. Default: the strongest layout.
+
+        Returns
+        -------
+        Series
+            Values by column of results.csv.
 
         Raises
         ------
         InputError
-            If there is no such row, or no ranked layout.
+            If there is no such row, or without `rank` no layout has a load factor.
         """
         ranked = int(np.count_nonzero(self.results["status"] == str(Status.COLLAPSE)))
         if rank is None and not ranked:

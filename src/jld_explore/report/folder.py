@@ -276,7 +276,7 @@ class _Best:
 
 
 def _field_picture(done: Exploration) -> Figure:
-    """Draw the best layout with stress trajectories and cracks, under the load case that governs."""
+    """Draw stress trajectories and cracks of the best layout under its governing load case."""
     from jld_core.views.field_figures import figure_of_fields
 
     return figure_of_fields(*done.field_result().governing_case)

@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
 
 class ExplorationView:
-    """Notebook representation of a finished study."""
+    """Notebook representation of a finished study: facts, front, and first rows of its tables."""
 
     def svg(self, thing: Exploration) -> str | None:
-        """Return the front with its layouts as SVG, None if the structure is too large."""
+        """Return the front with its layouts as SVG text; None above `LARGEST` elements."""
         if len(thing.assembly.elements) > notebook.LARGEST:
             return None
         from jld_core.views.figures import svg_of
@@ -29,13 +29,16 @@ class ExplorationView:
         return svg_of(front_picture(thing))
 
     def figure(self, thing: Exploration, *, ids: bool = False, values: bool = False) -> Figure:
-        """Return the figure of the front with its layouts, which has no ids or values."""
+        """Return the figure of the front with its layouts; `ids` and `values` have no effect."""
         from jld_explore.report.pictures_of_three import front_picture
 
         return front_picture(thing)
 
     def html(self, thing: Exploration, drawing: str | None) -> str:
-        """Return facts, drawing and the first rows of both tables as HTML."""
+        """Return the facts, the drawing and the first rows of both tables as HTML.
+
+        drawing: SVG text, or None where it is too large.
+        """
         tables_of = {"strongest": words.best_rows(thing), f"front, {words.front_name(thing)}": thing.front}
         parts = [
             f"<p>{name}</p>{table[words.columns(thing)].to_html(index=False)}" for name, table in tables_of.items()
@@ -48,7 +51,7 @@ register_repr(Exploration, ExplorationView())
 
 @dataclass(frozen=True)
 class Page:
-    """Page of a search that a notebook shows in a frame.
+    """Interactive page of a search, which a notebook shows in a frame.
 
     Attributes
     ----------

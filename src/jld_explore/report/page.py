@@ -72,10 +72,10 @@ def _assets(wing: str) -> Traversable:
 
 
 def linked(entry: str, instead: Mapping[str, str] | None = None) -> str:
-    """Join a module and all its imports into one script, in dependency order.
+    """Join a JavaScript module of the page and all its imports into one script.
 
-    Each module has its own scope. `instead` names replacements of modules.
-    Raises ValueError for circular imports and for text that would end the script element.
+    Imported modules come first, each in a scope of its own. entry: file name of the module. instead: replacements of
+    modules by name. Raises ValueError for circular imports, and for text that would end the script element.
     """
     instead = instead or {}
     done: dict[str, str] = {}
@@ -120,9 +120,10 @@ def _place(name: str, instead: Mapping[str, str]) -> str:
 
 
 def page(data: Mapping[str, Any]) -> str:
-    """Return the self-contained HTML of a report from `page_data`.
+    """Return the self-contained HTML of a report page.
 
-    Its content security policy admits only this script and this style, by their hashes.
+    data: data of the page, as `page_data` assembles them. The content security policy of the page admits only its own
+    script and style, by their hashes.
     """
     script = linked("report.js", PLANAR if data["structure"]["dimension"] == 2 else None)
     style = asset("page.css")
@@ -144,7 +145,10 @@ def page(data: Mapping[str, Any]) -> str:
 
 
 def packed(data: Mapping[str, Any]) -> str:
-    """Return data as base64 of gzipped JSON, which is safe in HTML for any names in a scene."""
+    """Return data as base64 of gzipped JSON, which is safe in HTML whatever it holds.
+
+    Raises ValueError for NaN and infinities.
+    """
     text = json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return base64.b64encode(gzip.compress(text.encode("utf-8"), compresslevel=6, mtime=0)).decode("ascii")
 

@@ -1,4 +1,4 @@
-"""State what Python sends to a page and what the page reads: the one statement of this contract.
+"""State the contract of a page: what Python sends to it and what it reads.
 
 `page_schema` makes a JSON schema of it. `tools/page_contract.py` writes it into `assets/contract.js`, for the type
 checks of the page and for its check of keys. Lengths and forces are in the units of the scene. The text below a key
@@ -48,7 +48,7 @@ class Fact(TypedDict):
 
 @with_config(_EXACT)
 class Element(TypedDict):
-    """An element of the assembly."""
+    """Element of the assembly: name, shape and weight."""
 
     id: str
     support: bool
@@ -63,7 +63,7 @@ class Element(TypedDict):
 
 @with_config(_EXACT)
 class Face(TypedDict):
-    """An interface of the assembly."""
+    """Interface of two elements of the assembly."""
 
     elements: Pair
     """Numbers of its two elements; the normal runs from the first to the second."""
@@ -78,7 +78,7 @@ class Face(TypedDict):
 
 @with_config(_EXACT)
 class Structure(TypedDict):
-    """Elements and faces in the order of the assembly."""
+    """Elements and faces of the scene, in the order of the assembly."""
 
     dimension: Literal[2, 3]
     units: Units
@@ -98,7 +98,7 @@ class Structure(TypedDict):
 
 @with_config(_EXACT)
 class Load(TypedDict):
-    """A live load, as it is drawn."""
+    """Live load as a page draws it: force, force on all bodies, or couple."""
 
     case: str
     kind: Literal["live", "body", "couple"]
@@ -112,7 +112,7 @@ class Load(TypedDict):
 
 @with_config(_EXACT)
 class CaseSolution(TypedDict):
-    """What is proven of one layout under one load case."""
+    """What is known of one layout under one load case; null where nothing is."""
 
     name: str
     """Name of the case; the empty string in a scene with a single load."""
@@ -147,7 +147,7 @@ class CaseSolution(TypedDict):
 
 @with_config(_EXACT)
 class Solution(TypedDict):
-    """What is proven of one layout."""
+    """What is known of one layout: λ, bracket, status, and a solution for each load case."""
 
     labelling: Annotated[str, Field(pattern="^[div]*$")]
     """Letters d, i and v (beside a cell that is left out), one for each face."""
@@ -162,7 +162,7 @@ class Solution(TypedDict):
 
 @with_config(_EXACT)
 class Column(TypedDict):
-    """A column of the table of layouts."""
+    """Column of the table of layouts, with one value per row; null where not computed."""
 
     name: str
     """Name as in results.csv."""
@@ -174,7 +174,7 @@ class Column(TypedDict):
 
 @with_config(_EXACT)
 class Table(TypedDict):
-    """Table of layouts, with the bits of their labellings."""
+    """Table of layouts that the page shows, by columns, with the labels of each row as bits."""
 
     rows: int
     columns: list[Column]
@@ -198,7 +198,7 @@ class Table(TypedDict):
 
 @with_config(_EXACT)
 class Mark(TypedDict):
-    """A mark of the drawings."""
+    """Marker of the drawings: shape, colours #rrggbb, and legend text."""
 
     shape: Literal["circle", "diamond", "thin diamond", "triangle", "cross"]
     fill: str
@@ -208,7 +208,7 @@ class Mark(TypedDict):
 
 @with_config(_EXACT)
 class Look(TypedDict):
-    """Drawing rules, the same for the pictures of matplotlib."""
+    """Colours, dashes and marks by which the page draws, the same as in figures of matplotlib."""
 
     tints: Annotated[list[str], Field(min_length=1)]
     plain: str
@@ -237,7 +237,7 @@ class Look(TypedDict):
 
 @with_config(_EXACT)
 class Curve(TypedDict):
-    """The best load factor of a search against solves and seconds."""
+    """Best load factor of a search against solves and time: lists with one entry per point."""
 
     name: str
     solves: list[int]
@@ -247,7 +247,7 @@ class Curve(TypedDict):
 
 @with_config(_EXACT)
 class Picture(TypedDict):
-    """A picture drawn by Python, shown as it is."""
+    """Picture drawn by Python, for what the page itself cannot draw."""
 
     title: str
     png: Base64
@@ -256,7 +256,7 @@ class Picture(TypedDict):
 
 @with_config(_EXACT)
 class PageData(TypedDict):
-    """All data of a page."""
+    """All data of a page, for a report of a search, a single scene or the studio."""
 
     format: Literal["jld-page"]
     version: Literal[1]

@@ -116,7 +116,10 @@ def page_data(
 
 
 def structure_of(assembly: Assembly, candidates: Bools) -> Structure:
-    """Return elements and faces in the order of the assembly, coordinates in scene units."""
+    """Return the elements and faces of an assembly for a page, lengths in scene units.
+
+    candidates: (m,) True for faces whose label may be chosen.
+    """
     elements, faces = assembly.elements, assembly.interfaces
     planar = assembly.dimension == 2
     weight = np.linalg.norm(elements.weight, axis=1)
@@ -195,7 +198,7 @@ def _gaps(covered: Iterable[tuple[float, float]], length: float, near: float) ->
 
 
 def cases_of(assembly: Assembly) -> list[str]:
-    """Return the names of the load cases; one empty name for a scene with a single load."""
+    """Return the names of the load cases for a page; one empty name for a single load."""
     return [case.name for case in assembly.cases] or [""]
 
 
@@ -261,9 +264,10 @@ def solution_of(result: LimitAnalysisResult) -> Solution:
 
 
 def within(solution: Solution, assembly: Assembly, text: str) -> Solution:
-    """Extend a solution of the remaining structure to the faces and elements of the whole one.
+    """Extend the solution of a structure with omitted cells to the whole structure.
 
-    Omitted elements get zeros, and faces beside them get zeros as well.
+    assembly: the whole structure. text: labelling with a letter per face of it, "v" beside an omitted cell. Values of
+    omitted elements, and of faces beside them, become zeros.
     """
     gone = omitted(assembly, text)
     faces = np.flatnonzero(~beside_nothing(text)).tolist()
@@ -339,7 +343,10 @@ def _case(name: str, result: LimitAnalysisResult, required: float) -> CaseSoluti
 
 
 def rounded(values: Any, digits: int = PLACES) -> Any:
-    """Round to significant digits and return nested lists, with None for NaN and infinities."""
+    """Round numbers to significant digits and return them in the form of JSON.
+
+    values: a number or an array of any shape. The result is a number or nested lists; NaN and infinities become None.
+    """
     array = np.asarray(values, dtype=float)
     if array.ndim == 0:
         return float(f"{array:.{digits}g}") if np.isfinite(array) else None

@@ -68,7 +68,7 @@ def study_page(done: Exploration, patience: float = PATIENCE, dear: float = math
 
 
 def scene_page(scene: Scene, assembly: Assembly) -> str:
-    """Make the HTML page of a scene with its own labels, solved.
+    """Solve a scene with its own labels, and return the HTML page that shows the result.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def scene_page(scene: Scene, assembly: Assembly) -> str:
     Returns
     -------
     str
-        HTML.
+        Self-contained HTML.
     """
     found = CaseAnalysis(assembly).solve(assembly.labels, stands=True)
     facts = {**facts_of_assembly(assembly), **facts_of_result(found)}

@@ -38,7 +38,10 @@ _NO_COUNT: Final = ("rank", "multiplicity", "seconds", "load_factor", "bracket_l
 
 
 def chosen_rows(results: pd.DataFrame, front: pd.DataFrame, most: int = MOST) -> pd.DataFrame:
-    """Return the rows of a page in the order of the results: the first `most`, and the front."""
+    """Return the rows of the results that a page shows: the first `most`, and the front.
+
+    They keep the order of the results.
+    """
     if len(results) <= most:
         return results
     kept = np.arange(len(results)) < most
@@ -49,10 +52,10 @@ def chosen_rows(results: pd.DataFrame, front: pd.DataFrame, most: int = MOST) ->
 def table_of(
     results: pd.DataFrame, front: pd.DataFrame, assembly: Assembly, *, axes: Sequence[tuple[str, str]], left_out: int
 ) -> Table:
-    """Return the object `table` of a page's data.
+    """Return the table of layouts for a page: columns, labellings and evidence.
 
-    `results` holds the rows to show and `front` those on the front, with a column `evidence`.
-    `axes` holds the counts of the front, each with its sense. `left_out` is the number of rows not shown.
+    results: the rows to show. front: rows on the front, with a column `evidence`. axes: counts of the front, each with
+    its better direction, "max" or "min". left_out: number of rows of the study that are not shown.
     """
     import pandas as pd  # here and below: slow to import and needed for tables only
 
@@ -131,7 +134,10 @@ def _counts() -> dict[str, Count]:
 
 
 def curve_of(name: str, history: pd.DataFrame) -> Curve:
-    """Return one convergence curve from the columns of convergence.csv."""
+    """Return a convergence curve for a page from the table of convergence.csv.
+
+    name: legend text. Rows without a finite best λ are left out.
+    """
     found = history[np.isfinite(history["best"].astype(float))]
     return {
         "name": name,
@@ -142,7 +148,10 @@ def curve_of(name: str, history: pd.DataFrame) -> Curve:
 
 
 def facts_of_summary(summary: Mapping[str, Any], results: pd.DataFrame) -> dict[str, str]:
-    """Return proven facts by name: bracket of the best λ, bound on all layouts, gap, versions."""
+    """Return what is proven by a search as texts by name: bracket of the best, bound, gap.
+
+    The versions of libraries are added if the summary has them. results: table of results, best row first.
+    """
     facts: dict[str, str] = {}
     best = results[results["load_factor"].notna()].head(1)
     if summary.get("best") is not None and len(best):

@@ -133,14 +133,14 @@ def plot_pareto(
 
 
 def plot_best(result: LimitAnalysisResult) -> Figure:
-    """Draw the best labelling in full: labels, forces and mechanism."""
+    """Return a figure of the best layout: labels, forces and mechanism."""
     return core.figure_of_result(result)
 
 
 def plot_distribution(results: pd.DataFrame, count: str = FIRST) -> Figure:
-    """Draw λ of the labellings that collapse as box plots by an integer count, with all dots.
+    """Return a figure of λ by an integer count: box plots, with all layouts as dots.
 
-    Numbers along the top give the number of classes of each box. `results` has the columns of results.csv.
+    results: columns of results.csv. Numbers along the top give the number of classes of each box.
     """
     shown = collapsed(results)
     figure = figure_of(8.0, 4.6)
@@ -175,11 +175,10 @@ def plot_distribution(results: pd.DataFrame, count: str = FIRST) -> Figure:
 
 
 def plot_dry_frequency(results: pd.DataFrame, assembly: Assembly, top: int = 50) -> Figure:
-    """Draw the share of the `top` best labellings in which each face is dry.
+    """Return a figure of how often each face is dry in the `top` best layouts.
 
-    Width and colour of a face show the share. `results` has the columns of results.csv.
-    Each class counts once, by its representative labelling.
-    Faces to supports stay thin. Raises ValueError for labellings that do not fit the assembly.
+    Width and colour of a face show the share; faces to supports stay thin. results: columns of results.csv; each class
+    counts once. Raises ValueError for labellings that do not fit the assembly.
     """
     best = collapsed(results).sort_values("load_factor", ascending=False, kind="stable").head(top)
     lower, upper = extent(assembly, projection_of(assembly))
@@ -211,10 +210,10 @@ def plot_dry_frequency(results: pd.DataFrame, assembly: Assembly, top: int = 50)
 
 
 def plot_convergence(histories: dict[str, pd.DataFrame]) -> Figure:
-    """Plot the best λ so far against solves and against seconds, one line per history.
+    """Return a figure of the best λ so far against solves and against time, a line per search.
 
-    The histories are tables by name with the columns `solves` (so far), `seconds` (since the start) and `best`.
-    `best` is the best λ so far, blank while there is none.
+    histories: tables by legend text, with the columns `solves` (so far), `seconds` (since the start) and `best` (λ so
+    far, blank while there is none).
     """
     figure = figure_of(9.6, 4.2)
     names = {"solves": "programs solved", "seconds": "time [s]"}
@@ -250,7 +249,7 @@ def plot_convergence(histories: dict[str, pd.DataFrame]) -> Figure:
 
 
 def labels_of(text: object, assembly: Assembly) -> Bits:
-    """Convert letters d, i and v to (m,) labels in the order of the interfaces; v is not dry.
+    """Convert the letters d, i and v of a labelling to labels (m,), True = dry; v is not dry.
 
     Raises ValueError if the text does not fit the assembly.
     """
@@ -261,16 +260,16 @@ def labels_of(text: object, assembly: Assembly) -> Bits:
 
 
 def collapsed(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows with a proven finite load factor."""
+    """Return the rows of a table whose layouts have a finite load factor."""
     kept = (table["status"] == str(Status.COLLAPSE)) & np.isfinite(table["load_factor"].astype(float))
     return table[kept]
 
 
 def spread(points: Floats, every: Floats, inches: tuple[float, float], most: int) -> list[int]:
-    """Select indices of points (k, 2) that lie well apart on paper.
+    """Select points (k, 2) that lie well apart on paper, and return their indices, ascending.
 
-    The ends come first, then always the point farthest from those selected, until circles would touch.
-    `every` holds all points on the axes; `inches` is the size of the axes.
+    The ends come first, then always the point farthest from those selected, until circles would touch. every: all
+    points on the axes. inches: size of the axes. most: largest number of points.
     """
     if not len(points):
         return []
@@ -309,7 +308,7 @@ class Gallery:
 
     @classmethod
     def of(cls, count: int, assembly: Assembly, width: float) -> Gallery:
-        """Return the gallery of `count` layouts for a figure of given width, inches."""
+        """Return a gallery of `count` layouts for a figure of given width, inches."""
         columns = count if count <= 5 else math.ceil(count / 2)
         wide = width / max(columns, 4)
         return cls(count, columns, (wide, _thumbnail_height(assembly, wide) + 0.42), width)
@@ -325,7 +324,7 @@ class Gallery:
         return self.rows * self.cell[1]
 
     def draw(self, figure: Figure, number: int, assembly: Assembly, labelling: object, words: str) -> None:
-        """Draw one layout with its number in a circle and words above."""
+        """Draw one layout, given by its letters, with `number` + 1 in a circle and `words` above."""
         width, total = figure.get_size_inches()
         row, column = divmod(number, self.columns)
         left = (width - min(self.columns, self.count) * self.cell[0]) / 2.0 + column * self.cell[0]
@@ -356,7 +355,7 @@ def _thumbnail_height(assembly: Assembly, width: float) -> float:
 
 
 def caption(results: pd.DataFrame) -> str:
-    """Return the number of labellings in the table by status."""
+    """Return a sentence with the number of classes of the table, in total and by status."""
     tally = results["status"].value_counts()
     parts = [f"{int(tally.get(str(s), 0))} {s}" for s in Status if s is not Status.FAILED or str(s) in tally]
     total = int(results["multiplicity"].sum()) if "multiplicity" in results else len(results)
@@ -377,7 +376,7 @@ def say_nothing(ax: Axes, text: str) -> None:
 
 
 def circle() -> dict[str, Any]:
-    """Return the style of a number in a circle."""
+    """Return the matplotlib style of a text that stands in a circle."""
     box = {"boxstyle": "circle,pad=0.22", "facecolor": "white", "edgecolor": FRONT, "linewidth": 1.1}
     return {"ha": "center", "va": "center", "fontsize": 8, "fontweight": "bold", "color": INK, "bbox": box}
 

@@ -42,7 +42,7 @@ _CELLS: Final = 22
 
 
 def front_picture(done: Exploration) -> Figure:
-    """Draw the front of a study with its layouts, for one count or two."""
+    """Return a figure of the front of a study with its layouts, for one count or two."""
     axes = done.scene.search.front.axes
     if len(axes) > 1:
         return plot_three(done.results, done.front, done.assembly, axes=axes)
@@ -58,9 +58,9 @@ def plot_three(
     axes: Sequence[tuple[str, str]],
     layouts: int = 8,
 ) -> Figure:
-    """Draw the best λ for every pair of two counts, emphasise the front, and draw its layouts.
+    """Plot the best λ for every pair of two counts, and layouts along the front.
 
-    Numbers in circles link layouts and points.
+    The front is emphasised. Numbers in circles link layouts and points.
 
     Parameters
     ----------

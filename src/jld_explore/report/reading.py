@@ -116,7 +116,10 @@ def read_folder(folder: Path) -> Exploration:
 
 
 def history_of(folder: Path) -> pd.DataFrame | None:
-    """Return the table of convergence.csv, None if there is none; raise InputError if damaged."""
+    """Return the columns solves, seconds and best of convergence.csv in a results folder.
+
+    None if the folder has no such file. Raises InputError if it is damaged.
+    """
     import pandas as pd  # here and below: slow to import and needed for tables only
 
     path = folder / tables.CONVERGENCE

@@ -21,9 +21,10 @@ COLUMN: Final = "meets"
 
 
 def column(low: Floats, status: NDArray[np.object_], search: Search) -> dict[str, Any]:
-    """Return the column (k,) by its name; empty if no load factor is required.
+    """Return the column of results that says which layouts reach the required load factor.
 
-    `low` (k,) holds proven lower bounds on λ. Locked layouts carry any load and meet the requirement.
+    low: (k,) proven lower bounds on λ. status: (k,) names. Locked layouts carry any load and reach it. The result is a
+    dict of name to (k,) mask; empty if no load factor is required.
     """
     if search.require is None:
         return {}
@@ -33,9 +34,10 @@ def column(low: Floats, status: NDArray[np.object_], search: Search) -> dict[str
 
 
 def order(table: pd.DataFrame, search: Search) -> list[Floats]:
-    """Return keys (k,) for `lexsort` that put layouts with the required load factor first, best count first.
+    """Return sort keys for `numpy.lexsort` that put layouts with the required λ first.
 
-    The count is the first one of the front. Without a requirement there are no keys.
+    Those are sorted by the first count of the front, best first. Each key is (k,); without a requirement there are
+    none.
     """
     if search.require is None:
         return []
@@ -44,10 +46,11 @@ def order(table: pd.DataFrame, search: Search) -> list[Floats]:
 
 
 def facts(table: pd.DataFrame, search: Search, *, complete: bool, finished: bool, wide: bool = False) -> dict[str, Any]:
-    """Return the entries of summary.json on the requirement: `require` and `proven`.
+    """Return the entries of summary.json on the required load factor: `require` and `proven`.
 
-    `complete` is True if every class has been evaluated; `finished` is True if the driver's proof is complete.
-    With `wide` brackets a layout that has a load factor may reach more than it is proven to.
+    table: results with the column of `column`. complete: True if every class has been evaluated. finished: True if the
+    driver's proof is complete. wide: True for wide brackets; λ may then exceed what is proven of it. The dict is empty
+    if no load factor is required.
     """
     if search.require is None:
         return {}
@@ -75,7 +78,7 @@ def facts(table: pd.DataFrame, search: Search, *, complete: bool, finished: bool
 
 
 def words(require: dict[str, Any]) -> str:
-    """Return the facts on the requirement in one line."""
+    """Describe the entry `require` of a summary in one line."""
     least = f"λ ≥ {require['load_factor']:g}"
     if require["best"] is None:
         return f"no layout with {least}" + (": proven that there is none" if require["proven"] else " found")

@@ -87,18 +87,28 @@ class Summary(Mapping[str, Any]):
 
     @classmethod
     def of(cls, facts: Mapping[str, Any]) -> Summary:
-        """Return the summary with given entries of summary.json.
+        """Make a summary from the content of summary.json.
 
         Parameters
         ----------
         facts : mapping of str to object
-            Content of summary.json.
+            Content of summary.json; all of it is kept in `facts`.
+
+        Returns
+        -------
+        Summary
+            The summary.
+
+        Raises
+        ------
+        TypeError
+            If a field without a default is missing.
         """
         known = {one.name for one in fields(cls)} - {"facts"}
         return cls(**{name: value for name, value in facts.items() if name in known}, facts=dict(facts))
 
     def to_json(self) -> dict[str, Any]:
-        """Return the content of summary.json."""
+        """Return the content of summary.json as a new dict."""
         return dict(self.facts)
 
     def __getitem__(self, key: str) -> Any:

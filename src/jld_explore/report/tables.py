@@ -36,9 +36,10 @@ CONVERGENCE: Final = "convergence.csv"
 
 
 def faces_table(assembly: Assembly, space: SearchSpace) -> pd.DataFrame:
-    """Return faces.csv: index, elements, end points and candidacy of each face.
+    """Return the table faces.csv: one row per face of the assembly.
 
-    In space the end points are opposite corners of the bounding box of the face.
+    Its columns are index, ids of both elements, end points (scene units), and whether a search may choose the label. In
+    space the end points are opposite corners of the bounding box of the face.
     """
     import pandas as pd  # here and below: slow to import and needed for tables only
 
@@ -156,7 +157,10 @@ def results_table(
 
 
 def nominal_of_best(results: pd.DataFrame) -> float | None:
-    """Return λ at nominal values of the layout that is best at low values."""
+    """Return λ at nominal values of the layout that is strongest at low values.
+
+    None if no layout has a load factor. results: ranked table with the column `load_factor_nominal`.
+    """
     ranked = results[results["status"] == str(Status.COLLAPSE)]
     return None if ranked.empty else float(ranked["load_factor_nominal"].iloc[0])
 
@@ -194,11 +198,11 @@ def _of_cases(rows: NDArray[np.void], assembly: Assembly) -> dict[str, Any]:
 
 
 def front_table(results: pd.DataFrame, axes: Sequence[tuple[str, str]], *, wide: bool = False) -> pd.DataFrame:
-    """Return pareto.csv: the rows of the results on the front of λ and the scene's counts.
+    """Return the table pareto.csv: rows of the results on the front of λ and given counts.
 
-    Rows whose brackets overlap count as equally strong, so only those with the best count are on the front.
-    Of several rows with the same counts the first is kept. `axes` holds counts with their senses. Where
-    brackets are `wide`, nearly all rows overlap, and the front is that of the proven lower ends.
+    axes: counts with their better directions, "max" or "min". Rows whose brackets overlap count as equally strong, so
+    only those with the best count are on the front. Of several rows with the same counts the first is kept. wide: True
+    for brackets that nearly all overlap; the front then compares load factors alone.
     """
     ranked = results["status"] == str(Status.COLLAPSE)
     value = np.where(ranked, results["load_factor"].to_numpy(dtype=float), np.nan)
@@ -211,10 +215,10 @@ def front_table(results: pd.DataFrame, axes: Sequence[tuple[str, str]], *, wide:
 
 
 def convergence_table(records: Records | RefinedRecords) -> pd.DataFrame:
-    """Return convergence.csv: the best λ so far at each improvement and at the end.
+    """Return the table convergence.csv: the best λ so far at each improvement and at the end.
 
-    Columns are solves, seconds of solver time summed over all workers, and best.
-    Rows follow the order in which evaluations finished.
+    Its columns are solves (number so far), seconds (solver time so far, summed over workers) and best. Rows follow the
+    order in which evaluations finished.
     """
     import pandas as pd
 
@@ -230,10 +234,11 @@ def convergence_table(records: Records | RefinedRecords) -> pd.DataFrame:
 
 
 def summary(results: pd.DataFrame, study: Study, reason: StopReason, *, complete: bool) -> dict[str, Any]:
-    """Return summary.json: the best labelling, its proof, and how it was found.
+    """Return the content of summary.json that the results and the study determine.
 
-    `complete` is True if every class has been evaluated. The best is then optimal up to the widths of the brackets.
-    The driver may also know a bound on λ over the whole space and may have completed its own proof.
+    It names the best labelling, its proof, and how it was found. complete: True if every class has been evaluated; the
+    best is then optimal up to the widths of the brackets. A driver may also know a bound on λ of all layouts, or have
+    completed a proof of its own.
     """
     bound, driver, solved, seconds = study.bound, study.driver, study.solved, study.elapsed
     tally = Counter(results["status"])

@@ -66,14 +66,17 @@ def assembly(scene: Scene, found: Assembly, space: SearchSpace) -> str:
 
 
 def columns(done: Exploration) -> list[str]:
-    """Return the columns shown of a study: all integer counts, and the counts of its front."""
+    """Return the names of the columns that a terminal or notebook shows of a study's results.
+
+    They are rank, λ with its bracket, all integer counts, the counts of the front, and the labelling.
+    """
     whole = [count.name for count in registered() if count.integer]
     counted = dict.fromkeys([*whole, *(name for name, _ in done.scene.search.front.axes)])
     return ["rank", "load_factor", "bracket_lo", "bracket_hi", *counted, "labelling"]
 
 
 def facts_of_exploration(done: Exploration) -> dict[str, str]:
-    """Return the findings of a study by name.
+    """Return the findings of a study as texts by name, for terminal and notebook.
 
     They include classes by status, the stop reason, and the best λ with its proof.
     """
@@ -124,7 +127,7 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
 
 
 def _of_blocks(check: dict[str, Any] | None) -> dict[str, str]:
-    """Describe what a check by fields found of the best layouts, with the command that searches by fields."""
+    """Describe what a check by fields found of the best layouts, and the command to go on."""
     if check is None:
         return {}
     if check["skipped"]:
@@ -144,7 +147,11 @@ MEANINGS: Final = {
 
 
 def apart(done: Exploration) -> dict[str, str]:
-    """Describe layouts without a rank, by status: number, meaning, and how to show one."""
+    """Describe the layouts without a rank, as texts by status.
+
+    A text has their number, the meaning of the status, and the command that shows the first. Statuses that no layout
+    has are left out.
+    """
     status = done.results["status"]
     found = {}
     for name, meaning in MEANINGS.items():
@@ -156,7 +163,10 @@ def apart(done: Exploration) -> dict[str, str]:
 
 
 def exploration(done: Exploration, top: int = 10) -> str:
-    """Describe a finished search for `jld explore`: best rows, front and proof."""
+    """Return the text that `jld explore` prints at its end: findings, best rows and front.
+
+    top: largest number of rows.
+    """
     return "\n".join(
         [
             aligned(facts_of_exploration(done)),
@@ -191,10 +201,13 @@ def _shortened(labelling: str) -> str:
 
 
 def best_rows(done: Exploration, top: int = 10) -> pd.DataFrame:
-    """Return the first ranked rows of the results, in the columns shown."""
+    """Return the first rows of the results that have a load factor, in the columns shown.
+
+    top: largest number of rows.
+    """
     return done.results[done.results["status"] == str(Status.COLLAPSE)][columns(done)].head(top)
 
 
 def front_name(done: Exploration) -> str:
-    """Return the objectives of the front in words."""
+    """Return the objectives of the front in words, such as "λ against dry_faces (max)"."""
     return "λ against " + " and ".join(f"{count} ({sense})" for count, sense in done.scene.search.front.axes)

@@ -42,12 +42,16 @@ CANDIDATES: Final = "candidates.json"
 
 
 class Api:
-    """Handlers of the studio's requests and their state.
+    """Handlers of the requests of the studio's page, and their state.
+
+    A handler takes the JSON object of a request and returns that of the answer. `build_app` converts InputError to an
+    answer with status 400. Requests about a state of the page have "labelling" (letters d and i, one per face) and
+    "changes" (parts of the scene that differ).
 
     Parameters
     ----------
     desk : StudioSession
-        Scene of the studio.
+        Solver of the scene.
     jobs : Jobs
         Searches.
     root : Path
@@ -62,7 +66,10 @@ class Api:
         self._counting, self._turn = threading.Lock(), threading.Lock()
 
     def data(self, _: dict[str, Any]) -> dict[str, Any]:
-        """Return the data of the page, with the candidates kept earlier."""
+        """Return the data with which the page starts, with the candidates kept earlier.
+
+        Raises InputError if the file of the candidates is damaged.
+        """
         kept = self.root / CANDIDATES
         try:
             candidates = json.loads(kept.read_text(encoding="utf-8")) if kept.exists() else []
@@ -72,7 +79,11 @@ class Api:
         return {**found, "studio": {**(found["studio"] or {}), "candidates": candidates}}
 
     def solve(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Return the solution of a revision of the page, or that a newer one supersedes it."""
+        """Solve a state of the page and return its solution, or that a newer one supersedes it.
+
+        asked: state, "page" (name of the open page) and "revision" (number of the state). The answer has "revision" and
+        the entries of `StudioSession.solve`; "superseded" alone where the page has sent a newer revision.
+        """
         page, revision = str(asked.get("page", "")), _whole(asked.get("revision"))
         self._note(page, revision)
         with self._turn:
@@ -81,7 +92,11 @@ class Api:
             return {"revision": revision, **self.desk.solve(asked.get("labelling"), _changes(asked))}
 
     def fields(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Return the bracket of the blocks by fields, one mesh further, or that a newer revision supersedes it."""
+        """Solve one more mesh of the bounds by fields for a state of the page, and return them.
+
+        asked: as in `solve`. The answer has "revision" and the entries of `StudioSession.fields`; "superseded" alone
+        where the page has sent a newer revision.
+        """
         page, revision = str(asked.get("page", "")), _whole(asked.get("revision"))
         if self._note(page, revision) > revision:
             return {"revision": revision, "superseded": True}
@@ -97,11 +112,15 @@ class Api:
             return newest
 
     def list_jobs(self, _: dict[str, Any]) -> dict[str, Any]:
-        """Return all searches."""
+        """Return {"jobs": facts of all searches}, each as `Job.told` returns them."""
         return {"jobs": [job.told() for job in self.jobs.listed()]}
 
     def start_job(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Start to improve, prove or explore from a state of the page."""
+        """Start a search from a state of the page, and return its facts (`Job.told`).
+
+        asked: state, "kind" ("improve", "prove" or "explore") and "seconds", its time limit, default 3600. Raises
+        InputError for anything else, or if too many searches are running.
+        """
         kind, seconds = asked.get("kind"), asked.get("seconds", 3600.0)
         if kind not in ("improve", "prove", "explore"):
             raise InputError("kind", f"there is no {str(kind)[:40]!r}", "improve, prove or explore")
@@ -114,25 +133,35 @@ class Api:
         return self.jobs.start(kind, document, orders_for(kind, str(letters), float(seconds))).told()
 
     def stop_job(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Stop a search."""
+        """Ask the search of a "name" to stop, and return its facts (`Job.told`)."""
         return self.jobs.stop(str(asked.get("name"))).told()
 
     def resume_job(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Resume a search."""
+        """Resume the search of a "name", and return its facts (`Job.told`)."""
         return self.jobs.resume(str(asked.get("name"))).told()
 
     def results(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Return the data of the page of a search that has stopped."""
+        """Return the data of the page for the results of the search of a "name".
+
+        Raises InputError if there is no such search, or its results are not on disk yet.
+        """
         job = self.jobs.find(str(asked.get("name")))
         return {**study_data(read_folder(job.results), patience=0.3)}
 
     def report(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Return the page of a search that has stopped, as one file."""
+        """Return the report of the search of a "name": {"name": file name, "text": HTML}.
+
+        Raises InputError if there is no such search, or its results are not on disk yet.
+        """
         job = self.jobs.find(str(asked.get("name")))
         return {"name": f"{job.name}.html", "text": study_page(read_folder(job.results))}
 
     def keep(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Write the list of candidates to disk."""
+        """Write the candidates of the page to `candidates.json` in `root`, replacing the file.
+
+        asked: "candidates", a list of at most 500 entries. The answer is {"kept": number of entries}. Raises InputError
+        for anything else.
+        """
         kept = asked.get("candidates")
         if not isinstance(kept, list) or len(kept) > 500:
             raise InputError("candidates", "it is no list of up to 500", "a list")
@@ -141,11 +170,15 @@ class Api:
         return {"kept": len(kept)}
 
     def scene(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Return the scene file of a state of the page."""
+        """Return the scene file of a state of the page as a document."""
         return self.desk.scene_with(asked.get("labelling"), _changes(asked))
 
     def export(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Return the blocks of a state of the page as a file of another program, in base64."""
+        """Return a state of the page as a file of another program.
+
+        asked: state, and "format", one of `FORMATS`. The answer is {"name": file name, "content": base64 of the file}.
+        Raises InputError for an unknown format, or one that does not fit the layout.
+        """
         kind = asked.get("format")
         if kind not in FORMATS:
             raise InputError("format", f"there is no {str(kind)[:40]!r}", "one of " + ", ".join(FORMATS))
@@ -158,9 +191,11 @@ class Api:
         return {"name": name, "content": content}
 
     def save(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Write the scene of a state of the page into the opened folder, under a plain name.
+        """Write the scene of a state of the page into `root`.
 
-        A file of that name is replaced only if the request says `overwrite`; otherwise the answer is that it exists.
+        asked: state, "name" (a plain file name) and "overwrite". An existing file is replaced only if "overwrite" is
+        true. The answer is {"path": file, "exists": True if an existing file was left alone}. Raises InputError for
+        another name.
         """
         name = asked.get("name")
         if not isinstance(name, str) or not _NAME.fullmatch(name) or ".." in name:
@@ -205,9 +240,9 @@ def _changes(asked: dict[str, Any]) -> dict[str, Any]:
 
 
 def build_app(answers: Api, token: str, hosts: tuple[str, ...]) -> Guard:
-    """Build the ASGI application.
+    """Return the web application of the studio: page, front-end files and the API.
 
-    `token` is the first part of every path; `hosts` holds the admissible values of the header `Host`.
+    answers: handlers of the API. token: first part of every path. hosts: admissible values of the header `Host`.
     """
 
     def calling(call: Callable[[dict[str, Any]], dict[str, Any]]) -> Callable[[Request], Any]:

@@ -1,4 +1,4 @@
-"""Bracket the blocks of the layout at hand by fields: the coarsest mesh at once, finer ones as long as it is shown."""
+"""Bounds by fields on λ of the layouts that the page shows, refined one mesh per request."""
 
 from __future__ import annotations
 
@@ -30,7 +30,9 @@ KEPT: Final = 8
 
 
 class FieldBracket:
-    """Refinement of both bounds of one layout, under every load case.
+    """Bounds by fields on λ of one layout under all load cases, refined step by step.
+
+    The constructor raises InputError if fields do not apply, or the coarsest mesh is too large to follow by hand.
 
     Parameters
     ----------
@@ -51,12 +53,16 @@ class FieldBracket:
         self._bounds: list[FieldBounds | None] = [None] * len(self._cases)
 
     def step(self) -> dict[str, Any]:
-        """Solve one more mesh of the load case that is known worst, if there is time, and return what is known.
+        """Solve one more mesh, if there is time, and return what is known.
+
+        The mesh belongs to a load case without bounds, or else to the one with the least lower bound over its required
+        factor.
 
         Returns
         -------
         dict
-            bracket, status, triangles, seconds of work, and `more`: whether a further step would narrow the bracket.
+            bracket (lower bound None until every case has one), status, triangles, seconds of work, and `more`: True if
+            a further step may narrow the bracket.
         """
         case = self._next()
         if case is not None:
@@ -78,7 +84,7 @@ class FieldBracket:
         return sum(bounds.seconds for bounds in self._bounds if bounds is not None)
 
     def _next(self) -> int | None:
-        """Load case whose next mesh is solved, None where all ended or the next would take too long."""
+        """Return the load case whose next mesh is solved; None if all ended or time is too short."""
         for case, bounds in enumerate(self._bounds):
             if bounds is None:
                 return case
@@ -92,14 +98,17 @@ class FieldBracket:
 
 
 class FieldBrackets:
-    """Brackets of the layouts that were shown last; thread-safe, one mesh is solved at a time."""
+    """Store of the `FieldBracket` of each of the last layouts shown; thread-safe.
+
+    One mesh is solved at a time.
+    """
 
     def __init__(self) -> None:
         self._kept: OrderedDict[tuple[int, bytes], tuple[Assembly, FieldBracket]] = OrderedDict()
         self._turn = threading.Lock()
 
     def step(self, assembly: Assembly, labels: Bits, gap: float) -> dict[str, Any]:
-        """Take the bracket of a layout one mesh further.
+        """Solve one more mesh of the bounds by fields of a layout, and return what is known.
 
         Parameters
         ----------

@@ -29,9 +29,9 @@ HEADERS: Final = {
 
 
 class Guard:
-    """ASGI middleware that admits requests with the right host, origin and token.
+    """ASGI middleware that admits only requests with the right host, origin and token.
 
-    POST requests need JSON and an `Origin` of these hosts or none. No request may be larger than `LARGEST`.
+    POST requests need JSON, and an `Origin` of these hosts or none. A request may have at most `LARGEST` bytes.
 
     Parameters
     ----------
@@ -47,7 +47,10 @@ class Guard:
         self.app, self.token, self.hosts = app, token, hosts
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Check a request and pass it to the application, or send a refusal."""
+        """Pass an admissible HTTP request to the application, and answer any other with a refusal.
+
+        scope, receive, send: arguments of the ASGI interface. Other kinds of connections are ignored.
+        """
         if scope["type"] != "http":
             if scope["type"] == "lifespan":
                 await self.app(scope, receive, send)

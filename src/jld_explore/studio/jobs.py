@@ -40,26 +40,26 @@ _UNDAMAGED: Final = "the file as it was written, or the folder removed"
 
 @dataclass
 class Job:
-    """One search.
+    """Search of the studio, which runs or has run in a process of its own.
 
     Attributes
     ----------
     name : str
         Name of the job and of its folder.
     kind : Kind
-        Purpose of the search.
+        Purpose of the search: improve, prove, explore, or study for one that was opened.
     folder : Path
         Folder of the job.
     orders : dict
-        Settings of the search.
+        Settings of the search, by the names of `ExploreSettings`.
     state : State
-        Present state.
+        running, stopping, stopped, done or failed.
     progress : dict
-        Last progress report.
+        Last progress report; empty before the first one.
     error : str
-        Reason of a failure, in one line.
+        Reason of a failure, in one line; "" without one.
     process : Popen or None
-        Process of the search.
+        Process of the search; None if it was not started in this session.
     """
 
     name: str
@@ -77,7 +77,11 @@ class Job:
         return self.folder if self.kind == "study" else self.folder / "results"
 
     def told(self) -> dict[str, Any]:
-        """Return the facts that a page shows about the search."""
+        """Return the facts that a page shows about the search, as JSON data.
+
+        They are name, kind, state, progress, error, and main entries of summary.json, which are None until the search
+        ends.
+        """
         summary = self.results / "summary.json"
         found: dict[str, Any] = {}
         problem = self.error
@@ -97,14 +101,16 @@ class Job:
 
 
 class Jobs:
-    """All searches of one opened folder, including those of earlier sessions; thread-safe.
+    """All searches of one folder, including those of earlier sessions; thread-safe.
+
+    The constructor reads the folder, and raises InputError for a damaged file in it.
 
     Parameters
     ----------
     root : Path
         Folder of the searches.
     study : Path, optional
-        Folder of a study that was opened.
+        Folder of a study that was opened, which becomes the search "study".
     """
 
     def __init__(self, root: Path, study: Path | None = None) -> None:
@@ -123,7 +129,11 @@ class Jobs:
             self.all[place.parent.name] = Job(place.parent.name, kind, place.parent, orders, state)
 
     def start(self, kind: Kind, scene: Mapping[str, Any], orders: Mapping[str, Any]) -> Job:
-        """Start a search of a scene; raise InputError if too many are running."""
+        """Start a search of a scene in a new folder and process, and return it.
+
+        kind: purpose, which begins the folder's name. scene: document of the scene. orders: settings, as of
+        `orders_for`. Raises InputError if too many searches are running, and OSError if the folder cannot be written.
+        """
         with self._turn:
             self._room()
             number = 1
@@ -143,7 +153,10 @@ class Jobs:
             return job
 
     def resume(self, name: str) -> Job:
-        """Resume a search; raise InputError if it is running or too many are."""
+        """Start the process of a stopped search again, and return the search.
+
+        Raises InputError if there is no such search, it is running, or too many are.
+        """
         with self._turn:
             job = self.find(name)
             if job.state in ("running", "stopping"):
@@ -153,7 +166,11 @@ class Jobs:
             return job
 
     def stop(self, name: str) -> Job:
-        """Ask a search to stop; its finished results are on disk."""
+        """Ask a search to stop, and return it without waiting for its end.
+
+        Its finished evaluations stay on disk. A search that is not running stays as it is. Raises InputError if there
+        is no such search.
+        """
         with self._turn:
             job = self.find(name)
             if job.process is not None and job.state == "running":
@@ -167,14 +184,20 @@ class Jobs:
             return list(self.all.values())
 
     def find(self, name: str) -> Job:
-        """Return a search by its name; raise InputError if there is none."""
+        """Return a search by its name.
+
+        Raises InputError if there is none.
+        """
         with self._turn:
             if name not in self.all:
                 raise InputError("job", f"there is none named {name[:60]!r}", "one of the list")
             return self.all[name]
 
     def close(self) -> None:
-        """Stop all running searches and wait for their processes; kill them after 10 s."""
+        """Stop all running searches and wait for their processes.
+
+        A process that is still running after 10 s is killed.
+        """
         for job in self.listed():
             self.stop(job.name)
         for job in self.listed():
@@ -268,7 +291,11 @@ def _orders_of(study: Path) -> dict[str, Any]:
 
 
 def orders_for(kind: Kind, labelling: str, seconds: float) -> dict[str, Any]:
-    """Return the settings of a search by its purpose."""
+    """Return the settings of a search by its purpose, as keywords of `ExploreSettings`.
+
+    "improve" uses hillclimb from a labelling (letters d and i), "prove" the exact driver, "explore" the default driver.
+    seconds: time limit.
+    """
     if kind == "improve":
         return {"driver": "hillclimb", "seconds": seconds, "options": {"start": labelling}}
     if kind == "prove":

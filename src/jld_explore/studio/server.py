@@ -103,7 +103,11 @@ def _interrupting(number: int) -> Iterator[None]:
 
 
 def opened(source: Path | None) -> tuple[Scene, Path, Path | None]:
-    """Return the scene, the folder for output, and the study's folder if one was opened."""
+    """Return the scene that the studio opens, the folder for files, and the study's folder.
+
+    The last is None if no study is opened. Without a source the scene is a sample wall. Raises InputError for an
+    invalid source, or a scene whose blocks crack by cells.
+    """
     if source is None:
         return parse_scene(START), Path("studio"), None
     scene = read_folder(source).scene if source.is_dir() else load_scene(source)
@@ -115,7 +119,11 @@ def opened(source: Path | None) -> tuple[Scene, Path, Path | None]:
 
 
 def first_data(desk: StudioSession, root: Path, study: Path | None) -> PageData:
-    """Return the initial data of the page: a study's table, or the scene with its own labels."""
+    """Return the data with which the page starts.
+
+    They show the table of a study, or the scene with its own labels solved. desk: solver of the scene. root: folder for
+    files. study: folder of the study that was opened, if any.
+    """
     extra: dict[str, Any] = {"folder": str(root), "formats": list(FORMATS)}
     extra |= {"changes": {key: desk.document.get(key, {}) for key in ("materials", "loads")}}
     if study is not None:

@@ -34,12 +34,12 @@ CHANGEABLE: Final = ("materials", "loads")
 
 @dataclass(frozen=True)
 class ScenarioCache:
-    """Scene with changed materials or loads, ready to be solved.
+    """Scene with the materials and loads of one state of the page, ready to be solved.
 
     Attributes
     ----------
     scene : Scene
-        Changed scene.
+        Scene with these materials and loads.
     assembly : Assembly
         Its assembly.
     space : SearchSpace or None
@@ -74,7 +74,11 @@ class StudioSession:
         self._first = self.setup({})
 
     def setup(self, changes: Mapping[str, Any]) -> ScenarioCache:
-        """Return the scene with changed materials and loads; raise InputError if it is invalid."""
+        """Return the scene with changed materials and loads, ready to be solved.
+
+        changes: new values of the keys "materials" and "loads"; {} for the scene itself. The last few are stored.
+        Raises InputError for another key, or an invalid scene.
+        """
         for key in changes:
             if key not in CHANGEABLE:
                 raise InputError(key, "the studio does not change it", " or ".join(CHANGEABLE))
@@ -102,14 +106,22 @@ class StudioSession:
             return None  # the scene cannot be searched but can still be solved
 
     def labels(self, letters: object) -> Bits:
-        """Convert letters d and i to (m,) labels; raise InputError for anything else."""
+        """Convert letters d and i, one per face, to labels (m,), True = dry.
+
+        Raises InputError for anything else.
+        """
         count = len(self.setup({}).assembly.interfaces)
         if not isinstance(letters, str) or len(letters) != count or letters.strip(LETTERS):
             raise InputError("labelling", f"it is {str(letters)[:40]!r}", f"{count} letters d or i")
         return from_string(letters)
 
     def solve(self, letters: object, changes: Mapping[str, Any]) -> dict[str, Any]:
-        """Return solution and loads of a labelling, and why a search would not admit it."""
+        """Solve a labelling under changed materials and loads, and return JSON data for the page.
+
+        letters: d and i, one per face. changes: as in `setup`. The entries are "solution", "loads", "against" (why a
+        search would not admit the labelling, None without a search space) and "seconds". Raises InputError for invalid
+        arguments.
+        """
         start = time.perf_counter()
         setup = self.setup(changes)
         labels = self.labels(letters)
@@ -124,15 +136,19 @@ class StudioSession:
         }
 
     def fields(self, letters: object, changes: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the bracket of the blocks of a labelling by fields, one mesh further each time it is asked for."""
+        """Return bounds by fields on λ of a labelling, refined by one mesh at each call.
+
+        letters, changes: as in `solve`. The entries are those of `FieldBrackets.step`.
+        """
         setup, cracks = self.setup(changes), self.scene.cracks
         gap = cracks.gap if isinstance(cracks, FieldCracks) else FieldCracks(kind="fields").gap
         return self._brackets.step(setup.assembly, self.labels(letters), gap)
 
     def scene_with(self, letters: object, changes: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the scene file of a state of the page, with its labels by pairs of elements.
+        """Return the scene file of a labelling under changed materials and loads, as a document.
 
-        Raises InputError if labels by pairs cannot represent the state.
+        letters, changes: as in `solve`. Labels are written by pairs of elements. Raises InputError if a scene file
+        cannot hold them, for instance where two faces of a pair differ.
         """
         setup, labels = self.setup(changes), self.labels(letters)
         document = setup.scene.model_dump(mode="json", exclude_defaults=True)

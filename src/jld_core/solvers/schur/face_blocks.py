@@ -1,4 +1,4 @@
-"""Matrix-block structure of a conic program: which columns, rows and equations belong to one face.
+"""Matrix blocks of a conic program: columns, rows and equations of each face.
 
 Columns that share yield rows form a matrix block, which touches the equations of two elements. A few columns stand
 apart (λ, a common slack) and border the system. Faces of equal sizes form a family, computed as arrays with one row per
@@ -23,16 +23,16 @@ _MOST = 60  # largest number of columns of a matrix block; larger ones mean that
 
 @dataclass(frozen=True)
 class Family:
-    """m faces with k columns, `linear` half-lines, `cones` cones and r equations each.
+    """Data positions of m faces whose matrix blocks have equal sizes, as stacked arrays.
 
     Attributes
     ----------
     columns : (m, k) int array
-        Columns.
+        Program columns of each face.
     rows : (m, rows) int array
-        Yield rows, numbered after the equations, half-lines first.
+        Yield rows of each face, numbered after the equations, half-lines first.
     equations : (m, r) int array
-        Equations.
+        Equations that each face enters.
     linear, cones : int
         Number of half-lines and of cones per face.
     g, a, edge : (int array, int array)
@@ -52,15 +52,15 @@ class Family:
 
 @dataclass(frozen=True)
 class FaceBlocks:
-    """Structure of a program grouped by face.
+    """Rows and columns of a program grouped by face, as positions in the program's data.
 
     Attributes
     ----------
     cones : Cones
-        Product of cones.
+        Product of cones of the yield rows.
     families : tuple of Family
         Faces, grouped by size.
-    border : int array
+    border : (border,) int array
         Columns that belong to no face.
     idle : int array
         Columns without yield rows; no program may have entries in them.
@@ -79,7 +79,7 @@ class FaceBlocks:
 
 
 def face_blocks(structure: Structure) -> FaceBlocks:
-    """Group a structure by face.
+    """Find which columns, rows and equations of a structure belong to each face.
 
     Raises SolverError if cones have several sizes, or if columns do not separate into small matrix blocks.
     """
@@ -207,9 +207,9 @@ def _numbered(owner: Ints, count: int) -> tuple[tuple[Ints, Ints], Ints]:
 
 
 def filled(shape: tuple[int, ...], entries: tuple[Ints, Ints], data: Floats) -> Floats:
-    """Return an array of a given shape with data at flat positions, and zeros elsewhere.
+    """Return an array with some entries of a program's data, and zeros elsewhere.
 
-    entries: indices into `data`, and the flat positions of these values.
+    shape: shape of the array. entries: indices into `data`, and the positions of these values in the flat array.
     """
     array = np.zeros(shape)
     array.ravel()[entries[1]] = data[entries[0]]

@@ -1,4 +1,4 @@
-"""Schur-complement interior-point method for large assemblies, with sparse Cholesky in numpy.
+"""Schur-complement interior-point method for large assemblies, with sparse Cholesky.
 
 The method is the Nesterov–Todd predictor–corrector on the homogeneous self-dual embedding, so that infeasible and
 unbounded programs end in a ray. Once τ is stable and κ vanishes, the iterations continue without the embedding. They
@@ -64,7 +64,11 @@ class SchurSolver(Solver):
         self._system: SchurSystem | None = None
 
     def solve(self, program: ConicProgram) -> RawSolution:
-        """Solve a program; analyse its structure if it differs from that of the previous one."""
+        """Solve a program by the Schur-complement interior-point method.
+
+        The structure is analysed if it is not that of the previous program. The status is FAILED where the iterations
+        break down. Raises SolverError for a structure that does not separate into faces, or cones of several sizes.
+        """
         start = time.perf_counter()
         program = program.rounded
         if self._system is None or self._structure is not program.structure:

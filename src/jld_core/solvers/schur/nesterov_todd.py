@@ -16,7 +16,10 @@ from jld_core.arrays import Floats
 
 @dataclass(frozen=True)
 class Cones:
-    """Product R₊^linear × Q^count, where Q is the second-order cone of `size` dimensions."""
+    """Product of `linear` half-lines and `count` second-order cones of `size` dimensions each.
+
+    Vectors of the product have linear + count·size numbers, in this order.
+    """
 
     linear: int
     count: int
@@ -24,32 +27,32 @@ class Cones:
 
     @property
     def degree(self) -> int:
-        """Return the barrier parameter of the cones: one per half-line and one per cone."""
+        """Barrier parameter of the cones: one per half-line and one per cone."""
         return self.linear + self.count
 
     def parts(self, vector: Floats) -> tuple[Floats, Floats]:
-        """Return views of a vector: its numbers on half-lines (linear,), its cones (count, size)."""
+        """Split a vector into views of its half-lines (linear,) and its cones (count, size)."""
         return vector[: self.linear], vector[self.linear :].reshape(self.count, self.size)
 
     def join(self, linear: Floats, cones: Floats) -> Floats:
-        """Return the vector with these numbers on half-lines (linear,) and cones (count, size)."""
+        """Return the vector made of numbers on half-lines (linear,) and cones (count, size)."""
         return np.concatenate([linear, cones.ravel()])
 
     def unit(self) -> Floats:
-        """Return the identity of the Jordan product: 1 on half-lines, (1, 0, …) in cones."""
+        """Return the identity of the Jordan product: 1 on half-lines, (1, 0, …, 0) in cones."""
         cones = np.zeros((self.count, self.size))
         cones[:, :1] = 1.0
         return self.join(np.ones(self.linear), cones)
 
     def product(self, u: Floats, v: Floats) -> Floats:
-        """Return the Jordan product u ∘ v of two vectors of the cones."""
+        """Return the Jordan product u ∘ v: u v on half-lines, (u·v, u₀v₁ + v₀u₁) in cones."""
         (ul, uc), (vl, vc) = self.parts(u), self.parts(v)
         out = uc[:, :1] * vc + vc[:, :1] * uc
         out[:, :1] = np.einsum("ij,ij->i", uc, vc)[:, None]
         return self.join(ul * vl, out)
 
     def quotient(self, u: Floats, v: Floats) -> Floats:
-        """Return the vector w with Jordan product u ∘ w = v, for u inside the cones."""
+        """Return the vector w whose Jordan product with u is v, for u inside the cones."""
         (ul, uc), (vl, vc) = self.parts(u), self.parts(v)
         u0, u1, v0, v1 = uc[:, 0], uc[:, 1:], vc[:, 0], vc[:, 1:]
         cross = np.einsum("ij,ij->i", u1, v1)
@@ -64,7 +67,10 @@ class Cones:
         return float(min(linear.min(initial=np.inf), inside.min(initial=np.inf)))
 
     def step(self, vector: Floats, direction: Floats) -> float:
-        """Return the largest α ≤ 1e10 with vector + α·direction in the cones, for a vector inside."""
+        """Return the step length α ≤ 1e10 to the boundary of the cones, from a vector inside.
+
+        It is the largest α for which vector + α·direction lies in the cones.
+        """
         (vl, vc), (dl, dc) = self.parts(vector), self.parts(direction)
         most = 1e-10
         if self.linear:
@@ -89,7 +95,14 @@ def _determinant(cones: Floats) -> Floats:
 
 
 class NesterovTodd:
-    """Nesterov–Todd scaling W with W z = W⁻¹ s, for s and z inside the cones.
+    """Nesterov–Todd scaling of the cones at an iterate: W is symmetric with W z = W⁻¹ s.
+
+    Parameters
+    ----------
+    cones : Cones
+        Product of cones, of vectors with n numbers.
+    s, z : (n,) arrays
+        Slack and multiplier, both inside the cones.
 
     Attributes
     ----------
@@ -97,7 +110,7 @@ class NesterovTodd:
         Diagonal of W on half-lines.
     blocks, inverse : (count, size, size) arrays
         Symmetric matrix blocks of W and of W⁻¹ on cones.
-    point : array
+    point : (n,) array
         Scaled point W z = W⁻¹ s.
     """
 
@@ -118,12 +131,12 @@ class NesterovTodd:
         self.point = self.times(z)
 
     def times(self, vector: Floats) -> Floats:
-        """Return the product W v of the scaling with a vector of the cones."""
+        """Return the product W v of the scaling with a vector v of the cones."""
         linear, cones = self.cones.parts(vector)
         return self.cones.join(self.linear * linear, np.einsum("nij,nj->ni", self.blocks, cones))
 
     def divide(self, vector: Floats) -> Floats:
-        """Return the product W⁻¹ v of the inverse scaling with a vector of the cones."""
+        """Return the product W⁻¹ v of the inverse scaling with a vector v of the cones."""
         linear, cones = self.cones.parts(vector)
         return self.cones.join(linear / self.linear, np.einsum("nij,nj->ni", self.inverse, cones))
 

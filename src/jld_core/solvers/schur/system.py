@@ -1,4 +1,4 @@
-"""Linear systems of the interior-point method, solved by a Schur complement on the equations.
+"""Linear systems of the interior-point method, solved by a Schur complement.
 
 With W the scaling of the cones, E the equations and G the yield rows of a program, each step solves
 
@@ -29,9 +29,15 @@ _PASSES = 3  # largest number of iterative refinements
 
 
 class SchurSystem:
-    """Linear systems of all programs of one structure.
+    """Linear systems of the interior-point method, for all programs of one structure.
 
-    The constructor raises SolverError if the structure does not separate into faces.
+    Call `load` once per program, then `factor` once per iteration, then `solve` for each right-hand side. With the
+    equations E and the yield rows G of the program, and the scaling W of the cones, the system is
+
+        Eᵀu + Gᵀv = p,   E x = q,   G x − W²v = r.
+
+    x are the columns of the program, u and v the multipliers of its equations and of its yield rows. The constructor
+    raises SolverError if the structure does not separate into faces.
     """
 
     def __init__(self, structure: Structure) -> None:
@@ -66,7 +72,7 @@ class SchurSystem:
         self._fronts = Fronts(self._rows, self._columns, node, None if places is None else places[first])
 
     def load(self, program: ConicProgram) -> None:
-        """Store the numbers of a program.
+        """Take over the numbers of a program; the next call must be `factor`.
 
         Raises SolverError if a column without yield rows has entries.
         """
@@ -94,21 +100,22 @@ class SchurSystem:
             self._edge.append(filled((m, high, count), family.edge, data))
 
     def equations(self, x: Floats) -> Floats:
-        """Return the product E x of the equations with a vector x (columns,)."""
+        """Return the product E x (equations,) of the loaded equations with x (columns,)."""
         return np.asarray(self._equations @ x)
 
     def yields(self, x: Floats) -> Floats:
-        """Return the product G x of the yield rows with a vector x (columns,)."""
+        """Return the product G x (yield rows,) of the loaded yield rows with x (columns,)."""
         return np.asarray(self._yields @ x)
 
     def transposed(self, u: Floats, v: Floats) -> Floats:
-        """Return Eᵀu + Gᵀv for multipliers u of the equations and v of the yield rows."""
+        """Return Eᵀu + Gᵀv (columns,) for u (equations,) and v (yield rows,)."""
         return np.asarray(self._equations_t @ u + self._yields_t @ v)
 
     def factor(self, scaling: NesterovTodd) -> None:
-        """Factor the linear system for one scaling of the cones.
+        """Factor the linear system of the loaded program for one scaling of the cones.
 
-        Raises np.linalg.LinAlgError if the Schur complement stays indefinite under the largest shift.
+        `solve` then uses this factor until the next call. Raises np.linalg.LinAlgError if the Schur complement stays
+        indefinite under the largest shift of its diagonal.
         """
         self._scaling = scaling
         count = len(self.blocks.border)
@@ -168,9 +175,10 @@ class SchurSystem:
         return size * self._factor.solve(size * rhs)
 
     def solve(self, p: Floats, q: Floats, r: Floats) -> tuple[Floats, Floats, Floats]:
-        """Solve the system and return x, u and W v, refined while refinement reduces the residual.
+        """Solve the factored system for one right-hand side, and return x, u and W v.
 
-        p: (columns,), q: (equations,), r: (yield rows,).
+        p: (columns,), q: (equations,), r: (yield rows,); x, u and W v have these shapes in this order. Iterative
+        refinement continues while it halves the residual, at most three times.
         """
         scaling = self._scaling
         x, u, wv = self._once(p, q, r)

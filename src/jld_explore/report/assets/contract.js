@@ -10,7 +10,7 @@ export const FORMAT = "jld-page";
 export const VERSION = 1;
 
 /**
- * @typedef {object} CaseSolution What is proven of one layout under one load case.
+ * @typedef {object} CaseSolution What is known of one layout under one load case; null where nothing is.
  * @property {string} name Name of the case; the empty string in a scene with a single load.
  * @property {number} required Required load factor, by which λ is divided.
  * @property {number | null} load_factor
@@ -31,7 +31,7 @@ export const VERSION = 1;
  */
 
 /**
- * @typedef {object} Column A column of the table of layouts.
+ * @typedef {object} Column Column of the table of layouts, with one value per row; null where not computed.
  * @property {string} name Name as in results.csv.
  * @property {string} title
  * @property {string} unit
@@ -40,7 +40,7 @@ export const VERSION = 1;
  */
 
 /**
- * @typedef {object} Curve The best load factor of a search against solves and seconds.
+ * @typedef {object} Curve Best load factor of a search against solves and time: lists with one entry per point.
  * @property {string} name
  * @property {number[]} solves
  * @property {number[]} seconds
@@ -55,7 +55,7 @@ export const VERSION = 1;
  */
 
 /**
- * @typedef {object} Element An element of the assembly.
+ * @typedef {object} Element Element of the assembly: name, shape and weight.
  * @property {string} id
  * @property {boolean} support
  * @property {Point[]} shape Planar: the outline, counter-clockwise; spatial: the vertices.
@@ -65,7 +65,7 @@ export const VERSION = 1;
  */
 
 /**
- * @typedef {object} Face An interface of the assembly.
+ * @typedef {object} Face Interface of two elements of the assembly.
  * @property {[number, number]} elements Numbers of its two elements; the normal runs from the first to the second.
  * @property {Point[]} polygon
  * @property {Point} origin
@@ -81,7 +81,7 @@ export const VERSION = 1;
  */
 
 /**
- * @typedef {object} Load A live load, as it is drawn.
+ * @typedef {object} Load Live load as a page draws it: force, force on all bodies, or couple.
  * @property {string} case
  * @property {"live" | "body" | "couple"} kind
  * @property {string} element Name of the element, or the empty string.
@@ -90,7 +90,7 @@ export const VERSION = 1;
  */
 
 /**
- * @typedef {object} Look Drawing rules, the same for the pictures of matplotlib.
+ * @typedef {object} Look Colours, dashes and marks by which the page draws, the same as in figures of matplotlib.
  * @property {string[]} tints
  * @property {string} plain
  * @property {string} support
@@ -114,7 +114,7 @@ export const VERSION = 1;
  */
 
 /**
- * @typedef {object} Mark A mark of the drawings.
+ * @typedef {object} Mark Marker of the drawings: shape, colours #rrggbb, and legend text.
  * @property {"circle" | "diamond" | "thin diamond" | "triangle" | "cross"} shape
  * @property {string} fill
  * @property {string} edge
@@ -122,7 +122,7 @@ export const VERSION = 1;
  */
 
 /**
- * @typedef {object} Picture A picture drawn by Python, shown as it is.
+ * @typedef {object} Picture Picture drawn by Python, for what the page itself cannot draw.
  * @property {string} title
  * @property {string} png Base64 of a PNG file.
  */
@@ -130,7 +130,7 @@ export const VERSION = 1;
 /** @typedef {number[]} Point */
 
 /**
- * @typedef {object} Solution What is proven of one layout.
+ * @typedef {object} Solution What is known of one layout: λ, bracket, status, and a solution for each load case.
  * @property {string} labelling Letters d, i and v (beside a cell that is left out), one for each face.
  * @property {number | null} load_factor Load factor λ; with several load cases the least λ over what is required.
  * @property {[number | null, number | null]} bracket
@@ -140,7 +140,7 @@ export const VERSION = 1;
  */
 
 /**
- * @typedef {object} Structure Elements and faces in the order of the assembly.
+ * @typedef {object} Structure Elements and faces of the scene, in the order of the assembly.
  * @property {2 | 3} dimension
  * @property {Units} units
  * @property {number} size Largest side of the bounding box.
@@ -153,7 +153,7 @@ export const VERSION = 1;
  */
 
 /**
- * @typedef {object} Table Table of layouts, with the bits of their labellings.
+ * @typedef {object} Table Table of layouts that the page shows, by columns, with the labels of each row as bits.
  * @property {number} rows
  * @property {Column[]} columns
  * @property {string} labellings Base64 of the bits of all labellings, a whole number of bytes a row, 1 = dry.
@@ -173,7 +173,7 @@ export const VERSION = 1;
  */
 
 /**
- * @typedef {object} PageData All data of a page.
+ * @typedef {object} PageData All data of a page, for a report of a search, a single scene or the studio.
  * @property {"jld-page"} format
  * @property {1} version
  * @property {"report" | "studio"} kind
