@@ -18,7 +18,6 @@ from jld_core.scene.schema import Element
 from jld_core.shape_loads import ShapeLoads
 
 
-<<<<<<< HEAD
 class PlacedLoad(NamedTuple):
     """Load entry with its key in the scene, for error messages, and whether it is the sum of a pressure on a face."""
 
@@ -28,20 +27,12 @@ class PlacedLoad(NamedTuple):
 
 
 def generalised(entries: Sequence[PlacedLoad], elements: Elements) -> Floats:
-    """Sum load entries to generalised forces about the elements' centroids.
-
-    Returns (n, 3) planar (fx, fy, m) or (n, 6) spatial (f, m). elements: with weights. The moment of a force applied at
-    p is (p − c) × f; "at" may lie outside the element. Sums within rounding of zero become exactly zero. Raises
-    InputError for an unknown element, a support, or a vector of the wrong length.
-=======
-def generalised(entries: Sequence[PointLoad | BodyLoad], elements: Elements, key: str) -> Floats:
     """Sum load entries to generalised forces on each element, about its centroid.
 
     Returns (n, 3) planar (fx, fy, m) or (n, 6) spatial (f, m), scene units; zero for supports. elements: with weights.
-    key: key of the entries in the scene, for error messages. The moment of a force applied at p is (p − c) × f about
-    centroid c; p may lie outside the element. Sums within rounding of zero become exactly zero. Raises InputError for
-    an unknown element, a support, or a vector of the wrong length.
->>>>>>> w-d3
+    The moment of a force applied at p is (p − c) × f about centroid c; p may lie outside the element. Sums within
+    rounding of zero become exactly zero. Raises InputError for an unknown element, a support, or a vector of the wrong
+    length.
     """
     dimension = elements.centroid.shape[1]
     total = np.zeros((len(elements), 3 if dimension == 2 else 6))
