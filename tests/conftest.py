@@ -35,7 +35,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 @pytest.fixture
 def without_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave out page and pictures of searches in this process: more than a second each, where only tables are read."""
-    from command import leave_out_pictures
+    from without_pictures import leave_out_pictures  # loads the package, for which the environment above must stand
 
     leave_out_pictures(monkeypatch.setattr)
 
