@@ -18,8 +18,9 @@ if TYPE_CHECKING:
 
 REFERENCES = Path(__file__).parent / "browser" / "references"
 WIDTH = 420  # px of a reference picture
-ARGUMENTS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
-"""A container has neither a sandbox for root nor a graphics card; WebGL is drawn in software."""
+ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader"]
+"""A container has neither a sandbox for root nor a graphics card; WebGL is drawn in software, and nothing else is drawn
+by way of it."""
 
 
 def chromium() -> str | None:

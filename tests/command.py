@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 import signal
 import subprocess
@@ -14,15 +13,6 @@ from pathlib import Path
 import pytest
 
 from jld_explore.cli.command import main
-
-
-def leave_out_pictures(replace: Callable[[object, str, object], None] = setattr) -> None:
-    """Let searches in this process write tables only; `replace` sets an attribute of a module."""
-    # the package has a function of the name of this module
-    module = importlib.import_module("jld_explore.explore")
-    for name, nothing in (("write_pictures", ([], [])), ("write_report", None)):
-        assert callable(getattr(module, name))
-        replace(module, name, lambda *_, nothing=nothing, **__: nothing)
 
 
 @dataclass(frozen=True)
@@ -55,9 +45,10 @@ def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *a
     return Outcome(code, printed.out, printed.err)
 
 
-def command(*arguments: str | Path) -> list[str]:
-    """The same as a command for a process of its own."""
-    return [sys.executable, "-m", "jld_explore", *map(str, arguments)]
+def command(*arguments: str | Path, pictures: bool = True) -> list[str]:
+    """The same as a command for a process of its own; without pictures searches write tables only."""
+    program = ["-m", "jld_explore"] if pictures else [str(Path(__file__).with_name("without_pictures.py"))]
+    return [sys.executable, *program, *map(str, arguments)]
 
 
 def environment() -> dict[str, str]:

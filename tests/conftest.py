@@ -20,11 +20,19 @@ for name in ("SIGINT", "SIGHUP"):
     number = getattr(signal, name, None)
     if number is not None and signal.getsignal(number) is signal.SIG_IGN:
         signal.signal(number, signal.default_int_handler)
+# without compiled files each process that the tests begin would compile all that it imports: a second of processor time
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 sys.path.insert(0, str(Path(__file__).parent))
 
 
-# files whose single tests take long; begun last, one would keep one core waiting for the other
-LONG = ("test_interruption.py", "test_hard_cases.py", "test_studies.py", "test_door.py", "test_documentation.py")
+# files whose single tests take long: begun last, one would keep one core waiting for the other. Those of experiments
+# stand together, so that one process compiles the time steps
+LONG = (
+    *("test_moving_geometry.py", "test_experiments_of_a_study.py", "test_planar_experiment.py"),
+    *("test_spatial_experiment.py", "test_studies_of_the_experiment.py", "test_interruption.py", "test_deadline.py"),
+    *("test_documentation.py", "test_studio.py", "test_hard_cases.py", "test_studies.py", "test_door.py"),
+)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -35,7 +43,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 @pytest.fixture
 def without_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave out page and pictures of searches in this process: more than a second each, where only tables are read."""
-    from command import leave_out_pictures
+    from without_pictures import leave_out_pictures  # loads the package, for which the environment above must stand
 
     leave_out_pictures(monkeypatch.setattr)
 

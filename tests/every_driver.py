@@ -15,9 +15,9 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from command import leave_out_pictures
 from jld_explore.cli.command import main
 from jld_explore.drivers import DRIVERS
+from without_pictures import leave_out_pictures
 
 LIMIT = 1.0
 

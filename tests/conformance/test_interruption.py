@@ -86,10 +86,10 @@ def labellings(found: list[Row]) -> list[bytes]:
 
 
 @contextmanager
-def started(*arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
+def started(*arguments: str | Path, pictures: bool = False) -> Iterator[subprocess.Popen[str]]:
     """`jld` in a session of its own; whatever is left of it is gone at the end."""
     run = subprocess.Popen(
-        command(*arguments),
+        command(*arguments, pictures=pictures),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -256,7 +256,7 @@ def test_signals(
 ) -> None:
     """Exit code 3, one line, tables of what was finished, and a folder to go on with."""
     folder = tmp_path / "out"
-    with started("explore", scene, "--out", folder, "--jobs", str(jobs)) as run:
+    with started("explore", scene, "--out", folder, "--jobs", str(jobs), pictures=number == signal.SIGTERM) as run:
         wait_for_records(run, folder, 100)
         family = psutil.Process(run.pid).children(recursive=True)
         if jobs == 1:
@@ -275,7 +275,7 @@ def test_signals(
     assert (facts["stop_reason"], facts["evaluated"]) == ("interrupted", len(finished))
     # stopped before the end it is proven only where its best meets the bound known beforehand
     assert facts["proven"] is (facts["gap"] is not None and facts["gap"] <= 1e-6)
-    resumed(jld, scene, folder, jobs, deferred_signals)
+    resumed(jld, scene, folder, 1, deferred_signals)
 
 
 def copy_of(folder: Path, target: Path) -> Path:
