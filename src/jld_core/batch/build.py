@@ -10,6 +10,7 @@ This module imports nothing of the package, because `setup.py` loads it before t
 from __future__ import annotations
 
 import hashlib
+import importlib
 import importlib.util
 import os
 import platform
@@ -20,7 +21,7 @@ import subprocess
 import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache
+from functools import lru_cache
 from pathlib import Path
 from threading import BoundedSemaphore
 from typing import Final
@@ -82,7 +83,7 @@ def runs_here(variant: str) -> bool:
     return set(NEEDED[variant]) <= processor_flags()
 
 
-@cache
+@lru_cache(maxsize=1)
 def processor_flags() -> frozenset[str]:
     """Return the flags of this processor; an empty set where they are unknown.
 
@@ -101,8 +102,8 @@ def processor_flags() -> frozenset[str]:
 def _numpy_flags() -> frozenset[str]:
     """Return the flags of this processor that numpy has found, named as in /proc/cpuinfo."""
     try:
-        from numpy._core._multiarray_umath import __cpu_features__ as features
-    except ImportError:  # compiled before numpy is installed, or by a numpy that has moved this table
+        features = importlib.import_module("numpy._core._multiarray_umath").__cpu_features__
+    except (ImportError, AttributeError):  # compiled before numpy is installed, or by a numpy that has moved this table
         return frozenset()
     return frozenset({"FMA3": "fma"}.get(name, name.lower()) for name, present in features.items() if present)
 
