@@ -4,8 +4,8 @@
 jobs, in a process of its own: from the scene to the last picture. To read: a new process opens the record again and
 makes the table and the front from it; nothing is solved. On two free cores: what the processor's time makes of it, half
 of it or that of the first thread where it is more, without waits for the disk; by the clock of this run, which shared
-the machine, stands beside it. `python -m benchmarks.million COUNT` takes another number. Version 0.2 made the tables in 25.5 s, with a CSV file of
-280 MB, and needed 1.50 GB on the same machine when it was free.
+the machine, stands beside it. `python -m benchmarks.million COUNT` takes another number. Version 0.2 made the tables in
+25.5 s, with a CSV file of 280 MB, and needed 1.50 GB on the same machine when it was free.
 """
 
 from __future__ import annotations

@@ -140,8 +140,8 @@ def results_table(
     void = space.void
     texts = _texts(packed, records.faces) if void is None else void.texts(unpack(packed, records.faces))
     table.insert(0, "labelling", texts)
-    table.insert(int(table.columns.get_loc("bracket_hi")) + 1, "status", statuses(rows)[order])
-    table.insert(int(table.columns.get_loc("seconds")), "settled", settled(rows)[order])
+    table.insert(table.columns.to_list().index("bracket_hi") + 1, "status", statuses(rows)[order])
+    table.insert(table.columns.to_list().index("seconds"), "settled", settled(rows)[order])
     table["driver"] = driver
     for count in late:
         values = values_until(
