@@ -1,4 +1,4 @@
-# Two commands do everything on a fresh clone: `make demo` and `make test`.
+# Two commands do everything on a fresh clone: `make demo` installs what it needs, `make test` adds the rest.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -17,15 +17,25 @@ unexport PYTHONDONTWRITEBYTECODE
 
 setup: $(VENV)/.done
 
-# the compiler works beside the installation: one waits for processors, the other for files
-$(VENV)/.done: pyproject.toml setup.py constraints.txt $(wildcard src/jld_core/batch/source/*) src/jld_core/batch/build.py
-	$(PYTHON) -m venv $(VENV)
-	$(PYTHON) src/jld_core/batch/build.py --in-place & compiler=$$!; \
-	JLD_COMPILED_APART=1 $(BIN)/python -m pip install $(PIP) -e '.[dev]' || { kill $$compiler; exit 1; }; \
-	wait $$compiler || echo "make: the batch solver was not compiled in every variant; without it searches are slower"
+SOURCES := pyproject.toml setup.py constraints.txt $(wildcard src/jld_core/batch/source/*) src/jld_core/batch/build.py
+
+# What runs jld: its libraries, and the batch solver in the best variant for this processor.
+# The compiler works beside the installation: one waits for processors, the other for files.
+$(VENV)/.runs: $(SOURCES)
+	$(PYTHON) src/jld_core/batch/build.py --in-place --best & compiler=$$!; \
+	$(PYTHON) -m venv $(VENV) && \
+	JLD_COMPILED_APART=1 $(BIN)/python -m pip install $(PIP) -e . || { kill $$compiler; exit 1; }; \
+	wait $$compiler || echo "make: the batch solver was not compiled; without it searches take some 30 times as long"
 	touch $@
 
-demo: setup
+# What tests, checks and documentation need besides, and the other variants.
+$(VENV)/.done: $(VENV)/.runs
+	$(PYTHON) src/jld_core/batch/build.py --in-place & compiler=$$!; \
+	JLD_COMPILED_APART=1 $(BIN)/python -m pip install $(PIP) -e '.[dev]' || { kill $$compiler; exit 1; }; \
+	wait $$compiler || echo "make: the batch solver was not compiled in every variant"
+	touch $@
+
+demo: $(VENV)/.runs
 	rm -rf $(OUT)
 	$(BIN)/jld check $(SCENE)
 	$(BIN)/jld explore $(SCENE) --out $(OUT)

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import os
 import runpy
+import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from setuptools import Extension, setup
@@ -16,42 +18,35 @@ KNOWN = runpy.run_path(str(HERE / BATCH / "build.py"), run_name="build")
 
 
 class Build(build_ext):
-    """Plain shared libraries: no Python headers, no module to initialise; variants are compiled at the same time."""
+    """Plain shared libraries by the compilers that `build.py` finds; setuptools' own does not take them on Windows."""
 
-    def finalize_options(self) -> None:
-        super().finalize_options()
-        self.parallel = self.parallel or os.cpu_count()
+    def library(self, ext: Extension) -> Path:
+        """Path of a library where it is compiled into, the source tree or that of the build."""
+        root = HERE / "src" if self.inplace else Path(self.build_lib)
+        return root / "jld_core" / "batch" / f"{ext.name.rpartition('.')[2]}.so"
 
-    def build_extensions(self) -> None:
-        """Write the header of the interface, and compile."""
-        place = Path(self.build_temp)
-        place.mkdir(parents=True, exist_ok=True)
-        KNOWN["write_header"](place)
-        for ext in self.extensions:
-            ext.include_dirs.append(str(place))
-        super().build_extensions()
+    def run(self) -> None:
+        """Compile all variants at the same time; one that no compiler takes is left out, with a line that says so."""
+        targets = [self.library(ext) for ext in self.extensions]
+        with ThreadPoolExecutor(max(len(targets), 1)) as pool:
+            made = list(pool.map(lambda one: KNOWN["compile_by_any"](one.stem[1:], one.parent), targets))
+        for target, (found, problems) in zip(targets, made, strict=True):
+            if found is None:
+                why = "; ".join(problems) or "no C++ compiler was found"
+                sys.stderr.write(f"jld: this package goes without the batch solver {target.stem[1:]}: {why}\n")
 
-    def get_export_symbols(self, ext: Extension) -> list[str]:
-        return list(ext.export_symbols)
+    def get_outputs(self) -> list[str]:
+        """Paths of the libraries that were compiled."""
+        return [str(path) for path in map(self.library, self.extensions) if path.exists()]
 
-
-def extension(variant: str) -> Extension:
-    source = BATCH / "source"
-    return Extension(
-        f"jld_core.batch._{variant}",
-        sources=[str(source / name) for name in KNOWN["UNITS"]],
-        depends=[
-            str(BATCH / "interface.py"),
-            *(str(path.relative_to(HERE)) for path in sorted((HERE / source).glob("*.h"))),
-        ],
-        extra_compile_args=[*KNOWN["FLAGS"], *KNOWN["VARIANT_FLAGS"][variant], KNOWN["mark"](), "-Wno-psabi"],
-        language="c++",
-        optional=True,
-    )
+    def get_output_mapping(self) -> dict[str, str]:
+        """No file of the source tree stands for a library of the build."""
+        return {}
 
 
-# `make setup` compiles beside the installation instead, by `build.py --in-place`
+# `make` compiles beside the installation instead, by `build.py --in-place`
 APART = os.environ.get("JLD_COMPILED_APART") == "1"
 setup(
-    ext_modules=[] if APART else [extension(variant) for variant in KNOWN["variants"]()], cmdclass={"build_ext": Build}
+    ext_modules=[] if APART else [Extension(f"jld_core.batch._{name}", sources=[]) for name in KNOWN["variants"]()],
+    cmdclass={"build_ext": Build},
 )

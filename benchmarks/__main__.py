@@ -33,6 +33,7 @@ BENCHMARKS: Final = (
     "lanes_hard",
     "lanes_single",
     "million",
+    "start_up",
     "experiment",
     "studio",
     "exchange",

@@ -4,7 +4,8 @@
 jobs, in a process of its own: from the scene to the last picture. To read: a new process opens the record again and
 makes the table and the front from it; nothing is solved. On two free cores: what the processor's time makes of it, half
 of it or that of the first thread where it is more, without waits for the disk; by the clock of this run, which shared
-the machine, stands beside it. `python -m benchmarks.million COUNT` takes another number.
+the machine, stands beside it. `python -m benchmarks.million COUNT` takes another number. Version 0.2 made the tables in
+25.5 s, with a CSV file of 280 MB, and needed 1.50 GB on the same machine when it was free.
 """
 
 from __future__ import annotations
@@ -136,7 +137,7 @@ def main() -> None:
     found["all"][2] = one["all"][1] - one["search"][1] + one["search"][2]
     words = {
         "search": "search, every row on disk",
-        "tables": "tables: counts, ranking, front, CSV and Parquet",
+        "tables": "tables: counts, ranking, front, Parquet",
         "pictures": "pictures and page",
         "all": "**all, from the scene to the page**",
         "open": "to open the record again",
@@ -151,7 +152,7 @@ def main() -> None:
         ["labellings a second while searching", f"{one['rows'] / one['search'][2]:.0f} on two free cores"],
         ["most memory", f"{one['memory']:.2f} GB"],
         ["record", f"{sizes['records.sqlite3']:.0f} MB"],
-        ["results.csv, results.parquet", f"{sizes['results.csv']:.0f} MB, {sizes['results.parquet']:.0f} MB"],
+        ["results.parquet", f"{sizes['results.parquet']:.0f} MB"],
         ["everything on disk", f"{sum(sizes.values()):.0f} MB"],
     ]
     known = ", ".join(f"{number} {status}" for status, number in one["statuses"].items())

@@ -22,16 +22,21 @@
 
 from __future__ import annotations
 
-from jld_core import samples, solvers, views
+from typing import TYPE_CHECKING
+
 from jld_core._version import __version__ as __version__
-from jld_core.assembly import Assembly
-from jld_core.build import build_assembly
-from jld_core.errors import InputError, SolverError
-from jld_core.geometry_optimisation.sensitivity import geometry_sensitivities
-from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Status
-from jld_core.models import SolveOptions, solve
-from jld_core.models.solve_many import BatchResult, solve_many
-from jld_core.scene import Scene, load_scene, parse_scene
+from jld_core.lazy_exports import export_lazily
+
+if TYPE_CHECKING:
+    from jld_core import samples, solvers, views
+    from jld_core.assembly import Assembly
+    from jld_core.build import build_assembly
+    from jld_core.errors import InputError, SolverError
+    from jld_core.geometry_optimisation.sensitivity import geometry_sensitivities
+    from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Status
+    from jld_core.models import SolveOptions, solve
+    from jld_core.models.solve_many import BatchResult, solve_many
+    from jld_core.scene import Scene, load_scene, parse_scene
 
 __all__ = [
     "Assembly",
@@ -53,3 +58,18 @@ __all__ = [
     "solvers",
     "views",
 ]
+
+export_lazily(
+    __name__,
+    {
+        "assembly": ["Assembly"],
+        "build": ["build_assembly"],
+        "errors": ["InputError", "SolverError"],
+        "geometry_optimisation.sensitivity": ["geometry_sensitivities"],
+        "limit": ["LimitAnalysis", "LimitAnalysisResult", "Status"],
+        "models": ["SolveOptions", "solve"],
+        "models.solve_many": ["BatchResult", "solve_many"],
+        "scene": ["Scene", "load_scene", "parse_scene"],
+    },
+    submodules=["samples", "solvers", "views"],
+)

@@ -20,10 +20,9 @@
 
 from __future__ import annotations
 
-import sys
-from importlib import import_module
-from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from jld_core.lazy_exports import export_lazily
 
 if TYPE_CHECKING:
     from jld_explore.drivers import Driver
@@ -60,49 +59,22 @@ __all__ = [
     "search_space",
 ]
 
-_HOMES = {
-    "drivers": ("Driver",),
-    "evaluation": ("Evaluation",),
-    "explore": ("explore",),
-    "report": ("Exploration", "Summary", "read_folder"),
-    "settings": (
-        "BudgetSettings",
-        "ExploreSettings",
-        "ModelSettings",
-        "OutputSettings",
-        "ParallelSettings",
-        "SearchMethod",
-    ),
-    "space": ("SearchSpace", "search_space"),
-    "study": ("Progress", "StopReason"),
-}
-"""Names by the module that defines them."""
-
-
-class _Face(ModuleType):
-    """Module that loads its names on first use.
-
-    `jld --help` needs none of them, and loading all takes 1.5 s.
-    """
-
-    def __getattr__(self, name: str) -> Any:
-        """Import the module that defines a name and return the name's value."""
-        home = next((home for home, names in _HOMES.items() if name in names), None)
-        if home is None:
-            raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
-        value = getattr(import_module(f"{self.__name__}.{home}"), name)
-        super().__setattr__(name, value)
-        return value
-
-    def __setattr__(self, name: str, value: object) -> None:
-        """Set an attribute, except where a loaded module has the name of an exported object."""
-        # `explore` must remain the function although a module of this name is loaded.
-        if not (name in __all__ and isinstance(value, ModuleType)):
-            super().__setattr__(name, value)
-
-    def __dir__(self) -> list[str]:
-        """Return all names, including those not yet loaded."""
-        return [*super().__dir__(), *__all__]
-
-
-sys.modules[__name__].__class__ = _Face
+export_lazily(
+    __name__,
+    {
+        "drivers": ["Driver"],
+        "evaluation": ["Evaluation"],
+        "explore": ["explore"],
+        "report": ["Exploration", "Summary", "read_folder"],
+        "settings": [
+            "BudgetSettings",
+            "ExploreSettings",
+            "ModelSettings",
+            "OutputSettings",
+            "ParallelSettings",
+            "SearchMethod",
+        ],
+        "space": ["SearchSpace", "search_space"],
+        "study": ["Progress", "StopReason"],
+    },
+)

@@ -19,12 +19,13 @@ import numpy as np
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError
-from jld_core.files import whole_file, write_text
+from jld_core.files import write_text
 from jld_core.limit import SolveOptions, Status
 from jld_explore.drivers import make_driver
 from jld_explore.evaluation import Evaluation, EvaluatorSettings
 from jld_explore.evaluation.evaluator import Evaluator
 from jld_explore.report import Exploration, Summary, csv_of
+from jld_explore.report.result_files import write_results
 from jld_explore.space import SearchSpace, from_string, to_string
 
 if TYPE_CHECKING:
@@ -230,9 +231,7 @@ def add_experiments(
     else:
         search_by_experiment(experiments, done, space, objective[0], count, objective[1])
     found = with_experiments(done, experiments, objective is not None)
-    write_text(done.folder / "results.csv", csv_of(found.results))
-    with whole_file(done.folder / "results.parquet") as fresh:
-        found.results.to_parquet(fresh, index=False)
+    write_results(done.folder, found.results)
     write_text(done.folder / "summary.json", json.dumps(found.summary.to_json(), indent=1))
     return found
 

@@ -20,12 +20,13 @@ from jld_core.deadline import Deadline
 from jld_core.errors import InputError
 from jld_core.fields.adaptive import CoarseBounds, FieldSetting
 from jld_core.fields.requirements import require_fields
-from jld_core.files import whole_file, write_text
+from jld_core.files import write_text
 from jld_core.limit import Status
 from jld_core.scene import Scene
 from jld_core.threads import one_thread
 from jld_explore.evaluation.field_time import COARSE_RATE, mesh_seconds
-from jld_explore.report import Exploration, Summary, csv_of
+from jld_explore.report import Exploration, Summary
+from jld_explore.report.result_files import write_results
 from jld_explore.settings import ExploreSettings
 from jld_explore.space import SearchSpace, from_string
 
@@ -152,9 +153,7 @@ def add_check(done: Exploration, space: SearchSpace, plan: CheckPlan, deadline: 
         "seconds": time.perf_counter() - start,
     }
     found = replace(done, results=results, summary=Summary.of({**done.summary.facts, "fields": facts}))
-    write_text(done.folder / "results.csv", csv_of(found.results))
-    with whole_file(done.folder / "results.parquet") as fresh:
-        found.results.to_parquet(fresh, index=False)
+    write_results(done.folder, found.results)
     write_text(done.folder / "summary.json", json.dumps(found.summary.facts, indent=1))
     return found
 

@@ -175,12 +175,15 @@ class OutputSettings:
         File for the proof of the exact driver.
     strict : bool
         Treat plausibility warnings as errors.
+    csv : bool
+        Write results.csv whatever the number of rows; otherwise of up to 100 000 rows only.
     """
 
     resume: bool = False
     pictures: bool = True
     certificate: Path | None = None
     strict: bool = False
+    csv: bool = False
 
 
 Part = ModelSettings | BudgetSettings | ParallelSettings | SearchMethod | OutputSettings
@@ -204,7 +207,7 @@ class ExploreSettings(OutputSettings, SearchMethod, ParallelSettings, BudgetSett
         See `ParallelSettings`.
     driver, options, seed, small, certificates
         See `SearchMethod`.
-    resume, pictures, certificate, strict
+    resume, pictures, certificate, strict, csv
         See `OutputSettings`.
     """
 

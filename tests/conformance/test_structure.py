@@ -56,6 +56,7 @@ ORDER = [
         "jld_core.deadline",
         "jld_core.deprecation",
         "jld_core.errors",
+        "jld_core.lazy_exports",
         "jld_core.memory",
         "jld_core.tolerances",
         "jld_core.threads",

@@ -44,7 +44,7 @@ def kernels() -> dict[str, str]:
     if os.sep in named:  # `make sanitize`
         return {"given": named}
     found = {}
-    for name in filter(library.runs_here, build.variants()):
+    for name in filter(build.runs_here, build.variants()):
         if name in there:
             found[name] = str(there[name])
         elif build.compilers():

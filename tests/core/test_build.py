@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -18,7 +19,9 @@ target.write_text(" ".join(sys.argv))
 """
 
 
-def compile_in_place(folder: Path, monkeypatch: pytest.MonkeyPatch, *fails_on: str) -> None:
+def compile_in_place(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, *fails_on: str, options: Sequence[str] = ()
+) -> None:
     """Run `build.py --in-place` in a folder, with one made-up compiler per flag that it cannot take."""
     names = []
     for number, flag in enumerate(fails_on):
@@ -28,8 +31,33 @@ def compile_in_place(folder: Path, monkeypatch: pytest.MonkeyPatch, *fails_on: s
     monkeypatch.setattr(build, "compilers", lambda: names)
     monkeypatch.setattr(build, "variants", lambda: ("avx2", "base"))
     monkeypatch.setattr(build, "__file__", str(folder / "build.py"))
-    monkeypatch.setattr(sys, "argv", ["build.py", "--in-place"])
+    monkeypatch.setattr(sys, "argv", ["build.py", "--in-place", *options])
     build.main()
+
+
+def test_the_best_variant_alone_is_compiled_and_only_where_it_is_not_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`make demo` compiles one variant, and `make setup` after it the others."""
+    monkeypatch.setattr(build, "processor_flags", lambda: frozenset({"avx2", "fma"}))
+    assert build.runs_here("avx2")
+    assert not build.runs_here("avx512")
+    compile_in_place(tmp_path, monkeypatch, "none", options=["--best"])
+    assert [path.name for path in tmp_path.glob("*.so")] == ["_avx2.so"]
+    capsys.readouterr()
+    compile_in_place(tmp_path, monkeypatch, "none")
+    assert capsys.readouterr().out == f"base: {tmp_path / '_base.so'}\n"
+    compile_in_place(tmp_path, monkeypatch, "none")
+    assert capsys.readouterr().out == ""
+
+
+def test_processor_flags_of_numpy_are_those_of_the_system() -> None:
+    """Systems without /proc/cpuinfo, as macOS and Windows, ask numpy."""
+    listed, found = build.processor_flags(), build._numpy_flags()
+    if not listed:
+        pytest.skip("no /proc/cpuinfo")
+    needed = {flag for flags in build.NEEDED.values() for flag in flags}
+    assert found & needed == listed & needed
 
 
 def test_every_variant_is_compiled_into_the_package(

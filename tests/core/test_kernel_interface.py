@@ -99,6 +99,25 @@ def test_what_is_built_is_taken_without_a_compiler(monkeypatch: pytest.MonkeyPat
         library._found.cache_clear()
 
 
+@pytest.mark.parametrize(
+    ("compilers", "reason"), [([], "no C++ compiler was found"), ([["none-such"]], "none-such failed")]
+)
+def test_a_missing_batch_solver_is_explained_once(
+    monkeypatch: pytest.MonkeyPatch, compilers: list[list[str]], reason: str, tmp_path: Path
+) -> None:
+    """Why there is none, what it costs, and the remedy, in one line."""
+    monkeypatch.setattr(library, "built", dict)
+    monkeypatch.setattr(build, "compilers", lambda: compilers)
+    monkeypatch.setattr(build, "cache", lambda: tmp_path)
+    library._found.cache_clear()
+    try:
+        with pytest.warns(UserWarning, match=rf"{re.escape(reason)}.*30 times as long; pip install 'jld\[compiler\]'"):
+            assert library._found("") is None
+        assert library._found("") is None  # cached: any other warning is an error
+    finally:
+        library._found.cache_clear()
+
+
 def test_a_compiler_may_stand_in_a_folder_with_blanks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CXX", "'/opt/my tools/c++' -m64")
     assert build.compilers()[0] == ["/opt/my tools/c++", "-m64"]

@@ -43,7 +43,7 @@ def kernel(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyP
     if chosen() is None:
         if not build.compilers():
             pytest.skip("no compiler, and no kernel")
-        variant = next(filter(library.runs_here, build.variants()))
+        variant = next(filter(build.runs_here, build.variants()))
         folder = tmp_path_factory.getbasetemp() / "kernel"
         path = folder / f"_{variant}.so"
         if not path.exists():

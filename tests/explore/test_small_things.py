@@ -32,7 +32,9 @@ from jld_explore.__main__ import main
 try:
     main()
 finally:
-    loaded = [name for name in ("numpy", "scipy", "pandas", "typer", "jld_core") if name in sys.modules]
+    light = {"jld_core", "jld_core._version", "jld_core.lazy_exports"}
+    ours = {name for name in sys.modules if name.startswith("jld_core")} - light
+    loaded = [name for name in ("numpy", "scipy", "pandas", "typer", *ours) if name in sys.modules]
     assert not loaded, loaded
 """
 
@@ -47,6 +49,8 @@ def test_help_loads_nothing() -> None:
 def test_commands_load_what_is_slow_when_they_need_it() -> None:
     """To solve a scene needs no tables, no pictures, no search and no other solver: they take as long as the rest."""
     slow = ("pandas", "pyarrow", "scipy.optimize", "matplotlib", "cvxpy", "optuna", "numba", "joblib", "rich", "psutil")
+    slow += ("scipy.spatial", "highspy", "jld_core.fields", "jld_core.geometry_optimisation", "jld_core.samples")
+    slow += ("jld_core.models.zero_dilation", "jld_core.refinement")
     ours = ("jld_explore.drivers", "jld_explore.evaluation", "jld_explore.report", "jld_explore.space")
     modules = "jld_explore.cli.command, jld_explore.cli.solve, jld_explore.cli.check"
     asked = f"import sys, {modules}; print([name for name in {slow + ours} if name in sys.modules])"

@@ -8,12 +8,15 @@ import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from jld_core import parse_scene
 from jld_explore import ExploreSettings, experiments, explore
-from jld_explore.report import csv_of
+from jld_explore.report import csv_of, result_files, tables
+from jld_explore.report.result_files import write_results
+from jld_explore.space.labelling import to_strings
 from paths import ROOT
 
 TEXT = (ROOT / "docs" / "scene.md").read_text("utf-8").split("## Files of a search")[1]
@@ -99,3 +102,30 @@ def test_numbers_are_left_as_they_are() -> None:
     text = csv_of(table)
     assert text.splitlines() == ["a,b,c", "-1.5,'-x,'@", "2.0,y,"]
     assert pd.read_csv(io.StringIO(text))["a"].tolist() == [-1.5, 2.0]
+
+
+def test_large_tables_have_no_csv_unless_it_is_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A table that is written again keeps to the first choice, and no CSV of fewer rows stays behind."""
+    table = pd.DataFrame({"rank": [1, 2, 3], "labelling": ["dd", "di", "id"]})
+    path = tmp_path / "results.csv"
+    write_results(tmp_path, table)
+    assert len(pd.read_csv(path)) == 3
+    monkeypatch.setattr(result_files, "CSV_ROWS", 2)
+    write_results(tmp_path, table.head(2), csv=False)
+    assert len(pd.read_csv(path)) == 2
+    write_results(tmp_path, table, csv=False)
+    assert not path.exists()
+    write_results(tmp_path, table)
+    assert not path.exists()
+    pd.testing.assert_frame_equal(pd.read_parquet(tmp_path / "results.parquet"), table)
+    write_results(tmp_path, table, csv=True)
+    write_results(tmp_path, table.iloc[::-1])
+    assert pd.read_csv(path)["rank"].tolist() == [3, 2, 1]
+
+
+def test_texts_made_from_bytes_are_those_of_the_labellings() -> None:
+    """More labellings than one slice holds, and none at all."""
+    labels = np.random.default_rng(1).random((tables._SLICE + 5, 11)) < 0.5
+    packed = np.packbits(labels, axis=1)
+    assert tables._texts(packed, 11).tolist() == to_strings(labels)
+    assert tables._texts(packed[:0], 11).tolist() == []

@@ -1,14 +1,16 @@
 """Compile the batch solver: one shared library per variant, by the system's compiler or that of `ziglang`.
 
-`setup.py` compiles all variants of a processor family into the package. `make setup` lets this module compile them
-beside the installation (``--in-place``). Where that failed, the first use compiles the best variant of this processor
-into the user's cache. `python -m jld_core.batch.build` compiles into that cache by hand.
+`setup.py` lets this module compile all variants of a processor family into the package, and so does `make setup` beside
+the installation (``--in-place``); `make demo` takes the best one (``--in-place --best``). Where that failed, the first
+use compiles the best variant of this processor into the user's cache. `python -m jld_core.batch.build` compiles into
+that cache by hand.
 This module imports nothing of the package, because `setup.py` loads it before the package exists.
 """
 
 from __future__ import annotations
 
 import hashlib
+import importlib
 import importlib.util
 import os
 import platform
@@ -19,17 +21,21 @@ import subprocess
 import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
 from pathlib import Path
+from threading import BoundedSemaphore
 from typing import Final
 
 SOURCE: Final = Path(__file__).parent / "source"
 """Folder of the C++ source."""
-UNITS: Final = ("labellings.cpp", "block_program.cpp", "graphs.cpp")
-"""Translation units: bounds and conflicts of labellings, the relaxation by blocks, and graphs."""
+UNITS: Final = ("planar_labellings.cpp", "spatial_labellings.cpp", "block_program.cpp", "labellings.cpp", "graphs.cpp")
+"""Translation units, slowest first: bounds and conflicts by kind of face, the relaxation by blocks, the interface of
+labellings, and graphs. They are compiled at the same time.
+"""
 INTERFACE: Final = Path(__file__).parent / "interface.py"
 """Module that states the C interface; the header of the sources is written from it."""
 PATIENCE: Final = 600.0
-"""Seconds after which a compiler is given up on first use; 20 s of one core were measured for the largest variant."""
+"""Seconds after which a compiler is given up on first use; 24 s of one core were measured for the largest variant."""
 FLAGS: Final = ("-std=c++17", "-O3", "-fno-math-errno", "-fno-trapping-math", "-g0")
 """Compiler flags of every variant, without fast-math: proofs compare with infinities and rely on the order of sums."""
 
@@ -44,8 +50,16 @@ VARIANT_FLAGS: Final[dict[str, tuple[str, ...]]] = {
     "neon": (),
 }
 """Compiler flags of each variant."""
-_LINKED: Final = ("-fPIC", "-shared")
-"""Linker flags of every variant."""
+NEEDED: Final[dict[str, tuple[str, ...]]] = {
+    "avx512": ("avx512f", "avx512dq", "avx512vl"),
+    "avx2": ("avx2", "fma"),
+    "neon": (),
+    "base": (),
+}
+"""Processor flags that each variant needs, as /proc/cpuinfo names them."""
+
+_SHARED: Final = () if os.name == "nt" else ("-fPIC",)
+"""Compiler flags of code for shared libraries; code for Windows can always be moved."""
 SANITIZED: Final[dict[str, tuple[str, ...]]] = {
     "--sanitized": ("-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=undefined"),
     "--thread-sanitized": ("-g", "-O1", "-fsanitize=thread"),
@@ -62,6 +76,41 @@ def variants(machine: str | None = None) -> tuple[str, ...]:
     if machine in ("x86_64", "amd64"):
         return ("avx512", "avx2", "base")
     return ("neon",) if machine in ("aarch64", "arm64") else ("base",)
+
+
+def runs_here(variant: str) -> bool:
+    """Return True if this processor has the instructions of a variant."""
+    return set(NEEDED[variant]) <= processor_flags()
+
+
+@lru_cache(maxsize=1)
+def processor_flags() -> frozenset[str]:
+    """Return the flags of this processor; an empty set where they are unknown.
+
+    They are read from /proc/cpuinfo; on systems without that file numpy is asked, where it is installed.
+    """
+    try:
+        text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
+    except OSError:
+        return _numpy_flags()
+    for line in text.splitlines():
+        if line.startswith("flags"):
+            return frozenset(line.partition(":")[2].split())
+    return frozenset()
+
+
+def _numpy_flags() -> frozenset[str]:
+    """Return the flags of this processor that numpy has found, named as in /proc/cpuinfo."""
+    try:
+        features = importlib.import_module("numpy._core._multiarray_umath").__cpu_features__
+    except (ImportError, AttributeError):  # compiled before numpy is installed, or by a numpy that has moved this table
+        return frozenset()
+    return frozenset({"FMA3": "fma"}.get(name, name.lower()) for name, present in features.items() if present)
+
+
+def best() -> str:
+    """Return the fastest variant that this processor runs."""
+    return next(name for name in variants() if runs_here(name))
 
 
 def digest() -> str:
@@ -118,6 +167,10 @@ def write_header(folder: Path) -> None:
     (folder / "interface.h").write_text(text, encoding="utf-8")
 
 
+_RUNNING: Final = BoundedSemaphore(os.cpu_count() or 1)
+"""Compilers that run at the same time, over all variants: one per core, since each takes up to 0.4 GB."""
+
+
 def compile_variant(
     variant: str, folder: Path, compiler: list[str], extra: tuple[str, ...] = (), patience: float | None = None
 ) -> Path:
@@ -129,13 +182,23 @@ def compile_variant(
     """
     folder.mkdir(parents=True, exist_ok=True)
     target = folder / f"_{variant}.so"
+    flags = [*compiler, *FLAGS, *VARIANT_FLAGS[variant], mark(), *_SHARED, *extra]
+
+    def run(*arguments: str) -> None:
+        with _RUNNING:
+            subprocess.run([*flags, *arguments], check=True, capture_output=True, text=True, timeout=patience)
+
     # Write to another name first, because another process may be loading the library.
     with tempfile.TemporaryDirectory(dir=folder) as place:
         write_header(Path(place))
         made = Path(place) / target.name
-        command = [*compiler, *FLAGS, *VARIANT_FLAGS[variant], mark(), *_LINKED, *extra, f"-I{place}"]
-        command += [*(str(SOURCE / unit) for unit in UNITS), "-o", str(made)]
-        subprocess.run(command, check=True, capture_output=True, text=True, timeout=patience)
+        objects = [str(Path(place) / f"{unit}.o") for unit in UNITS]
+        with ThreadPoolExecutor(len(UNITS)) as pool:
+            tasks = zip(UNITS, objects, strict=True)
+            pending = [pool.submit(run, f"-I{place}", "-c", str(SOURCE / unit), "-o", one) for unit, one in tasks]
+        for task in pending:
+            task.result()
+        run("-shared", *objects, "-o", str(made))
         made.replace(target)
     return target
 
@@ -155,6 +218,11 @@ def compile_by_any(variant: str, folder: Path, extra: tuple[str, ...] = ()) -> t
     return None, problems
 
 
+def _is_there(library: Path) -> bool:
+    """Return True if a library was compiled from the present sources already."""
+    return library.exists() and is_current(library)
+
+
 def remove_others(library: Path) -> None:
     """Remove the libraries of the same variant with other file names.
 
@@ -168,19 +236,20 @@ def remove_others(library: Path) -> None:
 def main() -> None:
     """Compile variants of the batch solver for this machine, and print their paths.
 
-    Command-line arguments: names of variants, into the user's cache (default: all); or --in-place (all, into the
-    package); or --sanitized FOLDER (addresses and undefined behaviour); or --thread-sanitized FOLDER (data races). The
-    last two use the compiler's sanitizers. The process exits with an error if a variant cannot be compiled.
+    Command-line arguments: names of variants (default: all); or --in-place (all that are not there, into the package);
+    or --in-place --best (the best one of this processor only); or --sanitized FOLDER (addresses and undefined
+    behaviour); or --thread-sanitized FOLDER (data races). The last two use the compiler's sanitizers.
     """
     extra: tuple[str, ...] = ()
     folder, wanted = cache(), sys.argv[1:] or list(variants())
-    in_place = wanted == ["--in-place"]
+    in_place = wanted[0] == "--in-place"
     if in_place:
-        folder, wanted = Path(__file__).parent, list(variants())
+        folder, wanted = Path(__file__).parent, [best()] if wanted[1:] == ["--best"] else list(variants())
+        wanted = [name for name in wanted if not _is_there(folder / f"_{name}.so")]
     elif wanted[0] in SANITIZED:
         folder, extra, wanted = Path(wanted[1]), SANITIZED[wanted[0]], [variants()[-1]]
     # Each compiler is a process of its own, so threads keep all cores busy.
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
+    with ThreadPoolExecutor(max(len(wanted), 1)) as pool:
         compiled = list(pool.map(lambda variant: compile_by_any(variant, folder, extra), wanted))
     for variant, (made, problems) in zip(wanted, compiled, strict=True):
         sys.stderr.writelines(f"{line}\n" for line in problems)

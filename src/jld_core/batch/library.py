@@ -24,14 +24,6 @@ SWITCH: Final = "JLD_KERNEL"
 _BUILT: Final = "built"
 """Value of `SWITCH` for the fastest variant that is built; no compiler is run on first use."""
 
-_NEEDED: Final[dict[str, tuple[str, ...]]] = {
-    "avx512": ("avx512f", "avx512dq", "avx512vl"),
-    "avx2": ("avx2", "fma"),
-    "neon": (),
-    "base": (),
-}
-"""Processor flags that each variant needs, as /proc/cpuinfo names them."""
-
 _OUTCOMES: Final = interface.codes("JldOutcome")
 """Outcomes of a call by name."""
 
@@ -84,37 +76,21 @@ def _within(folder: Path) -> dict[str, Path]:
 def _compiled() -> dict[str, Path]:
     """Compile the fastest variant of this processor on first use, if nothing is built.
 
-    Try the compilers of `build.compilers` in order. If all of them fail, warn and return an empty dictionary.
+    Try the compilers of `build.compilers` in order. If there is none or all of them fail, warn once for the process
+    and return an empty dictionary.
     """
-    fit = [name for name in build.variants() if runs_here(name)]
-    problems = []
-    for compiler in build.compilers() if fit else []:
+    best, reason = build.best(), "no C++ compiler was found"
+    for compiler in build.compilers():
         try:
-            return {fit[0]: build.compile_variant(fit[0], build.cache(), compiler, patience=build.PATIENCE)}
+            return {best: build.compile_variant(best, build.cache(), compiler, patience=build.PATIENCE)}
         except (OSError, subprocess.SubprocessError) as problem:
-            problems.append(str(problem))
-    if problems:
-        warnings.warn(f"the kernel could not be compiled, so it is done without: {problems[-1]}", stacklevel=2)
+            reason = f"{' '.join(compiler)} failed ({problem})"
+    warnings.warn(
+        f"no compiled batch solver is installed, and {reason}: searches take some 30 times as long; "
+        "pip install 'jld[compiler]' brings a compiler",
+        stacklevel=2,
+    )
     return {}
-
-
-def runs_here(variant: str) -> bool:
-    """Return True if this processor has the instructions of a variant."""
-    return set(_NEEDED[variant]) <= _flags()
-
-
-@cache
-def _flags() -> frozenset[str]:
-    """Return the processor flags from /proc/cpuinfo; an empty set where they are unknown."""
-    try:
-        text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
-    except OSError:
-        # Without this file only variants that need no special instructions run.
-        return frozenset()
-    for line in text.splitlines():
-        if line.startswith("flags"):
-            return frozenset(line.partition(":")[2].split())
-    return frozenset()
 
 
 @cache
@@ -129,7 +105,7 @@ def _found(wish: str) -> tuple[str, Path] | None:
             raise InputError(SWITCH, f"{wish} was not built from these sources", "python -m jld_core.batch.build")
         return wish, path
     found = built() or ({} if wish == _BUILT else _compiled())
-    usable = {name: path for name, path in found.items() if runs_here(name)}
+    usable = {name: path for name, path in found.items() if build.runs_here(name)}
     if wish not in ("", _BUILT, *usable):
         raise InputError(SWITCH, f"no kernel {wish!r} is built that runs here", " or ".join([*usable, _BUILT, "off"]))
     return next(((name, path) for name, path in usable.items() if wish in ("", _BUILT, name)), None)
@@ -192,10 +168,11 @@ def described() -> str:
     Returns
     -------
     str
-        Variant and number of labellings solved together, or "no kernel".
+        Variant, number of labellings solved together and the variants that are built, or "no kernel".
     """
     name = chosen()
     if name is None:
         return "no kernel"
     found = library(name)
-    return f"kernel {found.jld_variant().decode()}, {found.jld_width()} labellings at a time"
+    held = f"; built: {', '.join(built())}" if built() else ""
+    return f"kernel {found.jld_variant().decode()}, {found.jld_width()} labellings at a time{held}"

@@ -14,7 +14,6 @@ from typing import Final
 
 import numpy as np
 import shapely
-from scipy.spatial import cKDTree
 
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.errors import InputError
@@ -256,6 +255,8 @@ def _meeting(place: Floats, rings: Sequence[Sequence[int]], tolerance: float) ->
     used = np.array(sorted(owners), dtype=np.int64)
     if not len(used):
         return into
+    from scipy.spatial import cKDTree  # Imported here because it is slow to import and seldom needed.
+
     pairs = used[cKDTree(place[used]).query_pairs(tolerance, output_type="ndarray")]
     for first, second in pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))].tolist():
         if into[first] == first and into[second] == second and not owners[first] & owners[second]:

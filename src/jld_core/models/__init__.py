@@ -13,12 +13,17 @@
 
 from __future__ import annotations
 
-from jld_core.limit import SolveOptions
-from jld_core.models.by_fields import solve_by_fields
-from jld_core.models.costs import cost_estimate, require_memory
-from jld_core.models.labelling import limit_analysis, require_model, solve_labelling
-from jld_core.models.sensitivity import sensitivities
-from jld_core.models.solve import solve
+from typing import TYPE_CHECKING
+
+from jld_core.lazy_exports import export_lazily
+
+if TYPE_CHECKING:
+    from jld_core.limit import SolveOptions
+    from jld_core.models.by_fields import solve_by_fields
+    from jld_core.models.costs import cost_estimate, require_memory
+    from jld_core.models.labelling import limit_analysis, require_model, solve_labelling
+    from jld_core.models.sensitivity import sensitivities
+    from jld_core.models.solve import solve
 
 __all__ = [
     "SolveOptions",
@@ -31,3 +36,14 @@ __all__ = [
     "solve_by_fields",
     "solve_labelling",
 ]
+
+export_lazily(
+    __name__,
+    {
+        "by_fields": ["solve_by_fields"],
+        "costs": ["cost_estimate", "require_memory"],
+        "labelling": ["SolveOptions", "limit_analysis", "require_model", "solve_labelling"],
+        "sensitivity": ["sensitivities"],
+        "solve": ["solve"],
+    },
+)

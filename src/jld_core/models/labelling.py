@@ -18,8 +18,6 @@ from jld_core.limit.proof_attempt import ProofAttempt
 from jld_core.models.effective_area import prove_effective_area, require_rectangles
 from jld_core.models.point_contacts import point_contact_assembly, proof_of_faces
 from jld_core.models.rigid_blocks import prove_condensed, worth_condensing
-from jld_core.models.zero_dilation.fixed_point_search import ProximalOptions
-from jld_core.models.zero_dilation.solve import prove_zero_dilation
 from jld_core.solvers import is_large
 
 
@@ -146,6 +144,10 @@ def _proof(
     stands, pruning_threshold: as in `solve_labelling`.
     """
     if options.friction == "zero-dilation":
+        # Local imports: most labellings are solved with dilation, and `jld solve` is to start quickly.
+        from jld_core.models.zero_dilation.fixed_point_search import ProximalOptions
+        from jld_core.models.zero_dilation.solve import prove_zero_dilation
+
         proximal = ProximalOptions(effective_area=options.effective_area)
         seconds = options.floor_seconds if options.range else None
         return prove_zero_dilation(

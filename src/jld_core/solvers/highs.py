@@ -6,7 +6,6 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
-import highspy
 import numpy as np
 import scipy.sparse as sp
 
@@ -16,14 +15,14 @@ from jld_core.program import ConicProgram, Structure
 from jld_core.solvers.base import RawSolution, RawStatus, Solver
 
 _STATUS = {
-    highspy.HighsModelStatus.kOptimal: RawStatus.OPTIMAL,
-    highspy.HighsModelStatus.kInfeasible: RawStatus.INFEASIBLE,
-    highspy.HighsModelStatus.kUnbounded: RawStatus.UNBOUNDED,
-    highspy.HighsModelStatus.kUnboundedOrInfeasible: RawStatus.UNBOUNDED,
-    highspy.HighsModelStatus.kIterationLimit: RawStatus.LIMIT,
-    highspy.HighsModelStatus.kTimeLimit: RawStatus.LIMIT,
+    "kOptimal": RawStatus.OPTIMAL,
+    "kInfeasible": RawStatus.INFEASIBLE,
+    "kUnbounded": RawStatus.UNBOUNDED,
+    "kUnboundedOrInfeasible": RawStatus.UNBOUNDED,
+    "kIterationLimit": RawStatus.LIMIT,
+    "kTimeLimit": RawStatus.LIMIT,
 }
-"""Status for each status that HiGHS reports; others count as failed."""
+"""Status for each name of a status that HiGHS reports; others count as failed."""
 
 
 class HighsSolver(Solver):
@@ -74,7 +73,7 @@ class HighsSolver(Solver):
         matrix = sp.csc_array((program.data, s.indices, s.indptr), shape=s.shape)
         highs = highs_of(matrix, program.objective, lower, program.rhs, -free, free, self._options)
         highs.run()
-        status = _STATUS.get(highs.getModelStatus(), RawStatus.FAILED)
+        status = _STATUS.get(highs.getModelStatus().name, RawStatus.FAILED)
         solution = highs.getSolution()
         point = np.array(solution.col_value)
         dual = -np.array(solution.row_dual)
@@ -117,6 +116,8 @@ def highs_of(
     highspy.Highs
         The instance; its method `run` solves the program.
     """
+    import highspy  # local imports here and below: most labellings are solved without it
+
     matrix = sp.csc_array(rows)
     model = highspy.HighsLp()
     model.num_row_, model.num_col_ = matrix.shape
@@ -139,4 +140,6 @@ def highs_ends(values: Floats) -> Floats:
 
     values: bounds, of any shape; finite ones stay.
     """
+    import highspy
+
     return np.clip(values, -highspy.kHighsInf, highspy.kHighsInf)

@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Final
 
-import highspy
 import numpy as np
 
 from jld_core.arrays import Floats
@@ -143,6 +142,6 @@ def _run(highs: Any) -> LinearAnswer:
     """Run a HiGHS instance, and return its unverified solution."""
     highs.run()
     solution = highs.getSolution()
-    found = highs.getModelStatus() == highspy.HighsModelStatus.kOptimal
+    found = highs.getModelStatus().name == "kOptimal"
     value = float(highs.getInfo().objective_function_value)
     return LinearAnswer(found, value, np.array(solution.col_value), np.array(solution.row_dual))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import time
 from importlib import import_module
 from typing import Annotated, Any, Final
@@ -32,6 +33,20 @@ _FUNCTIONS: Final = {
 """Module of this sub-package and function of each command; `new` is a group of commands."""
 
 
+def _imported(name: str) -> Any:
+    """Import a command; return None if there is none of that name."""
+    if name == "new":
+        from jld_explore.cli.samples import commands
+
+        return typer.main.get_command(commands())
+    if name not in _FUNCTIONS:
+        return None
+    module, function = _FUNCTIONS[name]
+    one = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+    one.command(name=name)(getattr(import_module(f"jld_explore.cli.{module}"), function))
+    return typer.main.get_command(one)
+
+
 class _Group(TyperGroup):
     """Group of commands that are imported when they are called.
 
@@ -44,16 +59,12 @@ class _Group(TyperGroup):
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """Import a command; return None if there is none of that name."""
-        if cmd_name == "new":
-            from jld_explore.cli.samples import commands
-
-            return typer.main.get_command(commands())
-        if cmd_name not in _FUNCTIONS:
-            return None
-        module, function = _FUNCTIONS[cmd_name]
-        one = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
-        one.command(name=cmd_name)(getattr(import_module(f"jld_explore.cli.{module}"), function))
-        return typer.main.get_command(one)
+        try:
+            return _imported(cmd_name)
+        finally:
+            if not gc.isenabled():  # `jld_explore.__main__` disables it while modules load
+                gc.freeze()
+                gc.enable()
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the overview as help text."""

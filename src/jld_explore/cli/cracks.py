@@ -5,24 +5,24 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError, ParameterError
-from jld_core.fields.bounds import FieldBounds
 from jld_core.files import require_folder, write_text
 from jld_core.limit import LimitAnalysisResult, SolveOptions, Status
-from jld_core.models import solve_by_fields
-from jld_core.models.by_fields import FieldResult, require_cracks
-from jld_core.refinement.cells import crack_cells
+from jld_core.models.crack_models import require_cracks
 from jld_core.scene import Scene, parse_cracks
 from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_in_words, cracks_to_json
 from jld_core.views.notebook import aligned, facts_of_result
 from jld_explore.cli.ending import UNCERTIFIED
 from jld_explore.cli.streams import say
+
+if TYPE_CHECKING:
+    from jld_core.models.by_fields import FieldResult
 
 Cracks = Annotated[
     str | None,
@@ -64,6 +64,8 @@ def say_by_fields(
     as_json: print JSON. Exits with the code of `uncertified` where the gap is not reached.
     """
     assert isinstance(scene.cracks, FieldCracks)
+    from jld_core.models import solve_by_fields  # loads the mesh and the programs of fields
+
     found = solve_by_fields(assembly, labels, gap=scene.cracks.gap, seconds=seconds)
     content = json.dumps(found.to_json(), indent=1)
     if out is not None:
@@ -78,6 +80,7 @@ def say_by_fields(
 
 def _draw(found: FieldResult, out: Path) -> None:
     """Draw labels, stresses and cracks under each load case into a folder, as png and svg."""
+    from jld_core.fields.bounds import FieldBounds
     from jld_core.views import field_figures, figures  # importing matplotlib takes longer than many solves
 
     several = len(found.cases) > 1
@@ -108,6 +111,8 @@ def of_cells(scene: Scene, assembly: Assembly, labels: Bits) -> tuple[Assembly, 
     """
     if not isinstance(scene.cracks, CellCracks):
         return assembly, labels
+    from jld_core.refinement.cells import crack_cells
+
     cells = crack_cells(scene, assembly, scene.cracks.cell)
     return cells.fine, cells.labels(labels)
 

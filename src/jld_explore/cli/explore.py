@@ -43,6 +43,7 @@ from jld_explore.cli.search_options import (
     Resume,
     Seconds,
     Seed,
+    WriteCsv,
 )
 from jld_explore.cli.streams import say, warn
 from jld_explore.report import check_folder, words
@@ -82,6 +83,7 @@ def explore_command(
     solver: First = "auto",
     gap: Gap = GAP,
     resume: Resume = False,
+    csv: WriteCsv = False,
     certificates: Certificates = False,
     cluster: Cluster = None,
     certificate: CertificateFile = None,
@@ -114,7 +116,7 @@ def explore_command(
         BudgetSettings(budget, seconds),
         ParallelSettings(jobs or os.cpu_count() or 1, cluster),
         SearchMethod(driver, own, seed),
-        OutputSettings(resume, certificate=certificate, strict=strict),
+        OutputSettings(resume, certificate=certificate, strict=strict, csv=csv),
     )
     announce = None if as_json else say
     try:

@@ -19,7 +19,7 @@ from jld_core.limit import FLOOR_SECONDS, LimitAnalysisResult, SolveOptions, Sta
 from jld_core.mechanics import require_materials
 from jld_core.models import cost_estimate, require_model
 from jld_core.models import solve as solve_assembly
-from jld_core.models.by_fields import FIELD_SECONDS
+from jld_core.models.crack_models import FIELD_SECONDS
 from jld_core.scene import Scene
 from jld_core.scene.cracks import FieldCracks
 from jld_core.tolerances import GAP

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError
 from jld_core.exchange import blocks_csv
-from jld_core.files import require_folder, require_writable, whole_file, write_text
+from jld_core.files import require_folder, require_writable, write_text
 from jld_core.limit import LimitAnalysisResult
 from jld_core.scene.cracks import FieldCracks, cracks_to_json
 from jld_explore.drivers.choice import what_would_prove
@@ -24,6 +24,7 @@ from jld_explore.report.columns import columns, csv_of
 from jld_explore.report.evidence import front_rows, values_on, with_evidence
 from jld_explore.report.exploration import Exploration
 from jld_explore.report.reading import history_of
+from jld_explore.report.result_files import write_results
 from jld_explore.report.summary import Summary
 from jld_explore.space import registered
 from jld_explore.study import Study, name_of
@@ -174,9 +175,7 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
         found["next"] = of_study.get("next", BESIDE_FACES if found.get("next") else None)
     found["cracks"] = cracks_to_json(study.scene.cracks)
     write_text(study.folder / "faces.csv", csv_of(tables.faces_table(real, study.space)))
-    write_text(study.folder / "results.csv", csv_of(results))
-    with whole_file(study.folder / "results.parquet") as fresh:
-        results.to_parquet(fresh, index=False)
+    write_results(study.folder, results, csv=study.settings.csv)
     write_text(study.folder / "pareto.csv", csv_of(front))
     write_text(study.folder / tables.CONVERGENCE, csv_of(tables.convergence_table(study.table_records)))
     write_text(study.folder / "columns.json", json.dumps(columns(real), indent=1, ensure_ascii=False))

@@ -24,7 +24,7 @@ from jld_explore.report import required
 from jld_explore.report.front import on_front
 from jld_explore.space import SearchSpace, registered, unpack
 from jld_explore.space.counts import counts, values_until
-from jld_explore.space.labelling import to_strings
+from jld_explore.space.labelling import letters_of
 from jld_explore.study import Study, versions
 from jld_explore.study_state import StopReason
 
@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 
 CONVERGENCE: Final = "convergence.csv"
 """File name of the convergence table."""
+
+_SLICE: Final = 1 << 15
+"""Number of labellings turned into texts at a time, which limits temporary memory."""
 
 
 def faces_table(assembly: Assembly, space: SearchSpace) -> pd.DataFrame:
@@ -103,35 +106,30 @@ def results_table(
     import pandas as pd
 
     rows = records.rows
-    labellings = unpack(rows["labelling"], records.faces)
+    packed = np.ascontiguousarray(rows["labelling"])
     associative, zero = rows["cases"][:, -1] if own_objective else rows["associative"], rows["zero_dilation"]
-    how = settled(rows)
     load_factor = load_factors(rows)
     axes = {name for name, _ in space.search.front.axes}
-    late = [count for count in registered() if count.kinds and count.name not in axes]
     deadline = deadline or Deadline()
+    late = [count for count in registered() if deadline.limited and count.kinds and count.name not in axes]
+    # Texts are added in the order of the table: as columns of a million rows they take most of the memory.
     table = pd.DataFrame(
         {
-            "labelling": to_strings(labellings) if space.void is None else space.void.texts(labellings),
             "multiplicity": rows["multiplicity"].astype(np.int64),
             "load_factor": load_factor,
             "bracket_lo": rows["low"],
             "bracket_hi": rows["high"],
-            "status": statuses(rows),
-            **counts(assembly, labellings, space.graph, space.limits.block_shapes, without=late),
+            **counts(assembly, unpack(packed, records.faces), space.graph, space.limits.block_shapes, without=late),
             "load_factor_associative": associative,
             "load_factor_zero_dilation": zero,
             **({} if assembly.nominal is None else {"load_factor_nominal": rows["cases"][:, -1]}),
             **_of_cases(rows, assembly),
             **required.column(rows["low"], statuses(rows), space.search),
-            "settled": how,
             "seconds": rows["seconds"],
-            "driver": driver,
         }
     )
     place = np.array([ORDER.index(status) for status in Status], dtype=np.int64)[rows["status"]]
     ties = _ties(np.where(place == 0, load_factor, np.nan), rows["low"], rows["high"], wide=wide)
-    packed = np.ascontiguousarray(rows["labelling"])
     # Sort ties by simplicity, using the counts with terms: fewer blocks, then fewer dry faces.
     simple = [table[count.name].to_numpy() for count in registered() if count.terms is not None]
     wanted = required.order(table, space.search)
@@ -139,8 +137,17 @@ def results_table(
     stronger = [-np.nan_to_num(load_factor)] if wide else []
     order = np.lexsort((packed.view(f"S{packed.shape[1]}").ravel(), *simple, *stronger, ties, *wanted, place))
     table = table.iloc[order].reset_index(drop=True)
+    packed = packed[order]
+    void = space.void
+    texts = _texts(packed, records.faces) if void is None else void.texts(unpack(packed, records.faces))
+    table.insert(0, "labelling", texts)
+    table.insert(table.columns.to_list().index("bracket_hi") + 1, "status", statuses(rows)[order])
+    table.insert(table.columns.to_list().index("seconds"), "settled", settled(rows)[order])
+    table["driver"] = driver
     for count in late:
-        values = values_until(count, assembly, labellings[order], space.graph, space.limits.block_shapes, deadline)
+        values = values_until(
+            count, assembly, unpack(packed, records.faces), space.graph, space.limits.block_shapes, deadline
+        )
         known = pd.Series(values)
         if known.isna().any():
             known = known.astype("Int64" if count.integer else "Float64")
@@ -154,6 +161,22 @@ def results_table(
     unranked = np.arange(len(table)) >= ranked
     table.insert(0, "rank", pd.Series(pd.arrays.IntegerArray(number.astype(np.int64), unranked)))
     return table
+
+
+def _texts(packed: NDArray[np.uint8], faces: int) -> pd.Series[str]:
+    """Return packed labellings (k, bytes) of m faces as a column of texts, 'd' for dry and 'i' for inner.
+
+    The column is made from the bytes of all texts: as objects of Python a million of them took 0.4 GB on the way.
+    """
+    import pyarrow as pa
+
+    letters = np.empty((len(packed), faces), dtype=np.uint8)
+    for low in range(0, len(packed), _SLICE):
+        letters[low : low + _SLICE] = letters_of(unpack(packed[low : low + _SLICE], faces))
+    ends = np.arange(len(packed) + 1, dtype=np.int64) * faces
+    column = pa.Array.from_buffers(pa.large_string(), len(packed), [None, pa.py_buffer(ends), pa.py_buffer(letters)])
+    found: pd.Series[str] = pa.table({"labelling": column}).to_pandas()["labelling"]
+    return found
 
 
 def nominal_of_best(results: pd.DataFrame) -> float | None:
@@ -241,7 +264,7 @@ def summary(results: pd.DataFrame, study: Study, reason: StopReason, *, complete
     completed a proof of its own.
     """
     bound, driver, solved, seconds = study.bound, study.driver, study.solved, study.elapsed
-    tally = Counter(results["status"])
+    tally = Counter({str(status): int(number) for status, number in results["status"].value_counts().items()})
     ranked = results[results["status"] == str(Status.COLLAPSE)]
     best = None if ranked.empty else float(ranked["load_factor"].iloc[0])
     pruned = int((results["settled"] == BOUND).sum())

@@ -118,8 +118,13 @@ def to_strings(labellings: Bits) -> list[str]:
         k texts of m letters.
     """
     width = labellings.shape[1]
-    text = np.where(labellings, np.uint8(ord(DRY_LETTER)), np.uint8(ord(INNER_LETTER))).tobytes().decode("ascii")
+    text = letters_of(labellings).tobytes().decode("ascii")
     return [text[n * width : (n + 1) * width] for n in range(len(labellings))]
+
+
+def letters_of(labellings: Bits) -> NDArray[np.uint8]:
+    """Return the letter of each label of labellings (k, m) as ASCII codes (k, m)."""
+    return np.where(labellings, np.uint8(ord(DRY_LETTER)), np.uint8(ord(INNER_LETTER)))
 
 
 def from_string(text: str) -> Bits:

@@ -1,9 +1,19 @@
-// The C interface of bounds and of conflict minimisation. They stand in one unit because they share the solver that is
-// compiled for each kind of face.
-#include "bounds.h"
-#include "faces.h"
-#include "minimization.h"
+// The C interface of bounds and of conflict minimisation.
+#include "labelling_calls.h"
 #include "outcome.h"
+#include "simd.h"
+
+namespace {
+
+template <class Call>
+int32_t outcome_of_faces(const Call& call) {
+    return jld::outcome_of([&] {
+        const bool known = call.problem.freedoms == 6 ? jld::run_spatial(call) : jld::run_planar(call);
+        return known ? JLD_DONE : JLD_UNSUPPORTED;
+    });
+}
+
+}  // namespace
 
 extern "C" {
 
@@ -15,20 +25,9 @@ int32_t jld_width() { return jld::LANES; }
 
 int32_t jld_solve(const JldProblem* problem, const JldTry* tries, int32_t number_of_tries, int64_t count,
                   const uint8_t* labels, const double* thresholds, const JldAnswers* answers) {
-    return jld::outcome_of([&] {
-        const bool known = jld::with_faces(*problem, [&](auto face) {
-            jld::LabellingBounds<decltype(face)>(*problem, tries, number_of_tries, labels, thresholds, *answers)
-                .run(count);
-        });
-        return known ? JLD_DONE : JLD_UNSUPPORTED;
-    });
+    return outcome_of_faces(jld::BoundsCall{*problem, tries, number_of_tries, count, labels, thresholds, *answers});
 }
 int32_t jld_minimize(const JldProblem* problem, const JldTry* settings, const JldMinimization* request) {
-    return jld::outcome_of([&] {
-        const bool known = jld::with_faces(*problem, [&](auto face) {
-            jld::ConflictMinimization<decltype(face)>(*problem, *settings, *request).run();
-        });
-        return known ? JLD_DONE : JLD_UNSUPPORTED;
-    });
+    return outcome_of_faces(jld::MinimizationCall{*problem, *settings, *request});
 }
 }
