@@ -155,9 +155,9 @@ def test_load_cases_are_proven_by_the_governing_factor(tmp_path: Path) -> None:
 def test_a_required_factor_counts_by_the_lower_bound(tmp_path: Path) -> None:
     """Layouts meet what their lower bound reaches; the best count among them is the least of all that meet it."""
     plain = searched(tmp_path / "plain", WIDE)
-    middle = float(plain.results["bracket_lo"].median())
+    middle, found = float(plain.results["bracket_lo"].median()), []
     required = document(search={"block_cells": [1, 3], "require": {"load_factor": middle}})
-    for driver in ("enumeration", "genetic"):
+    for driver in ("enumeration", "genetic", "exact"):
         done = searched(tmp_path / driver, WIDE, scene=required, driver=driver, budget=None)
         table, facts = done.results, done.summary["require"]
         assert (table["meets"] == (table["bracket_lo"] >= middle * (1 - 1e-6))).all()
@@ -165,8 +165,42 @@ def test_a_required_factor_counts_by_the_lower_bound(tmp_path: Path) -> None:
         counts = table[table["meets"]][facts["count"]]
         assert facts["best"] == (counts.min() if facts["sense"] == "min" else counts.max())
         assert facts["proven"]
-    with pytest.raises(InputError, match="exact by fields"):
-        searched(tmp_path / "exact", WIDE, scene=required, driver="exact")
+        found.append(facts["best"])
+    assert len(set(found)) == 1
+    assert done.summary["proof_check"]["passed"]
+    assert done.summary["count_bound"] == found[0]
+
+
+def test_no_layout_carries_more_than_all_are_bounded_by(tmp_path: Path) -> None:
+    """A required factor beyond the bound on all layouts: proven at once that none carries it, by its conflicts."""
+    required = document(search={"block_cells": [1, 3], "require": {"load_factor": 50.0}})
+    done = searched(tmp_path / "out", WIDE, scene=required, driver="exact")
+    assert done.summary["require"]["proven"]
+    assert done.summary["require"]["best"] is None
+    assert done.summary["count_bound"] is None
+    assert done.summary["proof_check"]["passed"]
+
+
+def test_the_proven_front_agrees_with_the_race_of_all(tmp_path: Path) -> None:
+    """Each count is bracketed as by all its layouts, and counts on the front to the gap."""
+    for sense in ("max", "min"):
+        scene = document(search={"block_cells": [1, 3], "front": {"count": "dry_faces", "sense": sense}})
+        raced = searched(tmp_path / f"all-{sense}", WIDE, scene=scene, driver="enumeration")
+        done = searched(tmp_path / sense, WIDE, scene=scene, driver="exact", options={"aim": "front"})
+        assert done.summary["stop_reason"] == "proven"
+        assert done.summary["proof_check"]["passed"]
+        rows = {row["count"]: row for row in done.summary["best_by_count"]}
+        assert set(rows) == set(raced.results["dry_faces"])
+        best = -np.inf
+        for count in sorted(rows, reverse=sense == "max"):
+            own = raced.results[raced.results["dry_faces"] == count]
+            row = rows[count]
+            assert row["bound"] >= own["bracket_lo"].max() * (1 - 1e-9)
+            if row["load_factor"] is not None:
+                best = max(best, row["load_factor"])
+                assert row["load_factor"] <= own["bracket_hi"].max() * (1 + 1e-9)
+            assert row["proven"]
+            assert row["bound"] <= best / (1 - WIDE["gap"]) * (1 + 1e-9)
 
 
 def test_a_front_is_refined_for_every_count(tmp_path: Path) -> None:
