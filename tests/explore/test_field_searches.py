@@ -18,6 +18,9 @@ from jld_core.fields.undecided import PartialUpperBound
 from jld_explore import Exploration, ExploreSettings, explore
 from jld_explore.drivers.field_conflicts import CONFLICTS_FILE
 from jld_explore.drivers.field_exact import FieldExact
+from jld_explore.drivers.field_incumbents import has_conflict
+from jld_explore.drivers.field_meshes import CommonMeshes
+from jld_explore.drivers.field_refuter import FieldRefuter
 from jld_explore.evaluation import task_pool
 from jld_explore.evaluation.field_evaluator import FieldEvaluator
 from jld_explore.evaluation.refined_records import REFINED_FILE
@@ -254,6 +257,53 @@ def test_partial_bounds_enclose_those_of_every_labelling() -> None:
             assert rise == pytest.approx(found.mechanism.costs(labels)[face], abs=1e-9 * abs(found.bound)) or np.isinf(
                 rise
             )
+
+
+def test_bounds_on_all_layouts_fall_as_meshes_adapt() -> None:
+    """Every mesh holds the fields of the one before: bounds fall, and stay above what a layout carries."""
+    scene = parse_scene(document())
+    assembly = build_assembly(scene)
+    space, setting = search_space(scene, assembly), FieldSetting.of(assembly)
+    meshes = CommonMeshes(setting, 1.0, space.fixed, space.candidates)
+    bounds, sizes = [], []
+    while not meshes.ended and len(bounds) < 6:
+        found = meshes.step()
+        assert found is not None
+        bounds.append(found.bound)
+        sizes.append(len(found.mesh))
+        # the sum over triangles and faces is that of the mechanism, by another route
+        assert found.found.mechanism.bound_of(space.fixed, space.candidates) == pytest.approx(found.bound, rel=1e-12)
+    assert (np.diff(bounds) <= 1e-6 * bounds[0]).all()
+    assert bounds[-1] < 0.98 * bounds[0]
+    assert (np.diff(sizes) > 0).all()
+    carried = CoarseBounds(setting).lower(space.fixed & ~space.candidates)[0]
+    assert bounds[-1] >= carried * (1 - 1e-9)
+    assert [len(meshes.meshes[place]) for place in meshes.shared] == sorted(
+        len(meshes.meshes[place]) for place in meshes.shared
+    )
+
+
+def test_conflicts_of_finer_meshes_hold_for_all_layouts_that_have_them() -> None:
+    """Layouts with the labels of a conflict, and their mirror images, carry no more than its bound, weighed anew."""
+    scene = parse_scene(document())
+    assembly = build_assembly(scene)
+    space = search_space(scene, assembly)
+    refuter, tasks = FieldRefuter(space, None), task_pool.TaskPool(1)
+    meshes = refuter.common(0)
+    threshold = 0.9 * [meshes.step() for _ in range(6)][-1].bound  # type: ignore[union-attr]
+    refuter.refute_on([meshes])
+    rng = np.random.default_rng(2)
+    drawn = [np.where(space.candidates, rng.random(len(space.fixed)) < 0.6, space.fixed) for _ in range(4)]
+    found = [one for one in refuter.refute(drawn, threshold, tasks) if one is not None]
+    assert len(found) > 1
+    coarse = CoarseBounds(FieldSetting.of(assembly))
+    for conflict in found:
+        assert refuter.weigh(conflict) <= conflict.bound * (1 + 1e-12) <= threshold * (1 + 1e-12)
+        other = np.where(space.candidates, rng.random(len(space.fixed)) < 0.5, space.fixed)
+        other[conflict.faces] = conflict.labels
+        for image in other[space.group]:
+            assert has_conflict(conflict, image[None], space.group).all()
+            assert coarse.lower(image)[0] <= conflict.bound * (1 + 1e-9)
 
 
 def test_an_undecided_joint_bears_what_the_better_label_bears() -> None:

@@ -232,6 +232,8 @@ class RequirementAim:
         self.gap = gap
         self.count: Count | None = front_count(space)
         self._sense, self._threshold = space.search.front.axes[0][1], required.threshold
+        # a layout that is refuted carries less than what is required
+        self._goal = required.threshold * (1.0 - _BELOW)
         self.restart()
 
     def restart(self) -> None:
@@ -255,8 +257,8 @@ class RequirementAim:
         return Range.of((None, value - 1) if self._sense == "min" else (value + 1, None), whole=True)
 
     def goal(self, best: Mapping[int, float]) -> float:
-        """Return the required factor; see `ProofAim`."""
-        return self._threshold
+        """Return the required factor, less rounding; see `ProofAim`."""
+        return self._goal
 
     def enough(self, best: Mapping[int, float]) -> float:
         """Return the required factor; see `ProofAim`."""
@@ -268,7 +270,7 @@ class RequirementAim:
         self.open_counts = left
         if len(left):
             value = int(left.min() if self._sense == "min" else left.max())
-        self._claim = Claim(self._better(value), self._threshold)
+        self._claim = Claim(self._better(value), self._goal)
         return None
 
     def claims(self) -> list[Claim]:
@@ -276,11 +278,17 @@ class RequirementAim:
         return [] if self._claim is None else [self._claim]
 
     def facts(self, best: Mapping[int, float], sure: bool) -> dict[str, Any]:
-        """Return the count that no layout which carries the factor betters, None for none; see `ProofAim`."""
+        """Return the count that no layout which carries the factor betters, None for none, and how many stay open.
+
+        See `ProofAim`.
+        """
         value = self.met(best)
         if len(self.open_counts):
             value = int(self.open_counts.min() if self._sense == "min" else self.open_counts.max())
-        return {"count_bound": value if sure else None}
+        return {
+            "count_bound": value if sure and self._claim is not None else None,
+            "open_layouts": len(self.open_counts),
+        }
 
 
 def aim_of(space: SearchSpace, aim: str, gap: float) -> ProofAim:

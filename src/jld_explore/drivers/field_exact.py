@@ -152,6 +152,11 @@ class FieldExact(Driver):
         return self._proof.check is not None and self._proof.check.passed
 
     @property
+    def open_layouts(self) -> int:
+        """Layouts of better count that may carry the required factor, and that no finer mesh decides."""
+        return int(self._proof.aim.facts({}, False).get("open_layouts", 0))
+
+    @property
     def settings(self) -> dict[str, Any]:
         """Aim of the proof; see `Driver.settings`."""
         return {"aim": self._aim} if self._aim == "front" else {}

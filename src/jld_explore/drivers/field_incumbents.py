@@ -7,11 +7,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from jld_core.arrays import Bits, Floats
+from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_explore.drivers.exact.proof_state import Conflict
 from jld_explore.drivers.field_aims import ProofAim, holds
 from jld_explore.evaluation.field_pool import FieldPool
 from jld_explore.space import SearchSpace, values_of
 from jld_explore.space.measures import Range
+
+
+def has_conflict(conflict: Conflict, labellings: Bits, group: Ints) -> Bools:
+    """Return (k,) which labellings (k, m) have a conflict, or are mirror images of one that has, by a group (g, m)."""
+    images = labellings[:, group[:, conflict.faces]]
+    return np.asarray((images == conflict.labels).all(axis=2).any(axis=1))
 
 
 class FieldIncumbents:

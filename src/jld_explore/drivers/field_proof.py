@@ -18,7 +18,7 @@ from jld_explore.drivers.exact.proof_check import ProofCheck, check_proof
 from jld_explore.drivers.exact.proof_state import Conflict, Mechanism, ProofState
 from jld_explore.drivers.exact.schedules import TargetSchedule
 from jld_explore.drivers.field_aims import ProofAim, holds
-from jld_explore.drivers.field_incumbents import FieldIncumbents
+from jld_explore.drivers.field_incumbents import FieldIncumbents, has_conflict
 from jld_explore.drivers.field_meshes import CommonMeshes
 from jld_explore.drivers.field_refuter import FieldRefuter
 from jld_explore.drivers.field_tasks import refuting_step
@@ -137,7 +137,7 @@ class FieldProof:
         """Return upper bounds (k,) on the governing factor of labellings (k, m) by all conflicts, inf without any."""
         found = np.full(len(labellings), self.bound)
         for one in self.state.conflicts:
-            matching = (labellings[:, one.faces] == one.labels).all(axis=1)
+            matching = has_conflict(one, labellings, self.space.group)
             found[matching] = np.minimum(found[matching], one.bound)
         return found
 
@@ -152,13 +152,7 @@ class FieldProof:
 
     def _join(self, labellings: Sequence[Bits]) -> None:
         """Add evaluated labellings (m,) to the pool."""
-        bounds = [self._conflict_bound(labels) for labels in self.incumbents.join(labellings)]
-        self._refuted = np.concatenate([self._refuted, bounds])
-
-    def _conflict_bound(self, labels: Bits) -> float:
-        """Return the least bound of a conflict that a labelling (m,) has, inf without any."""
-        mine = (one.bound for one in self.state.conflicts if (labels[one.faces] == one.labels).all())
-        return min(mine, default=math.inf)
+        self._refuted = np.concatenate([self._refuted, self.bounds_above(self.incumbents.join(labellings))])
 
     def take(self, conflicts: Sequence[Conflict]) -> None:
         """Take over conflicts that were weighed again."""
@@ -351,7 +345,7 @@ class FieldProof:
         if self._formula is not None:
             self._formula.learn(conflicts)
         for one in conflicts:
-            matching = (self.pool.labellings[:, one.faces] == one.labels).all(axis=1)
+            matching = has_conflict(one, self.pool.labellings, self.space.group)
             self._refuted[matching] = np.minimum(self._refuted[matching], one.bound)
 
     def _lower(self) -> None:
