@@ -27,7 +27,10 @@ _KEPT: Final = 4
 """Number of meshes whose programs a process keeps."""
 
 _TRIES: Final = 1
-"""Single faces tried in vain on each mesh before a conflict is accepted; three rule out half as much in a time."""
+"""Single faces tried in vain on each mesh before a conflict is accepted.
+
+With three on the finest mesh alone the 4 × 6 wall of 20 kPa takes over 168 s of processor time instead of 131 s.
+"""
 
 _SHORT: Final = 5
 """Faces of a conflict up to which no finer mesh is asked to make do with fewer."""
