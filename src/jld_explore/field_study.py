@@ -202,10 +202,12 @@ class FieldStudy(Study):
             },
         }
 
-    def _next(self, race: RaceResult, gap: float | None) -> str:
+    def _next(self, race: RaceResult, gap: float | None) -> str | None:
         """Say whether the gap that is left is of the discretisation or of the search, and what narrows it."""
         finer = f"the gap is of the discretisation: --cracks fields:{0.5 * self.gap:g} refines further"
         if isinstance(self.driver, FieldExact):
+            if self.driver.finished and self.space.search.require is not None:
+                return self._next_of_count()
             if self.driver.finished:
                 within = gap is not None and gap <= self.gap
                 return finer if within else "the gap is of the discretisation: some layouts have the finest mesh"
@@ -218,6 +220,12 @@ class FieldStudy(Study):
         if self.deadline.passed() and gap > self.gap:
             return "the gap is of the discretisation: time ended refinement; more --seconds narrow it"
         return finer
+
+    def _next_of_count(self) -> str | None:
+        """Say what would narrow the best count of a required factor, None where it is proven."""
+        if isinstance(self.driver, FieldExact) and self.driver.open_layouts:
+            return "the gap is of the discretisation: some layouts of better count have the finest mesh"
+        return None
 
     def _enumerated(self) -> Bits:
         """Return all layouts (k, m), those found in time where there are too many."""

@@ -185,7 +185,6 @@ def test_what_knows_faces_alone_is_refused(tmp_path: Path) -> None:
         (cells, {"driver": "exact"}),
         (FIELDS, {"experiment": 1}),
         (FIELDS, {"certificate": tmp_path / "proof.jldcert"}),
-        (FIELDS, {"driver": "exact", "options": {"aim": "front"}}),
     ):
         with pytest.raises(InputError) as refused:
             searched(tmp_path / "out", cracks, **more)

@@ -18,6 +18,9 @@ from jld_core.fields.undecided import PartialUpperBound
 from jld_explore import Exploration, ExploreSettings, explore
 from jld_explore.drivers.field_conflicts import CONFLICTS_FILE
 from jld_explore.drivers.field_exact import FieldExact
+from jld_explore.drivers.field_incumbents import has_conflict
+from jld_explore.drivers.field_meshes import CommonMeshes
+from jld_explore.drivers.field_refuter import FieldRefuter
 from jld_explore.evaluation import task_pool
 from jld_explore.evaluation.field_evaluator import FieldEvaluator
 from jld_explore.evaluation.refined_records import REFINED_FILE
@@ -155,9 +158,9 @@ def test_load_cases_are_proven_by_the_governing_factor(tmp_path: Path) -> None:
 def test_a_required_factor_counts_by_the_lower_bound(tmp_path: Path) -> None:
     """Layouts meet what their lower bound reaches; the best count among them is the least of all that meet it."""
     plain = searched(tmp_path / "plain", WIDE)
-    middle = float(plain.results["bracket_lo"].median())
+    middle, found = float(plain.results["bracket_lo"].median()), []
     required = document(search={"block_cells": [1, 3], "require": {"load_factor": middle}})
-    for driver in ("enumeration", "genetic"):
+    for driver in ("enumeration", "genetic", "exact"):
         done = searched(tmp_path / driver, WIDE, scene=required, driver=driver, budget=None)
         table, facts = done.results, done.summary["require"]
         assert (table["meets"] == (table["bracket_lo"] >= middle * (1 - 1e-6))).all()
@@ -165,8 +168,42 @@ def test_a_required_factor_counts_by_the_lower_bound(tmp_path: Path) -> None:
         counts = table[table["meets"]][facts["count"]]
         assert facts["best"] == (counts.min() if facts["sense"] == "min" else counts.max())
         assert facts["proven"]
-    with pytest.raises(InputError, match="exact by fields"):
-        searched(tmp_path / "exact", WIDE, scene=required, driver="exact")
+        found.append(facts["best"])
+    assert len(set(found)) == 1
+    assert done.summary["proof_check"]["passed"]
+    assert done.summary["count_bound"] == found[0]
+
+
+def test_no_layout_carries_more_than_all_are_bounded_by(tmp_path: Path) -> None:
+    """A required factor beyond the bound on all layouts: proven at once that none carries it, by its conflicts."""
+    required = document(search={"block_cells": [1, 3], "require": {"load_factor": 50.0}})
+    done = searched(tmp_path / "out", WIDE, scene=required, driver="exact")
+    assert done.summary["require"]["proven"]
+    assert done.summary["require"]["best"] is None
+    assert done.summary["count_bound"] is None
+    assert done.summary["proof_check"]["passed"]
+
+
+def test_the_proven_front_agrees_with_the_race_of_all(tmp_path: Path) -> None:
+    """Each count is bracketed as by all its layouts, and counts on the front to the gap."""
+    for sense in ("max", "min"):
+        scene = document(search={"block_cells": [1, 3], "front": {"count": "dry_faces", "sense": sense}})
+        raced = searched(tmp_path / f"all-{sense}", WIDE, scene=scene, driver="enumeration")
+        done = searched(tmp_path / sense, WIDE, scene=scene, driver="exact", options={"aim": "front"})
+        assert done.summary["stop_reason"] == "proven"
+        assert done.summary["proof_check"]["passed"]
+        rows = {row["count"]: row for row in done.summary["best_by_count"]}
+        assert set(rows) == set(raced.results["dry_faces"])
+        best = -np.inf
+        for count in sorted(rows, reverse=sense == "max"):
+            own = raced.results[raced.results["dry_faces"] == count]
+            row = rows[count]
+            assert row["bound"] >= own["bracket_lo"].max() * (1 - 1e-9)
+            if row["load_factor"] is not None:
+                best = max(best, row["load_factor"])
+                assert row["load_factor"] <= own["bracket_hi"].max() * (1 + 1e-9)
+            assert row["proven"]
+            assert row["bound"] <= best / (1 - WIDE["gap"]) * (1 + 1e-9)
 
 
 def test_a_front_is_refined_for_every_count(tmp_path: Path) -> None:
@@ -220,6 +257,53 @@ def test_partial_bounds_enclose_those_of_every_labelling() -> None:
             assert rise == pytest.approx(found.mechanism.costs(labels)[face], abs=1e-9 * abs(found.bound)) or np.isinf(
                 rise
             )
+
+
+def test_bounds_on_all_layouts_fall_as_meshes_adapt() -> None:
+    """Every mesh holds the fields of the one before: bounds fall, and stay above what a layout carries."""
+    scene = parse_scene(document())
+    assembly = build_assembly(scene)
+    space, setting = search_space(scene, assembly), FieldSetting.of(assembly)
+    meshes = CommonMeshes(setting, 1.0, space.fixed, space.candidates)
+    bounds, sizes = [], []
+    while not meshes.ended and len(bounds) < 6:
+        found = meshes.step()
+        assert found is not None
+        bounds.append(found.bound)
+        sizes.append(len(found.mesh))
+        # the sum over triangles and faces is that of the mechanism, by another route
+        assert found.found.mechanism.bound_of(space.fixed, space.candidates) == pytest.approx(found.bound, rel=1e-12)
+    assert (np.diff(bounds) <= 1e-6 * bounds[0]).all()
+    assert bounds[-1] < 0.98 * bounds[0]
+    assert (np.diff(sizes) > 0).all()
+    carried = CoarseBounds(setting).lower(space.fixed & ~space.candidates)[0]
+    assert bounds[-1] >= carried * (1 - 1e-9)
+    assert [len(meshes.meshes[place]) for place in meshes.shared] == sorted(
+        len(meshes.meshes[place]) for place in meshes.shared
+    )
+
+
+def test_conflicts_of_finer_meshes_hold_for_all_layouts_that_have_them() -> None:
+    """Layouts with the labels of a conflict, and their mirror images, carry no more than its bound, weighed anew."""
+    scene = parse_scene(document())
+    assembly = build_assembly(scene)
+    space = search_space(scene, assembly)
+    refuter, tasks = FieldRefuter(space, None), task_pool.TaskPool(1)
+    meshes = refuter.common(0)
+    threshold = 0.9 * [meshes.step() for _ in range(6)][-1].bound  # type: ignore[union-attr]
+    refuter.refute_on([meshes])
+    rng = np.random.default_rng(2)
+    drawn = [np.where(space.candidates, rng.random(len(space.fixed)) < 0.6, space.fixed) for _ in range(4)]
+    found = [one for one in refuter.refute(drawn, threshold, tasks) if one is not None]
+    assert len(found) > 1
+    coarse = CoarseBounds(FieldSetting.of(assembly))
+    for conflict in found:
+        assert refuter.weigh(conflict) <= conflict.bound * (1 + 1e-12) <= threshold * (1 + 1e-12)
+        other = np.where(space.candidates, rng.random(len(space.fixed)) < 0.5, space.fixed)
+        other[conflict.faces] = conflict.labels
+        for image in other[space.group]:
+            assert has_conflict(conflict, image[None], space.group).all()
+            assert coarse.lower(image)[0] <= conflict.bound * (1 + 1e-9)
 
 
 def test_an_undecided_joint_bears_what_the_better_label_bears() -> None:

@@ -229,12 +229,37 @@ def _marks(problem: Problem, stress: StressField | None, velocity: VelocityField
     for weight, part in parts:
         error += weight * part / max(float(part.sum()), 1e-300)
     error[small] = 0.0
+    return _leading(error, wanted)
+
+
+def _leading(error: Floats, wanted: float) -> Bools:
+    """Triangles (t,) of largest errors (t,) that together hold a share of all, but not too many."""
     order = np.argsort(-error, kind="stable")
     share = np.cumsum(error[order])
     enough = int(np.searchsorted(share, wanted * share[-1])) + 1
-    marks = np.zeros(count, dtype=bool)
-    marks[order[: min(enough, max(1, int(_MOST_MARKED * count)))]] = True
+    marks = np.zeros(len(error), dtype=bool)
+    marks[order[: min(enough, max(1, int(_MOST_MARKED * len(error))))]] = True
     return marks
+
+
+def finer_by_dissipation(mesh: Mesh, power: Floats) -> Mesh:
+    """Refine a mesh for velocity fields alone.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        The mesh.
+    power : (t,) float array
+        Dissipation in each triangle with half of its edges, any unit.
+
+    Returns
+    -------
+    Mesh
+        Mesh with those triangles split that dissipate most.
+    """
+    area = mesh.area
+    error = power / max(float(power.sum()), 1e-300) + _EVERYWHERE * area / float(area.sum())
+    return refine(mesh, _leading(np.where(area < _LEAST_AREA * area.sum(), 0.0, error), _SHARE))
 
 
 def _singular_corners(problem: Problem, stress: StressField | None) -> Ints:

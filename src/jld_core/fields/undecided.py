@@ -12,6 +12,8 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats
+from jld_core.fields.adaptive import finer_by_dissipation
+from jld_core.fields.mesh import Mesh
 from jld_core.fields.problem import Problem
 from jld_core.fields.settled import Settling
 from jld_core.fields.transfer import REPAIRED, FieldMechanism, weighed
@@ -107,6 +109,27 @@ class PartialUpperBound:
     def weigh(self, velocity: Floats) -> FieldMechanism | None:
         """Compute what a velocity field (t, 3, 2) dissipates, without a solver; see `transfer.weighed`."""
         return weighed(self._upper, velocity)
+
+    def finer(self, mesh: Mesh, velocity: Floats, labels: Bits, undecided: Bools) -> Mesh:
+        """Refine the mesh of the problem where a velocity field dissipates most.
+
+        Parameters
+        ----------
+        mesh : Mesh
+            Mesh of the problem, scene units.
+        velocity : (t, 3, 2) float array
+            Velocities with a finite bound for the partial labelling, scaled.
+        labels, undecided : (m,) bool arrays
+            Labels, True = dry, and faces that may have either.
+
+        Returns
+        -------
+        Mesh
+            The next mesh.
+        """
+        upper = self._upper
+        power = upper.power(upper.rates(velocity), labels & ~undecided, upper.allowance(velocity))
+        return finer_by_dissipation(mesh, power)
 
     def _least(self, velocity: Floats, labels: Bits, undecided: Bools, enough: float) -> WeighedField | None:
         """Return a velocity field (t, 3, 2), repaired as far as leads to a bound up to `enough`, else to the least."""

@@ -42,14 +42,14 @@ def save_conflicts(folder: Path, proof: FieldProof) -> None:
     conflicts = [one for one in proof.state.conflicts if one.mechanism is not None]
     if not conflicts:
         return
-    problems, shared = proof.relaxation.problems, proof.shared
+    problems, shared = proof.refuter.relaxation.problems, proof.refuter.cases
     mechanisms = [one.mechanism for one in conflicts if one.mechanism is not None]
     own = sorted({one.case for one in mechanisms if one.case >= shared})
     number = {case: shared + place for place, case in enumerate(own)}
     content: dict[str, Any] = {
         "shared": np.array(shared),
         "case": np.array([number.get(one.case, one.case) for one in mechanisms], dtype=np.int64),
-        "load": np.array([proof.load_case(problems[case]) for case in own], dtype=np.int64),
+        "load": np.array([proof.refuter.load_case(problems[case]) for case in own], dtype=np.int64),
         **_joined("faces", [one.faces for one in conflicts]),
         **_joined("labels", [one.labels for one in conflicts]),
         **_joined("velocity", [one.velocity.ravel() for one in mechanisms]),
@@ -96,14 +96,14 @@ def load_conflicts(folder: Path, proof: FieldProof) -> list[Conflict]:
 
 def _conflicts_in(content: dict[str, Any], proof: FieldProof) -> list[Conflict]:
     """Return the conflicts of a file, weighed again; those without a finite bound are left out."""
-    if int(content["shared"]) != proof.shared:
+    if int(content["shared"]) != proof.refuter.cases:
         return []
     cases = content["case"].tolist()
     parts = {name: _parted(content, f"mesh_{name}") for name in _MESH}
     for place, load in enumerate(content["load"].tolist()):
         shapes = {"points": (-1, 2), "triangles": (-1, 3), "tagged": (-1, 2)}
         arrays: dict[str, Any] = {name: parts[name][place].reshape(shapes.get(name, (-1,))) for name in _MESH}
-        proof.add_problem(load, Mesh(**arrays))
+        proof.refuter.add_problem(load, Mesh(**arrays))
     triples = zip(
         _parted(content, "faces"), _parted(content, "labels"), _parted(content, "velocity"), cases, strict=True
     )
@@ -111,7 +111,7 @@ def _conflicts_in(content: dict[str, Any], proof: FieldProof) -> list[Conflict]:
     for faces, labels, velocity, case in triples:
         mechanism = Mechanism(case, velocity.reshape(-1, 3, 2))
         one = Conflict(faces.astype(np.int64), labels.astype(bool), np.inf, mechanism=mechanism)
-        bound = proof.weigh(one)
+        bound = proof.refuter.weigh(one)
         if np.isfinite(bound):
             found.append(replace(one, bound=bound))
     return found

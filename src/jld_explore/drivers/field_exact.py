@@ -24,8 +24,10 @@ from jld_explore.drivers.anneal import Anneal
 from jld_explore.drivers.base import Aim, Driver
 from jld_explore.drivers.exact.conflict_driver import ExactOptions
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks, possible_blocks
+from jld_explore.drivers.field_aims import ProofAim, aim_of
 from jld_explore.drivers.field_conflicts import load_conflicts, save_conflicts
 from jld_explore.drivers.field_proof import FieldProof
+from jld_explore.drivers.genetic import Genetic
 from jld_explore.evaluation import Evaluation, Records
 from jld_explore.evaluation.field_pool import FieldPool
 from jld_explore.space import SearchSpace
@@ -51,8 +53,9 @@ class FieldExact(Driver):
         The search space, of a planar assembly.
     seed : int
         Seed of the random choices.
-    aim : {"best"}
-        A front has no proof by fields.
+    aim : {"best", "front"}
+        Prove the strongest layout, or that of every count of the front. Where the scene requires a load factor the best
+        count among layouts that carry it is proven instead.
     gap : float
         Relative distance between the best lower bound and the bound on all labellings at which the proof ends.
     search : int
@@ -61,8 +64,8 @@ class FieldExact(Driver):
     Raises
     ------
     InputError
-        If cells may be left out, a load factor is required, a front is aimed at, or the scene limits a count that no
-        formula expresses.
+        If cells may be left out, a front is aimed at beside a required factor, or no formula expresses the count of the
+        front or one that the scene limits.
     """
 
     name = "exact"
@@ -74,12 +77,12 @@ class FieldExact(Driver):
         self, space: SearchSpace, seed: int = 0, aim: Aim = "best", *, gap: float = 0.05, search: int = 30
     ) -> None:
         super().__init__(space, seed)
-        if aim != "best":
-            raise ParameterError("aim", "exact by fields proves the strongest layout alone", "best, or another driver")
+        aimed = aim_of(space, aim, gap)
         blocks = _listed(space)
-        _require_formula(space, blocks)
-        self._proof = FieldProof(space, blocks, seed, gap)
-        self._search, self._left = Anneal(space, seed), search * int(space.candidates.sum())
+        _require_formula(space, blocks, aimed)
+        self._proof, self._aim = FieldProof(space, blocks, seed, aimed), aim
+        self._search = Anneal(space, seed) if aimed.count is None else Genetic(space, seed, aim=aim)
+        self._left = search * int(space.candidates.sum())
         self._heartbeat: Callable[[], None] = lambda: None
         self._before = Deadline()
         self._folder: Path | None = None
@@ -116,7 +119,7 @@ class FieldExact(Driver):
             if key not in cls.Options.model_fields:
                 raise ParameterError(key, "the driver exact has no such option", "an option that it has")
         driver = cls.made(space, seed, options)
-        driver._proof.gap = gap
+        driver._proof.aim.gap = gap
         return driver
 
     # --- what is known ----------------------------------------------------------------------------------
@@ -149,6 +152,16 @@ class FieldExact(Driver):
         return self._proof.check is not None and self._proof.check.passed
 
     @property
+    def open_layouts(self) -> int:
+        """Layouts of better count that may carry the required factor, and that no finer mesh decides."""
+        return int(self._proof.aim.facts({}, False).get("open_layouts", 0))
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Aim of the proof; see `Driver.settings`."""
+        return {"aim": self._aim} if self._aim == "front" else {}
+
+    @property
     def working(self) -> bool:
         """Whether the proof goes on; see `Driver.working`."""
         return not self._proof.settled and not self._given_up
@@ -169,8 +182,10 @@ class FieldExact(Driver):
         proof = self._proof
         found: dict[str, Any] = {
             "conflicts": len(proof.state.conflicts),
-            "relaxations": proof.programs + proof.pool.programs,
+            "relaxations": proof.refuter.programs + proof.pool.programs,
         }
+        sure = not self.complaints
+        found |= proof.aim.facts(proof.incumbents.best(), sure)
         return found if proof.check is None else {**found, "proof_check": proof.check.to_dict()}
 
     def withdraw(self, reason: str) -> None:
@@ -234,9 +249,9 @@ class FieldExact(Driver):
 
     def _learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         """Keep the bounds of evaluated labellings."""
-        for labels, found in zip(labellings, evaluations, strict=True):
-            low = found.low if found.status is Status.COLLAPSE else -math.inf
-            self._proof.learn(labels, low, found.high if math.isfinite(found.high) else math.inf)
+        low = [found.low if found.status is Status.COLLAPSE else -math.inf for found in evaluations]
+        high = [found.high if math.isfinite(found.high) else math.inf for found in evaluations]
+        self._proof.learn(labellings, low, high)
 
 
 def _listed(space: SearchSpace) -> PossibleBlocks | None:
@@ -248,13 +263,11 @@ def _listed(space: SearchSpace) -> PossibleBlocks | None:
         return None
 
 
-def _require_formula(space: SearchSpace, blocks: PossibleBlocks | None) -> None:
+def _require_formula(space: SearchSpace, blocks: PossibleBlocks | None, aim: ProofAim) -> None:
     """Raise InputError for what a proof by fields does not know."""
     if space.void is not None:
         raise ParameterError("driver", "exact proves nothing where cells may be left out", "enumeration or genetic")
-    if space.search.require is not None:
-        raise ParameterError("driver", "exact by fields proves the largest λ, no count of search.require", "genetic")
-    for count, _ in space.limits.on_counts:
+    for count in [count for count, _ in space.limits.on_counts] + ([] if aim.count is None else [aim.count]):
         terms = count.terms(space.assembly) if count.terms else None
         if terms is None or (terms.blocks and blocks is None):
             raise ParameterError("driver", f"exact by fields has no formula for the count {count.name}", "enumeration")

@@ -4,33 +4,37 @@ from __future__ import annotations
 
 import math
 import time
-import uuid
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
-from jld_core.arrays import Bits, Floats, Ints
+from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.deadline import Deadline
-from jld_core.fields.adaptive import FieldSetting
-from jld_core.fields.mesh import Mesh, subdivide
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
-from jld_explore.drivers.exact.proof_check import Claim, ProofCheck, check_proof
+from jld_explore.drivers.exact.proof_check import ProofCheck, check_proof
 from jld_explore.drivers.exact.proof_state import Conflict, Mechanism, ProofState
 from jld_explore.drivers.exact.schedules import TargetSchedule
-from jld_explore.drivers.field_relaxation import FieldProblem, FieldProofContext, FieldRelaxation
-from jld_explore.drivers.field_tasks import ProofSetup, level_conflict, refuting_step
+from jld_explore.drivers.field_aims import ProofAim, holds
+from jld_explore.drivers.field_incumbents import FieldIncumbents, has_conflict
+from jld_explore.drivers.field_meshes import CommonMeshes
+from jld_explore.drivers.field_refuter import FieldRefuter
+from jld_explore.drivers.field_tasks import refuting_step
 from jld_explore.evaluation.field_pool import TOGETHER, FieldPool
 from jld_explore.space import SearchSpace
 from jld_explore.space.labelling import canonical
+from jld_explore.space.measures import Range
 
 _PATIENCE: Final = 300
 """Conflicts before the bound is lowered in smaller steps, about a minute."""
 
 _FIRST: Final = 8
 """Evaluated labellings of greatest lower bound that are refined before the proof begins."""
+
+_FIRST_OF_COUNT: Final = 2
+"""The same for each count of a front."""
 
 _ALIKE: Final = 1e-4
 """Relative difference of lower bounds below which two evaluated labellings count as alike; one of them is refined."""
@@ -41,30 +45,27 @@ _DRY: Final = 0.5
 _COMPARED: Final = 300
 """Number of the strongest labellings compared with all conflicts at the end of a proof."""
 
-_ROOT_PARTS: Final = (2, 4)
-"""Parts of each edge of the coarsest mesh, for the finer meshes that bound all labellings at once."""
+_ROOT_CAUTION: Final = 4.0
+"""Time left, over that of the last mesh that bounded all labellings, from which a finer one is begun."""
 
-_LEVELS: Final = (1, 2)
-"""Parts of each edge of the coarsest mesh, for the meshes on which all labellings are refuted."""
+_SHARP: Final = 0.4
+"""Share of the gap down to which the bracket of the best labelling is refined where a proof is long."""
 
-_FADING: Final = 0.1
-"""Weight of the last labelling in the share of labellings that a mesh refutes."""
+_LONG: Final = 40
+"""Conflicts from which a proof counts as long."""
 
-_RARELY: Final = 0.1
-"""Share of labellings refuted by a mesh below which it is left out."""
+_SHARPENED: Final = 2
+"""Labellings refined together for a larger lower bound, those of the largest ones."""
 
-_AGAIN: Final = 8
-"""A mesh that is left out is still tried once in this number of batches."""
+_SHARPENING: Final = 0.1
+"""Largest share of the time left for one more mesh of the best labelling."""
 
 _CAUTION: Final = 1.5
 """Multiple of the longest batch of labellings that must be left of the time for another one."""
 
-_BELOW: Final = 1e-9
-"""Relative distance from best / (1 − gap), below which the bound ends, that covers rounding of the gap."""
-
 
 class FieldProof:
-    """Proof of an upper bound on the governing factor of all labellings, down to that of the best and a gap.
+    """Proof of upper bounds on the governing factor of all labellings, of one target after the other.
 
     Parameters
     ----------
@@ -74,15 +75,17 @@ class FieldProof:
         Possible blocks, where they are listed.
     seed : int
         Seed of the preferred labels.
-    gap : float
-        Relative distance between the best lower bound and the bound on all labellings at which the proof ends.
+    aim : ProofAim
+        What is to be proven.
 
     Attributes
     ----------
-    gap : float
+    aim : ProofAim
         As the parameter.
-    pool : FieldPool
-        Labellings that the meshes of all labellings do not refute, with their bounds.
+    refuter : FieldRefuter
+        Meshes on which labellings are refuted.
+    incumbents : FieldIncumbents
+        Labellings that were evaluated, and the pool of those that the meshes of all labellings do not refute.
     state : ProofState
         Conflicts of the proof.
     bound : float
@@ -93,41 +96,27 @@ class FieldProof:
         Labellings that wait for their evaluation on the coarsest mesh.
     stopped : bool
         Whether time ended the refinement of a labelling on which the proof depends.
-    programs : int
-        Number of programs solved for conflicts.
     """
 
-    def __init__(self, space: SearchSpace, blocks: PossibleBlocks | None, seed: int, gap: float) -> None:
-        self.space, self.gap, self._blocks = space, gap, blocks
-        self._free = space.candidates.copy()
-        if blocks is not None:
-            joined = {face for inside in blocks.inside for face in inside}
-            self._free &= np.isin(np.arange(len(self._free)), list(joined))
-        # candidates outside every possible block are dry
-        self._root_labels = space.fixed | (space.candidates & ~self._free)
-        assembly = space.assembly
-        settings = tuple(FieldSetting.of(case) for case in assembly.by_case)
-        required = tuple(assembly.required.tolist())
-        self._setup = ProofSetup(uuid.uuid4().hex, settings, required, self._free, _LEVELS)
-        self.pool = FieldPool(assembly, np.empty((0, len(space.fixed)), dtype=bool))
-        self._known: dict[bytes, tuple[float, float]] = {}
-        self._rows: dict[bytes, None] = {}
-        self._rng = np.random.default_rng([seed, 3])
-        self.programs, self._drawn, self._batch_seconds = 0, 0, 0.0
+    def __init__(self, space: SearchSpace, blocks: PossibleBlocks | None, seed: int, aim: ProofAim) -> None:
+        self.space, self.aim, self._blocks, self._seed = space, aim, blocks, seed
+        self.refuter = FieldRefuter(space, blocks)
+        self.incumbents = FieldIncumbents(space, aim)
+        self._batch_seconds = 0.0
         self.deadline = Deadline()
         self.restart()
 
     def restart(self) -> None:
         """Begin anew, with what was evaluated."""
+        self.aim.restart()
         self.state = ProofState(self.space)
-        self.relaxation = FieldRelaxation(self._setup.problems(0))
-        for level in range(1, len(_LEVELS)):
-            for problem in self._setup.problems(level):
-                self.relaxation.add(problem)
-        self._refuting = [1.0] * len(_LEVELS)
+        self.refuter.restart()
         self._formula: Formula | None = None
+        self._rng = np.random.default_rng([self._seed, 3])
         self._schedule = TargetSchedule(_PATIENCE)
-        self.bound, self._aimed, self._began = math.inf, math.inf, 0
+        self.bound = self._left_open = self._aimed = math.inf
+        self._target: int | Range | None = None
+        self._began = 0
         self.waiting: list[Bits] = []
         self._begun = self.settled = self.stopped = False
         self._refuted = np.full(len(self.pool), np.inf)
@@ -135,67 +124,35 @@ class FieldProof:
         self.check: ProofCheck | None = None
 
     @property
+    def pool(self) -> FieldPool:
+        """Labellings that are refined."""
+        return self.incumbents.pool
+
+    @property
     def best(self) -> float:
         """Largest proven lower bound on the governing factor, −inf without any."""
-        known = max((low for low, _ in self._known.values()), default=-math.inf)
-        return max(known, float(self.pool.low().max(initial=-math.inf)))
+        return max(self.incumbents.best().values(), default=-math.inf)
 
     def bounds_above(self, labellings: Bits) -> Floats:
         """Return upper bounds (k,) on the governing factor of labellings (k, m) by all conflicts, inf without any."""
         found = np.full(len(labellings), self.bound)
         for one in self.state.conflicts:
-            matching = (labellings[:, one.faces] == one.labels).all(axis=1)
+            matching = has_conflict(one, labellings, self.space.group)
             found[matching] = np.minimum(found[matching], one.bound)
         return found
 
-    def learn(self, labels: Bits, low: float, high: float) -> None:
-        """Take the bounds of an evaluated labelling (m,), infinite where there is none.
+    def learn(self, labellings: Bits, low: Sequence[float], high: Sequence[float]) -> None:
+        """Take the bounds (k,) of evaluated labellings (k, m), infinite where there is none.
 
-        One that the proof asked for joins the pool.
+        Those that the proof asked for join the pool.
         """
-        self._known[labels.tobytes()] = low, high
-        if self._begun and labels.tobytes() not in self._rows:
-            self._join([labels])
+        self.incumbents.learn(labellings, low, high)
+        if self._begun:
+            self._join(list(labellings))
 
     def _join(self, labellings: Sequence[Bits]) -> None:
         """Add evaluated labellings (m,) to the pool."""
-        known = np.array([self._known[labels.tobytes()] for labels in labellings]).reshape(-1, 2)
-        if len(known):
-            self._rows.update(dict.fromkeys(labels.tobytes() for labels in labellings))
-            self.pool.add(np.array(labellings), known[:, 0], known[:, 1])
-            bounds = [self._conflict_bound(labels) for labels in labellings]
-            self._refuted = np.concatenate([self._refuted, bounds])
-
-    def _conflict_bound(self, labels: Bits) -> float:
-        """Return the least bound of a conflict that a labelling (m,) has, inf without any."""
-        mine = (one.bound for one in self.state.conflicts if (labels[one.faces] == one.labels).all())
-        return min(mine, default=math.inf)
-
-    # --- conflicts of an earlier run --------------------------------------------------------------------
-
-    @property
-    def shared(self) -> int:
-        """Number of problems that every proof of the space has."""
-        return len(_LEVELS) * len(self._setup.settings)
-
-    def load_case(self, problem: FieldProblem) -> int:
-        """Return the load case of a problem."""
-        return next(case for case, setting in enumerate(self._setup.settings) if setting is problem.setting)
-
-    def add_problem(self, case: int, mesh: Mesh) -> int:
-        """Add a mesh of a load case, on which mechanisms are weighed; return the position of the problem."""
-        return self.relaxation.add(FieldProblem(self._setup.settings[case], mesh, self._setup.required[case]))
-
-    def weigh(self, conflict: Conflict) -> float:
-        """Return the bound that the mechanism of a conflict proves, inf without any."""
-        if conflict.mechanism is None:
-            return math.inf
-        labels, undecided = self._root_labels.copy(), self._free.copy()
-        labels[conflict.faces], undecided[conflict.faces] = conflict.labels, False
-        one = conflict.mechanism
-        return float(
-            self.relaxation.evaluate_mechanisms(one.case, one.velocity[None], labels[None], undecided[None])[0]
-        )
+        self._refuted = np.concatenate([self._refuted, self.bounds_above(self.incumbents.join(labellings))])
 
     def take(self, conflicts: Sequence[Conflict]) -> None:
         """Take over conflicts that were weighed again."""
@@ -205,107 +162,147 @@ class FieldProof:
 
     @property
     def _goal(self) -> float:
-        """Governing factor above which labellings must be refuted for the gap, 0 where none is known to stand."""
-        best = self.best
-        if best <= 0.0:
-            return 0.0
-        return best / (1.0 - self.gap) * (1.0 - _BELOW) if self.gap < 1.0 else math.inf
+        """Governing factor above which labellings of the target must be refuted."""
+        return self.aim.goal(self.incumbents.best())
 
     def work(self) -> None:
         """Take one step: begin, refine labellings of the pool, draw others, or lower the bound."""
+        best = self.incumbents.best() if self._begun else {}
         if not self._begun:
             self._begin()
-        elif self._goal > self._aimed or self._aimed >= self.bound:
+        elif (
+            self.aim.goal(best) > self._aimed or self._aimed >= self._left_open or self.aim.target(best) != self._target
+        ):
             self._aim()
         elif (rows := self._open()).size:
             self._refine(rows)
+        elif (rows := self._blurred()).size:
+            self._sharpen(rows)
         elif not self._draw():
             self._lower()
-        elif self._schedule.is_stuck(len(self.state.conflicts) - self._began, self.bound, self._aimed):
+        elif self._schedule.is_stuck(len(self.state.conflicts) - self._began, self._left_open, self._aimed):
             self._aim()
 
     def _begin(self) -> None:
-        """Bound all labellings on finer meshes, and put the best evaluated ones into the pool."""
+        """Bound all labellings on finer meshes, and aim at the first target."""
         self._begun = True
-        for parts in _ROOT_PARTS:
-            # four times the triangles take some ten times as long
-            if self.reached or self.deadline.remaining() < 10.0 * self._batch_seconds:
-                break
-            self.bound_all(parts)
-        self._join([labels for labels in self._promising() if labels.tobytes() not in self._rows])
+        self._bound_finer()
+        self._left_open = self.bound
+        self._join_promising()
         self._aim()
 
-    def bound_all(self, parts: int = 1) -> None:
-        """Bound all labellings by one program for each load case, with edges of the coarsest mesh in some parts."""
+    def _join_promising(self) -> None:
+        """Put the best evaluated labellings of the target into the pool."""
+        best = self.incumbents.best()
+        target, goal = self.aim.target(best), self.aim.enough(best)
+        number = _FIRST if target is None or isinstance(target, Range) else _FIRST_OF_COUNT
+        self._join(self.incumbents.promising(target, goal, number, _ALIKE))
+
+    def bound_all(self) -> None:
+        """Bound all labellings by one program for each load case, on the coarsest meshes."""
+        for case in range(self.refuter.cases):
+            self._bound_by(self.refuter.common(case), case)
+
+    def _bound_by(self, meshes: CommonMeshes, case: int) -> None:
+        """Bound all labellings on the next mesh of a load case."""
         start, nothing = time.perf_counter(), np.empty(0, dtype=np.int64)
-        for case, setting in enumerate(self._setup.settings):
-            one = FieldProblem(setting, subdivide(setting.coarse, parts), self._setup.required[case])
-            found = FieldRelaxation([one]).refute(self._root_labels, self._free, self.bound)
-            if found is not None:
-                mechanism = Mechanism(self.add_problem(case, one.mesh), found.velocity)
-                self._add([Conflict(nothing, nothing.astype(bool), found.bound, mechanism=mechanism)])
-                self.bound = found.bound
+        found = meshes.step()
+        if found is not None and found.bound < self.bound:
+            mechanism = Mechanism(self.refuter.add_problem(case, found.mesh), found.found.velocity)
+            self._add([Conflict(nothing, nothing.astype(bool), found.bound, mechanism=mechanism)])
+            self.bound = found.bound
         self._batch_seconds = time.perf_counter() - start
+
+    def _bound_finer(self) -> None:
+        """Bound all labellings on finer and finer meshes, and take some of them to refute labellings on."""
+        cases = [self.refuter.common(case) for case in range(self.refuter.cases)]
+        while not self.reached and self.deadline.remaining() > _ROOT_CAUTION * self._batch_seconds:
+            left = [case for case, meshes in enumerate(cases) if not meshes.ended]
+            if not left:
+                break
+            for case in left:
+                self._bound_by(cases[case], case)
+        self.refuter.refute_on(cases)
 
     @property
     def reached(self) -> bool:
-        """Whether the bound is as near to the best as the gap asks for, or no layout stands."""
-        return self.bound <= self._goal
-
-    def _promising(self) -> list[Bits]:
-        """Return the evaluated labellings of greatest lower bounds, of those alike one."""
-        stands = sorted((-low, key) for key, (low, _) in self._known.items() if low > 0.0)
-        chosen: list[Bits] = []
-        last = -math.inf
-        for weaker, key in stands:
-            if weaker - last > _ALIKE * abs(weaker):
-                chosen.append(np.frombuffer(key, dtype=bool))
-                last = weaker
-        return chosen[:_FIRST]
+        """Whether the bound on all labellings is what the first target asks for, or no layout stands."""
+        return self.bound <= max(self._goal, 0.0)
 
     def _aim(self) -> None:
-        """Aim the formula at the next factor to refute, or end the proof where the goal is reached."""
-        goal = self._goal
-        if self.bound <= max(goal, 0.0):
-            self._settle()
+        """Aim the formula at the next factor to refute, or at the next target where the goal is reached."""
+        best = self.incumbents.best()
+        goal = self.aim.goal(best)
+        if self._left_open <= max(goal, 0.0):
+            self._end_target()
             return
-        self._aimed = max(goal, self._schedule.next_target(self.bound, goal))
+        following = self._schedule.next_target(self._left_open, goal) if self.aim.in_steps else goal
+        self._aimed, self._target = max(goal, following), self.aim.target(best)
         self._began = len(self.state.conflicts)
-        if self._formula is None:
-            self._formula = Formula(self.space, self._blocks)
-            self._formula.learn(self.state.conflicts)
-        self._formula.aim(self._aimed)
+        self._formula = self._formula or self._stated()
+        self._formula.aim(self._aimed, self._target)
         for labels in [*self.waiting, *self.pool.labellings]:
             self._formula.set_aside(np.arange(len(labels)), labels)
+
+    def _stated(self) -> Formula:
+        """Return the formula of the labellings that no conflict rules out."""
+        formula = Formula(self.space, self._blocks)
+        formula.learn(self.state.conflicts)
+        return formula
+
+    def _in_target(self) -> Bools:
+        """Return (k,) which labellings of the pool belong to the target."""
+        return holds(self._target, self.incumbents.counts)
 
     def _open(self) -> Ints:
         """Return the rows of the pool to refine next: not refuted by a conflict, in turns by either bound."""
         low, high = self.pool.low(), self.pool.high()
-        rows = np.flatnonzero((self._refuted > self._aimed) & ~self.pool.given_up)
+        rows = np.flatnonzero((self._refuted > self._aimed) & ~self.pool.given_up & self._in_target())
         by_high, by_low = rows[np.lexsort((-low[rows], -high[rows]))], rows[np.argsort(-low[rows], kind="stable")]
         turns = [int(row) for pair in zip(by_low, by_high, strict=True) for row in pair]
         return np.array(list(dict.fromkeys(turns)), dtype=np.int64)[:TOGETHER]
 
+    def _blurred(self) -> Ints:
+        """Return the rows of the pool whose refinement may raise the best lower bound, where the proof is long."""
+        low, high = self.pool.low(), self.pool.high()
+        best = self.aim.enough(self.incumbents.best())
+        if len(self.state.conflicts) < _LONG or not best > 0.0 or not self.aim.in_steps:
+            return np.empty(0, dtype=np.int64)
+        allowed = _SHARPENING * self.deadline.remaining()
+        wide = high > best / (1.0 - _SHARP * self.aim.gap)
+        rows = np.flatnonzero(wide & ~self.pool.given_up & self._in_target())
+        rows = rows[[self.pool.expected_seconds(row) < allowed for row in rows.tolist()]] if rows.size else rows
+        return rows[np.argsort(-low[rows], kind="stable")][:_SHARPENED]
+
+    def _sharpen(self, rows: Ints) -> None:
+        """Take labellings of the pool one mesh further for their lower bounds."""
+        self.pool.refine(rows.tolist(), self._enough())
+
+    def _enough(self) -> Floats:
+        """Return the factor (k,) below which no lower bound is asked for."""
+        return np.full(len(self.pool), self.aim.enough(self.incumbents.best()))
+
     def _refine(self, rows: Ints) -> None:
         """Take labellings of the pool one mesh further, and learn what their velocity fields prove."""
-        enough = np.full(len(self.pool), self.best)
-        steps = self.pool.refine(rows.tolist(), enough, refuting_step, (self._free, self._aimed))
+        steps = self.pool.refine(rows.tolist(), self._enough(), refuting_step, (self.refuter.free, self._aimed))
         for _, case, mesh, step in steps:
             conflict: Conflict | None = step.more
             if conflict is None or conflict.mechanism is None:
                 continue
-            mechanism = replace(conflict.mechanism, case=self.add_problem(case, mesh))
+            mechanism = replace(conflict.mechanism, case=self.refuter.add_problem(case, mesh))
             self._add([replace(conflict, mechanism=mechanism), *self._of_others(mechanism)])
 
     def _of_others(self, mechanism: Mechanism) -> list[Conflict]:
         """Return conflicts of whole labellings of the pool that the velocity field of another one refutes."""
         rows = np.flatnonzero(self._refuted > self._aimed)
-        count, faces = len(rows), np.flatnonzero(self._free)
+        count, faces = len(rows), np.flatnonzero(self.refuter.free)
         if not count:
             return []
         labels = self.pool.labellings[rows]
         velocities = np.broadcast_to(mechanism.velocity, (count, *mechanism.velocity.shape))
-        bounds = self.relaxation.evaluate_mechanisms(mechanism.case, velocities, labels, np.zeros_like(labels)).tolist()
+        bounds = self.refuter.relaxation.evaluate_mechanisms(
+            mechanism.case, velocities, labels, np.zeros_like(labels)
+        ).tolist()
         pairs = zip(labels, bounds, strict=True)
         return [Conflict(faces, own[faces], bound, mechanism=mechanism) for own, bound in pairs if bound <= self._aimed]
 
@@ -316,7 +313,7 @@ class FieldProof:
             raise RuntimeError("the proof has no formula before its first aim")
         drawn: list[Bits] = []
         while len(drawn) < TOGETHER:
-            wish = self._rng.random(len(self._free)) < _DRY
+            wish = self._rng.random(len(self.refuter.free)) < _DRY
             labels = formula.next(preferred=wish)
             if labels is None:
                 break
@@ -325,32 +322,19 @@ class FieldProof:
         if _CAUTION * self._batch_seconds > self.deadline.remaining():
             self.stopped = True
             return True
-        start, levels = time.perf_counter(), self._levels()
-        tasks = [(self._setup, labels, self._aimed, levels) for labels in drawn]
-        found = self.pool.tasks.run(level_conflict, tasks)
+        start = time.perf_counter()
+        found = self.refuter.refute(drawn, self._aimed, self.pool.tasks)
         self._batch_seconds = max(self._batch_seconds, time.perf_counter() - start)
-        self.programs += sum(one.solves for one in found)
-        for labels, one in zip(drawn, found, strict=True):
-            for level in levels[: levels.index(one.level) + 1 if one.level >= 0 else None]:
-                self._refuting[level] += _FADING * ((level == one.level) - self._refuting[level])
-            if one.conflict is None or one.conflict.mechanism is None:
+        for labels, conflict in zip(drawn, found, strict=True):
+            if conflict is None:
                 self._hand_over(np.asarray(canonical(labels[None], self.space.group))[0])
-                continue
-            number = one.conflict.mechanism.case + one.level * len(self._setup.settings)
-            self._add([replace(one.conflict, mechanism=replace(one.conflict.mechanism, case=number))])
+            else:
+                self._add([conflict])
         return bool(drawn)
-
-    def _levels(self) -> tuple[int, ...]:
-        """Return the meshes on which labellings are refuted: those that rarely do are tried now and then."""
-        self._drawn += 1
-        wanted = [level for level, share in enumerate(self._refuting) if share >= _RARELY or not self._drawn % _AGAIN]
-        return tuple(wanted)
 
     def _hand_over(self, labels: Bits) -> None:
         """Have a labelling (m,) that the coarsest mesh does not refute evaluated, unless it was."""
-        if labels.tobytes() in self._rows:
-            return
-        if labels.tobytes() in self._known:
+        if self.incumbents.is_known(labels):
             self._join([labels])
         else:
             self.waiting.append(labels)
@@ -361,34 +345,50 @@ class FieldProof:
         if self._formula is not None:
             self._formula.learn(conflicts)
         for one in conflicts:
-            matching = (self.pool.labellings[:, one.faces] == one.labels).all(axis=1)
+            matching = has_conflict(one, self.pool.labellings, self.space.group)
             self._refuted[matching] = np.minimum(self._refuted[matching], one.bound)
 
     def _lower(self) -> None:
         """Lower the bound to the factor aimed at, or to what labellings that are refined no more leave open."""
-        self.bound = min(self.bound, max(self._aimed, float(self._refuted.max(initial=-math.inf))))
+        rest = float(self._refuted[self._in_target()].max(initial=-math.inf))
+        self._left_open = min(self._left_open, max(self._aimed, rest))
+        if self._target is None:
+            self.bound = min(self.bound, self._left_open)
         self._schedule.note_proven(len(self.state.conflicts) - self._began)
-        if self.bound <= self._aimed and self.bound > self._goal:
+        if self._left_open <= self._aimed and self._left_open > self._goal:
             self._aim()
         elif self.pool.late:
             self.stopped = True
         else:
+            self._end_target()
+
+    def _end_target(self) -> None:
+        """Take the bound of the target, and begin with the next, or end and check the proof."""
+        open_rows = (self._refuted > self._goal) & self._in_target() & (self._left_open > self._goal)
+        known = self.aim.next(self._left_open, self.incumbents.best(), self.incumbents.counts[open_rows])
+        while known is not None and not self._exists():
+            known = self.aim.next(-math.inf, {}, np.empty(0))
+        if known is None:
             self._settle()
+            return
+        self._left_open, self._aimed = known, math.inf
+        self._schedule = TargetSchedule(_PATIENCE)
+        self._join_promising()
+        self._aim()
+
+    def _exists(self) -> bool:
+        """Return whether the target has any labelling, however weak."""
+        self._formula = self._formula or self._stated()
+        self._formula.aim(-math.inf, self.aim.target(self.incumbents.best()))
+        return self._formula.next() is not None
 
     def _settle(self) -> None:
-        """End the proof and check it."""
+        """Check the proof, which has ended."""
         self.settled = True
-        context = FieldProofContext(self.relaxation, self.space, self._blocks, self._free)
-        self.relaxation.forget()  # all mechanisms are weighed again
-        claim = Claim(None, max(self.bound, 0.0))
-        problem = "" if math.isfinite(self.bound) else "a layout has no upper bound"
-        self.check = check_proof(context, self.state, [claim], self._strongest(), problem, self.deadline.elapsed())
-
-    def _strongest(self) -> tuple[Bits, Floats]:
-        """Return the labellings (k, m) of greatest lower bounds (k,)."""
-        lows = {key: low for key, (low, _) in self._known.items()}
-        for key, low in zip(self._rows, self.pool.low().tolist(), strict=True):
-            lows[key] = max(low, lows.get(key, -math.inf))
-        stands = sorted((-low, key) for key, low in lows.items() if math.isfinite(low))[:_COMPARED]
-        rows = np.frombuffer(b"".join(key for _, key in stands), dtype=bool).reshape(len(stands), len(self._free))
-        return rows, np.array([-low for low, _ in stands])
+        claims = self.aim.claims()
+        finite = all(math.isfinite(claim.threshold) for claim in claims)
+        problem = "" if finite else "a layout has no upper bound"
+        strongest = self.incumbents.strongest(_COMPARED)
+        self.check = check_proof(
+            self.refuter.context(), self.state, claims, strongest, problem, self.deadline.elapsed()
+        )

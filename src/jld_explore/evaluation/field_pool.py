@@ -199,6 +199,15 @@ class FieldPool:
                 self.programs += 1
                 self._learn(row, case, (bound, math.inf), stresses, None)
 
+    def _next(self, row: int) -> tuple[int, Mesh]:
+        """Return the load case of a labelling that is refined next, the one known worst, and its mesh."""
+        case = int(np.argmin(self._low[row] / self.required))
+        return case, self._meshes.get((row, case), self.settings[case].coarse)
+
+    def expected_seconds(self, row: int) -> float:
+        """Return the expected time of the next mesh of a labelling, s; 0 before any mesh was solved."""
+        return mesh_seconds(self.rate, len(self._next(row)[1]))
+
     def refine(
         self,
         rows: Sequence[int],
@@ -226,9 +235,7 @@ class FieldPool:
         """
         tasks = []
         for row in rows:
-            # the case that is known worst decides next
-            case = int(np.argmin(self._low[row] / self.required))
-            mesh = self._meshes.get((row, case), self.settings[case].coarse)
+            case, mesh = self._next(row)
             if _CAUTION * mesh_seconds(self.rate, len(mesh)) > self.deadline.remaining():
                 self.given_up[row] = self.late = True
                 continue

@@ -160,7 +160,8 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
     found["proven"] &= not wide or int((results["rank"] == 1).sum()) <= 1
     aimed = study.driver.settings.get("aim") == "front"
     sure = complete and bool(found["proven"])
-    asked = required.facts(results, study.scene.search, complete=complete, finished=study.driver.finished, wide=wide)
+    finished = study.driver.finished and not found.get("open_layouts")
+    asked = required.facts(results, study.scene.search, complete=complete, finished=finished, wide=wide)
     # A proof for the count under a required load factor is no proof for the front of λ.
     known = {**found, "proven": found["proven"] and not asked}
     every = front_rows(front, known, counts, complete=sure, aimed=aimed)

@@ -111,6 +111,7 @@ def conflict_of(
     candidates: Bools,
     threshold: float,
     tries: int = _FAILED_TRIES,
+    decided: Bools | None = None,
 ) -> Conflict | None:
     """Minimise one labelling to a conflict that refutes it.
 
@@ -126,13 +127,15 @@ def conflict_of(
         Scaled λ that the labelling must not reach.
     tries : int
         Single faces that may be tried in vain.
+    decided : (m,) bool array, optional
+        Candidates that have their labels from the start; by default all of them.
 
     Returns
     -------
     Conflict or None
         Conflict whose labels the labelling has; None where the labelling may reach the threshold.
     """
-    decided = candidates.copy()
+    decided = candidates.copy() if decided is None else decided.copy()
 
     def refuted(whole: bool = False) -> DualBound | None:
         # A complete labelling that is not refuted needs an evaluation, so only then is the relaxation solved

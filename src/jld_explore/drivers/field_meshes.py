@@ -1,0 +1,108 @@
+"""Meshes that all labellings share, refined where the velocity field of all labellings at once dissipates most.
+
+One program in which every face is undecided bounds all labellings. Its velocity field shows where they fail alike, and
+meshes refined there refute many of them by conflicts of few faces. On the 4 × 6 wall of
+benchmarks/results/fields_search.md 438 such triangles bound all labellings as closely as 1 280 of one size.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from jld_core.arrays import Bits, Bools
+from jld_core.fields.adaptive import FieldSetting
+from jld_core.fields.mesh import Mesh
+from jld_core.fields.undecided import PartialUpperBound, WeighedField
+from jld_explore.drivers.field_relaxation import raised
+
+_MOST_TIMES: Final = 32
+"""Triangles at which the refinement ends, over those of the coarsest mesh."""
+
+_MOST_TRIANGLES: Final = 6000
+"""Triangles that no mesh exceeds: a program of more takes many seconds."""
+
+_SHARED: Final = (3.5, 8.0)
+"""Triangles of the meshes on which labellings are refuted beside the coarsest, over those of the coarsest.
+
+Of the 4 × 6 wall, near the bound, conflicts have 10.3 faces on the coarsest mesh, 7.0 and 5.7 on these.
+"""
+
+
+@dataclass(frozen=True)
+class CommonBound:
+    """Bound on all labellings under one load case.
+
+    Attributes
+    ----------
+    mesh : Mesh
+        Mesh of the velocity field.
+    found : WeighedField
+        Velocity field with the factor that no labelling exceeds.
+    bound : float
+        Governing factor that no labelling exceeds.
+    """
+
+    mesh: Mesh
+    found: WeighedField
+    bound: float
+
+
+class CommonMeshes:
+    """Meshes of one load case, from the coarsest on, each refined from the one before.
+
+    Parameters
+    ----------
+    setting : FieldSetting
+        Setting of the load case.
+    required : float
+        Required factor of the load case.
+    labels, undecided : (m,) bool arrays
+        Labels, True = dry, and the faces that may have either.
+
+    Attributes
+    ----------
+    meshes : list of Mesh
+        Meshes that were bounded, the coarsest first.
+    """
+
+    def __init__(self, setting: FieldSetting, required: float, labels: Bits, undecided: Bools) -> None:
+        self._setting, self._required = setting, required
+        self._labels, self._undecided = labels, undecided
+        self._next: Mesh | None = setting.coarse
+        self._most = min(_MOST_TRIANGLES, _MOST_TIMES * len(setting.coarse))
+        self.meshes: list[Mesh] = [setting.coarse]
+
+    @property
+    def ended(self) -> bool:
+        """Whether no further mesh follows."""
+        return self._next is None
+
+    def step(self) -> CommonBound | None:
+        """Bound all labellings on the next mesh, and refine it; None where no field with a finite bound was found."""
+        mesh, self._next = self._next, None
+        if mesh is None:
+            return None
+        if len(mesh) > len(self.meshes[-1]):
+            self.meshes.append(mesh)
+        partial = PartialUpperBound(self._setting.problem(mesh))
+        found = partial.field(self._labels, self._undecided)
+        if found is None or not math.isfinite(found.bound):
+            return None
+        finer = partial.finer(mesh, found.velocity, self._labels, self._undecided)
+        if len(mesh) < len(finer) <= self._most:
+            self._next = finer
+        return CommonBound(mesh, found, raised(found.bound / self._required))
+
+    @property
+    def shared(self) -> tuple[int, ...]:
+        """Positions of the meshes on which labellings are refuted, the coarsest first.
+
+        Where refinement ended earlier the last mesh stands for finer ones, so that load cases have as many.
+        """
+        sizes = np.array([len(mesh) for mesh in self.meshes])
+        least = [int(np.searchsorted(sizes, times * len(self._setting.coarse))) for times in _SHARED]
+        return 0, *(min(place, len(sizes) - 1) for place in least)

@@ -1,0 +1,156 @@
+"""Refute labellings by velocity fields on meshes that all of them share, and weigh the fields of any mesh."""
+
+from __future__ import annotations
+
+import math
+import uuid
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from jld_core.arrays import Bits
+from jld_core.fields.adaptive import FieldSetting
+from jld_core.fields.mesh import Mesh
+from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
+from jld_explore.drivers.exact.proof_state import Conflict
+from jld_explore.drivers.field_meshes import CommonMeshes
+from jld_explore.drivers.field_relaxation import FieldProblem, FieldProofContext, FieldRelaxation
+from jld_explore.drivers.field_tasks import ProofSetup, level_conflict
+from jld_explore.evaluation.task_pool import TaskPool
+from jld_explore.space import SearchSpace
+
+_FADING: Final = 0.1
+"""Weight of the last labelling in the share of labellings that a mesh refutes."""
+
+_RARELY: Final = 0.1
+"""Share of labellings refuted by a mesh below which it is left out."""
+
+_AGAIN: Final = 8
+"""A mesh that is left out is still tried once in this number of batches."""
+
+
+class FieldRefuter:
+    """Meshes on which labellings of one space are refuted, and the problems whose mechanisms are weighed.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        The search space, of a planar assembly.
+    blocks : PossibleBlocks or None
+        Possible blocks, where they are listed.
+
+    Attributes
+    ----------
+    free : (m,) bool array
+        Faces that may take either label in some labelling.
+    relaxation : FieldRelaxation
+        Weighs mechanisms of all problems.
+    programs : int
+        Number of programs solved for conflicts.
+    """
+
+    def __init__(self, space: SearchSpace, blocks: PossibleBlocks | None) -> None:
+        self._space, self._blocks = space, blocks
+        self.free = space.candidates.copy()
+        if blocks is not None:
+            joined = {face for inside in blocks.inside for face in inside}
+            self.free &= np.isin(np.arange(len(self.free)), list(joined))
+        # candidates outside every possible block are dry
+        self._labels = space.fixed | (space.candidates & ~self.free)
+        assembly = space.assembly
+        settings = tuple(FieldSetting.of(case) for case in assembly.by_case)
+        coarsest = (tuple(setting.coarse for setting in settings),)
+        required = tuple(assembly.required.tolist())
+        self._setup = ProofSetup(uuid.uuid4().hex, settings, required, self.free, coarsest)
+        self.programs = self._batches = 0
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget all problems but those of the coarsest meshes."""
+        # the problems of each level follow each other; the finer levels are added as the proof begins
+        self._setup = replace(self._setup, name=uuid.uuid4().hex, levels=self._setup.levels[:1])
+        self.relaxation, self._first = FieldRelaxation(self._setup.problems(0)), [0]
+        self._share = [1.0]
+
+    @property
+    def cases(self) -> int:
+        """Number of load cases, and of problems that every proof of the space has."""
+        return len(self._setup.settings)
+
+    def load_case(self, problem: FieldProblem) -> int:
+        """Return the load case of a problem."""
+        return next(case for case, setting in enumerate(self._setup.settings) if setting is problem.setting)
+
+    def add_problem(self, case: int, mesh: Mesh) -> int:
+        """Add a mesh of a load case, on which mechanisms are weighed; return the position of the problem."""
+        return self.relaxation.add(FieldProblem(self._setup.settings[case], mesh, self._setup.required[case]))
+
+    def weigh(self, conflict: Conflict) -> float:
+        """Return the bound that the mechanism of a conflict proves, inf without any."""
+        if conflict.mechanism is None:
+            return math.inf
+        labels, undecided = self._labels.copy(), self.free.copy()
+        labels[conflict.faces], undecided[conflict.faces] = conflict.labels, False
+        one = conflict.mechanism
+        return float(
+            self.relaxation.evaluate_mechanisms(one.case, one.velocity[None], labels[None], undecided[None])[0]
+        )
+
+    def common(self, case: int) -> CommonMeshes:
+        """Return meshes of a load case for a bound on all labellings."""
+        return CommonMeshes(self._setup.settings[case], self._setup.required[case], self._labels, self.free)
+
+    def refute_on(self, meshes: Sequence[CommonMeshes]) -> None:
+        """Refute labellings on some of the meshes of every load case from now on, beside the coarsest."""
+        places = dict.fromkeys(zip(*(one.shared for one in meshes), strict=True))
+        levels = tuple(tuple(one.meshes[k] for one, k in zip(meshes, row, strict=True)) for row in places)
+        self._setup = replace(self._setup, levels=levels)
+        self._share = [1.0] * len(levels)
+        for level in range(1, len(levels)):
+            self._first.append(len(self.relaxation.problems))
+            for problem in self._setup.problems(level):
+                self.relaxation.add(problem)
+
+    def refute(self, labellings: Sequence[Bits], threshold: float, tasks: TaskPool) -> list[Conflict | None]:
+        """Minimise labellings (m,) that a factor refutes.
+
+        Parameters
+        ----------
+        labellings : sequence of (m,) bool array
+            Labels, True = dry.
+        threshold : float
+            Governing factor to refute.
+        tasks : TaskPool
+            Processes that solve.
+
+        Returns
+        -------
+        list of Conflict or None
+            One for each labelling, None where no mesh refutes it.
+        """
+        levels = self._levels()
+        found = tasks.run(level_conflict, [(self._setup, labels, threshold, levels) for labels in labellings])
+        self.programs += sum(one.solves for one in found)
+        conflicts: list[Conflict | None] = []
+        for one in found:
+            for level in levels[: levels.index(one.first) + 1 if one.first >= 0 else None]:
+                self._share[level] += _FADING * ((level == one.first) - self._share[level])
+            conflict = one.conflict
+            if conflict is not None and conflict.mechanism is not None:
+                number = conflict.mechanism.case + self._first[one.level]
+                conflict = replace(conflict, mechanism=replace(conflict.mechanism, case=number))
+            conflicts.append(conflict)
+        return conflicts
+
+    def _levels(self) -> tuple[int, ...]:
+        """Return the meshes that are tried first: those that rarely refute are tried now and then."""
+        self._batches += 1
+        again = not self._batches % _AGAIN
+        return tuple(level for level, share in enumerate(self._share) if share >= _RARELY or again)
+
+    def context(self) -> FieldProofContext:
+        """Return what a check needs; all mechanisms are weighed again after it."""
+        self.relaxation.forget()
+        return FieldProofContext(self.relaxation, self._space, self._blocks, self.free)
