@@ -59,14 +59,14 @@ def fitted_joints(mesh: SolidMesh, problem_on: Callable[[SolidMesh], SpatialProb
     """
     most = _MOST * len(mesh)
     problem = problem_on(mesh)
-    blocks = _Blocks.of(problem)
+    blocks = RigidBlocks.of(problem)
     if not problem.dry.size or not blocks.free.any():
         return mesh
-    points = _balance(problem, blocks, at_nodes=True)
+    points = rigid_balance(problem, blocks, at_nodes=True)
     if points is None or not points.factor > 0.0:
         return mesh
     while True:
-        held = _balance(problem, blocks, at_nodes=False)
+        held = rigid_balance(problem, blocks, at_nodes=False)
         if held is None or held.factor >= (1.0 - _SHARE * gap) * points.factor:
             return mesh
         finer = halve_edges(mesh, _edges_of_loss(problem, blocks, held.traction, points.velocity))
@@ -76,14 +76,14 @@ def fitted_joints(mesh: SolidMesh, problem_on: Callable[[SolidMesh], SpatialProb
 
 
 @dataclass(frozen=True)
-class _Blocks:
+class RigidBlocks:
     """Rigid blocks: number (cells,) of the block of each cell, and whether a block (b,) is free to move."""
 
     of_cell: Ints
     free: Bools
 
     @classmethod
-    def of(cls, problem: SpatialProblem) -> _Blocks:
+    def of(cls, problem: SpatialProblem) -> RigidBlocks:
         """Return the blocks of a problem: cells are joined by the inner interfaces between them."""
         s, cell = problem.sides, problem.mesh.cell
         count = int(cell.max()) + 1
@@ -97,7 +97,7 @@ class _Blocks:
 
 
 @dataclass(frozen=True)
-class _Balance:
+class RigidBalance:
     """Equilibrium of rigid blocks: λ, tractions (k, 3, 3) at the corners of joints, velocities (b, 6) of the blocks."""
 
     factor: float
@@ -105,11 +105,23 @@ class _Balance:
     velocity: Floats
 
 
-def _balance(problem: SpatialProblem, blocks: _Blocks, *, at_nodes: bool) -> _Balance | None:
-    """Return the equilibrium of rigid blocks of largest λ, None where none was found.
+def rigid_balance(problem: SpatialProblem, blocks: RigidBlocks, *, at_nodes: bool) -> RigidBalance | None:
+    """Solve for the equilibrium of rigid blocks of largest λ, (10.8).
 
-    at_nodes: whether a third of the area of a triangle presses at each of its corners, the dual of rigid velocities in
-    (10.6); otherwise tractions are linear.
+    Parameters
+    ----------
+    problem : SpatialProblem
+        Scaled problem, of which only the joints are meshed.
+    blocks : RigidBlocks
+        Its blocks.
+    at_nodes : bool
+        True where a third of the area of a triangle presses at each of its corners, the dual of rigid velocities in
+        (10.6); otherwise tractions are linear.
+
+    Returns
+    -------
+    RigidBalance or None
+        Scaled; None where the solver found no equilibrium. It is no bound: nothing is repaired or checked.
     """
     p, s, rows = problem, problem.sides, problem.dry
     count, solid = len(rows), problem.mesh.cell
@@ -149,7 +161,7 @@ def _balance(problem: SpatialProblem, blocks: _Blocks, *, at_nodes: bool) -> _Ba
         return None
     velocity = np.zeros(size)
     velocity[keep] = answer.dual[: sizes.zero]
-    return _Balance(-answer.objective, answer.point[:-1].reshape(-1, 3, 3), velocity.reshape(-1, 6))
+    return RigidBalance(-answer.objective, answer.point[:-1].reshape(-1, 3, 3), velocity.reshape(-1, 6))
 
 
 def _wrenches(at: Floats) -> Floats:
@@ -161,7 +173,7 @@ def _wrenches(at: Floats) -> Floats:
     return found
 
 
-def _resultants(problem: SpatialProblem, blocks: _Blocks, body: Floats) -> Floats:
+def _resultants(problem: SpatialProblem, blocks: RigidBlocks, body: Floats) -> Floats:
     """Return the forces and moments (b, 6) on blocks of forces per volume (t, 3)."""
     mesh = problem.mesh
     total = np.zeros((len(blocks.free), 6))
@@ -171,11 +183,17 @@ def _resultants(problem: SpatialProblem, blocks: _Blocks, body: Floats) -> Float
 
 
 def _joint_cones(problem: SpatialProblem) -> tuple[Rows, Rows]:
-    """Non-negative rows and cones of 3 of (10.5) over tractions (9k,) of the dry joints."""
+    """Non-negative rows and cones of 3 of (10.5) over tractions (9k,) of the dry joints.
+
+    They press no harder than the joints and, in one direction, the blocks can carry.
+    """
     p, rows = problem, problem.dry
     face, normal = p.face[rows], p.sides.normal[rows]
     one, two = across(normal)
-    mu, c, crush = p.joints.friction[face], p.joints.cohesion[face], p.joints.crushing[face]
+    mu, c = p.joints.friction[face], p.joints.cohesion[face]
+    # more than the blocks carry in one direction would only make tractions concentrate that no field can spread
+    crush = np.minimum(p.joints.crushing[face], 2.0 * p.material.intercept / (1.0 - p.material.sine))
+    crush = np.minimum(crush, p.material.crushing)
     crushed = np.flatnonzero(np.isfinite(crush))
     linear, threes = Rows(), Rows()
     for corner in range(3):
@@ -189,7 +207,7 @@ def _joint_cones(problem: SpatialProblem) -> tuple[Rows, Rows]:
     return linear, threes
 
 
-def _edges_of_loss(problem: SpatialProblem, blocks: _Blocks, traction: Floats, velocity: Floats) -> Ints:
+def _edges_of_loss(problem: SpatialProblem, blocks: RigidBlocks, traction: Floats, velocity: Floats) -> Ints:
     """Edges (e, 2) of the joints where tractions lose most, the longest first.
 
     A traction loses its power on the jump of the velocities, which is 0 where it presses at a hinge. The edge of a

@@ -137,13 +137,24 @@ def pieces(
             continue
         outlines = [outline for part in layers[cell].parts for name, outline in part.skin if name == place]
         cutters = [shapely.Polygon(facet.flat(outline)) for outline in outlines]
-        parts = [shapely.get_parts(shapely.intersection(one, cutter)) for one in found for cutter in cutters]
+        parts = [shapely.intersection(one, cutter) for one in found for cutter in cutters]
         found = [
-            one
-            for one in np.concatenate(parts).tolist()
+            _without_straight_corners(one, surface.reach)
+            for part in parts
+            for one in shapely.get_parts(part).tolist()
             if one.geom_type == "Polygon" and one.area > surface.reach * one.length
         ]
     return found
+
+
+def _without_straight_corners(region: shapely.Polygon, reach: float) -> shapely.Polygon:
+    """Return a polygon without corners where edges that coincide but for rounding cross each other."""
+    plain = shapely.simplify(region, reach)
+    corners = shapely.get_coordinates(plain.exterior)[:-1]
+    along = corners[1] - corners[-1]
+    off = abs(float(np.linalg.det([along, corners[0] - corners[-1]]))) / float(np.linalg.norm(along))
+    # the first corner is never simplified away
+    return shapely.Polygon(corners[1:], plain.interiors) if off <= reach and len(corners) > 3 else plain
 
 
 def _nodes(surface: Surface, own: list[int]) -> Floats:
