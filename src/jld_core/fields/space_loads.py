@@ -16,8 +16,10 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
+from jld_core.fields.space_fill import coarse_solids
+from jld_core.fields.space_layers import corners_of, layers_of
 from jld_core.fields.space_mesh import SolidMesh
-from jld_core.fields.space_surface import Facet, Patch, Surface, coarse_solids, surface_of
+from jld_core.fields.space_surface import Facet, Patch, Surface, surface_of
 
 _LEAST_PATCH = 0.01
 """Smallest area of a patch over the free region it lies on: a smaller one stands at an edge of the face."""
@@ -66,7 +68,7 @@ _Piece = tuple[shapely.Polygon, Traction]
 
 
 def loaded_solids(
-    assembly: Assembly, patch: float | None = None, labels: Bits | None = None
+    assembly: Assembly, patch: float | None = None, labels: Bits | None = None, cut: tuple[int, ...] = ()
 ) -> tuple[SolidMesh, SpatialLoads]:
     """Return the coarsest mesh of a spatial assembly with its loads.
 
@@ -80,6 +82,8 @@ def loaded_solids(
         has one sign, else over the largest part that is symmetric about the resultant.
     labels : (m,) bool array, optional
         True = dry: such interfaces have a ring of triangles along their edges. By default none.
+    cut : tuple of int
+        Cells that are cut in layers where they are long or flat.
 
     Returns
     -------
@@ -114,7 +118,11 @@ def loaded_solids(
         taken[cell] += (*force.vector, *np.cross(arm, force.vector))
     patches, tractions = _patches(assembly, plain, chosen)
     dry = np.zeros(len(assembly.interfaces), dtype=bool) if labels is None else labels
-    mesh = coarse_solids(assembly, surface_of(assembly, tuple(patches)) if patches else plain, dry)
+    surface = surface_of(assembly, tuple(patches)) if patches else plain
+    layers = {cell: one for cell in cut if (one := layers_of(surface, cell)) is not None}
+    if layers:
+        surface = surface_of(assembly, tuple(patches), corners_of(surface, layers))
+    mesh = coarse_solids(assembly, surface, dry, layers)
     rest = assembly.live - taken
     gross = abs(assembly.live) + abs(taken)
     gross[:, 3:] += gross[:, :3].sum(axis=1)[:, None] * assembly.size

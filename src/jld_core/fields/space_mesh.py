@@ -169,7 +169,7 @@ def bisect(mesh: SolidMesh, marked: Bools, weight: Floats | None = None) -> Soli
         steep = _ASPECT + abs(weight[:, _EDGES[:, 0]] - weight[:, _EDGES[:, 1]])
         best = np.argmax(np.round(length[number] * steep / length.max(), _DIGITS) + 1e-12 * rank[number], axis=1)
         split[number[every, best][marked]] = True
-        return _halved(mesh, unique[[edge for edge in order[::-1].tolist() if split[edge]]])
+        return halve_edges(mesh, unique[[edge for edge in order[::-1].tolist() if split[edge]]])
     longest = number[every, np.argmax(rank[number], axis=1)]
     split[longest[marked]] = True
     while True:
@@ -177,7 +177,7 @@ def bisect(mesh: SolidMesh, marked: Bools, weight: Floats | None = None) -> Soli
         if not more.any():
             break
         split[longest[more]] = True
-    return _halved(mesh, unique[[edge for edge in order[::-1].tolist() if split[edge]]])
+    return halve_edges(mesh, unique[[edge for edge in order[::-1].tolist() if split[edge]]])
 
 
 def split_at_centroids(mesh: SolidMesh) -> SolidMesh:
@@ -205,8 +205,21 @@ def split_at_centroids(mesh: SolidMesh) -> SolidMesh:
     )
 
 
-def _halved(mesh: SolidMesh, edges: Ints) -> SolidMesh:
-    """Halve edges (k, 2) one after another, each in all tetrahedra and tagged triangles around it."""
+def halve_edges(mesh: SolidMesh, edges: Ints) -> SolidMesh:
+    """Halve edges one after another, each in all tetrahedra and tagged triangles around it.
+
+    Parameters
+    ----------
+    mesh : SolidMesh
+        Any mesh.
+    edges : (k, 2) int array
+        Nodes of the edges in ascending order.
+
+    Returns
+    -------
+    SolidMesh
+        Conforming; tags and roots are inherited.
+    """
     solids = [tuple(nodes) for nodes in mesh.tetrahedra.tolist()]
     parent = list(range(len(solids)))
     around: dict[int, set[int]] = {}
@@ -252,4 +265,4 @@ def _halved(mesh: SolidMesh, edges: Ints) -> SolidMesh:
     )
 
 
-__all__ = ["FREE", "Sides", "SolidMesh", "bisect", "patch_tag", "split_at_centroids"]
+__all__ = ["FREE", "Sides", "SolidMesh", "bisect", "halve_edges", "patch_tag", "split_at_centroids"]

@@ -1,4 +1,4 @@
-"""Surfaces of convex cells, cut along interfaces and load patches, and the coarsest mesh of tetrahedra in them."""
+"""Surfaces of convex cells, cut along interfaces and load patches."""
 
 from __future__ import annotations
 
@@ -9,22 +9,12 @@ import shapely
 from scipy.spatial import cKDTree
 
 from jld_core import tolerances
-from jld_core.arrays import Bools, Floats, Ints
+from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
-from jld_core.fields.space_mesh import SolidMesh, patch_tag
 from jld_core.geometry import facets_of
 from jld_core.geometry.facet_planes import FacetFrames
 from jld_core.linalg import components
-
-_COVER = 1e-4
-"""Relative difference of the area of an interface and that of its triangles, above which it does not fit the mesh."""
-
-_RING = 0.6
-"""Size of the inner part of a dry interface over the whole: it raises λ of an arch by half on the first mesh."""
-
-_CONVEX = 1e-6
-"""Share of its area by which a plane region may differ from its convex hull and is filled by a fan about its centre."""
 
 
 @dataclass(frozen=True)
@@ -88,8 +78,14 @@ class Surface:
         rest = shapely.difference(whole, shapely.union_all(self.covered(facet)))
         return [part for part in shapely.get_parts(rest) if part.area > self.reach * part.length]
 
+    def loaded(self, index: int) -> list[shapely.Polygon]:
+        """Return the load patches on a facet as polygons in its plane."""
+        flat = self.facets[index].flat
+        rings = [[flat(self.points[ring]) for ring in loops] for place, loops in self.patches if place == index]
+        return [shapely.Polygon(outer, holes) for outer, *holes in rings]
 
-def surface_of(assembly: Assembly, patches: tuple[Patch, ...] = ()) -> Surface:
+
+def surface_of(assembly: Assembly, patches: tuple[Patch, ...] = (), more: Floats | None = None) -> Surface:
     """Return the surfaces of the free cells of a spatial assembly.
 
     Parameters
@@ -98,6 +94,8 @@ def surface_of(assembly: Assembly, patches: tuple[Patch, ...] = ()) -> Surface:
         Spatial assembly.
     patches : tuple of Patch
         Load patches, whose corners become nodes.
+    more : (k, 3) float array, optional
+        Further places that become nodes.
 
     Returns
     -------
@@ -126,9 +124,9 @@ def surface_of(assembly: Assembly, patches: tuple[Patch, ...] = ()) -> Surface:
             )
     loops = [facets.loops[k][0] for k in range(len(facets))]
     every = [*loops, *faces.polygon, *(ring for patch in patches for ring in patch.rings)]
-    points, number = _merged(np.concatenate(every), reach)
-    split = np.split(number, np.cumsum([len(one) for one in every])[:-1])
-    rings = [_ring(points, corners, reach) for corners in split]
+    points, number = _merged(np.concatenate([*every, np.zeros((0, 3)) if more is None else more]), reach)
+    split = np.split(number, np.cumsum([len(one) for one in every]))[:-1]
+    rings = [ring_of(points, corners, reach) for corners in split]
     free_side = ~(elements.support[faces.a] & elements.support[faces.b])
     face_rings = rings[len(loops) : len(loops) + len(faces)]
     made = []
@@ -156,7 +154,7 @@ def _merged(places: Floats, reach: float) -> tuple[Floats, Ints]:
     return places[first], np.asarray(number)
 
 
-def _ring(points: Floats, corners: Ints, reach: float) -> Ints:
+def ring_of(points: Floats, corners: Ints, reach: float) -> Ints:
     """Nodes of a closed polygon: its corners, and all nodes that lie on its edges, in order."""
     corners = corners[corners != np.roll(corners, 1)]
     nodes: list[int] = []
@@ -169,170 +167,3 @@ def _ring(points: Floats, corners: Ints, reach: float) -> Ints:
         between = np.flatnonzero((off <= reach) & (place > reach) & (place < length - reach))
         nodes += [a, *between[np.argsort(place[between])].tolist()]
     return np.array(nodes, dtype=np.int64)
-
-
-class _Filler:
-    """Triangles and tetrahedra under construction: nodes are added where fans need a centre."""
-
-    def __init__(self, surface: Surface, ids: tuple[str, ...]) -> None:
-        self.surface, self.ids = surface, ids
-        self.points = surface.points.tolist()
-
-    def triangles(self, facet: Facet, region: shapely.Polygon, ringed: bool = False) -> list[tuple[int, int, int]]:
-        """Return triangles of a plane region of a facet, counter-clockwise seen from outside.
-
-        ringed: whether a convex region has a ring of triangles along its edges.
-        """
-        reach, fixed = self.surface.reach, self.surface.points
-        rings = [np.asarray(ring.coords)[:-1] for ring in (region.exterior, *region.interiors)]
-        near = cKDTree(facet.flat(fixed))
-        high = abs((fixed - facet.origin) @ facet.normal)
-        named = []
-        for ring in rings:
-            nodes = []
-            for place in ring:
-                close = [k for k in near.query_ball_point(place, 4.0 * reach) if high[k] <= 4.0 * reach]
-                if not close:
-                    raise self._refusal(facet)
-                nodes.append(min(close, key=lambda k: float(np.hypot(*(facet.flat(fixed[[k]])[0] - place)))))
-            named.append(_ring(fixed, np.array(nodes), reach))
-        region = shapely.Polygon(
-            *[facet.flat(fixed[nodes]) for nodes in named[:1]], [facet.flat(fixed[n]) for n in named[1:]]
-        )
-        if not region.is_valid:
-            raise self._refusal(facet)
-        outer = named[0].tolist() if region.exterior.is_ccw else named[0][::-1].tolist()
-        if len(outer) == 3 and len(named) == 1:
-            return [(outer[0], outer[1], outer[2])]
-        if len(named) == 1 and region.convex_hull.area - region.area <= _CONVEX * region.area:
-            middle = facet.placed(np.array([region.centroid.coords[0]]))[0]
-            found = []
-            if ringed:
-                inner = list(range(len(self.points), len(self.points) + len(outer)))
-                self.points += (middle + _RING * (fixed[outer] - middle)).tolist()
-                for a, b, p, q in zip(outer, outer[1:] + outer[:1], inner, inner[1:] + inner[:1], strict=True):
-                    found += [(a, b, q), (a, q, p)]
-                outer = inner
-            self.points.append(middle.tolist())
-            return found + [(a, b, len(self.points) - 1) for a, b in zip(outer, outer[1:] + outer[:1], strict=True)]
-        known = {
-            tuple(place): int(k)
-            for nodes in named
-            for k, place in zip(nodes, facet.flat(fixed[nodes]).tolist(), strict=True)
-        }
-        found = []
-        for part in shapely.get_parts(shapely.constrained_delaunay_triangles(region)):
-            a, b, c = (known[tuple(place)] for place in shapely.get_coordinates(part)[:3].tolist())
-            p, q, r = shapely.get_coordinates(part)[:3]
-            found.append((a, b, c) if np.linalg.det([q - p, r - p]) > 0.0 else (a, c, b))
-        return found
-
-    def _refusal(self, facet: Facet) -> InputError:
-        return InputError(
-            f"element {self.ids[facet.cell]!r}", "its faces cannot be filled with triangles", "plainer contacts"
-        )
-
-
-def coarse_solids(assembly: Assembly, surface: Surface, dry: Bools) -> SolidMesh:
-    """Return the coarsest mesh: each cell is filled by tetrahedra from its centroid to the triangles of its surface.
-
-    Parameters
-    ----------
-    assembly : Assembly
-        Spatial assembly.
-    surface : Surface
-        Surfaces of its free cells.
-    dry : (m,) bool array
-        Interfaces whose triangles have a ring along the edges, where hinges press.
-
-    Returns
-    -------
-    SolidMesh
-        No tetrahedron has two faces on a surface. Convex regions are fans about their centroids, so that the mesh does
-        not depend on position and rotation.
-
-    Raises
-    ------
-    InputError
-        An interface that does not lie on the surfaces of both of its cells.
-    """
-    filler = _Filler(surface, assembly.elements.ids)
-    skins, tags = _skins(surface, filler, dry)
-    solids, cells = [], []
-    for cell, skin in skins.items():
-        three = np.array(filler.points)[np.array(skin)]
-        base = three.reshape(-1, 3).mean(axis=0)
-        volume = np.linalg.det(three - base) / 6.0
-        centre = base + 0.25 * (volume @ (three - base).sum(axis=1)) / volume.sum()
-        solids += [(len(filler.points), *nodes) for nodes in skin]
-        filler.points.append(centre.tolist())
-        cells += [cell] * len(skin)
-    mesh = SolidMesh(
-        points=np.array(filler.points),
-        tetrahedra=np.array(solids, dtype=np.int64),
-        cell=np.array(cells, dtype=np.int64),
-        root=np.arange(len(solids)),
-        tagged=np.array(list(tags), dtype=np.int64).reshape(-1, 3),
-        tag=np.array(list(tags.values()), dtype=np.int64),
-    )
-    _require_cover(assembly, mesh)
-    return mesh
-
-
-def _skins(
-    surface: Surface, filler: _Filler, dry: Bools
-) -> tuple[dict[int, list[tuple[int, int, int]]], dict[tuple[int, ...], int]]:
-    """Return the triangles on the surface of each cell, outward, and the tags of those on interfaces and patches."""
-    skins: dict[int, list[tuple[int, int, int]]] = {}
-    tags: dict[tuple[int, ...], int] = {}
-    done: dict[int, list[tuple[int, int, int]]] = {}
-    patched: dict[int, list[int]] = {}
-    for index, (place, _) in enumerate(surface.patches):
-        patched.setdefault(place, []).append(index)
-    for index, facet in enumerate(surface.facets):
-        skin = skins.setdefault(facet.cell, [])
-        for face, polygon in zip(facet.faces, surface.covered(facet), strict=True):
-            if face in done:
-                # the other side of the interface looks at the same triangles from behind
-                skin += [(a, c, b) for a, b, c in done[face]]
-            else:
-                done[face] = filler.triangles(facet, polygon, bool(dry[face]))
-                skin += done[face]
-                tags |= {tuple(sorted(three)): face for three in done[face]}
-        loaded = []
-        for patch in patched.get(index, []):
-            outer, *holes = (facet.flat(surface.points[ring]) for ring in surface.patches[patch][1])
-            polygon = shapely.Polygon(outer, holes)
-            own = filler.triangles(facet, polygon)
-            skin += own
-            tags |= {tuple(sorted(three)): patch_tag(patch) for three in own}
-            loaded.append(polygon)
-        for region in surface.free(facet):
-            rest = shapely.difference(region, shapely.union_all(loaded)) if loaded else region
-            for part in shapely.get_parts(rest):
-                if part.geom_type == "Polygon" and part.area > surface.reach * part.length:
-                    skin += filler.triangles(facet, part)
-    return skins, tags
-
-
-def _require_cover(assembly: Assembly, mesh: SolidMesh) -> None:
-    """Raise InputError where an interface does not lie on both of its cells, or a tetrahedron is flat."""
-    flat = np.flatnonzero(mesh.volume <= 0.0)
-    if flat.size:
-        name = assembly.elements.ids[int(mesh.cell[flat[0]])]
-        raise InputError(f"element {name!r}", "it cannot be filled with tetrahedra", "a plainer element")
-    faces, sides, support = assembly.interfaces, mesh.sides, assembly.elements.support
-    held = support[faces.a] | support[faces.b]
-    joined = sides.tag >= 0
-    own = np.where(joined, sides.tag, 0)
-    paired = (sides.b >= 0) != held[own]
-    area = np.bincount(own[joined & paired], sides.area[joined & paired], minlength=len(faces))
-    off = (abs(area - faces.area) > _COVER * faces.area) & ~(support[faces.a] & support[faces.b])
-    wrong = np.flatnonzero(off)
-    if wrong.size or not paired[joined].all():
-        face = int(wrong[0]) if wrong.size else int(own[joined & ~paired][0])
-        raise InputError(
-            f"interface {assembly.pair(face)}",
-            "it does not lie on the faces of both elements",
-            "interfaces found from the elements, without stated ones",
-        )

@@ -1,0 +1,193 @@
+"""Both fields of one labelling in space on one mesh, and the finer mesh that they ask for."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from jld_core import tolerances
+from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.assembly import Assembly
+from jld_core.fields.material import Material, material_of
+from jld_core.fields.problem import Units
+from jld_core.fields.space_cones import normal_map, tensors
+from jld_core.fields.space_loads import SpatialLoads
+from jld_core.fields.space_lower import SpatialLowerBound, SpatialStress
+from jld_core.fields.space_mesh import SolidMesh, bisect, split_at_centroids
+from jld_core.fields.space_problem import SpatialProblem, spatial_problem, spatial_units
+from jld_core.fields.space_upper import SpatialUpperBound, SpatialVelocity
+
+_SHARE = 0.5
+"""Share of the indicator that tetrahedra hold together which are marked at a time (Dörfler marking)."""
+
+_MOST_MARKED = 0.3
+"""Largest share of tetrahedra that are marked at a time."""
+
+_GROWTH = 1.5
+"""Number of tetrahedra of the next mesh over that of the last: marks are set and halved again until it is reached."""
+
+_EVERYWHERE = 0.02
+"""Share of the volume in the indicator, so that no tetrahedron stays coarse for ever."""
+
+_DEFORMS = 0.1
+"""Share of a cell in the dissipation from which it is cut in layers where it is long or flat."""
+
+
+@dataclass(frozen=True)
+class SpatialSetting:
+    """What all meshes of one labelling have in common."""
+
+    assembly: Assembly
+    labels: Bits
+    material: Material
+    units: Units
+    loads: SpatialLoads
+
+    @classmethod
+    def of(cls, assembly: Assembly, labels: Bits, loads: SpatialLoads) -> SpatialSetting:
+        """Return the setting of a labelling (m,) with its loads."""
+        material = material_of(assembly)
+        return cls(assembly, labels, material, spatial_units(assembly, material), loads)
+
+    def problem(self, mesh: SolidMesh) -> SpatialProblem:
+        """Return the scaled problem on a mesh."""
+        return spatial_problem(self.assembly, self.labels, self.material, self.units, mesh, self.loads)
+
+    def uniform(self, cell: int, mesh: SolidMesh) -> bool:
+        """Return True if forces per volume are constant in a cell: such loads do not depend on the coarsest mesh."""
+        own = np.unique(mesh.root[mesh.cell == cell])
+        both = np.hstack([self.loads.dead[own], self.loads.live[own]])
+        return bool((np.ptp(both, axis=0) <= tolerances.ROUNDING * abs(both).max(initial=0.0)).all())
+
+
+@dataclass(frozen=True)
+class SpatialFields:
+    """Both certified fields on one mesh, None where none was certified.
+
+    mesh: tetrahedra of the velocities. split: the same split at their centroids, for the stresses: four times as many
+    tetrahedra, and far more freedom than as many of a finer mesh. problem, fine: the scaled problem on either.
+    """
+
+    mesh: SolidMesh
+    split: SolidMesh
+    problem: SpatialProblem
+    fine: SpatialProblem
+    stress: SpatialStress | None
+    velocity: SpatialVelocity | None
+
+    @classmethod
+    def on(cls, setting: SpatialSetting, mesh: SolidMesh) -> SpatialFields:
+        """Solve for both fields."""
+        split = split_at_centroids(mesh)
+        problem, fine = setting.problem(mesh), setting.problem(split)
+        velocity = SpatialUpperBound(problem).bound()
+        return cls(mesh, split, problem, fine, SpatialLowerBound(fine).bound(), velocity)
+
+    @property
+    def lower(self) -> float:
+        """Lower bound on λ, scene units; −inf where none was certified."""
+        return -math.inf if self.stress is None else self.problem.units.load * self.stress.factor
+
+    @property
+    def upper(self) -> float:
+        """Upper bound on λ, scene units; inf where none was certified."""
+        return math.inf if self.velocity is None else self.problem.units.load * self.velocity.factor
+
+    def deforming(self) -> Ints:
+        """Cells (k,) that take a large share of the dissipation."""
+        if self.velocity is None:
+            return np.zeros(0, dtype=np.int64)
+        shares = np.bincount(self.mesh.cell, np.maximum(self.velocity.dissipation, 0.0))
+        return np.flatnonzero(shares > _DEFORMS * shares.sum())
+
+    def finer(self, adaptive: bool) -> SolidMesh:
+        """Return the next mesh: refined where the fields disagree and where the stress field is weak, or everywhere."""
+        if not adaptive or self.stress is None:
+            return bisect(self.mesh, np.ones(len(self.mesh), dtype=bool))
+        mesh, volume = self.problem.mesh, self.problem.mesh.volume
+        corner = _weak_corners(self.stress)
+        error = corner.sum(axis=1)
+        if self.velocity is not None:
+            moved = self._moved(self.velocity.velocity)
+            power = stress_power(self.fine, self.stress, moved)
+            error = error + np.maximum(self.velocity.dissipation - power.reshape(-1, 4).sum(axis=1), 0.0)
+            corner = corner + self._joint_corners(self.stress, moved)
+        error = error + _EVERYWHERE * error.sum() * volume / volume.sum()
+        finer = replace(mesh, root=np.arange(len(mesh)))
+        while len(finer) < _GROWTH * len(mesh):
+            # half of a tetrahedron keeps a quarter of its share: strips along hinges lose in proportion to their width
+            left = error[finer.root] * (finer.volume / volume[finer.root]) ** 2
+            away = finer.corners[:, :, None] - mesh.corners[finer.root][:, None]
+            share = 1.0 + np.einsum("tcki,tki->tck", away, mesh.gradient[finer.root])
+            weight = np.maximum(np.einsum("tck,tk->tc", share, corner[finer.root]), 0.0)
+            finer = bisect(finer, _marks(left), weight / np.maximum(weight.sum(axis=1, keepdims=True), 1e-300))
+        units = self.problem.units
+        return replace(finer, points=finer.points * units.length + units.origin, root=self.mesh.root[finer.root])
+
+    def _moved(self, velocity: Floats) -> Floats:
+        """Velocities (4t, 4, 3) of the parts at centroids, from those of the tetrahedra."""
+        rows = np.arange(4)
+        parts = np.repeat(velocity[:, None], 4, axis=1)
+        parts[:, rows, rows] = velocity.mean(axis=1)[:, None]
+        return parts.reshape(-1, 4, 3)
+
+    def _joint_corners(self, stress: SpatialStress, velocity: Floats) -> Floats:
+        """Share (t, 4) of the corners in the power of tractions on dry joints, which either open or press."""
+        p, s = self.fine, self.fine.sides
+        shares = np.zeros((len(self.mesh), 4))
+        pull, jump = _across_sides(p, stress, velocity, p.dry)
+        lost = np.maximum(-np.einsum("fi,fki->fk", pull.sum(axis=1), jump), 0.0) * (s.area[p.dry] / 24.0)[:, None]
+        both = s.b[p.dry] >= 0
+        np.add.at(shares, (s.a[p.dry][:, None] // 4, s.corner_a[p.dry]), lost)
+        np.add.at(shares, (s.b[p.dry][both][:, None] // 4, s.corner_b[p.dry][both]), lost[both])
+        return shares
+
+
+def _marks(error: Floats) -> Bools:
+    """Mark (t,) the tetrahedra that hold most of an error (t,) together."""
+    order = np.argsort(-error, kind="stable")
+    share = np.cumsum(error[order])
+    enough = int(np.searchsorted(share, _SHARE * share[-1])) + 1
+    marks = np.zeros(len(error), dtype=bool)
+    marks[order[: min(enough, max(1, int(_MOST_MARKED * len(error))))]] = True
+    return marks
+
+
+def stress_power(problem: SpatialProblem, stress: SpatialStress, velocity: Floats) -> Floats:
+    """Return the power (t,) of stresses on velocities (t, 4, 3), each tetrahedron with half of its triangles.
+
+    Both are scaled. By virtual power the sum is λ times live work plus dead work, where the velocities vanish on
+    supports or jump there.
+    """
+    p, s, v = problem, problem.sides, velocity
+    slope = np.einsum("tki,tkj->tij", v, p.mesh.gradient)
+    power = p.mesh.volume * np.einsum("tij,tij->t", tensors(stress.stress.mean(axis=1)), slope)
+    rows = np.flatnonzero((s.b >= 0) | (p.face >= 0))
+    pull, jump = _across_sides(p, stress, v, rows)
+    ends = np.einsum("fki,fki->f", pull, jump) + np.einsum("fi,fi->f", pull.sum(axis=1), jump.sum(axis=1))
+    total = s.area[rows] * ends / 12.0
+    both = s.b[rows] >= 0
+    np.add.at(power, s.a[rows], np.where(both, 0.5, 1.0) * total)
+    np.add.at(power, s.b[rows[both]], 0.5 * total[both])
+    return np.asarray(power)
+
+
+def _weak_corners(stress: SpatialStress) -> Floats:
+    """Multipliers of yield (t, 4) at the corners; those at the centroid count for all corners alike."""
+    rate = np.maximum(stress.rate, 0.0).reshape(-1, 4, 4)
+    middle = np.diagonal(rate, axis1=1, axis2=2)
+    return np.asarray(rate.sum(axis=1) - middle + 0.25 * middle.sum(axis=1, keepdims=True))
+
+
+def _across_sides(
+    problem: SpatialProblem, stress: SpatialStress, velocity: Floats, rows: Ints
+) -> tuple[Floats, Floats]:
+    """Tractions and jumps (k, 3, 3) at the corners of some triangles."""
+    s = problem.sides
+    jump = -velocity[s.a[rows][:, None], s.corner_a[rows]]
+    both = s.b[rows] >= 0
+    jump[both] += velocity[s.b[rows[both]][:, None], s.corner_b[rows[both]]]
+    own = stress.stress[s.a[rows][:, None], s.corner_a[rows]]
+    return np.einsum("fij,fkj->fki", normal_map(s.normal[rows]), own), jump

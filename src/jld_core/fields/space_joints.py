@@ -1,0 +1,238 @@
+"""Meshes of dry joints, fitted by rigid blocks before any field is solved for.
+
+Linear tractions cannot press at a corner or along an edge, where hinges turn. How much that costs is known from rigid
+blocks alone: their equilibrium under linear tractions carries less than under forces at the nodes, and the difference
+is a sum over the triangles of the joints. Programs of rigid blocks are small, so that many meshes can be tried.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from jld_core.arrays import Bools, Floats, Ints
+from jld_core.fields.conic import Rows
+from jld_core.fields.space_cones import ConeSizes, across, solve_cones
+from jld_core.fields.space_mesh import SolidMesh, halve_edges
+from jld_core.fields.space_problem import SpatialProblem
+from jld_core.linalg import components
+
+_SHARE = 0.4
+"""Share of the wanted gap that linear tractions may cost; the rest is left to the fields in the blocks."""
+
+_MOST = 1.1
+"""Number of tetrahedra of the fitted mesh over that of the given one at which fitting ends."""
+
+_MARKED = 0.5
+"""Share of the loss that triangles hold together which are halved at a time (Dörfler marking)."""
+
+_EQUAL = 1e-3
+"""Relative difference of losses and of lengths below which they count as equal: symmetric meshes stay symmetric."""
+
+_ASPECT = 0.05
+"""Weight that length has by itself in the choice of an edge, as in `bisect`."""
+
+_EDGES = np.array([[0, 1], [0, 2], [1, 2]])
+"""Local corners of the three edges of a triangle."""
+
+
+def fitted_joints(mesh: SolidMesh, problem_on: Callable[[SolidMesh], SpatialProblem], gap: float) -> SolidMesh:
+    """Return a mesh whose dry joints cost rigid blocks only a share of a gap.
+
+    Parameters
+    ----------
+    mesh : SolidMesh
+        Any mesh.
+    problem_on : callable
+        Returns the scaled problem on a mesh.
+    gap : float
+        Relative width of the bracket that is wanted.
+
+    Returns
+    -------
+    SolidMesh
+        Edges of joints are halved where tractions lose most. The same mesh without dry joints, and where rigid blocks
+        have no equilibrium. It decides how near the bounds are, not whether they hold.
+    """
+    most = _MOST * len(mesh)
+    problem = problem_on(mesh)
+    blocks = RigidBlocks.of(problem)
+    if not problem.dry.size or not blocks.free.any():
+        return mesh
+    points = rigid_balance(problem, blocks, at_nodes=True)
+    if points is None or not points.factor > 0.0:
+        return mesh
+    while True:
+        held = rigid_balance(problem, blocks, at_nodes=False)
+        if held is None or held.factor >= (1.0 - _SHARE * gap) * points.factor:
+            return mesh
+        finer = halve_edges(mesh, _edges_of_loss(problem, blocks, held.traction, points.velocity))
+        if len(finer) > most or len(finer) == len(mesh):
+            return mesh
+        mesh, problem = finer, problem_on(finer)
+
+
+@dataclass(frozen=True)
+class RigidBlocks:
+    """Rigid blocks: number (cells,) of the block of each cell, and whether a block (b,) is free to move."""
+
+    of_cell: Ints
+    free: Bools
+
+    @classmethod
+    def of(cls, problem: SpatialProblem) -> RigidBlocks:
+        """Return the blocks of a problem: cells are joined by the inner interfaces between them."""
+        s, cell = problem.sides, problem.mesh.cell
+        count = int(cell.max()) + 1
+        inner = (problem.face >= 0) & ~problem.is_dry
+        both = inner & (s.b >= 0)
+        block = components(count, cell[s.a[both]], cell[s.b[both]])
+        free = np.zeros(int(block.max()) + 1, dtype=bool)
+        free[block[cell]] = True
+        free[block[cell[s.a[inner & (s.b < 0)]]]] = False
+        return cls(block, free)
+
+
+@dataclass(frozen=True)
+class RigidBalance:
+    """Equilibrium of rigid blocks: λ, tractions (k, 3, 3) at the corners of joints, velocities (b, 6) of the blocks."""
+
+    factor: float
+    traction: Floats
+    velocity: Floats
+
+
+def rigid_balance(problem: SpatialProblem, blocks: RigidBlocks, *, at_nodes: bool) -> RigidBalance | None:
+    """Solve for the equilibrium of rigid blocks of largest λ, (10.8).
+
+    Parameters
+    ----------
+    problem : SpatialProblem
+        Scaled problem, of which only the joints are meshed.
+    blocks : RigidBlocks
+        Its blocks.
+    at_nodes : bool
+        True where a third of the area of a triangle presses at each of its corners, the dual of rigid velocities in
+        (10.6); otherwise tractions are linear.
+
+    Returns
+    -------
+    RigidBalance or None
+        Scaled; None where the solver found no equilibrium. It is no bound: nothing is repaired or checked.
+    """
+    p, s, rows = problem, problem.sides, problem.dry
+    count, solid = len(rows), problem.mesh.cell
+    place = p.mesh.corners[s.a[rows][:, None], s.corner_a[rows]]
+    at = place if at_nodes else (place + place.sum(axis=1, keepdims=True)) / 4.0
+    wrench = _wrenches(at) * (s.area[rows] / 3.0)[:, None, None, None]
+    columns = np.broadcast_to(
+        9 * np.arange(count)[:, None, None, None] + 3 * np.arange(3)[:, None, None] + np.arange(3), wrench.shape
+    )
+    entries = []
+    both = s.b[rows] >= 0
+    for sign, some, tetrahedra in ((1.0, np.ones(count, dtype=bool), s.a), (-1.0, both, s.b)):
+        six = 6 * blocks.of_cell[solid[tetrahedra[rows[some]]]]
+        row = np.broadcast_to(six[:, None, None, None] + np.arange(6)[:, None], wrench[some].shape)
+        entries.append((sign * wrench[some].ravel(), row.ravel(), columns[some].ravel()))
+    value, row, column = (np.concatenate(parts) for parts in zip(*entries, strict=True))
+    size = 6 * len(blocks.free)
+    tied = sp.csr_array((value, (row, column)), shape=(size, 9 * count))
+    live = _resultants(p, blocks, p.live)
+    s_loaded = np.flatnonzero(p.pull.any(axis=(1, 2)))
+    corner = p.mesh.corners[s.a[s_loaded][:, None], s.corner_a[s_loaded]]
+    push = (p.pull[s_loaded] + p.pull[s_loaded].sum(axis=1, keepdims=True)) * (s.area[s_loaded] / 12.0)[:, None, None]
+    total = np.einsum("kcij,kcj->ki", _wrenches(corner), push)
+    np.add.at(live, blocks.of_cell[solid[s.a[s_loaded]]], total)
+    keep = np.repeat(blocks.free, 6)
+    linear, threes = _joint_cones(p)
+    equal = sp.hstack([tied, sp.csr_array(live.reshape(-1, 1))], format="csr")[keep]
+    parts = [part for part in (linear, threes) if part.count]
+    width = 9 * count + 1
+    matrix = sp.csr_array(sp.vstack([equal, *(part.matrix(width) for part in parts)]))
+    right = np.concatenate([-_resultants(p, blocks, p.dead).ravel()[keep], *(part.right for part in parts)])
+    objective = np.zeros(width)
+    objective[-1] = -1.0
+    sizes = ConeSizes(int(keep.sum()), linear.count, threes.count // 3, 0, 0)
+    answer = solve_cones(objective, matrix, right, sizes)
+    if answer.status not in ("Solved", "AlmostSolved"):
+        return None
+    velocity = np.zeros(size)
+    velocity[keep] = answer.dual[: sizes.zero]
+    return RigidBalance(-answer.objective, answer.point[:-1].reshape(-1, 3, 3), velocity.reshape(-1, 6))
+
+
+def _wrenches(at: Floats) -> Floats:
+    """Return the maps (..., 6, 3) from forces at places (..., 3) to forces and moments about the origin."""
+    found = np.zeros((*at.shape[:-1], 6, 3))
+    found[..., :3, :] = np.eye(3)
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        found[..., 3 + i, k], found[..., 3 + i, j] = at[..., j], -at[..., k]
+    return found
+
+
+def _resultants(problem: SpatialProblem, blocks: RigidBlocks, body: Floats) -> Floats:
+    """Return the forces and moments (b, 6) on blocks of forces per volume (t, 3)."""
+    mesh = problem.mesh
+    total = np.zeros((len(blocks.free), 6))
+    force = body * mesh.volume[:, None]
+    np.add.at(total, blocks.of_cell[mesh.cell], np.einsum("tij,tj->ti", _wrenches(mesh.corners.mean(axis=1)), force))
+    return total
+
+
+def _joint_cones(problem: SpatialProblem) -> tuple[Rows, Rows]:
+    """Non-negative rows and cones of 3 of (10.5) over tractions (9k,) of the dry joints.
+
+    They press no harder than the joints and, in one direction, the blocks can carry.
+    """
+    p, rows = problem, problem.dry
+    face, normal = p.face[rows], p.sides.normal[rows]
+    one, two = across(normal)
+    mu, c = p.joints.friction[face], p.joints.cohesion[face]
+    # more than the blocks carry in one direction would only make tractions concentrate that no field can spread
+    crush = np.minimum(p.joints.crushing[face], 2.0 * p.material.intercept / (1.0 - p.material.sine))
+    crush = np.minimum(crush, p.material.crushing)
+    crushed = np.flatnonzero(np.isfinite(crush))
+    linear, threes = Rows(), Rows()
+    for corner in range(3):
+        columns = 9 * np.arange(len(rows))[:, None] + 3 * corner + np.arange(3)
+        linear.add([(columns, normal)], 0.0, len(rows))
+        linear.add([(columns[crushed], -normal[crushed])], crush[crushed], len(crushed))
+        wide = np.stack([mu[:, None] * normal, one, two], axis=1)
+        right = np.zeros((len(rows), 3))
+        right[:, 0] = c
+        threes.add([(np.repeat(columns, 3, axis=0), wide.reshape(-1, 3))], right.ravel(), 3 * len(rows))
+    return linear, threes
+
+
+def _edges_of_loss(problem: SpatialProblem, blocks: RigidBlocks, traction: Floats, velocity: Floats) -> Ints:
+    """Edges (e, 2) of the joints where tractions lose most, the longest first.
+
+    A traction loses its power on the jump of the velocities, which is 0 where it presses at a hinge. The edge of a
+    triangle is the one along which the loss changes most.
+    """
+    s, rows, mesh = problem.sides, problem.dry, problem.mesh
+    nodes = mesh.tetrahedra[s.a[rows][:, None], s.corner_a[rows]]
+    place = mesh.points[nodes]
+    move = _wrenches(place)
+    jump = -np.einsum("kcij,ki->kcj", move, velocity[blocks.of_cell[mesh.cell[s.a[rows]]]])
+    both = s.b[rows] >= 0
+    jump[both] += np.einsum("kcij,ki->kcj", move[both], velocity[blocks.of_cell[mesh.cell[s.b[rows[both]]]]])
+    force = (traction + traction.sum(axis=1, keepdims=True)) * (s.area[rows] / 12.0)[:, None, None]
+    lost = np.maximum(-np.einsum("kci,kci->kc", force, jump), 0.0)
+    total = lost.sum(axis=1)
+    if not total.any():
+        return np.zeros((0, 2), dtype=np.int64)
+    ranked = np.sort(total)[::-1]
+    least = ranked[int(np.searchsorted(np.cumsum(ranked), _MARKED * ranked.sum()))]
+    marked = np.flatnonzero(total >= (1.0 - _EQUAL) * least)
+    share = lost[marked] / total[marked][:, None]
+    ends = place[marked][:, _EDGES]
+    length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
+    steep = length * (_ASPECT + abs(share[:, _EDGES[:, 0]] - share[:, _EDGES[:, 1]]))
+    best = np.argmax(steep >= (1.0 - _EQUAL) * steep.max(axis=1, keepdims=True), axis=1)
+    edges = np.unique(np.sort(nodes[marked[:, None], _EDGES[best]], axis=1), axis=0)
+    size = np.linalg.norm(mesh.points[edges[:, 1]] - mesh.points[edges[:, 0]], axis=1)
+    return np.asarray(edges[np.argsort(-np.round(size / size.max(), 6), kind="stable")])

@@ -1,0 +1,252 @@
+"""Long and flat cells, cut in layers by planes before they are filled with tetrahedra.
+
+Fans about the centroid of a long or flat cell have no planes at 45° to its edges, where blocks shear, and none in the
+middle of its depth, where bending changes sign. Bricks of its smallest width at its ends have both.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from jld_core.arrays import Floats, Ints
+from jld_core.fields.space_surface import Facet, Surface
+
+_TWICE = 2.0 - 1e-6
+"""Width of a cell over that of its end, from which it is cut in the middle."""
+
+_THRICE = 3.0 - 1e-6
+"""Width of a cell over that of its end, from which it is cut at the width of the end from both of its ends."""
+
+_SNAP = 0.3
+"""Distance from a node, over the width of the end, within which a plane is moved to the node."""
+
+_OPPOSITE = -0.7
+"""Cosine between outward normals of two facets below which they are ends of their cell."""
+
+_DIGITS = 9
+"""Digits to which distances to nodes are compared."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """Convex part of a cell between planes.
+
+    side: (k,) True where it lies beyond a plane. skin: facet and outline (c, 3) of each face on a facet of the cell.
+    caps: plane and outline (c, 3) of each face on a plane.
+    """
+
+    side: tuple[bool, ...]
+    skin: tuple[tuple[int, Floats], ...]
+    caps: tuple[tuple[int, Floats], ...]
+
+
+@dataclass(frozen=True)
+class Layers:
+    """Planes n·x = d that cut one cell, and its parts: normal (k, 3), offset (k,)."""
+
+    normal: Floats
+    offset: Floats
+    parts: tuple[Part, ...]
+
+    def side(self, place: Floats) -> tuple[bool, ...]:
+        """Return the side (k,) of a place (3,) that lies inside one part."""
+        return tuple((self.normal @ place > self.offset).tolist())
+
+
+def layers_of(surface: Surface, cell: int) -> Layers | None:
+    """Return the layers of a long or flat cell, None for others.
+
+    Parameters
+    ----------
+    surface : Surface
+        Surfaces of all cells, with load patches.
+    cell : int
+        Element.
+
+    Returns
+    -------
+    Layers or None
+        Between two opposite facets whose smaller sides are s, a cell of width w ≥ 3 s has planes at s from both; one
+        of w ≥ 2 s has one half way.
+    """
+    own = [index for index, facet in enumerate(surface.facets) if facet.cell == cell]
+    normals = np.array([surface.facets[index].normal for index in own])
+    cosine = normals @ normals.T
+    across = cosine.argmin(axis=1)
+    nodes = _nodes(surface, own)
+    planes: list[tuple[Floats, float]] = []
+    for i, j in enumerate(across.tolist()):
+        if i < j and across[j] == i and cosine[i, j] < _OPPOSITE:
+            planes += _planes(surface, surface.facets[own[i]], surface.facets[own[j]], nodes)
+    if not planes:
+        return None
+    parts = [Part((), tuple((k, surface.points[surface.facets[k].ring]) for k in own), ())]
+    for number, (normal, offset) in enumerate(planes):
+        parts = [half for part in parts for half in _halves(part, number, normal, offset, surface.reach)]
+    return Layers(np.array([n for n, _ in planes]), np.array([d for _, d in planes]), tuple(parts))
+
+
+def corners_of(surface: Surface, layers: dict[int, Layers]) -> Floats:
+    """Return the places (k, 3) that become nodes as cells are cut: corners of parts, and of pieces of regions."""
+    places = [outline for one in layers.values() for part in one.parts for _, outline in (*part.skin, *part.caps)]
+    for index, facet in enumerate(surface.facets):
+        if facet.cell not in layers:
+            continue
+        found = [
+            piece
+            for face, region in zip(facet.faces, surface.covered(facet), strict=True)
+            for piece in pieces(surface, index, region, layers, face)
+        ]
+        for region in (*surface.free(facet), *surface.loaded(index)):
+            found += pieces(surface, index, region, layers)
+        places += [facet.placed(shapely.get_coordinates(piece)) for piece in found]
+    return np.concatenate(places)
+
+
+def pieces(
+    surface: Surface, index: int, region: shapely.Polygon, layers: dict[int, Layers], face: int | None = None
+) -> list[shapely.Polygon]:
+    """Return the pieces of a region of a facet, in its plane, as parts of its cell cut it.
+
+    Parameters
+    ----------
+    surface : Surface
+        Surfaces of all cells.
+    index : int
+        Facet.
+    region : Polygon
+        Interface, load patch or free region in the plane of the facet.
+    layers : dict of int to Layers
+        Layers of the cells that are cut.
+    face : int, optional
+        Interface that the region is: the cells on both of its sides cut it.
+
+    Returns
+    -------
+    list of Polygon
+        The region itself where no cell is cut.
+    """
+    facet, found = surface.facets[index], [region]
+    both = [k for k, one in enumerate(surface.facets) if face is not None and face in one.faces]
+    for place in both or [index]:
+        cell = surface.facets[place].cell
+        if cell not in layers:
+            continue
+        outlines = [outline for part in layers[cell].parts for name, outline in part.skin if name == place]
+        cutters = [shapely.Polygon(facet.flat(outline)) for outline in outlines]
+        parts = [shapely.intersection(one, cutter) for one in found for cutter in cutters]
+        found = [
+            _without_straight_corners(one, surface.reach)
+            for part in parts
+            for one in shapely.get_parts(part).tolist()
+            if one.geom_type == "Polygon" and one.area > surface.reach * one.length
+        ]
+    return found
+
+
+def _without_straight_corners(region: shapely.Polygon, reach: float) -> shapely.Polygon:
+    """Return a polygon without corners where edges that coincide but for rounding cross each other."""
+    plain = shapely.simplify(region, reach)
+    corners = shapely.get_coordinates(plain.exterior)[:-1]
+    along = corners[1] - corners[-1]
+    off = abs(float(np.linalg.det([along, corners[0] - corners[-1]]))) / float(np.linalg.norm(along))
+    # the first corner is never simplified away
+    return shapely.Polygon(corners[1:], plain.interiors) if off <= reach and len(corners) > 3 else plain
+
+
+def _nodes(surface: Surface, own: list[int]) -> Floats:
+    """Nodes (k, 3) of the facets of a cell, of its interfaces and load patches."""
+    rings: list[Ints] = []
+    for index in own:
+        facet = surface.facets[index]
+        rings += [facet.ring, *(ring for f in facet.faces if (ring := surface.faces[f]) is not None)]
+        rings += [ring for place, loops in surface.patches if place == index for ring in loops]
+    return surface.points[np.unique(np.concatenate(rings))]
+
+
+def _planes(surface: Surface, one: Facet, other: Facet, nodes: Floats) -> list[tuple[Floats, float]]:
+    """Planes (normal, offset) between two opposite facets; where these lean they all meet in one line."""
+
+    def share(places: Floats) -> Floats:
+        near, far = (one.origin - places) @ one.normal, (other.origin - places) @ other.normal
+        return np.asarray(near / (near + far))
+
+    middle = nodes.mean(axis=0)
+    width = float((one.origin - middle) @ one.normal + (other.origin - middle) @ other.normal)
+    side = max(_smaller_side(surface, one), _smaller_side(surface, other))
+    if width >= _THRICE * side:
+        places = [side / width, 1.0 - side / width]
+    else:
+        places = [0.5] if width >= _TWICE * side else []
+    known = np.unique(np.round(share(nodes), _DIGITS))
+    planes = []
+    for place in places:
+        nearest = float(known[np.argmin(np.round(abs(known - place), _DIGITS))])
+        t = nearest if abs(nearest - place) * width <= _SNAP * side else place
+        lean = t * other.normal - (1.0 - t) * one.normal
+        size = float(np.linalg.norm(lean))
+        offset = t * float(other.origin @ other.normal) - (1.0 - t) * float(one.origin @ one.normal)
+        planes.append((lean / size, offset / size))
+    return planes
+
+
+def _smaller_side(surface: Surface, facet: Facet) -> float:
+    """Smaller side of the smallest rectangle around a facet."""
+    frame = shapely.minimum_rotated_rectangle(shapely.Polygon(facet.flat(surface.points[facet.ring])))
+    corners = shapely.get_coordinates(frame)
+    return float(np.linalg.norm(np.diff(corners[:3], axis=0), axis=1).min())
+
+
+def _halves(part: Part, number: int, normal: Floats, offset: float, reach: float) -> list[Part]:
+    """Cut a part by a plane; the part itself where it lies on one side of it."""
+    skins: tuple[list[tuple[int, Floats]], ...] = ([], [])
+    caps: tuple[list[tuple[int, Floats]], ...] = ([], [])
+    on: list[Floats] = []
+    for source, target in ((part.skin, skins), (part.caps, caps)):
+        for name, outline in source:
+            for half, (piece, edge) in enumerate(_clipped(outline, normal, offset, reach)):
+                on.append(edge)
+                if len(piece) > 2:
+                    target[half].append((name, piece))
+    for half in (0, 1):
+        if not skins[half] and not caps[half]:
+            return [Part((*part.side, half == 0), part.skin, part.caps)]
+    cap = _convex(np.concatenate(on), normal, reach)
+    return [Part((*part.side, bool(half)), tuple(skins[half]), (*caps[half], (number, cap))) for half in (0, 1)]
+
+
+def _clipped(outline: Floats, normal: Floats, offset: float, reach: float) -> list[tuple[Floats, Floats]]:
+    """Return both pieces (c, 3) of a convex outline, before and beyond a plane, each with its corners on the plane."""
+    height = outline @ normal - offset
+    height = np.where(abs(height) <= reach, 0.0, height)
+    after, next_height = np.roll(outline, -1, axis=0), np.roll(height, -1)
+    found = []
+    for sign in (-1.0, 1.0):
+        piece, edge = [], []
+        for a, b, h, k in zip(outline, after, height, next_height, strict=True):
+            if sign * h >= 0.0:
+                piece.append(a)
+                if h == 0.0:
+                    edge.append(a)
+            if h * k < 0.0:
+                piece.append(a + (b - a) * (h / (h - k)))
+                edge.append(piece[-1])
+        inside = bool((sign * height > 0.0).any())
+        found.append((np.array(piece) if inside else np.zeros((0, 3)), np.array(edge).reshape(-1, 3)))
+    return found
+
+
+def _convex(places: Floats, normal: Floats, reach: float) -> Floats:
+    """Return the corners (c, 3) of the convex outline of places on a plane, counter-clockwise about its normal."""
+    one = np.eye(3)[np.argmin(abs(normal))]
+    one = np.cross(normal, one)
+    one /= np.linalg.norm(one)
+    two = np.cross(normal, one)
+    middle = places.mean(axis=0)
+    angle = np.arctan2((places - middle) @ two, (places - middle) @ one)
+    ordered = places[np.argsort(angle)]
+    apart = np.linalg.norm(ordered - np.roll(ordered, 1, axis=0), axis=1) > reach
+    return ordered[apart] if apart.any() else ordered[:1]
