@@ -24,8 +24,8 @@ from typing import Final
 
 SOURCE: Final = Path(__file__).parent / "source"
 """Folder of the C++ source."""
-UNITS: Final = ("labellings.cpp", "block_program.cpp", "graphs.cpp")
-"""Translation units: bounds and conflicts of labellings, the relaxation by blocks, and graphs."""
+UNITS: Final = ("labellings.cpp", "block_program.cpp", "graphs.cpp", "fronts.cpp")
+"""Translation units: bounds and conflicts of labellings, the relaxation by blocks, graphs, and one sparse factor."""
 INTERFACE: Final = Path(__file__).parent / "interface.py"
 """Module that states the C interface; the header of the sources is written from it."""
 PATIENCE: Final = 600.0
