@@ -23,6 +23,7 @@ STRUCTURES = {
     "JldAnswers": library.Answers,
     "JldBlocks": library.Blocks,
     "JldBlockTask": library.BlockTask,
+    "JldFronts": library.Fronts,
 }
 
 

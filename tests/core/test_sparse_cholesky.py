@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
+from jld_core.batch import chosen
 from jld_core.linalg.cholesky import Fronts
 from jld_core.linalg.dissection import nested_dissection
+from jld_core.solvers.schur.compiled_fronts import CompiledFronts, factorisation
 
 
 def grid_edges(width: int, height: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -91,3 +93,36 @@ def test_dissection_is_an_order_with_small_separators() -> None:
     for a, b in zip(part[rows].tolist(), part[columns].tolist(), strict=True):
         assert a in line(b) or b in line(a)
     assert np.diff(tree.start)[-1] == 20
+
+
+@pytest.mark.skipif(chosen() is None, reason="no compiled library")
+@pytest.mark.parametrize(("width", "height", "size"), [(3, 2, 3), (30, 20, 3), (25, 25, 6)])
+def test_the_compiled_factor_is_that_of_numpy(width: int, height: int, size: int) -> None:
+    """Both routes, one and two right-hand sides; indefinite matrices are refused by both."""
+    rows, columns, places = grid_edges(width, height)
+    rng = np.random.default_rng(7)
+    matrix = sp.kron(
+        sp.coo_array((np.ones(len(rows)), (rows, columns)), shape=(width * height,) * 2), np.ones((size,) * 2)
+    )
+    matrix = matrix + matrix.T + sp.block_diag([np.ones((size, size))] * (width * height))
+    row, column = sp.tril(matrix).tocoo().coords
+    data = rng.standard_normal(len(row))
+    data[row == column] = 20.0 * size
+    fronts = Fronts(row.astype(np.int64), column.astype(np.int64), np.repeat(np.arange(len(places)), size), places)
+    compiled = factorisation(fronts)
+    assert isinstance(compiled, CompiledFronts)
+    whole = sp.csr_array((data, (row, column)), shape=matrix.shape)
+    whole = whole + sp.tril(whole, -1).T
+    one, two = fronts.factor(data), compiled.factor(data)
+    for rhs in (rng.standard_normal(matrix.shape[0]), rng.standard_normal((matrix.shape[0], 2))):
+        np.testing.assert_allclose(two.solve(rhs), one.solve(rhs), rtol=1e-9, atol=1e-13)
+        np.testing.assert_allclose(whole @ two.solve(rhs), rhs, rtol=1e-9, atol=1e-12)
+    data[np.flatnonzero(row == column)[-1]] *= -1.0
+    with pytest.raises(np.linalg.LinAlgError):
+        compiled.factor(data)
+
+
+def test_without_a_library_numpy_factors(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("JLD_KERNEL", "off")
+    fronts = Fronts(np.arange(3), np.arange(3), np.arange(3))
+    assert factorisation(fronts) is fronts

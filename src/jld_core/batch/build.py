@@ -28,9 +28,16 @@ from typing import Final
 
 SOURCE: Final = Path(__file__).parent / "source"
 """Folder of the C++ source."""
-UNITS: Final = ("planar_labellings.cpp", "spatial_labellings.cpp", "block_program.cpp", "labellings.cpp", "graphs.cpp")
+UNITS: Final = (
+    "planar_labellings.cpp",
+    "spatial_labellings.cpp",
+    "block_program.cpp",
+    "labellings.cpp",
+    "graphs.cpp",
+    "fronts.cpp",
+)
 """Translation units, slowest first: bounds and conflicts by kind of face, the relaxation by blocks, the interface of
-labellings, and graphs. They are compiled at the same time.
+labellings, graphs, and one sparse factor. They are compiled at the same time.
 """
 INTERFACE: Final = Path(__file__).parent / "interface.py"
 """Module that states the C interface; the header of the sources is written from it."""

@@ -193,6 +193,17 @@ _BLOCK_TASK: Final = (
     ("state", "uint8_t*", "(k) JldBlockState"),
 )
 
+_FRONTS: Final = (
+    ("count", "int32_t", "fronts, children before their parents"),
+    ("bounds", "const int64_t*", "(count + 1) first pivot unknown of each front"),
+    ("passed_start", "const int64_t*", "(count + 1) first entry of each front in `passed` and `place`"),
+    ("passed", "const int64_t*", "unknowns of each front's update matrix"),
+    ("place", "const int32_t*", "row of each such unknown in the parent front, pivots first"),
+    ("parent", "const int32_t*", "(count) parent of each front, -1 for a root"),
+    ("factor_start", "const int64_t*", "(count) first number of each front's pivot columns in the factor"),
+    ("routines", "const int64_t*", "(5) addresses of the Fortran routines dpotrf, dtrsm, dsyrk, dtrsv and dgemv"),
+)
+
 STRUCTURES: Final[dict[str, tuple[str, tuple[tuple[str, str, str], ...]]]] = {
     "JldFactorPattern": ("Pattern of a sparse Cholesky factor, fill included, in the order of elimination.", _PATTERN),
     "JldProblem": ("One assembly, with the yield rows of every label.", _PROBLEM),
@@ -201,6 +212,7 @@ STRUCTURES: Final[dict[str, tuple[str, tuple[tuple[str, str, str], ...]]]] = {
     "JldAnswers": ("Bounds on lambda of k labellings.", _ANSWERS),
     "JldBlocks": ("Linear program of the relaxation by blocks, (6.5) and (6.6), for all possible blocks.", _BLOCKS),
     "JldBlockTask": ("Choices of allowed blocks, and their results.", _BLOCK_TASK),
+    "JldFronts": ("Fronts of a sparse Cholesky factorisation, in the order of elimination.", _FRONTS),
 }
 """Structures of C: meaning, and name, type and meaning of each field in order."""
 
@@ -230,6 +242,16 @@ FUNCTIONS: Final[dict[str, tuple[str, str, tuple[tuple[str, str], ...]]]] = {
         "int32_t",
         "Solve the relaxation by blocks for many choices of allowed blocks.",
         (("const JldBlocks*", "problem"), ("const JldBlockTask*", "task")),
+    ),
+    "jld_factor_fronts": (
+        "int32_t",
+        "Factor a matrix whose entries stand in the pivot columns; definite is 0 if it is not positive definite.",
+        (("const JldFronts*", "fronts"), ("double*", "factor"), ("uint8_t*", "definite")),
+    ),
+    "jld_solve_fronts": (
+        "int32_t",
+        "Solve for right-hand sides x (columns, unknowns), which the solutions replace.",
+        (("const JldFronts*", "fronts"), ("double*", "factor"), ("int32_t", "columns"), ("double*", "x")),
     ),
     "jld_find_blocks": (
         "int32_t",
@@ -308,9 +330,13 @@ class JldBlockTask(ctypes.Structure):
     """Choices of allowed blocks, see `STRUCTURES`."""
 
 
+class JldFronts(ctypes.Structure):
+    """Fronts of a sparse Cholesky factorisation, see `STRUCTURES`."""
+
+
 _CLASSES: Final[dict[str, type[ctypes.Structure]]] = {
     one.__name__: one
-    for one in (JldFactorPattern, JldProblem, JldTry, JldMinimization, JldAnswers, JldBlocks, JldBlockTask)
+    for one in (JldFactorPattern, JldProblem, JldTry, JldMinimization, JldAnswers, JldBlocks, JldBlockTask, JldFronts)
 }
 
 

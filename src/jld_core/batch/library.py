@@ -37,6 +37,7 @@ MinimizationOptions = interface.JldMinimization
 Answers = interface.JldAnswers
 Blocks = interface.JldBlocks
 BlockTask = interface.JldBlockTask
+Fronts = interface.JldFronts
 
 _POINTERS: Final[dict[str, Any]] = {
     "float64": ctypes.POINTER(ctypes.c_double),

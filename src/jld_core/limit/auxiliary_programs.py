@@ -53,7 +53,7 @@ def largest_slack_program(program: ConicProgram, load_fixed: bool = False) -> Co
     rhs = np.concatenate([program.rhs[:edge], [1.0], program.rhs[edge:]])
     objective = np.zeros(wide.shape[1])
     objective[-1] = -1.0
-    return pack(rows, rhs, objective, s.equalities, s.linear + 1, s.cones, s.places)
+    return pack(rows, rhs, objective, s.equalities, s.linear + 1, s.cones, s.places, program.bodies)
 
 
 def restrict_columns(program: ConicProgram, kept: Bools) -> ConicProgram:
@@ -73,7 +73,9 @@ def restrict_columns(program: ConicProgram, kept: Bools) -> ConicProgram:
         asks[end - size : end] = asks[end - size : end].any()
     rows = np.flatnonzero(asks)
     linear = int(asks[s.equalities : start].sum())
-    return pack(matrix[rows], program.rhs[rows], program.objective[kept], s.equalities, linear, cones, s.places)
+    return pack(
+        matrix[rows], program.rhs[rows], program.objective[kept], s.equalities, linear, cones, s.places, program.bodies
+    )
 
 
 def maximise_slacks(program: ConicProgram, rhs: Floats, columns: int, cap: float = 1.0) -> tuple[RawSolution, Floats]:
@@ -298,7 +300,7 @@ def _slack_sum_program(
     ends += [np.full(len(box) * columns, largest), rhs[linear:]]
     objective = np.concatenate([np.zeros(columns), -np.ones(count + more)])
     inequalities = s.linear + 2 * count + 3 * more + len(box) * columns
-    return pack(rows, np.concatenate(ends), objective, s.equalities, inequalities, s.cones, s.places)
+    return pack(rows, np.concatenate(ends), objective, s.equalities, inequalities, s.cones, s.places, program.bodies)
 
 
 def interior_motion(program: ConicProgram, columns: int) -> Floats | None:

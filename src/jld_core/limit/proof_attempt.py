@@ -15,10 +15,14 @@ from jld_core.batch.verdicts import FALLS
 from jld_core.limit.admissible import Motion, State
 from jld_core.limit.attempt_state import AttemptState
 from jld_core.limit.batch_results import offer_results
+from jld_core.limit.brackets import relative_width
 from jld_core.solvers import ClarabelSolver, HighsSolver, RawStatus, Solver, is_large
+from jld_core.solvers.base import EARLY
 from jld_core.solvers.schur.interior_point import SchurSolver
 
 _NARROW: Final = 1e-10  # Rise of an upper bound, relative to λ, up to which the simplest opening motion is taken.
+
+_EARLY_FROM: Final = 5000  # Number of equations from which a solver may stop at a bracket of relative width `EARLY`.
 
 
 class ProofAttempt(AttemptState):
@@ -75,7 +79,9 @@ class ProofAttempt(AttemptState):
         margin : float
             Slack kept in every yield row, scaled.
         """
-        raw = self.raw = route.solve(self.template.program(self.labels, margin))
+        program = self.template.program(self.labels, margin)
+        early = program.structure.equalities >= _EARLY_FROM
+        raw = self.raw = route.solve_until(program, self._suffices if early else None)
         proof = self.proof
         proof.solves += 1
         proof.solve_log.append(route.name if raw.status is RawStatus.OPTIMAL else f"{route.name} ({raw.status})")
@@ -88,6 +94,22 @@ class ProofAttempt(AttemptState):
             proof.guess = float(raw.point[-1])
             proof.offer_state(self.prover.state(raw.point, self.labels))
             proof.offer_motion(self.prover.motion(raw.dual, self.labels))
+
+    def _suffices(self, point: Floats, dual: Floats) -> bool:
+        """Return True if the bounds that an iterate of a solver proves are narrow enough to stop.
+
+        point, dual: forces and multipliers of the iterate.
+        """
+        state = self.prover.state(point, self.labels)
+        if not state.admissible:
+            return False
+        motion = self.prover.motion(dual, self.labels)
+        width = relative_width(state.load, motion.bound, 0.0)
+        return (
+            motion.margin >= 0.0
+            and motion.work > 0.0
+            and width <= min(EARLY, EARLY / tolerances.GAP * self.analysis.gap)
+        )
 
     def _offer_instability(self, dual: Floats) -> None:
         """Offer a proof that no λ ≥ 0 is admissible (docs/method.md (3.15)).

@@ -17,8 +17,8 @@ from jld_core.limit.fallbacks import FALLBACKS, Fallback, insert_before
 from jld_core.limit.proof_attempt import ProofAttempt
 from jld_core.models.effective_area import prove_effective_area, require_rectangles
 from jld_core.models.point_contacts import point_contact_assembly, proof_of_faces
-from jld_core.models.rigid_blocks import prove_condensed, worth_condensing
-from jld_core.solvers import is_large
+from jld_core.models.rigid_blocks import cracked, prove_condensed, worth_condensing
+from jld_core.solvers import RawStatus, is_large
 
 
 def limit_analysis(
@@ -168,6 +168,17 @@ def _rigid_blocks(attempt: ProofAttempt) -> None:
         attempt.adopt(found)
 
 
+def _rigid_where_uncracked(attempt: ProofAttempt) -> None:
+    """Try rigid blocks, but for those that crack in the motion of the last solver answer."""
+    analysis, raw = cast(LimitAnalysis, attempt.analysis), attempt.raw
+    apart = None
+    if raw is not None and raw.status is not RawStatus.UNBOUNDED:
+        apart = cracked(analysis, attempt.labels, raw.dual)
+    found = prove_condensed(analysis, attempt.labels, apart)
+    if found is not None:
+        attempt.adopt(found)
+
+
 def _strong(attempt: ProofAttempt) -> bool:
     """Return True if the inner faces are so strong that rigid blocks are tried first."""
     return worth_condensing(attempt.template, attempt.labels)
@@ -192,7 +203,7 @@ def _small(attempt: ProofAttempt) -> bool:
 _SUPPLIES: Final = "both bounds, by blocks that are rigid until shown otherwise: no rounding is left in their cracks"
 """Bounds that the fallback with rigid blocks may supply, shared by all entries of `FALLBACKS_BY_CONDENSE`."""
 
-_LARGE: Final = Fallback("rigid blocks: repairs would take longer", _large, _rigid_blocks, _SUPPLIES)
+_LARGE: Final = Fallback("rigid blocks: repairs would take longer", _large, _rigid_where_uncracked, _SUPPLIES)
 """Rigid blocks for large programs, tried before the first repair."""
 
 FALLBACKS_BY_CONDENSE: Final[dict[str, tuple[Fallback, ...]]] = {

@@ -14,6 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from jld_core.arrays import Floats, Ints
+from jld_core.program.bodies import Bodies
 
 
 @dataclass(frozen=True)
@@ -75,6 +76,7 @@ def pack(
     linear: int,
     cones: tuple[int, ...],
     places: Floats | None = None,
+    bodies: Bodies | None = None,
 ) -> ConicProgram:
     """Make a conic program from a sparse matrix and vectors.
 
@@ -95,6 +97,8 @@ def pack(
         Sizes of the second-order cones.
     places : (equalities, d) array, optional
         Coordinates of the element of each equation (see `Structure`).
+    bodies : Bodies, optional
+        Blocks of the labelling (see `ConicProgram`).
 
     Returns
     -------
@@ -106,7 +110,7 @@ def pack(
     shape = (int(matrix.shape[0]), int(matrix.shape[1]))
     indices, indptr = matrix.indices.astype(np.int64), matrix.indptr.astype(np.int64)
     structure = Structure(indices, indptr, shape, equalities, linear, cones, places)
-    return ConicProgram(structure, np.asarray(matrix.data, dtype=float), rhs, objective)
+    return ConicProgram(structure, np.asarray(matrix.data, dtype=float), rhs, objective, bodies)
 
 
 _SHARED_BITS: Final = 43
@@ -136,12 +140,15 @@ class ConicProgram:
         Right-hand side r.
     objective : (columns,) array
         Objective q.
+    bodies : Bodies or None
+        Blocks of the labelling, a hint for solvers of large programs; None where unknown.
     """
 
     structure: Structure
     data: Floats
     rhs: Floats
     objective: Floats
+    bodies: Bodies | None = None
 
     @cached_property
     def rounded(self) -> ConicProgram:

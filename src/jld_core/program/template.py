@@ -27,6 +27,7 @@ from jld_core.mechanics import (
     scaling_of,
     yield_set,
 )
+from jld_core.program.bodies import Bodies
 from jld_core.program.conic import ConicProgram, Structure
 from jld_core.tolerances import Precision
 
@@ -227,4 +228,4 @@ class Template:
         if margin:
             rhs = rhs - margin * self._tips
             objective = objective + margin * self._pressure
-        return ConicProgram(self.structure, data, rhs, objective)
+        return ConicProgram(self.structure, data, rhs, objective, Bodies(self.assembly, self.scaling, labels))

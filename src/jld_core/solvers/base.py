@@ -6,9 +6,19 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Final
 
 from jld_core.arrays import Floats
 from jld_core.program import ConicProgram, Structure
+
+Suffices = Callable[[Floats, Floats], bool]
+"""Test whether a point and multipliers suffice for the caller of a solver."""
+
+EARLY: Final = 3e-7
+"""Relative duality gap from which a solver offers its iterates, and relative width of a bracket that suffices.
+
+It leaves a factor of three to `tolerances.GAP`. Smaller values cost iterations whose linear systems are the worst.
+"""
 
 
 class RawStatus(StrEnum):
@@ -86,6 +96,30 @@ class Solver(ABC):
         SolverError
             The solver does not support this program.
         """
+
+    def solve_until(self, program: ConicProgram, suffices: Suffices | None) -> RawSolution:
+        """Solve a program, or stop at an iterate that suffices for the caller.
+
+        Interior-point methods that can stop override this method; by default the program is solved to the end.
+
+        Parameters
+        ----------
+        program : ConicProgram
+            Program to solve.
+        suffices : callable or None
+            Takes a point and multipliers, as in `RawSolution`; returns True if they suffice. None: solve to the end.
+
+        Returns
+        -------
+        RawSolution
+            Unverified solution.
+
+        Raises
+        ------
+        SolverError
+            The solver does not support this program.
+        """
+        return self.solve(program)
 
     def require(self, structure: Structure) -> None:
         """Raise SolverError if the solver does not support programs of this structure.

@@ -17,7 +17,8 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Floats
 from jld_core.program import ConicProgram, Structure
-from jld_core.solvers.base import RawSolution, RawStatus, Solver
+from jld_core.solvers.base import EARLY, RawSolution, RawStatus, Solver, Suffices
+from jld_core.solvers.schur.block_equations import BlockEquations
 from jld_core.solvers.schur.nesterov_todd import Cones, NesterovTodd
 from jld_core.solvers.schur.system import SchurSystem
 
@@ -62,6 +63,7 @@ class SchurSolver(Solver):
         self._tolerance, self._gap, self._most = tolerance, gap, most
         self._structure: Structure | None = None
         self._system: SchurSystem | None = None
+        self._equations: BlockEquations | None = None
 
     def solve(self, program: ConicProgram) -> RawSolution:
         """Solve a program by the Schur-complement interior-point method.
@@ -69,7 +71,17 @@ class SchurSolver(Solver):
         The structure is analysed if it is not that of the previous program. The status is FAILED where the iterations
         break down. Raises SolverError for a structure that does not separate into faces, or cones of several sizes.
         """
+        return self.solve_until(program, None)
+
+    def solve_until(self, program: ConicProgram, suffices: Suffices | None) -> RawSolution:
+        """Solve a program, or stop at the first iterate whose point and multipliers suffice, see `Solver`.
+
+        An iterate is offered when its relative duality gap has come down to `EARLY`.
+        """
         start = time.perf_counter()
+        equations = self._block_equations(program)
+        if equations is not None:
+            program = equations.changed(program)
         program = program.rounded
         if self._system is None or self._structure is not program.structure:
             self._system = SchurSystem(program.structure)
@@ -79,9 +91,24 @@ class SchurSolver(Solver):
         run = _Iteration(program, self._system, self._tolerance or usual.residual, self._gap)
         # Breakdown shows as values that are not finite, so floating-point warnings add nothing.
         with np.errstate(all="ignore"):
+            restored = equations.multipliers if equations is not None else np.asarray
+            if suffices is not None:
+                run.suffices = lambda point, dual: suffices(point, restored(dual))
             status, iterate, iterations = run.to_the_end(self._most)
             point, dual = run.answer(status, iterate)
+            dual = restored(dual)
         return RawSolution(status, point, dual, iterations, time.perf_counter() - start, note=run.note)
+
+    def _block_equations(self, program: ConicProgram) -> BlockEquations | None:
+        """Return the change to equations of blocks, None where every block is one element."""
+        bodies, known = program.bodies, self._equations
+        if bodies is None:
+            return None
+        if known is None or not known.fits(program):
+            sums = bodies.sums(program.structure.equalities)
+            known = None if sums is None else BlockEquations(program, sums)
+            self._equations = known
+        return known
 
 
 class _Iteration:
@@ -94,6 +121,7 @@ class _Iteration:
         self.q, self.r, self.h = program.objective, program.rhs[:edge], program.rhs[edge:]
         self.unit = self.cones.unit()
         self.note = ""
+        self.suffices: Suffices | None = None
 
     def to_the_end(self, most: int) -> tuple[RawStatus, _Iterate, int]:
         """Iterate until convergence, a ray or stagnation; return status, iterate and count.
@@ -111,6 +139,9 @@ class _Iteration:
             status, merit = self._status_of(now)
             if status is not None:
                 return status, now, iteration
+            if self._is_enough(now):
+                self.note = "bounds narrow enough"
+                return RawStatus.OPTIMAL, now, iteration
             stalled = 0 if merit < 0.9 * least else stalled + 1
             if merit < least:
                 best, least = now, merit
@@ -126,6 +157,13 @@ class _Iteration:
                 return RawStatus.ALMOST, best, iteration
             now = following
         return RawStatus.LIMIT, best, most
+
+    def _is_enough(self, it: _Iterate) -> bool:
+        """Return True if point and multipliers of an iterate suffice for its user."""
+        if self.suffices is None or it.kappa > _SETTLED * it.tau:
+            return False
+        gap = float(it.s @ it.v) / it.tau**2 / max(1.0, abs(float(self.q @ it.x) / it.tau))
+        return gap <= EARLY and self.suffices(*self.answer(RawStatus.OPTIMAL, it))
 
     def answer(self, status: RawStatus, it: _Iterate) -> tuple[Floats, Floats]:
         """Return point and multipliers of an iterate, or the ray that its status states."""
@@ -174,70 +212,93 @@ class _Iteration:
 
     def _advance(self, it: _Iterate) -> _Iterate | None:
         """Take one predictor–corrector step; None if no step is possible."""
-        system, cones = self.system, self.cones
-        scaling = NesterovTodd(cones, it.s, it.v)
-        system.factor(scaling)
-        lam = scaling.point
-        embedded = it.kappa > _SETTLED * it.tau
-        if embedded:
-            mu = (float(it.s @ it.v) + it.tau * it.kappa) / (cones.degree + 1)
-        else:
-            mu = float(it.s @ it.v) / cones.degree
-        res_x = system.transposed(it.u, it.v) + it.tau * self.q
-        res_u = system.equations(it.x) - it.tau * self.r
-        res_v = system.yields(it.x) + it.s - it.tau * self.h
-        res_t = it.kappa + float(self.q @ it.x + self.r @ it.u + self.h @ it.v)
-        if embedded:
-            x1, u1, wv1 = system.solve(-self.q, self.r, self.h)
-            v1 = scaling.divide(wv1)
-            slope = float(self.q @ x1 + self.r @ u1 + self.h @ v1) - it.kappa / it.tau
-
-        def direction(eta: float, ds: Floats, dk: float) -> tuple[Floats, Floats, Floats, Floats, float, float]:
-            """Return one search direction: dx, du, W⁻¹ds, W dv, dτ and dκ.
-
-            eta: share of the residuals to remove. ds, dk: right-hand sides of the complementarity of s and v, and of τ
-            and κ.
-            """
-            comp = cones.quotient(lam, ds)
-            x2, u2, wv2 = system.solve(-eta * res_x, -eta * res_u, -eta * res_v - scaling.times(comp))
-            if not embedded:
-                return x2, u2, comp - wv2, wv2, 0.0, 0.0
-            v2 = scaling.divide(wv2)
-            dt = (-eta * res_t - dk / it.tau - float(self.q @ x2 + self.r @ u2 + self.h @ v2)) / slope
-            wv = wv2 + dt * wv1
-            # Scaled slack and multiplier satisfy W⁻¹ds + W dv = λ \ ds.
-            return x2 + dt * x1, u2 + dt * u1, comp - wv, wv, dt, (dk - it.kappa * dt) / it.tau
-
-        def longest(ws: Floats, wv: Floats, dt: float, dk: float) -> float:
-            """Return the largest step that keeps slacks, multipliers, τ and κ in their cones.
-
-            ws, wv: scaled directions W⁻¹ds and W dv. dt, dk: directions of τ and κ.
-            """
-            alpha = min(cones.step(lam, ws), cones.step(lam, wv))
-            for value, change in ((it.tau, dt), (it.kappa, dk)):
-                if change < 0.0:
-                    alpha = min(alpha, -value / change)
-            return alpha
-
+        cones = self.cones
+        step = _Newton(self, it)
+        lam, mu = step.scaling.point, step.mu
         square = cones.product(lam, lam)
-        _, _, ws, wv, dt, dk = direction(1.0, -square, -it.tau * it.kappa)
-        alpha = min(1.0, longest(ws, wv, dt, dk))
-        sigma = min(1.0, max(1e-6, (1.0 - alpha) ** 3))
+        _, _, ws, wv, dt, dk = step.direction(1.0, -square, -it.tau * it.kappa)
+        if step.apart:
+            alpha, beta = (min(1.0, cones.step(lam, way)) for way in (ws, wv))
+            # Mehrotra's share of μ that an affine step would leave.
+            left = float((lam + alpha * ws) @ (lam + beta * wv)) / float(lam @ lam)
+            sigma = max(1e-6, min(1.0, left) ** 3)
+        else:
+            sigma = min(1.0, max(1e-6, (1.0 - min(1.0, step.longest(ws, wv, dt, dk))) ** 3))
         corrector = -square - cones.product(ws, wv) + sigma * mu * self.unit
-        dx, du, ws, wv, dt, dk = direction(
-            1.0 - sigma if embedded else 1.0, corrector, -it.tau * it.kappa - dk * dt + sigma * mu
-        )
-        alpha = min(1.0, 0.99 * longest(ws, wv, dt, dk))
-        if not (np.isfinite(alpha) and alpha > 1e-8 and np.all(np.isfinite(dx))):
+        eta = 1.0 - sigma if step.embedded else 1.0
+        dx, du, ws, wv, dt, dk = step.direction(eta, corrector, -it.tau * it.kappa - dk * dt + sigma * mu)
+        if step.apart:
+            alpha, beta = (min(1.0, 0.99 * cones.step(lam, way)) for way in (ws, wv))
+        else:
+            alpha = beta = min(1.0, 0.99 * step.longest(ws, wv, dt, dk))
+        least = min(alpha, beta)
+        if not (np.isfinite(alpha) and np.isfinite(beta) and least > 1e-8 and np.all(np.isfinite(dx))):
             return None
-        s, v = it.s + alpha * scaling.times(ws), it.v + alpha * scaling.divide(wv)
+        s, v = it.s + alpha * step.scaling.times(ws), it.v + beta * step.scaling.divide(wv)
         if cones.slack(s) <= 0.0 or cones.slack(v) <= 0.0:
             return None
         # τ may become zero at breakdown; numpy's float then gives inf or nan where Python's float would raise.
         tau = np.float64(it.tau + alpha * dt)
-        made = _Iterate(it.x + alpha * dx, it.u + alpha * du, s, v, tau, np.float64(it.kappa + alpha * dk))
+        made = _Iterate(it.x + alpha * dx, it.u + beta * du, s, v, tau, np.float64(it.kappa + alpha * dk))
         size = 1.0 / max(made.tau, made.kappa)
         return _Iterate(made.x * size, made.u * size, made.s * size, made.v * size, made.tau * size, made.kappa * size)
+
+
+class _Newton:
+    """Newton system of the central path at one iterate, factored once for several right-hand sides.
+
+    embedded: True while τ and κ are variables. apart: True if forces and motion may have steps of their own. In linear
+    programs without the embedding, their residuals do not depend on each other; with cones this was measured to take
+    more iterations.
+    """
+
+    def __init__(self, run: _Iteration, it: _Iterate) -> None:
+        self.run, self.it = run, it
+        system, cones = run.system, run.cones
+        self.scaling = NesterovTodd(cones, it.s, it.v)
+        system.factor(self.scaling)
+        self.embedded = it.kappa > _SETTLED * it.tau
+        self.apart = not self.embedded and not cones.count
+        more = (it.tau * it.kappa, 1) if self.embedded else (0.0, 0)
+        self.mu = (float(it.s @ it.v) + more[0]) / (cones.degree + more[1])
+        self.res_x = system.transposed(it.u, it.v) + it.tau * run.q
+        self.res_u = system.equations(it.x) - it.tau * run.r
+        self.res_v = system.yields(it.x) + it.s - it.tau * run.h
+        self.res_t = it.kappa + float(run.q @ it.x + run.r @ it.u + run.h @ it.v)
+        if self.embedded:
+            x1, u1, wv1 = system.solve(-run.q, run.r, run.h)
+            self.column = x1, u1, wv1
+            self.slope = float(run.q @ x1 + run.r @ u1 + run.h @ self.scaling.divide(wv1)) - it.kappa / it.tau
+
+    def direction(self, eta: float, ds: Floats, dk: float) -> tuple[Floats, Floats, Floats, Floats, float, float]:
+        """Return one search direction: dx, du, W⁻¹ds, W dv, dτ and dκ.
+
+        eta: share of the residuals to remove. ds, dk: right-hand sides of the complementarity of s and v, and of τ and
+        κ.
+        """
+        run, it, scaling = self.run, self.it, self.scaling
+        comp = run.cones.quotient(scaling.point, ds)
+        x2, u2, wv2 = run.system.solve(-eta * self.res_x, -eta * self.res_u, -eta * self.res_v - scaling.times(comp))
+        if not self.embedded:
+            return x2, u2, comp - wv2, wv2, 0.0, 0.0
+        x1, u1, wv1 = self.column
+        power = float(run.q @ x2 + run.r @ u2 + run.h @ scaling.divide(wv2))
+        dt = (-eta * self.res_t - dk / it.tau - power) / self.slope
+        wv = wv2 + dt * wv1
+        # Scaled slack and multiplier satisfy W⁻¹ds + W dv = λ \ ds.
+        return x2 + dt * x1, u2 + dt * u1, comp - wv, wv, dt, (dk - it.kappa * dt) / it.tau
+
+    def longest(self, ws: Floats, wv: Floats, dt: float, dk: float) -> float:
+        """Return the largest step that keeps slacks, multipliers, τ and κ in their cones.
+
+        ws, wv: scaled directions W⁻¹ds and W dv. dt, dk: directions of τ and κ.
+        """
+        cones, lam = self.run.cones, self.scaling.point
+        alpha = min(cones.step(lam, ws), cones.step(lam, wv))
+        for value, change in ((self.it.tau, dt), (self.it.kappa, dk)):
+            if change < 0.0:
+                alpha = min(alpha, -value / change)
+        return alpha
 
 
 def _largest(vector: Floats) -> float:

@@ -18,8 +18,9 @@ import scipy.sparse as sp
 
 from jld_core.arrays import Floats, Ints
 from jld_core.errors import SolverError
-from jld_core.linalg.cholesky import Factor, Fronts
+from jld_core.linalg.cholesky import Fronts
 from jld_core.program import ConicProgram, Structure
+from jld_core.solvers.schur.compiled_fronts import Solves, factorisation
 from jld_core.solvers.schur.face_blocks import FaceBlocks, Family, face_blocks, filled
 from jld_core.solvers.schur.nesterov_todd import NesterovTodd
 
@@ -69,7 +70,7 @@ class SchurSystem:
         self._diagonal = np.flatnonzero(self._rows == self._columns)
         # Equations of one element meet the same faces; equal sums of random numbers per face identify them.
         _, first, node = np.unique(np.round(cover, 9), return_index=True, return_inverse=True)
-        self._fronts = Fronts(self._rows, self._columns, node, None if places is None else places[first])
+        self._fronts = factorisation(Fronts(self._rows, self._columns, node, None if places is None else places[first]))
 
     def load(self, program: ConicProgram) -> None:
         """Take over the numbers of a program; the next call must be `factor`.
@@ -151,7 +152,7 @@ class SchurSystem:
             self._reach = self._solve(edges)
             self._corner = corner + edges.T @ self._reach
 
-    def _shifted(self, data: Floats) -> Factor:
+    def _shifted(self, data: Floats) -> Solves:
         """Factor the scaled Schur complement with the least diagonal shift that succeeds.
 
         data: values of its entries.
