@@ -38,6 +38,7 @@ BENCHMARKS: Final = (
     "studio",
     "exchange",
     "moving_joints",
+    "moved_opening",
 )
 """Modules of this package that hold a `main()`, in the order in which they run."""
 

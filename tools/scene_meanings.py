@@ -266,6 +266,10 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "vertices": Meaning("", "All vertices of dry joints, or only those that `along` names."),
         "along": Meaning("", "Lines and circles on which vertices slide."),
         "ties": Meaning("", "Vertices that move alike: mirrored about the middle, or the same way within each list."),
+        "inner": Meaning(
+            "",
+            "Vertices of inner faces: `stay`; or `follow`, free where joints end in them, else with their neighbours.",
+        ),
         "straight": Meaning("", "Whether straight faces of blocks stay straight where joints end in them."),
         "angle": Meaning("degrees", "Bounds of the angles at corners of elements."),
         "edge": Meaning("length", "Least edge of an element; 0.15 of the mean edge where it is not given."),

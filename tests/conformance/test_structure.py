@@ -22,6 +22,8 @@ ORDER = [
     ["jld_explore.cli"],
     ["jld_explore.studio"],
     ["jld_explore"],
+    ["jld_explore.moved_tables"],
+    ["jld_explore.moved_search"],
     ["jld_explore.explore"],
     ["jld_explore.driver_choice", "jld_explore.refusals"],
     ["jld_explore.experiments", "jld_explore.field_check"],

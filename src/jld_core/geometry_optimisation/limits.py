@@ -85,6 +85,8 @@ class Limits:
         owner, edges = mesh.edges
         free = ~assembly.elements.support
         self._corners, self._straight = self._angles(mesh, moving, free)
+        if move.inner == "follow":  # where no joint ends nothing has to be straight
+            self._straight = self._straight[np.isin(self._straight[:, 1], mesh.ends[labels])]
         touched = moving[edges].any(axis=1)
         self._edges = np.unique(np.sort(edges[touched & free[owner]], axis=1), axis=0)
         lengths = np.linalg.norm(mesh.places[edges[:, 1]] - mesh.places[edges[:, 0]], axis=1)[free[owner]]
@@ -179,11 +181,11 @@ class Limits:
     def _of_loads(self, places: Floats) -> tuple[Floats, sp.csr_array]:
         """Return rows that keep point loads on the edges of their elements, relative to the structure."""
         values, rates, columns = [], [], []
-        for point, first, last in self._loads:
+        for point, first, last, half in self._loads:
             edge = places[last] - places[first]
             along = edge / np.hypot(*edge)
             for vertex, sign in ((first, 1.0), (last, -1.0)):
-                values.append(sign * float((point - places[vertex]) @ along) / self._size)
+                values.append((sign * float((point - places[vertex]) @ along) - half) / self._size)
                 rates.append(-sign * along / self._size)
                 columns.append([2 * vertex, 2 * vertex + 1])
         return np.array(values), _sparse(
@@ -251,8 +253,11 @@ def _mass_rows(assembly: Assembly, labels: Bits, areas: Floats, moving: Bools, m
     return sp.csr_array((elements.mass[members], (place, members)), shape=(len(numbers), len(elements)))
 
 
-def _loads_on_edges(scene: Scene, assembly: Assembly, mesh: VertexMesh) -> list[tuple[Floats, int, int]]:
-    """Return place, and first and last vertex of the edge, of each point load on the outline of its element."""
+def _loads_on_edges(scene: Scene, assembly: Assembly, mesh: VertexMesh) -> list[tuple[Floats, int, int, float]]:
+    """Return place, edge and half the width of each point load on the outline of its element.
+
+    An edge is given by its first and last vertex; a load that states no width has none.
+    """
     loads = scene.loads
     entries: list[PointLoad | BodyLoad | FaceLoad] = [*loads.dead, *(loads.live or [])]
     for case in loads.cases or []:
@@ -276,7 +281,7 @@ def _loads_on_edges(scene: Scene, assembly: Assembly, mesh: VertexMesh) -> list[
         on = np.flatnonzero((off <= reach) & (along >= -reach) & (along <= length + reach))
         if len(on):
             k = int(on[0])
-            found.append((point, int(corners[k]), int(np.roll(corners, -1)[k])))
+            found.append((point, int(corners[k]), int(np.roll(corners, -1)[k]), 0.5 * (entry.width or 0.0)))
     return found
 
 

@@ -161,7 +161,8 @@ def variables_of(assembly: Assembly, labels: Bits, mesh: VertexMesh, move: Move,
     found = Variables(mesh.places, vertex, direction, centre, np.zeros((0, len(vertex))))
     if move.maximise == "least_thickness":
         found = _with_thickness(found, assembly, circles)
-    found = Variables(**{**vars(found), "ties": _ties(found, assembly, move)})
+    ties = np.concatenate([_ties(found, assembly, move), _following(found, mesh, finder.followers)])
+    found = Variables(**{**vars(found), "ties": ties})
     if not found.basis.shape[1]:
         problem = "no vertex of a joint can move"
         raise InputError(
@@ -195,7 +196,10 @@ class _Finder:
         inner[mesh.ends[~labels].ravel()] = True
         self._dry: Bools = np.zeros(count, dtype=bool)
         self._dry[mesh.ends[labels].ravel()] = True
-        self._dry &= ~inner
+        follow = move.inner == "follow"
+        self.followers: Bools = inner & ~self._dry & ~self._held if follow else np.zeros(count, dtype=bool)
+        if not follow:
+            self._dry &= ~inner
         self._outline = mesh.on_outline
         edges = mesh.edges[1]
         known = {(int(i), int(j)) for i, j in edges}
@@ -221,9 +225,9 @@ class _Finder:
         return found
 
     def joints(self, circles: list[Path], taken: set[int]) -> list[tuple[int, Floats, Floats]]:
-        """Return vertex, direction and centre (NaN on lines) of the vertices of dry joints that are not taken."""
+        """Return vertex, direction and centre (NaN on lines) of all vertices that move or follow and are not taken."""
         found: list[tuple[int, Floats, Floats]] = []
-        for vertex in np.flatnonzero(self._dry).tolist():
+        for vertex in np.flatnonzero(self._dry | self.followers).tolist():
             if vertex in taken:
                 continue
             if not self._outline[vertex]:
@@ -275,6 +279,33 @@ def _with_thickness(found: Variables, assembly: Assembly, circles: list[Path]) -
     # vertices beyond the arch belong to supports and stay
     rings = np.where(abs(rings) <= (0.5 + _SAME) * (outer - inner), rings, 0.0)
     return Variables(**{**vars(found), "rings": rings, "middle": middle, "thickness": outer - inner})
+
+
+def _following(found: Variables, mesh: VertexMesh, followers: Bools) -> Floats:
+    """Return the ties (t, k) by which vertices without joints follow the mean movement of their neighbours.
+
+    followers: (v,) True for these vertices. Neighbours count by the inverse of their distance.
+    """
+    own = np.flatnonzero(followers[found.vertex])
+    if not len(own):
+        return np.zeros((0, found.count))
+    edges = mesh.edges[1]
+    # two elements state an edge between them, one states an edge of the outline: each is taken once
+    edges = np.unique(np.sort(edges, axis=1), axis=0)
+    lengths = np.linalg.norm(found.start[edges[:, 0]] - found.start[edges[:, 1]], axis=1)
+    both = np.concatenate([edges, edges[:, ::-1]]).T
+    near = sp.csr_array((1.0 / np.tile(lengths, 2), (both[0], both[1])), shape=(len(found.start),) * 2)
+    jacobian = found.jacobian(np.zeros(found.count)).toarray().reshape(len(found.start), 2, -1)
+    if found.scaled:
+        jacobian[:, :, -1] = 0.0  # the thickness is common to all
+    rows = []
+    for k in own.tolist():
+        vertex, direction = int(found.vertex[k]), found.direction[k]
+        start, end = near.indptr[vertex], near.indptr[vertex + 1]
+        share = near.data[start:end] / near.data[start:end].sum()
+        mean = np.einsum("w,wik->ik", share, jacobian[near.indices[start:end]])
+        rows.append(direction @ (jacobian[vertex] - mean))
+    return np.array(rows)
 
 
 def _ties(found: Variables, assembly: Assembly, move: Move) -> Floats:

@@ -72,6 +72,8 @@ class Move(Part):
         Lines and circles along which vertices slide.
     ties : {"none", "mirror-x"} or list of lists of [x, y]
         Vertices that move alike: mirrored about the middle of the structure, or the same way within each list.
+    inner : {"stay", "follow"}
+        What vertices of inner faces do: stay, or move where joints end in them, and else follow their neighbours.
     straight : bool
         Keep straight faces of blocks straight where joints end in them.
     angle : [float, float]
@@ -94,6 +96,7 @@ class Move(Part):
         Literal["none", "mirror-x"] | list[Annotated[list[Vector], Field(min_length=2)]],
         Field(description='"none", "mirror-x" or lists of vertices that move alike'),
     ] = "none"
+    inner: Literal["stay", "follow"] = "stay"
     straight: bool = True
     angle: Annotated[list[float], Field(min_length=2, max_length=2)] = [30.0, 150.0]
     edge: Positive | None = None

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import os
+from pathlib import Path
 from typing import Any
 
 import typer
 
 from jld_core.errors import ParameterError, error_context
 from jld_core.limit import SolveOptions
-from jld_core.scene import load_scene
+from jld_core.scene import Scene, load_scene
 from jld_core.tolerances import GAP
 from jld_explore import Exploration, explore
 from jld_explore.cli.cracks import Cracks, with_cracks
@@ -38,6 +39,7 @@ from jld_explore.cli.search_options import (
     DriverName,
     ExperimentOf,
     Jobs,
+    MoveBest,
     Objective,
     OutFolder,
     Resume,
@@ -69,6 +71,7 @@ def explore_command(
     objective: Objective = "associative",
     experiment_of: ExperimentOf = None,
     check_fields: CheckFields = 10,
+    move: MoveBest = None,
     budget: Budget = None,
     seconds: Seconds = None,
     jobs: Jobs = None,
@@ -119,6 +122,9 @@ def explore_command(
         OutputSettings(resume, certificate=certificate, strict=strict, csv=csv),
     )
     announce = None if as_json else say
+    if move is not None:
+        _move(parsed, scene, out, move, settings, as_json, context.obj)
+        return
     try:
         with ProgressBar(parsed.name) as bar, error_context(scene, str(out)):
             done = explore(parsed, out, settings, bar, announce, started=context.obj)
@@ -127,6 +133,23 @@ def explore_command(
             _say_found(stop.done, as_json)
         raise
     _say_found(done, as_json)
+
+
+def _move(
+    parsed: Scene, source: Path, out: Path, layouts: int, settings: ExploreSettings, as_json: bool, started: float
+) -> None:
+    """Search labels and geometry together, write all files and print what was found."""
+    from jld_explore.moved_search import explore_and_move  # slow to import and needed here only
+    from jld_explore.moved_tables import words_of_move, write_moved
+
+    with error_context(source, str(out)):
+        done = explore_and_move(parsed, out, layouts, settings, None if as_json else say, started=started)
+        facts = write_moved(done, out, pictures=settings.pictures)
+    if as_json:
+        say(json.dumps({**done.first.summary.to_json(), "moved": facts}, indent=1))
+        return
+    _say_found(done.first, as_json)
+    say(words_of_move(facts))
 
 
 def _check_jobs(jobs: int | None) -> None:

@@ -27,6 +27,10 @@ ExperimentOf = Annotated[
     typer.Option("--experiment", min=1, help="Put the best K to the virtual experiment: a column more."),
 ]
 CheckFields = Annotated[int, typer.Option(min=0, help="Check the best K of a search by faces by fields, 0 for none.")]
+MoveBest = Annotated[
+    int | None,
+    typer.Option("--move", min=1, help="Move joints of the best K, search labels anew there, rank by fields."),
+]
 Budget = Annotated[int | None, typer.Option(min=1, help="Distinct classes evaluated at the most.")]
 Seconds = Annotated[float | None, typer.Option(min=0.0, help="Time limit.")]
 Jobs = Annotated[int | None, typer.Option(min=1, help="Worker processes; default: one per core.")]

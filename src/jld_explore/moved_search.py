@@ -1,0 +1,363 @@
+"""Search labels and geometry together: the best layouts are moved, and labels are searched again on the moved grid."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import joblib
+import numpy as np
+
+from jld_core.arrays import Bits, Floats
+from jld_core.assembly import Assembly
+from jld_core.build import build_assembly
+from jld_core.deadline import Deadline
+from jld_core.errors import InputError, ParameterError
+from jld_core.fields import bounds_by_fields
+from jld_core.fields.requirements import require_fields
+from jld_core.geometry_optimisation.moved_scene import MovedScene
+from jld_core.geometry_optimisation.optimise import move_joints
+from jld_core.geometry_optimisation.search import GeometrySearch
+from jld_core.geometry_optimisation.vertex_mesh import vertex_mesh
+from jld_core.limit import SolveOptions, Status
+from jld_core.scene import Scene
+from jld_core.scene.move import Move
+from jld_core.threads import one_thread
+from jld_explore.explore import explore
+from jld_explore.report import Exploration
+from jld_explore.settings import ExploreSettings
+from jld_explore.space import from_string, search_space
+from jld_explore.space.search_space import feasible
+
+_GAIN: Final = 0.01
+"""Relative increase of the lower bound by fields below which a further round is no improvement."""
+
+_ROUND: Final = 0.6
+"""Share of the remaining time for one round of labels and geometry."""
+
+_SEARCH: Final = 0.25
+"""Share of a round's time for its search of labels."""
+
+_TASKS: Final = 0.4
+"""Share of a round's time in which joints move; refined bounds of the most promising layouts take the rest."""
+
+_MOVING: Final = 0.6
+"""Share of a task's time in which joints move; first bounds by fields take the rest."""
+
+_SLACK: Final = 0.8
+"""Share of a task's time that is planned: the last step, mesh and solve of each part are finished."""
+
+_WRITING: Final = 2.5
+"""Time kept back from a limit for table, picture and page, s."""
+
+_LEAST: Final = 4.0
+"""Shortest time in which a further round can find anything, s."""
+
+_FIRST: Final = 10.0
+"""Longest time for the first bounds by fields of one layout, s."""
+
+_REFINED: Final = 120.0
+"""Longest time for refined bounds by fields of one layout, s."""
+
+_GOVERNING: Final = 0.8
+"""Share of the time for bounds by fields that the governing load case has alone."""
+
+_NONE: Final = (-math.inf, math.inf)
+"""Bounds where nothing is proven."""
+
+GAP: Final = 0.05
+"""Default of the relative width of brackets by fields at which their refinement ends."""
+
+
+@dataclass(frozen=True, eq=False)
+class MovedLayout:
+    """One layout whose joints were moved.
+
+    Attributes
+    ----------
+    number : int
+        Round, from 1.
+    row : int
+        Row of the layout in the results of that round; 0 for the layout that the scene states.
+    labels : (m,) bool array
+        Labels, True = dry.
+    start, load_factor : float
+        λ by faces before and after; NaN where the layout did not stand.
+    fields_start, fields : (float, float)
+        Bounds on λ by fields before and after, with blocks that crack anywhere; infinite where there are none.
+    end : str
+        Why its optimisation ended, or why its joints cannot move.
+    scene : Scene
+        Scene with the joints where the lower bound by fields is larger: at the end, or at the start.
+    places, moved : (v, 2) arrays
+        Positions of the vertices of this scene, and how far each moved in this round.
+    """
+
+    number: int
+    row: int
+    labels: Bits
+    start: float
+    load_factor: float
+    fields_start: tuple[float, float]
+    fields: tuple[float, float]
+    end: str
+    scene: Scene
+    places: Floats
+    moved: Floats
+
+    @property
+    def low(self) -> float:
+        """Largest proven lower bound on λ by fields."""
+        return max(self.fields_start[0], self.fields[0])
+
+    @property
+    def high(self) -> float:
+        """Upper bound on λ by fields of the layout in `scene`, inf without one."""
+        return self.fields[1] if self.moved.any() else self.fields_start[1]
+
+
+@dataclass(frozen=True)
+class MovedSearch:
+    """Result of a search of labels and geometry.
+
+    Attributes
+    ----------
+    first : Exploration
+        Search of labels on the grid of the scene.
+    rounds : list of Exploration
+        Searches of all rounds, the first one as well.
+    layouts : list of MovedLayout
+        All layouts that were moved, the largest lower bound by fields first.
+    stop : str
+        Why the search ended.
+    """
+
+    first: Exploration
+    rounds: list[Exploration]
+    layouts: list[MovedLayout]
+    stop: str
+
+    @property
+    def best(self) -> MovedLayout:
+        """Layout with the largest lower bound by fields."""
+        return self.layouts[0]
+
+
+@one_thread()
+def explore_and_move(
+    scene: Scene,
+    folder: Path,
+    layouts: int = 3,
+    settings: ExploreSettings | None = None,
+    announce: Callable[[str], None] | None = None,
+    *,
+    gap: float = GAP,
+    started: float | None = None,
+) -> MovedSearch:
+    """Alternate between a search of labels and the optimisation of joints, until no bound by fields grows.
+
+    Parameters
+    ----------
+    scene : Scene
+        Planar scene; its key "move" states variables and limits. Without it, vertices of inner faces follow.
+    folder : Path
+        Folder of the first search; later ones lie in `round-2`, ... within it.
+    layouts : int
+        Number of best layouts of each round whose joints are moved.
+    settings : ExploreSettings, optional
+        Settings of each search of labels; its time limit is that of the whole.
+    announce : callable, optional
+        Called with messages.
+    gap : float
+        Relative width of brackets by fields at which their refinement ends.
+    started : float, optional
+        Start of the time limit, as `time.perf_counter` counts, s. Default: now.
+
+    Returns
+    -------
+    MovedSearch
+        All searches and moved layouts, ranked by the lower bound by fields.
+
+    Raises
+    ------
+    InputError
+        The scene or a setting does not fit, or no layout's joints can move.
+
+    Notes
+    -----
+    docs/method.md, chapter 11.
+    """
+    settings = settings or ExploreSettings()
+    deadline = Deadline(settings.seconds, started).earlier(_WRITING)
+    scene = _movable(scene)
+    _refuse(scene, layouts, settings)
+    say = announce or (lambda _: None)
+    rounds: list[Exploration] = []
+    found: list[MovedLayout] = []
+    while True:
+        number = len(rounds) + 1
+        share = deadline.remaining() * _ROUND
+        place = folder if number == 1 else folder / f"round-{number}"
+        limit = share * _SEARCH if deadline.limited else None
+        try:
+            done = explore(
+                found[0].scene if found else scene, place, replace(settings, seconds=limit), announce=announce
+            )
+        except InputError as error:
+            if not rounds:
+                raise
+            return MovedSearch(rounds[0], rounds, found, f"the moved grid cannot be searched: {error}")
+        rounds.append(done)
+        tasks = _chosen(done, layouts, own=number == 1)
+        say(f"round {number}: the joints of {len(tasks)} layouts move")
+        before = found[0].low if found else -math.inf
+        workers = joblib.Parallel(n_jobs=settings.jobs)
+        each = _SLACK * _TASKS * share / max(math.ceil(len(tasks) / settings.jobs), 1) if deadline.limited else math.inf
+        found += workers(
+            joblib.delayed(move_one)(done.scene, done.assembly, labels, number, row, each, gap) for row, labels in tasks
+        )
+        left = share * (1.0 - _SEARCH - _TASKS) if deadline.limited else math.inf
+        found = _refined(found, workers, settings.jobs, min(left, deadline.remaining()), gap)
+        if found and found[0].low == -math.inf:  # bounds on coarse meshes may be none: spend what time is left
+            found = _refined(found, workers, settings.jobs, deadline.remaining(), gap)
+        if not found or found[0].low == -math.inf:
+            problem = "no layout of the search stands by fields"
+            raise InputError("move", problem, "a scene that stands, or a longer time limit")
+        say(f"round {number}: by fields λ ≥ {found[0].low:.6g}")
+        if found[0].low > before + _GAIN * abs(before) or number == 1:
+            if deadline.remaining() > _LEAST:
+                continue
+            return MovedSearch(rounds[0], rounds, found, "time limit")
+        if deadline.limited and deadline.remaining() > _LEAST:
+            found = _refined(found, workers, settings.jobs, deadline.remaining(), gap)
+        return MovedSearch(rounds[0], rounds, found, "nothing improves")
+
+
+def _refined(
+    found: list[MovedLayout], workers: joblib.Parallel, count: int, seconds: float, gap: float
+) -> list[MovedLayout]:
+    """Return layouts ranked after bounds of those that may be the strongest, by their upper bound, were refined."""
+    most = max((one.low for one in found), default=-math.inf)
+    open_ones = [one for one in found if one.high > most + gap * abs(most)]
+    promising = sorted(open_ones, key=lambda one: (-one.high, *_order(one)))[:count]
+    refined = workers(joblib.delayed(refine_one)(one, _SLACK * seconds, gap) for one in promising)
+    return sorted([*(one for one in found if one not in promising), *refined], key=_order)
+
+
+def _movable(scene: Scene) -> Scene:
+    """Return a scene whose key "move" states what moves, with the limits of the search on masses."""
+    move = scene.move or Move(inner="follow")
+    if move.block_mass == [None, None]:
+        move = move.model_copy(update={"block_mass": list(scene.search.block_mass)})
+    return scene.model_copy(update={"move": move})
+
+
+def _refuse(scene: Scene, layouts: int, settings: ExploreSettings) -> None:
+    """Raise InputError for scenes and settings whose layouts are not moved."""
+    if layouts < 1:
+        raise ParameterError("move", f"{layouts} layouts are none", "a whole number from 1")
+    plain = SolveOptions(gap=settings.model.gap, solver=settings.model.solver, condense=settings.model.condense)
+    for name, asked in (
+        ("resume", settings.resume),
+        ("certificate", settings.certificate is not None),
+        ("robust", settings.robust),
+        ("experiment", settings.experiment is not None or settings.by_experiment),
+        ("cluster", settings.cluster is not None),
+        ("objective", settings.own_objective is not None or settings.model.friction != "associative"),
+        ("contact", settings.model != plain),
+    ):
+        if asked:
+            raise ParameterError(name, "layouts whose joints move do not support it", "a search without it or `move`")
+    if scene.cracks != "faces":
+        raise ParameterError("move", "labels are searched by faces, ranked by fields", '"cracks": "faces"')
+    if scene.search.void is not None:
+        raise ParameterError("move", "search.void leaves cells out, whose vertices have no place", "a search without")
+    if scene.move is not None and scene.move.maximise != "load_factor":
+        raise InputError("move.maximise", f'"{scene.move.maximise}" ranks no layouts', '"load_factor"')
+    assembly = build_assembly(scene)
+    if assembly.dimension != 2:
+        raise InputError("elements", "they are spatial", "a planar scene; joints in space do not move yet")
+    require_fields(assembly)
+    # paths, ties and limits are checked with every candidate dry, where most vertices move
+    space = search_space(scene, assembly)
+    GeometrySearch(scene, assembly, space.fixed | space.candidates)
+
+
+def _chosen(done: Exploration, count: int, *, own: bool) -> list[tuple[int, Bits]]:
+    """Return row and labels of the best layouts of a round; `own`: the layout that the scene states as well."""
+    found: list[tuple[int, Bits]] = []
+    labels = done.assembly.labels
+    if own and feasible(search_space(done.scene, done.assembly), labels[None])[0]:
+        found.append((0, labels))
+    table = done.results[done.results["status"].isin([str(Status.COLLAPSE), str(Status.LOCKED)])]
+    for row, text in zip(table.index[:count].tolist(), table["labelling"].head(count).tolist(), strict=True):
+        one = from_string(str(text))
+        if not any(np.array_equal(one, other) for _, other in found):
+            found.append((int(row) + 1, one))
+    return found
+
+
+@one_thread()
+def move_one(
+    scene: Scene, assembly: Assembly, labels: Bits, number: int, row: int, seconds: float, gap: float
+) -> MovedLayout:
+    """Move the joints of one layout, and bound λ by fields before and after.
+
+    seconds: time for all of it, s; inf for no limit.
+    """
+    limit = min((1.0 - _MOVING) * seconds, _FIRST)
+    # the layout that the scene states is what a gain is measured by
+    before = _bounds(assembly, labels, limit, gap) if row == 0 else _NONE
+    mesh = vertex_mesh(assembly)
+    stated = MovedScene(scene, assembly, labels, mesh).at(mesh.places)
+    still = MovedLayout(
+        number, row, labels, math.nan, math.nan, before, _NONE, "", stated, mesh.places, np.zeros_like(mesh.places)
+    )
+    try:
+        done = move_joints(scene, assembly, labels, seconds=_MOVING * seconds)
+    except InputError as error:
+        # this layout stays where it is; the reason stands in the table
+        return replace(still, end=f"{error.where}: {error.problem}")
+    end, after = done.end, _NONE
+    try:
+        if done.after is not None:
+            after = _bounds(done.after.assembly, labels, limit, gap)
+    except InputError as error:  # a load may have lost the face on which it is spread
+        end = f"{error.where}: {error.problem}"
+    still = replace(still, start=done.start, load_factor=done.value, fields=after, end=end)
+    if not done.moved.any() or not after > before:
+        return still
+    return replace(still, scene=done.scene, places=done.places, moved=done.moved)
+
+
+def refine_one(layout: MovedLayout, seconds: float, gap: float) -> MovedLayout:
+    """Return a moved layout with refined bounds by fields, in at most some seconds."""
+    assembly = build_assembly(layout.scene)
+    low, high = _bounds(assembly, assembly.labels, min(seconds, _REFINED), gap)
+    known = layout.fields if layout.moved.any() else layout.fields_start
+    best = (max(known[0], low), min(known[1], high))
+    return replace(layout, fields=best) if layout.moved.any() else replace(layout, fields_start=best)
+
+
+@one_thread()
+def _bounds(assembly: Assembly, labels: Bits, seconds: float, gap: float) -> tuple[float, float]:
+    """Return bounds on the governing λ of one layout by fields; seconds: time for all load cases."""
+    cases, required = assembly.by_case, assembly.required.tolist()
+    first = [
+        bounds_by_fields(case, labels, gap=gap, seconds=(1.0 - _GOVERNING) * seconds / len(cases)) for case in cases
+    ]
+    low = [one.lower / factor for one, factor in zip(first, required, strict=True)]
+    high = [one.upper / factor for one, factor in zip(first, required, strict=True)]
+    worst = min(range(len(cases)), key=lambda k: (low[k], high[k]))
+    again = bounds_by_fields(cases[worst], labels, gap=gap, seconds=_GOVERNING * seconds)
+    low[worst] = max(low[worst], again.lower / required[worst])
+    high[worst] = min(high[worst], again.upper / required[worst])
+    return min(low), min(high)
+
+
+def _order(layout: MovedLayout) -> tuple[float, int, int]:
+    """Return the key by which layouts are ranked."""
+    return -layout.low, layout.number, layout.row
