@@ -11,6 +11,7 @@ from pydantic import BaseModel
 from jld_core.scene import PointLoad, Scene, cracks, loads, materials, move, search
 from jld_core.scene import schema as structure
 from jld_core.scene.loads import BodyLoad, FaceLoad
+from jld_core.scene.units import QUANTITIES
 from tools.scene_meanings import MEANINGS, Meaning
 
 Node = dict[str, Any]
@@ -26,9 +27,19 @@ def json_schema() -> Node:
         for key, meaning in _spelled(model).items():
             unit = f" [{meaning.unit}]" if meaning.unit else ""
             node["properties"][key]["description"] = meaning.text.replace("`", '"') + unit
+            if key in QUANTITIES:
+                _allow_text(node["properties"][key])
     # an editor is told of its schema by this key, which the program does not read
     schema["properties"] = {"$schema": {"type": "string"}, **schema["properties"]}
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": "jld scene"}
+
+
+def _allow_text(node: Node) -> None:
+    """Let the numbers of a value be texts with units as well."""
+    if node.get("type") == "number":
+        node["type"] = ["number", "string"]
+    for inner in (*node.get("anyOf", []), *([node["items"]] if "items" in node else [])):
+        _allow_text(inner)
 
 
 def parts() -> Iterator[tuple[str, type[BaseModel]]]:

@@ -18,7 +18,6 @@ from jld_core.exchange.drawn_loads import drawn_loads
 from jld_core.exchange.options import (
     FACET,
     LOWEST,
-    METRES,
     SNAP,
     Imported,
     ImportOptions,
@@ -31,6 +30,7 @@ from jld_core.exchange.options import (
 from jld_core.exchange.paths import Path, flatten
 from jld_core.geometry import find_planar_contacts, polygons
 from jld_core.geometry.snapping import Snapped, snap_paths, straight
+from jld_core.scene.units import METRES
 
 _LEAST, _MOST_SIZE = 1e-12, 1e12
 """Limits of the size of a drawing, scene units."""

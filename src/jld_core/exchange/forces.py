@@ -8,22 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from jld_core.errors import InputError
-
-GRAVITY: Final = 9.81
-"""Acceleration that converts a mass in a text to a force, m/s²: the default of `materials.gravity`."""
-
-NEWTONS: Final = {
-    "N": 1.0,
-    "daN": 10.0,
-    "kN": 1e3,
-    "MN": 1e6,
-    "kg": GRAVITY,
-    "t": 1e3 * GRAVITY,
-    "kgf": 9.80665,
-    "lbf": 4.4482216152605,
-    "kip": 4448.2216152605,
-}
-"""Newtons per unit of force; for a unit of mass, its weight. Pound-force by NIST SP 811, appendix B.8."""
+from jld_core.scene.units import NEWTONS
 
 _SPELLINGS: Final = {"KN": "kN", "kn": "kN", "n": "N", "DAN": "daN", "KG": "kg", "kips": "kip", "LBF": "lbf"}
 """Alternative spellings of units in drawings with capital letters; mN and T are ambiguous and refused."""

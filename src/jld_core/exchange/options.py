@@ -12,6 +12,7 @@ import numpy as np
 from jld_core.arrays import Floats
 from jld_core.errors import ParameterError
 from jld_core.scene import Scene
+from jld_core.scene.units import METRES
 
 _ZERO: Final = 1e-15
 """Coordinate, relative to the size of the drawing, below which it is rounding of zero."""
@@ -94,9 +95,6 @@ class ImportOptions:
             return "dead" if role == "load" and "dead" in plain else role
         return None
 
-
-METRES: Final = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "dm": 1e-1, "km": 1e3, "in": 0.0254, "ft": 0.3048, "yd": 0.9144}
-"""Metres per unit of length."""
 
 DEFAULT_MATERIALS: Final[dict[str, Any]] = {
     "density": 2000.0,

@@ -12,9 +12,10 @@ import numpy as np
 from jld_core.errors import InputError
 from jld_core.exchange.drawn import MOST, Drawing, Mark
 from jld_core.exchange.libraries import library, parsing, readable
-from jld_core.exchange.options import FACET, METRES, ImportOptions, Notes, listed
+from jld_core.exchange.options import FACET, ImportOptions, Notes, listed
 from jld_core.exchange.paths import Path, arc_points
 from jld_core.exchange.solids import Part, Solids
+from jld_core.scene.units import METRES
 
 _KEYS: Final = ("name", "units", "materials", "thickness", "loads", "search", "elements")
 """Scene keys that are read back."""

@@ -16,8 +16,9 @@ from jld_core.arrays import Floats
 from jld_core.errors import InputError
 from jld_core.exchange.drawn import MOST, Drawing, Mark
 from jld_core.exchange.libraries import library, parsing, text_of
-from jld_core.exchange.options import FACET, METRES, ImportOptions, Notes, listed
+from jld_core.exchange.options import FACET, ImportOptions, Notes, listed
 from jld_core.exchange.paths import Path
+from jld_core.scene.units import METRES
 
 _PIXEL: Final = 96.0
 """Pixels per inch, the CSS reference value."""

@@ -16,7 +16,6 @@ from jld_core.exchange.drawing import check_supports
 from jld_core.exchange.drawn import MOST
 from jld_core.exchange.options import (
     LOWEST,
-    METRES,
     SNAP,
     Imported,
     ImportOptions,
@@ -37,6 +36,7 @@ from jld_core.geometry import (
 )
 from jld_core.geometry import solids as closed_solids
 from jld_core.linalg import components
+from jld_core.scene.units import METRES
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from jld_core.errors import InputError, ParameterError
 from jld_core.scene.complaints import first_complaint, plain, shown
 from jld_core.scene.schema import Scene
 from jld_core.scene.spread import lowered
+from jld_core.scene.units import with_numbers
 
 
 def load_scene(path: str | Path) -> Scene:
@@ -83,7 +84,7 @@ def parse_scene(document: object, file: str = "scene") -> Scene:
     try:
         _refuse_extremes(document)
         document = {key: value for key, value in document.items() if key != "$schema"}  # only used by editors
-        return Scene.model_validate(document)
+        return Scene.model_validate(with_numbers(document))
     except InputError as error:
         raise error.within(file) from None
     except ValidationError as error:

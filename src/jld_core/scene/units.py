@@ -1,0 +1,150 @@
+"""Units of force and length, and numbers of a scene that are written as text with a unit: `"10 kN"`, `"2 kN/m²"`."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Any, Final
+
+from jld_core.errors import InputError
+from jld_core.scene.complaints import shown
+
+GRAVITY: Final = 9.81
+"""Acceleration that converts a mass in a text to a force, m/s²: the default of `materials.gravity`."""
+
+NEWTONS: Final = {
+    "N": 1.0,
+    "daN": 10.0,
+    "kN": 1e3,
+    "MN": 1e6,
+    "kg": GRAVITY,
+    "t": 1e3 * GRAVITY,
+    "kgf": 9.80665,
+    "lbf": 4.4482216152605,
+    "kip": 4448.2216152605,
+}
+"""Newtons per unit of force; for a unit of mass, its weight. Pound-force by NIST SP 811, appendix B.8."""
+
+METRES: Final = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "dm": 1e-1, "km": 1e3, "in": 0.0254, "ft": 0.3048, "yd": 0.9144}
+"""Metres per unit of length."""
+
+_PASCALS: Final = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "bar": 1e5}
+"""Pascals per unit of stress."""
+
+_Powers = tuple[int, int]
+"""Powers of force and length of a quantity."""
+
+_FORCE: Final[_Powers] = (1, 0)
+_LENGTH: Final[_Powers] = (0, 1)
+_MOMENT: Final[_Powers] = (1, 1)
+_STRESS: Final[_Powers] = (1, -2)
+
+_EXAMPLES: Final = {_FORCE: "10 kN", _LENGTH: "1.2 m", _MOMENT: "3 kN·m", _STRESS: "2 kN/m²"}
+"""One correct text for each quantity, for error messages."""
+
+QUANTITIES: Final[dict[str, _Powers]] = {
+    **dict.fromkeys(("force", "weight"), _FORCE),
+    **dict.fromkeys(("at", "width", "path", "distance", "along", "thickness"), _LENGTH),
+    "moment": _MOMENT,
+    **dict.fromkeys(("pressure", "tensile_strength", "shear_strength", "compressive_strength", "cohesion"), _STRESS),
+}
+"""Keys of a scene whose numbers may be texts, and powers of force and length of what they hold."""
+
+_SPREAD: Final = ("nominal", "low")
+"""Keys of an object that stands for one number."""
+
+_TEXT: Final = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.].*?)?\s*")
+"""Pattern of a number and its unit."""
+
+_FACTOR: Final = re.compile(r"([*·/]?)\s*([A-Za-z]+)(?:\^?(-?\d|²|³))?\s*")
+"""Pattern of one factor of a unit, with the sign before it and its power."""
+
+
+def with_numbers(document: dict[str, Any]) -> dict[str, Any]:
+    """Convert the texts with units in a scene to numbers in the units of the scene.
+
+    Parameters
+    ----------
+    document : dict
+        Scene as nested dicts and lists, not validated.
+
+    Returns
+    -------
+    dict
+        The same document where it holds no such text, else a copy.
+
+    Raises
+    ------
+    InputError
+        If a text under a key of `QUANTITIES` is no number with a fitting unit, or the scene's own units are unknown.
+    """
+    units = document.get("units")
+    names = units if isinstance(units, dict) else {}
+    own = str(names.get("force", "N")), str(names.get("length", "m"))
+    return {
+        key: value if key == "units" else _converted(value, own, key, QUANTITIES.get(key))
+        for key, value in document.items()
+    }
+
+
+def _converted(value: Any, own: tuple[str, str], where: str, powers: _Powers | None) -> Any:
+    """Return a value with its texts converted.
+
+    own: units of force and length of the scene. where: key of the value. powers: of its quantity; None for any other
+    value.
+    """
+    if isinstance(value, str) and powers is not None:
+        return _number(value, own, where, powers)
+    if isinstance(value, list):
+        return [_converted(inner, own, f"{where}[{index}]", powers) for index, inner in enumerate(value)]
+    if isinstance(value, dict):
+        return {
+            key: _converted(inner, own, f"{where}.{key}", powers if key in _SPREAD else QUANTITIES.get(key))
+            for key, inner in value.items()
+        }
+    return value
+
+
+def _number(text: str, own: tuple[str, str], where: str, powers: _Powers) -> float:
+    """Return the number of a text in the units of the scene; raise InputError where it has none or a wrong unit."""
+    expected = f'a number, or a text such as "{_EXAMPLES[powers]}"'
+    found = _TEXT.fullmatch(text)
+    if found is None or not math.isfinite(float(found[1])):
+        raise InputError(where, f"{shown(text)} is no number with a unit", expected)
+    if found[2] is None:
+        return float(found[1])
+    for name, known in zip(own, (NEWTONS, METRES), strict=True):
+        if name not in known:
+            raise InputError(where, f"no unit is named {name!r}, one of the scene", "a number alone")
+    size, have, place = 1.0, [0, 0], 0
+    while place < len(found[2]):
+        factor = _FACTOR.match(found[2], place)
+        known_size = None if factor is None else _unit(factor[2])
+        if factor is None or known_size is None or (factor[1] == "/" and place == 0):
+            raise InputError(where, f"no unit is named {found[2]!r}", expected)
+        power = {"²": 2, "³": 3, None: 1}.get(factor[3]) or int(factor[3])
+        power = -power if factor[1] == "/" else power
+        value, (force, length) = known_size
+        size *= value**power
+        have = [have[0] + power * force, have[1] + power * length]
+        place = factor.end()
+    if tuple(have) != powers:
+        raise InputError(where, f"{found[2]!r} is no unit of this quantity", expected)
+    return float(found[1]) * size / (NEWTONS[own[0]] ** powers[0] * METRES[own[1]] ** powers[1])
+
+
+def _unit(name: str) -> tuple[float, _Powers] | None:
+    """Return size in newtons and metres, and powers of force and length, of a unit; None for an unknown one.
+
+    A force and a length may stand together, as in kNm.
+    """
+    if name in NEWTONS:
+        return NEWTONS[name], _FORCE
+    if name in METRES:
+        return METRES[name], _LENGTH
+    if name in _PASCALS:
+        return _PASCALS[name], _STRESS
+    for force in NEWTONS:
+        if name.startswith(force) and name[len(force) :] in METRES:
+            return NEWTONS[force] * METRES[name[len(force) :]], _MOMENT
+    return None
