@@ -24,7 +24,7 @@ _SHARE: Final = 0.1
 
 @dataclass(frozen=True)
 class VertexMesh:
-    """Elements and interfaces of a planar assembly by the vertices they share.
+    """Elements and interfaces of a planar assembly by the v vertices they share.
 
     Attributes
     ----------
@@ -82,9 +82,10 @@ def _directed(polygon: Floats, along: Floats) -> Floats:
 
 
 def merged_points(groups: Sequence[Floats], reach: float) -> tuple[Ints, Floats]:
-    """Return the vertex (k,) of each point of all groups, and the places (v, d) of vertices.
+    """Merge points that lie within a distance `reach` of one another to vertices.
 
-    Points within `reach` are one vertex, at the place of the first of them.
+    The result is the vertex (k,) of each of the k points of all groups in turn, and the places (v, d) of the vertices.
+    A vertex lies at the first of its points.
     """
     points = np.concatenate(groups)
     pairs = cKDTree(points).query_pairs(reach, output_type="ndarray").reshape(-1, 2)
