@@ -113,7 +113,7 @@ class BoxProblem:
         return np.asarray(self._mesh.places + np.einsum("cp,pvd->cvd", ends, self._directions))
 
     def require_valid(self, low: Floats, high: Floats) -> None:
-        """Raise ParameterError (an InputError) where a box turns an element over or makes it meet itself.
+        """Raise ParameterError where a box turns an element over or makes it meet itself.
 
         Bounds hold for boxes that pass this check alone. low, high: (p,) bounds on the parameters, lengths.
         """

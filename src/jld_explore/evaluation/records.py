@@ -183,7 +183,7 @@ class Records:
         return self._count
 
     def find(self, labelling: Bits) -> Evaluation | None:
-        """Return the evaluation of a labelling (m,); None if not on record."""
+        """Return the evaluation of a labelling (m,), True = dry; None if not on record."""
         return self.find_all(labelling[None])[0]
 
     def find_all(self, labellings: Bits) -> list[Evaluation | None]:

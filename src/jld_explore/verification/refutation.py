@@ -13,7 +13,8 @@ def follows(lemma: Sequence[int], by: Sequence[int], clauses: Mapping[int, Seque
     """Return True if a lemma follows by reverse unit propagation from named clauses in order.
 
     With the lemma false, each named clause in turn must have one literal left, and the last one none.
-    `by` holds the names of the clauses in that order.
+
+    lemma: literals of the clause to prove. by: names of the clauses used, in order. clauses: literals by name.
     """
     false = set(lemma)
     if any(-literal in false for literal in lemma):

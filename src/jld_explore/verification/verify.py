@@ -152,7 +152,10 @@ class Checker:
             raise InputError("reasons", "they leave labellings that may carry more", "a proof that leaves none")
 
     def clause(self, reason: Reason) -> list[int] | None:
-        """Return the clause that a reason proves, or None if the reason does not hold."""
+        """Return the clause that a reason proves, or None if the reason does not hold.
+
+        The clause is not stored. Its literals are those of `Labellings`.
+        """
         if isinstance(reason, Mechanism):
             return self._of_mechanism(reason)
         if isinstance(reason, Lemma):
