@@ -78,16 +78,16 @@ Seams = list[tuple[int, int, int]]
 
 @dataclass(frozen=True)
 class Sink:
-    """Part that collects the cells left out of the structure.
+    """Part of a partition that collects the cells left out of the structure.
 
     Attributes
     ----------
     atom : int
-        Atom that represents the part.
+        Atom that represents the part; it is no cell.
     may : frozenset of int
         Atoms that may be left out.
     volume : list of float
-        Volume of each atom.
+        Volume of each atom, scene units.
     most : float
         Largest total volume left out.
     """
@@ -98,7 +98,10 @@ class Sink:
     most: float
 
     def takes(self, members: list[int]) -> bool:
-        """Return True if a part that contains the sink may be left out."""
+        """Return True if all atoms of the part that contains the sink may be left out together.
+
+        members: atoms of the part.
+        """
         inside = all(a in self.may or a == self.atom for a in members)
         return inside and sum([self.volume[a] for a in members]) <= self.most
 
@@ -144,7 +147,7 @@ class PartLimits:
 
 @dataclass(frozen=True)
 class AtomGraph:
-    """Graph of the atoms of a search space.
+    """Graph of the atoms of a search space: groups of elements that no labelling separates.
 
     Attributes
     ----------
@@ -163,9 +166,9 @@ class AtomGraph:
     walls : list of lists
         For each atom the atoms that a face fixed dry separates from it.
     seams : Seams
-        Pairs of atoms by faces between free elements.
+        Pairs of atoms by faces between free elements, each with its number of faces.
     lines : list of lists
-        For each pair the straight lines (spatial: planes) of its candidate faces.
+        For each pair the straight lines (spatial: planes) of its candidate faces, by number.
     face_a, face_b : (m,) int arrays
         Atoms on both sides of each face.
     """
