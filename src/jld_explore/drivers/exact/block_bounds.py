@@ -60,12 +60,7 @@ class BlockSpace:
     def relaxation(self, analyses: Sequence[LimitAnalysis] = (), seconds: float = math.inf) -> AnyBlockRelaxation:
         """Return the block relaxation of the space.
 
-        Parameters
-        ----------
-        analyses : sequence of LimitAnalysis, optional
-            Analyses of the load cases, in their order, where they exist already.
-        seconds : float, default inf
-            Time limit of one program, s.
+        analyses: of the load cases, in their order; empty makes them anew. seconds: time limit of one program, s.
         """
         members, inside = self.blocks.members, self.blocks.inside
         return block_relaxation_of(self.space.assembly, members, inside, analyses, seconds)
@@ -158,8 +153,9 @@ class BlockBoundPool:
     def bound_all(self, programs: Sequence[Asked]) -> list[Choice]:
         """Solve several block relaxations and return their results in the same order.
 
-        The batch solver uses a second thread where `set_workers` allows it. Without the batch solver the last program
-        goes to the worker process if that process is ready.
+        Each program is (allowed (p,), threshold, most), as in `choose`. The batch solver uses a second thread where
+        `set_workers` allows it. Without it the last program goes to the worker process if that is ready, else is solved
+        here.
         """
         if self._here.batched:
             if self._worker_allowed and self._threads is None:
@@ -297,7 +293,7 @@ class BlockBoundTightening:
         return self._blocks
 
     def disable(self) -> None:
-        """Disable the tightening from now on."""
+        """Disable the tightening from now on: `is_due` is then always False."""
         self._next = math.inf
 
     def is_due(self, relaxations: int, least: float) -> bool:

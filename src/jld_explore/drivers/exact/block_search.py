@@ -133,11 +133,14 @@ class BlockSearch:
 
     @property
     def root_proof(self) -> tuple[BlockEvidence, ...]:
-        """Mechanisms of the root of the tree, which prove the bound that `start` returned; empty without a tree."""
+        """Mechanisms of the root of the tree, which prove the bound that `start` returned.
+
+        Empty before `start`, and where it solved no block relaxation.
+        """
         return self._root_proof
 
     def set_workers(self, jobs: int) -> None:
-        """Set the number of processes that may be used."""
+        """Set the number of processes that may be used; it takes effect at `start`."""
         self._jobs = jobs
 
     def abandon(self) -> None:
@@ -168,7 +171,8 @@ class BlockSearch:
     def labellings_due(self) -> int:
         """Return how many labellings to anneal before the next step, 0 while annealing is not due.
 
-        Without a better labelling the tree descends between choices of equal bounds, so annealing saves nodes.
+        A number above 0 starts the next interval. Without a better labelling the tree descends between choices of equal
+        bounds, so annealing saves nodes.
         """
         since = self.solves - self._last_run
         if since < self._interval:
@@ -183,6 +187,8 @@ class BlockSearch:
 
     def step(self, formula: Formula, threshold: float, time_is_up: Callable[[], bool]) -> BlockStep:
         """Decide one more face of the tree.
+
+        Raises RuntimeError without a tree; see `active`.
 
         Parameters
         ----------

@@ -56,7 +56,7 @@ class Node:
     proof: tuple[BlockEvidence, ...]
 
     def solved(self, choice: Choice) -> Node:
-        """Return the node with the result of its own block relaxation."""
+        """Return a copy of the node with the result of its own block relaxation and its proof."""
         return replace(self, choice=choice, proof=(*self.proof, *map(BlockEvidence, choice.mechanisms)))
 
     def conflict(self, bound: float) -> Conflict:
@@ -73,7 +73,7 @@ class FaceChildren:
 
     @property
     def left(self) -> list[Node]:
-        """The children that are not refuted."""
+        """The children that may still hold labellings: none, one or two."""
         return [one for one in (self.inner, self.dry) if one is not None]
 
 

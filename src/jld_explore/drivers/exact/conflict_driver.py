@@ -202,7 +202,7 @@ class ConflictDriver(Driver):
             self._state.conflicts.keep(records, self._context.key)
 
     def restore(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Take over the evaluations of labellings (k, m) from a resumed study."""
+        """Take over evaluations of labellings (k, m) from a resumed study; see `Driver.restore`."""
         self._learn(labellings, evaluations)
         self._state.note_evaluated(labellings)
 

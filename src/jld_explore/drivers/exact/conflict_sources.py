@@ -35,7 +35,7 @@ _WAIT_SECONDS: Final = 0.1
 
 
 def delay_point(place: str) -> None:
-    """Do nothing; tests put delays here, where threads interact."""
+    """Do nothing; tests replace this function to delay threads where they interact."""
 
 
 @dataclass
@@ -125,10 +125,10 @@ class ThreadedGenerator:
             self._target = None
 
     def step(self, threshold: float) -> bool:
-        """Wait briefly for results; return True once no labelling is left that may exceed the threshold.
+        """Wait briefly for results of the threads, and start those that are idle.
 
-        `threshold` is a scaled λ that must not decrease between calls for the same target, which `begin` sets. An
-        exception of a thread is raised here.
+        Returns True once no labelling is left that may exceed the threshold. `threshold` is a scaled λ that must not
+        decrease between calls for the same target, which `begin` sets. An exception of a thread is raised here.
         """
         with self._results_changed:
             if self._target is None:
@@ -278,7 +278,10 @@ class ConflictSources:
             self.cube_workers.end()
 
     def exchange(self) -> None:
-        """Exchange results and tasks with the workers while this process does something else."""
+        """Collect results of the workers and send them new tasks, without waiting.
+
+        Call it while this process does something else; without workers it does nothing.
+        """
         if self.cube_workers is not None:
             self.cube_workers.exchange()
 
