@@ -50,7 +50,7 @@ class FieldStudy(Study):
 
     @property
     def gap(self) -> float:
-        """Relative gap that the scene asks for."""
+        """Relative gap of bounds that the scene asks for; raises RuntimeError for other cracks."""
         cracks = self.scene.cracks
         if not isinstance(cracks, FieldCracks):
             raise RuntimeError("a study by fields needs a scene that cracks by fields")
@@ -175,7 +175,13 @@ class FieldStudy(Study):
     # --- what is told -----------------------------------------------------------------------------------
 
     def facts(self, results: pd.DataFrame) -> dict[str, Any]:
-        """Return what is proven: the bound over all layouts, its gap, and whether one layout is the strongest."""
+        """Return what the search by fields proves, for the summary; empty before it has run.
+
+        The entries are the bound over all layouts, its relative gap, whether one layout is proven to be the strongest,
+        what would narrow the gap, and the numbers of the race.
+
+        results: table of all evaluations.
+        """
         race = self.race
         if race is None:
             return {}
