@@ -104,7 +104,7 @@ class Space(NamedTuple):
 
 
 def space_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats) -> Space:
-    """Return the data of a spatial assembly at rest; arguments as those of `plane_of`."""
+    """Return the data of a spatial assembly at rest; arguments are those of `plane_of`."""
     faces, elements = assembly.interfaces, assembly.elements
     along = points.place[:, :1] * faces.e1[points.face] + points.place[:, 1:2] * faces.e2[points.face]
     at = faces.origin[points.face] + along
@@ -356,10 +356,7 @@ def near_pairs_in_space(moved: Floats, space: Space) -> Ints:
 
 @compiled
 def corner_forces_in_space(pairs: Ints, moved: Floats, force: Floats, space: Space) -> None:
-    """Add the forces of corners that have entered other elements to `force` (n, 6).
-
-    Arguments are as in `corner_forces`.
-    """
+    """Add the corner forces to `force` (n, 6), with arguments as in `corner_forces`."""
     kn, ks, friction = space.spring[0], space.spring[1], space.spring[2]
     clearance = space.spring[3] + space.spring[5]
     point, nearest, normal, part, total, arm = np.empty((6, 3))

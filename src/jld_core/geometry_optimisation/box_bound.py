@@ -55,9 +55,10 @@ class BoxBound:
 
 
 class BoxProblem:
-    """Bounds on λ of one load case over boxes of up to a few parameters.
+    """Bounds on λ of one load case over boxes of up to four parameters.
 
-    Positions are X = X0 + Σ y_j D_j. All faces are dry, without cohesion and compressive strength.
+    Positions are X = X0 + Σ y_j D_j, with the p parameters y and the positions X0 of `mesh`. All faces are dry, without
+    cohesion and compressive strength.
 
     Parameters
     ----------

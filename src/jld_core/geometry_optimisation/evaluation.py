@@ -62,7 +62,7 @@ class Evaluated:
 
 
 class Evaluator:
-    """Proven values of one structure at any positions of its vertices.
+    """Proven values of one structure at any positions of its vertices, for a search over them.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ class Evaluator:
             return None
 
     def mesh(self, values: Floats) -> VertexMesh:
-        """Return the vertices at variables z (k,); they may be a position that is no structure."""
+        """Return the vertices at variables z (k,), without a check that they form a structure."""
         return VertexMesh(self.variables.places(values), self._mesh.loops, self._mesh.ends)
 
     def region(self, values: Floats, low: Floats, high: Floats) -> Region:

@@ -51,7 +51,7 @@ class LimitValues:
 
 
 class Limits:
-    """Limits on angles, edges, areas, masses, draft and places of loads.
+    """Limits on angles, edges, areas, masses, draft and places of loads, as r numbers.
 
     A limit that the start does not keep is relaxed to what the start keeps.
 
@@ -73,7 +73,7 @@ class Limits:
     Attributes
     ----------
     least : (r,) array
-        Least values.
+        Least values, dimensionless.
     equal : (r,) bool array
         True where the value is to be kept exactly.
     """

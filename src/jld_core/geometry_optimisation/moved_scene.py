@@ -16,6 +16,8 @@ from jld_core.scene import Scene, parse_scene
 class MovedScene:
     """Scene whose vertices move while elements, interfaces and labels stay.
 
+    Grids are written out as elements and interfaces.
+
     Parameters
     ----------
     scene : Scene

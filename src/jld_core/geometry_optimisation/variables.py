@@ -69,7 +69,7 @@ class Variables:
         return self.rings.size > 0
 
     def places(self, values: Floats) -> Floats:
-        """Return the positions (v, 2) of all vertices at z (k,)."""
+        """Return the positions (v, 2) of all vertices, scene units, at variables z (k,)."""
         found = self.start.copy()
         number = len(self.vertex)
         straight = np.isnan(self.centre[:, 0])

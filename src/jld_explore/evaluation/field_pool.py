@@ -60,7 +60,7 @@ class FieldStep:
 
 
 def step_of(fields: Fields, start: float, more: Any = None) -> FieldStep:
-    """Return the step of solved fields.
+    """Make the `FieldStep` of fields that have been solved: their bounds and the next mesh.
 
     start: time at which they were begun, of `time.perf_counter`, s. more: see `FieldStep.more`.
     """

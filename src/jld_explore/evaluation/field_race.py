@@ -50,7 +50,7 @@ class RaceResult:
 
 
 class FieldRace:
-    """Race of the layouts of a pool.
+    """Race of the layouts of a pool: those that may still be the strongest get finer meshes.
 
     Parameters
     ----------

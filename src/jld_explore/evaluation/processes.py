@@ -116,7 +116,10 @@ class TaskStream:
         self.late = False
 
     def begin(self, tasks: Iterator[tuple[int, Callable[..., Any], tuple[Any, ...]]]) -> None:
-        """Submit tasks (number, function, arguments): some at once, others as results arrive."""
+        """Submit tasks (number, function, arguments): some at once, others as results arrive.
+
+        Iterate over the stream to get the results.
+        """
         self._waiting = deque(tasks)
         self._submit_waiting()
 

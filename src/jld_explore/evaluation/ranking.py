@@ -185,6 +185,8 @@ def front_counts(space: SearchSpace, labellings: Bits) -> Floats:
 class Envelope:
     """Largest λ known among labellings whose counts are equal or better.
 
+    Call `learn` for known labellings, then `best`.
+
     Parameters
     ----------
     size : int

@@ -236,6 +236,9 @@ class ConflictBatch:
 class ConflictGenerator:
     """Generator of conflicts for one formula after another.
 
+    A conflict is labels on some faces that no labelling above a λ has together. Call `begin` with a formula, then
+    `step` until it is exhausted; the generator adds its conflicts to the formula.
+
     Parameters
     ----------
     context : ProofContext

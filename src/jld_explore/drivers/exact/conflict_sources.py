@@ -115,7 +115,10 @@ class ThreadedGenerator:
         self._error: BaseException | None = None
 
     def begin(self, count: int | Range | None) -> None:
-        """Set the count of the next target, as in `Formula.aim`, from the next step on."""
+        """Set the count of the next target, which takes effect from the next step on.
+
+        count: as in `Formula.aim`.
+        """
         self.end()
         self._count = count
 
@@ -206,6 +209,9 @@ _CLOSING_SECONDS: Final = 0.5
 class ConflictSources:
     """Source of conflicts for one formula after another, in one process or several.
 
+    Call `begin` with a formula, `step` until it returns True, and `close` at the end. A formula describes the
+    labellings that no conflict refutes yet.
+
     Parameters
     ----------
     context : ProofContext
@@ -237,7 +243,10 @@ class ConflictSources:
         self.cube_workers: CubeWorkers | None = None
 
     def set_workers(self, jobs: int) -> None:
-        """Set the number of worker processes; a connected cluster contributes all its workers."""
+        """Set the number of worker processes; a connected cluster contributes all its workers.
+
+        Workers start in `step`, once the proof is long enough; a second thread is made at once where it helps.
+        """
         self._jobs, self._on_cluster = jobs, client_of_cluster() is not None
         self._workers_allowed = jobs > 1 or self._on_cluster
         if jobs > 1 and self._threads is None and self._context.relaxation.batched:

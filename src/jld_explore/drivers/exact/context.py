@@ -44,7 +44,7 @@ class PartialLabellingRelaxation(Protocol):
         ...
 
     def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
-        """Return the least bound of one partial labelling (m,), None if none is found."""
+        """Return the least bound on the scaled λ of one partial labelling (m,), None without one."""
         ...
 
     def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
@@ -162,7 +162,10 @@ class ProofContext:
 
     @classmethod
     def unpacked(cls, content: bytes) -> ProofContext:
-        """Return the context that `packed` has pickled, with analyses and a relaxation of its own."""
+        """Make the context in a worker from the bytes of `packed`.
+
+        Its analyses and its relaxation are made anew. Raises RuntimeError if the assembly has no relaxation.
+        """
         given: tuple[SearchSpace, PossibleBlocks | None, Bools, int] = cloudpickle.loads(content)
         space, blocks, free, seed = given
         analyses = tuple(LimitAnalysis(case) for case in space.assembly.by_case)

@@ -126,7 +126,7 @@ class CubeWorkers:
         return len(self._pool) > 0
 
     def begin(self, formula: Formula, count: int | Range | None, threshold: float) -> None:
-        """Continue with another formula.
+        """Continue with another formula, whose whole space becomes the first cube.
 
         Parameters
         ----------

@@ -44,7 +44,11 @@ class Incumbents:
         self._best: dict[int | None, float] = {}
 
     def learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Record the bounds of evaluated labellings (k, m)."""
+        """Record the bounds of evaluated labellings (k, m), with k evaluations in their order.
+
+        Labellings that collapse have both bounds. A failed or uncertified one keeps its upper bound, inf without one.
+        All others have −inf for both, since no λ of theirs counts.
+        """
         number = [0] * len(labellings)
         if self._count is not None:
             number = values_of(self._count, self._space.assembly, labellings, self._space.graph).tolist()

@@ -159,15 +159,15 @@ class AtomGraph:
         Number of free elements of each atom.
     sized : Sized
         All sizes of the atoms.
-    pairs : list of tuples
+    pairs : list of (int, int)
         Pairs of atoms that may be joined.
-    links : list of lists
+    links : list of list of (int, int)
         For each atom its neighbours, as (neighbour, index of the pair).
-    walls : list of lists
+    walls : list of list of int
         For each atom the atoms that a face fixed dry separates from it.
-    seams : Seams
-        Pairs of atoms by faces between free elements, each with its number of faces.
-    lines : list of lists
+    seams : list of (int, int, int)
+        Pairs of atoms that touch by faces between free elements, as (a, b, number of these faces).
+    lines : list of list of int
         For each pair the straight lines (spatial: planes) of its candidate faces, by number.
     face_a, face_b : (m,) int arrays
         Atoms on both sides of each face.
@@ -289,9 +289,9 @@ def _sink(space: SearchSpace, graph: AtomGraph) -> Sink | None:
 
 
 def limits_of(space: SearchSpace, graph: AtomGraph) -> PartLimits:
-    """Return the limits of a search for operators.
+    """Return the limits of a search in the form that operators check.
 
-    Limits that are proportional to the number of cells are converted to limits on cells.
+    Limits that are proportional to the number of cells are converted to limits on cells, which are faster to check.
     """
     parts, seams = (-inf, inf), []
     for terms, bounds in space.limits.on_terms:

@@ -18,7 +18,7 @@ from jld_explore.space.measures import CELLS
 class Cutter:
     """Algorithm that cuts regions into parts within the limits on single parts.
 
-    A region is a list of atoms, and so is a part.
+    A region is a list of atoms (groups of elements that no labelling separates), and so is a part.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ class Cutter:
     def large_enough(self, members: list[int]) -> bool:
         """Return True if a part is within the lower limits, or has no free element.
 
-        Exempt parts also count as within the limits.
+        members: atoms of the part. Exempt parts also count as within the limits.
         """
         cells = self.graph.cells
         count = sum([cells[a] for a in members])

@@ -106,7 +106,7 @@ class FreeBits:
         return self._repaired(row[None], BufferedRandom(seed))
 
     def write(self, labelling: Bits) -> list[float]:
-        """Return keys of a labelling (m,): 0.75 where dry, 0.25 where inner."""
+        """Return one key for each candidate face of a labelling (m,): 0.75 if dry, 0.25 if inner."""
         return [0.75 if labelling[face] else 0.25 for face in self._faces]
 
     def breed(self, first: Bits, second: Bits, single: Bits, rng: BufferedRandom) -> Bits:

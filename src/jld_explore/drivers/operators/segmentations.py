@@ -98,7 +98,7 @@ class Segmentations:
         return np.asarray(np.where(self.space.candidates, across, self.space.fixed))
 
     def parts(self, labellings: Bits) -> list[Parts]:
-        """Return the partitions of labellings (k, m)."""
+        """Return the partition of each labelling (k, m): the part of each atom."""
         found: list[Parts] = blocks_of(self.space.graph, labellings)[:, self.graph.first].tolist()
         return found
 
@@ -123,7 +123,10 @@ class Segmentations:
         return self.labels([child for part in self.parts(parents) if (child := self.change(part, rng)) is not None])
 
     def cross(self, first: Bits, second: Bits, rng: BufferedRandom) -> Bits:
-        """Return one child of each couple by overlaying the joints of its parents."""
+        """Return one child of each couple by overlaying the joints of its parents.
+
+        first, second: (k, m) parents. Couples without a child are left out.
+        """
         couples = zip(self.parts(first), self.parts(second), strict=True)
         return self.labels([child for p, q in couples if (child := self.overlay(p, q, rng)) is not None])
 
@@ -167,7 +170,10 @@ class Segmentations:
         return self.labels([] if part is None else [part])
 
     def write(self, labelling: Bits) -> list[float]:
-        """Return keys of a segmentation (m,): 0.25 inside its blocks, 0.75 between them."""
+        """Return one key for each pair of neighbouring atoms of a segmentation (m,).
+
+        It is 0.25 inside a block and 0.75 between two blocks.
+        """
         part = self.parts(labelling[None])[0]
         return [0.75 if part[a] != part[b] else 0.25 for a, b in self.graph.pairs]
 
@@ -233,7 +239,7 @@ class Segmentations:
     def merge(self, part: Parts, rng: BufferedRandom) -> Parts | None:
         """Merge the two blocks beside a random joint, and cut the union anew if it is too large.
 
-        Returns None without a joint, or if no repair is found; so do `recut`, `move` and `shift`.
+        Returns None without a joint, or if no repair is found.
         """
         joint = self._joint(part, rng)
         if joint is None:
@@ -242,7 +248,7 @@ class Segmentations:
         return self.repair([new if name == old else name for name in part], rng, [new])
 
     def recut(self, part: Parts, rng: BufferedRandom) -> Parts | None:
-        """Cut the union of two or three neighbouring blocks anew; None as in `merge`."""
+        """Cut the union of two or three neighbouring blocks anew; return None if that fails."""
         joint = self._joint(part, rng)
         if joint is None:
             return None
@@ -258,7 +264,7 @@ class Segmentations:
         return None if pieces is None else self._with(part, pieces, rng)
 
     def move(self, part: Parts, rng: BufferedRandom) -> Parts | None:
-        """Move one atom across a random joint; None as in `merge`."""
+        """Move one atom across a random joint; return None without a joint or repair."""
         joint = self._joint(part, rng)
         if joint is None:
             return None
@@ -267,7 +273,7 @@ class Segmentations:
         return self.repair(child, rng, [part[joint[0]], part[joint[1]]])
 
     def shift(self, part: Parts, rng: BufferedRandom) -> Parts | None:
-        """Shift a joint line by one atom; None as in `merge`.
+        """Shift a joint line by one atom; return None without a joint or repair.
 
         The atoms that cross the joint lie along one straight part of it or along the whole joint between two blocks.
         A third kind of shift moves all atoms along one straight line through the structure.
