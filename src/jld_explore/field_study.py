@@ -37,11 +37,12 @@ _UNSTABLE: Final = -float(np.finfo(float).tiny)
 
 
 class FieldStudy(Study):
-    """Study of a scene that cracks by fields.
+    """Study of a scene whose blocks may crack anywhere.
 
-    An exhaustive driver has all its layouts race: they are bounded together, and only what may be the strongest is
-    refined. The exact driver refines what its proof asks for. Other drivers search on the coarsest mesh, and the best
-    of what they found race at the end. Parameters and attributes are those of `Study`.
+    Stress fields in the blocks bound λ from below, velocity fields from above. An exhaustive driver has all its layouts
+    race: they are bounded together, and only what may be the strongest is refined. The exact driver refines what its
+    proof asks for. Other drivers search on the coarsest mesh, and the best of what they found race at the end.
+    Parameters and attributes are those of `Study`.
     """
 
     race: RaceResult | None = None

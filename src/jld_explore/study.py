@@ -370,7 +370,7 @@ def name_of(function: Callable[..., Any]) -> str:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of programs on which numerical results may depend."""
+    """Return the versions, by name, of programs on which numerical results may depend."""
     return {
         "jld": __version__,
         "python": platform.python_version(),

@@ -76,7 +76,7 @@ class MovedJoints:
     places : (v, 2) array
         Positions of the vertices at the end.
     moved : (v, 2) array
-        How far each vertex moved.
+        Displacement of each vertex from the start, scene units.
     parameters : int
         Number of independent variables.
     warnings : list of str

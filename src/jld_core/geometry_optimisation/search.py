@@ -75,6 +75,8 @@ _SHAKE: Final = 0.15
 class GeometrySearch:
     """Search for the best positions of the joints of one planar structure.
 
+    Start from `first`, or from `standing` where the structure does not stand, and improve the point by `climb`.
+
     Parameters
     ----------
     scene : Scene

@@ -41,8 +41,8 @@ class Variables:
     ties : (t, k) array
         Ties between variables: ties @ z = 0.
     rings : (v,) array
-        Signed distance of each vertex from the middle circle of an arch whose thickness is a variable, the last one;
-        empty without such.
+        Signed distance of each vertex from the middle circle of an arch whose thickness is the last variable. Empty
+        where no thickness is a variable.
     middle : (2,) array
         Centre of that arch.
     thickness : float

@@ -81,7 +81,7 @@ def refined_step(setting: FieldSetting, labels: Bits, mesh: Mesh, required: floa
 
 
 class FieldPool:
-    """Bounds by fields on many labellings of one assembly, refined one by one.
+    """Bounds on λ of many labellings of one assembly, by stress and velocity fields.
 
     Parameters
     ----------

@@ -99,6 +99,8 @@ def bound_blocks(name: str, block_space: bytes | None, program: Asked | None) ->
 class BlockBoundPool:
     """Block relaxation of a space, solved in this process and in a worker process.
 
+    It bounds scaled λ of all labellings whose blocks are among those allowed.
+
     Parameters
     ----------
     context : ProofContext

@@ -82,6 +82,8 @@ class BlockStep:
 class BlockSearch:
     """Branch and bound over the blocks of one space, if that search is wanted and promising.
 
+    A block relaxation bounds λ over all choices among possible blocks. Call `start`, then `step` while `active`.
+
     Parameters
     ----------
     context : ProofContext

@@ -43,7 +43,8 @@ class ExactOptions(DriverOptions):
 class ConflictDriver(Driver):
     """Driver that proves its result by conflicts, or by enumeration where those do not apply.
 
-    Enumeration proves the same. It is used where the space has no formula or no relaxation.
+    A conflict is labels on some faces that no labelling above a λ has together. Enumeration proves the same. It is
+    used where the space has no formula or no relaxation.
 
     Parameters
     ----------

@@ -118,7 +118,7 @@ def conflict_of(
     threshold: float,
     tries: int = _FAILED_TRIES,
 ) -> Conflict | None:
-    """Minimise one labelling to a conflict that refutes it.
+    """Find few labels of a labelling that already exclude a λ: a conflict that refutes it.
 
     Parameters
     ----------
@@ -282,7 +282,7 @@ class ConflictGenerator:
         self._statistics = WindowStatistics(len(self._windows))
 
     def step(self, threshold: float, cube: Cube = EVERYTHING) -> ConflictBatch:
-        """Draw labellings and return their conflicts.
+        """Draw labellings that the formula leaves, and return conflicts that refute them.
 
         Parameters
         ----------

@@ -93,6 +93,8 @@ class _GeneratorThread:
 class ThreadedGenerator:
     """Threads that generate conflicts and add them to the state of the proof.
 
+    Call `begin` for a target, `step` until it returns True, and `close` at the end.
+
     Parameters
     ----------
     context : ProofContext

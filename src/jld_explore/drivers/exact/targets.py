@@ -328,7 +328,10 @@ class Targets:
             self.found[target] = replace(best, bound=bound)
 
     def settle(self, target: int | None) -> None:
-        """Close a target; after the first target of a front add one target per value of the count."""
+        """Take a proven target off `left`; of a front the first one adds one per count.
+
+        A target without a λ whose bound is at most 0 gets the bound −inf: none of its labellings stands.
+        """
         best = self.found[target]
         if math.isnan(best.load_factor) and best.bound <= 0.0:
             self.found[target] = best = replace(best, bound=-math.inf)

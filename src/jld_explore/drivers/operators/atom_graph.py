@@ -190,7 +190,7 @@ class AtomGraph:
 
 
 def atom_graph(space: SearchSpace) -> AtomGraph:
-    """Return the atom graph of a search space.
+    """Make the graph of the atoms of a search space, on which operators work.
 
     If slits are allowed, faces fixed dry separate no atoms.
     """

@@ -34,7 +34,9 @@ _JOIN_PROBABILITY: Final = 0.7
 
 
 class Following:
-    """Operator that changes labellings where their mechanism moves.
+    """Operator that joins blocks where their mechanism moves, and cuts blocks at rest.
+
+    Call `parts` for labellings, then `changes`, as often as wanted.
 
     Parameters
     ----------

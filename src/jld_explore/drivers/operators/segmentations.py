@@ -45,7 +45,10 @@ Otherwise segmentations are made one by one, with repair.
 
 
 class Segmentations:
-    """Operators on the segmentations of a search space.
+    """Operators on the segmentations of a search space: draw, change and cross them.
+
+    A segmentation is handled as a partition: the part, a block, of each atom. An atom is a group of elements that no
+    labelling separates. Methods that fail return None or leave rows out.
 
     Parameters
     ----------
