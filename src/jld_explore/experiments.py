@@ -122,9 +122,10 @@ def _portions(rows: list[tuple[str, float]], size: int) -> Iterator[list[tuple[s
 
 
 def one_experiment(assembly: Assembly, name: str, load_factor: float) -> dict[str, Any]:
-    """Run one experiment and return its row of the table; a layout that falls carries 0.
+    """Run one experiment and return its row of the table.
 
-    name: text of the labelling. load_factor: its λ by limit analysis, which the row keeps.
+    A layout that does not stand under its dead loads carries 0. name: text of the labelling. load_factor: its λ by
+    limit analysis, which the row keeps.
     """
     from jld_experiment import run_experiment
     from jld_experiment.report import status_of

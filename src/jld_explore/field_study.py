@@ -65,7 +65,7 @@ class FieldStudy(Study):
         return self._refined
 
     def run(self) -> StopReason:
-        """Search by the driver, and record the bounds of each layout.
+        """Search by the driver, refine what matters, and record the bounds of each layout.
 
         Returns
         -------

@@ -70,19 +70,12 @@ class BlockSpace:
 def bound_blocks(name: str, block_space: bytes | None, program: Asked | None) -> SolvedProgram | None:
     """Solve a block relaxation in this worker process.
 
-    Parameters
-    ----------
-    name : str
-        Name of the worker, under which the relaxation is stored between calls.
-    block_space : bytes or None
-        Pickled `BlockSpace` that replaces every stored relaxation; None keeps them.
-    program : Asked or None
-        Arguments of `BlockRelaxation.choose`; None only sets up the relaxation.
+    Returns the result and the number of programs solved. None if `program` is None or no relaxation is stored under
+    the name.
 
-    Returns
-    -------
-    tuple of Choice and int, or None
-        Result and number of programs solved. None if `program` is None or no relaxation is stored under the name.
+    name: worker, under whose name the relaxation is stored between calls. block_space: pickled `BlockSpace` that
+    replaces every stored relaxation; None keeps them. program: arguments of `BlockRelaxation.choose`; None only sets up
+    the relaxation.
     """
     if block_space is not None:
         _relaxations.clear()
@@ -144,7 +137,11 @@ class BlockBoundPool:
             self._threads = None
 
     def choose(self, allowed: Bools, threshold: float, most: float) -> Choice:
-        """Solve one block relaxation in this process; see `BlockRelaxation.choose`."""
+        """Solve one block relaxation in this process; see `BlockRelaxation.choose`.
+
+        allowed: (p,) True for blocks that may be chosen. threshold: scaled λ to reach. most: scaled λ that no labelling
+        exceeds.
+        """
         return self._here.bound_all([(allowed, threshold, most)])[0]
 
     @property

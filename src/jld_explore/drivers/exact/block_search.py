@@ -105,6 +105,8 @@ class BlockSearch:
     def start(self, least: float, root: float) -> float:
         """Start the tree where it is wanted, and bound all labellings by the root relaxation.
 
+        Without possible blocks, or where the relaxation does not apply, nothing is started and `root` is returned.
+
         Parameters
         ----------
         least, root : float
@@ -151,7 +153,7 @@ class BlockSearch:
         self.close()
 
     def close(self) -> None:
-        """Stop the workers that solve programs of the tree."""
+        """Stop the workers that solve programs of the tree; the tree itself is kept."""
         if self._bounds is not None:
             self._bounds.close()
 

@@ -35,7 +35,8 @@ class PartialLabellingRelaxation(Protocol):
     ) -> list[DualBound | None]:
         """Prove that partial labellings (k, m) do not exceed thresholds; None where it fails.
 
-        thresholds: (k,) scaled λ. thorough: (k,) True where another solver may be tried; see `Relaxation.refute_all`.
+        thresholds: (k,) scaled λ. thorough: (k,) True where another solver may be tried; see `Relaxation.refute_all`. A
+        proof holds its mechanism and its bound.
         """
         ...
 

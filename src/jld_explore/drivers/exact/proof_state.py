@@ -108,9 +108,9 @@ class Conflict:
 
     @property
     def size(self) -> int:
-        """Memory of the proof, bytes; of several block relaxations only the last one counts.
+        """Memory of the proof in bytes.
 
-        Conflicts share the others.
+        Of several block relaxations only the last one counts, since conflicts share the others.
         """
         used = 0 if self.mechanism is None else self.mechanism.velocity.nbytes
         if self.by_blocks:
