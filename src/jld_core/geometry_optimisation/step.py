@@ -84,7 +84,7 @@ class Region:
     limits : LimitValues
         Values of the r limits at the present position.
     least : (r,) array
-        Their least values.
+        Least value of each limit, dimensionless.
     equal : (r,) bool array
         True where a limit is an equation.
     ties : (t, k) array

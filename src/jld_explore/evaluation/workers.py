@@ -51,7 +51,7 @@ With the default a search took 10 % longer in wall-clock time.
 
 
 def batch_size(faces: int, requested: int) -> int:
-    """Compute the number of labellings per task.
+    """Compute the number of labellings that a worker evaluates in one task.
 
     Parameters
     ----------

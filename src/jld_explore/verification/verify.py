@@ -85,7 +85,7 @@ def verify(path: Path, scene: Scene | None = None) -> Verified:
 
 
 class Checker:
-    """Checker of the reasons of one claim, in order.
+    """Checker of the reasons of one claim, in order: call `check` once.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ class Checker:
     Attributes
     ----------
     clauses : dict of int to list of int
-        Clauses by number; those of the scene are numbered from one.
+        Clauses by number, with literals as in `Labellings`; those of the scene are numbered from one.
 
     Raises
     ------

@@ -58,7 +58,7 @@ class BlockSpace:
     blocks: PossibleBlocks
 
     def relaxation(self, analyses: Sequence[LimitAnalysis] = (), seconds: float = math.inf) -> AnyBlockRelaxation:
-        """Return the block relaxation of the space.
+        """Make the block relaxation of the space, which bounds λ over choices of blocks.
 
         analyses: of the load cases, in their order; empty makes them anew. seconds: time limit of one program, s.
         """

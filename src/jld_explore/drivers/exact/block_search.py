@@ -213,9 +213,10 @@ class BlockSearch:
         return BlockStep(step.conflicts, promising=promising)
 
     def note_inaccurate_bound(self) -> None:
-        """Count a complete labelling of the tree that only its own mechanism refuted.
+        """Count a complete labelling that the tree left, although its own mechanism refutes it.
 
-        After `_MOST_INACCURATE` such labellings the tree is abandoned.
+        Call it for each such labelling: after `_MOST_INACCURATE` of them the tree is abandoned, as its bounds are
+        inaccurate.
         """
         self._inaccurate_bounds += 1
         if self._inaccurate_bounds >= _MOST_INACCURATE:

@@ -318,7 +318,8 @@ class Segmentations:
         """Cross two parents: overlay their joints, and merge the fragments.
 
         A joint of both parents stays where limits allow, and a face inside blocks of both stays inside. Elsewhere the
-        child follows one parent inside a random patch and the other outside, or either at random.
+        child follows one parent inside a random patch and the other outside, or either at random. The result is the
+        partition of the child, None if none is found.
 
         Parameters
         ----------
