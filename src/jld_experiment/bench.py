@@ -39,7 +39,7 @@ class Bench(NamedTuple):
     place : (s, d) float array
         Coordinates along the face, and area.
     law : (m, 8) float array
-        Law of each face. Columns: kn, ks, friction, dilation, cohesion, tension, crushing, residual friction.
+        Law of each face: two springs, friction, dilation, three strengths, residual friction, in the order of `Law`.
     brittle : (m,) bool array
         True for faces that lose a strength that is exceeded.
     gaps : (m,) bool array
