@@ -17,27 +17,29 @@ Forces and moments are damped separately, so that no direction is preferred.
 
 
 class Bench(NamedTuple):
-    """Constant arrays of the time stepping.
+    """Constant arrays of the time stepping, for n elements, m faces and s sub-contacts.
+
+    There are q freedoms per element: 3 in the plane (d = 2) and 6 in space (d = 3). All numbers are in scene units.
 
     Attributes
     ----------
     dead, live : (n, q) float array
-        Loads.
+        Forces, then moments about the centroid, of the dead loads and of the live loads at λ = 1.
     inverse : (n, 2) float array
-        Inverse of mass and inertia, 0 on supports.
+        Inverse of mass and inertia, scaled to a time step of one; 0 on supports.
     radius : (n,) float array
-        Length by which moments are compared with forces.
+        Length by which moments are divided to compare them with forces.
     ends : (m, 2) int array
         Elements a and b.
     frame : (m, 6) or (m, 15) float array
-        Planar: normal x, y, then r × n and r × t for the arms from a and from b to the centre of the face.
-        Spatial: normal, e1, e2, arms.
+        Planar: normal n (x, y), then r × n and r × t for the arm r from a and from b to the centre of the face.
+        Spatial: normal, e1, e2, and the arms from a and from b.
     first : (m + 1,) int array
         Position of the first sub-contact of each face.
     place : (s, d) float array
         Coordinates along the face, and area.
     law : (m, 8) float array
-        Law of each face, columns as in `laws`.
+        Law of each face: two springs, friction, dilation, three strengths, residual friction, in the order of `Law`.
     brittle : (m,) bool array
         True for faces that lose a strength that is exceeded.
     gaps : (m,) bool array
@@ -58,14 +60,14 @@ class Bench(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """Arrays that every step changes in place.
+    """Arrays of an assembly that every time step changes in place, in scene units.
 
     Attributes
     ----------
     moved, velocity : (n, q) float array
-        Displacements and velocities.
+        Displacements and rotations of the elements, and their change per time step.
     overlap, pressure : (s,) float array
-        Elastic overlap and compressive stress of sub-contacts.
+        Elastic overlap (length) and compressive stress of sub-contacts.
     shear : (s, d − 1) float array
         Shear stress of sub-contacts.
     broken : (s,) bool array

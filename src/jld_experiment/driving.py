@@ -18,20 +18,20 @@ ENDLESS = 1e6  # Multiple of the scout's initial load at which a λ that still r
 
 @dataclass(frozen=True)
 class Push:
-    """Result of one push.
+    """Curve of λ over displacement of one push, with k points ("records") at equal times.
 
     Attributes
     ----------
     distance : (k,) float array
-        Displacement live·u at the end of each record.
+        Displacement live·u at the end of each record, scene units of work.
     load_factor : (k,) float array
         Mean λ of each record.
     unbalanced : (k,) float array
-        Largest relative unbalanced force of each record.
+        Largest unbalanced force of each record, relative to `Specimen.largest`.
     broken : (k,) int array
         Number of broken sub-contacts.
     at_collapse, at_end : State
-        States at the highest λ and at the end.
+        States at the highest λ before the first fall of λ, and at the end.
     periods : float
         Duration, slowest periods.
     rising : bool
@@ -49,15 +49,18 @@ class Push:
 
     @property
     def collapse(self) -> int:
-        """Record of the collapse load."""
+        """Index of the record of the collapse load, see `collapse_record`."""
         return collapse_record(self.load_factor)
 
 
 def collapse_record(load_factor: Floats) -> int:
-    """Return the record of the largest λ before its first fall by `FALL` of the highest λ.
+    """Return the index of the collapse load: the largest λ before λ first falls.
 
-    The fall is relative to the highest λ of the whole curve.
-    Relative to the highest λ so far, a small drop at half the load would count as collapse.
+    λ falls where it lies more than `FALL` × (highest λ of the whole curve) below its running maximum. If it never
+    falls, the whole curve counts. A fall relative to the running maximum alone would take a small drop at half the load
+    for collapse.
+
+    load_factor: (k,) λ of each record, k ≥ 1.
     """
     so_far = np.maximum.accumulate(load_factor)
     fallen = np.flatnonzero(so_far - load_factor > FALL * float(so_far[-1]))
@@ -68,8 +71,8 @@ def collapse_record(load_factor: Floats) -> int:
 def scout(specimen: Specimen, settled: State) -> float:
     """Estimate the highest λ by a quick push with geometrically growing displacement.
 
-    The estimate provides the unit of displacement for `push`.
-    It is inf if λ never stops rising, and 0 if the structure has neither dead load nor strength.
+    The estimate provides the unit of displacement for `push`. `settled` is the state under the dead loads; it is not
+    changed. The estimate is inf if λ never stops rising, and 0 if the structure has neither dead load nor strength.
     """
     state, system = copied(settled), specimen.system
     assembly = specimen.assembly

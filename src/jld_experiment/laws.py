@@ -11,7 +11,7 @@ Law = tuple[float, float, float, float, float, float, float, float]
 
 @compiled
 def numbers_of(law: Floats, f: int) -> Law:
-    """Return row f of `law` as numbers."""
+    """Return row f of the laws (m, 8) as a tuple of numbers, as `sub_contact` takes it."""
     return (law[f, 0], law[f, 1], law[f, 2], law[f, 3], law[f, 4], law[f, 5], law[f, 6], law[f, 7])
 
 
@@ -19,11 +19,13 @@ def numbers_of(law: Floats, f: int) -> Law:
 def sub_contact(
     overlap: float, size: float, law: Law, brittle: bool, gaps: bool, broken: bool
 ) -> tuple[float, float, float, bool]:
-    """Return overlap, compressive stress, shear stress and broken state after a trial.
+    """Return overlap, compressive stress, shear stress and broken state after a trial step.
 
-    `overlap` and `size` are those of the elastic trial, see `contact_stress`. `broken` is the state before the step.
-    A brittle sub-contact breaks if it exceeds its tension or cohesion.
-    `law` is a tuple of numbers, because passing an array costs more time than this function.
+    A brittle sub-contact breaks if it exceeds its tension or shear strength. Afterwards it has residual friction alone.
+
+    overlap: elastic overlap of the trial, length; negative if apart. size: shear stress of the trial, ≥ 0. law: row of
+    `numbers_of`; passing an array costs more time than this function. brittle, gaps: properties of the face, see
+    `Bench`. broken: state before the step.
     """
     kn, ks, mu, psi, cohesion, tension, crushing, residual = law
     p = kn * overlap
@@ -53,16 +55,16 @@ def contact_stress(
 ) -> tuple[float, float, float]:
     """Return a sub-contact from an elastic trial to its yield surface, per unit of area.
 
-    The return is the closest point in the elastic energy where dilation equals friction.
-    It maps p ↦ p + kn ψ γ and |q| ↦ |q| − ks γ with γ = (|q| − c − μp) / (ks + μ ψ kn).
-    At the corner p = −σt the shear stress is limited to |q| ≤ c − μσt.
+    The return is the closest point in the elastic energy where dilation equals friction. With compressive stress p and
+    shear stress q it maps p ↦ p + kn ψ γ and |q| ↦ |q| − ks γ, where γ = (|q| − c − μp) / (ks + μ ψ kn) is the slip and
+    c the cohesion. At the corner p = −σt (σt: tension) the shear stress is limited to |q| ≤ c − μσt.
 
     Parameters
     ----------
     overlap : float
         Elastic overlap of the trial, length; negative if apart.
     size : float
-        Shear stress of the trial, ≥ 0.
+        Shear stress |q| of the trial, ≥ 0.
     kn, ks : float
         Springs, stress per length.
     friction : float

@@ -30,7 +30,8 @@ _AROUND: Final = 1.0  # Distance, in typical element sizes, within which a corne
 class Plane(NamedTuple):
     """Data of moving planar faces and corners, with shapes at rest about the centroids.
 
-    The last five attributes are state and are changed in place.
+    There are n elements, m faces, s sub-contacts, c corners and p pairs of a corner and an element that it may meet.
+    Lengths are in scene units. The last five attributes are state and are changed in place.
 
     Attributes
     ----------
@@ -58,11 +59,11 @@ class Plane(NamedTuple):
     gap, slid : (s,) float array
         Gap and slip of sub-contacts.
     stuck : (p,) float array
-        Force along the edge.
+        Friction force along the edge.
     place : (p,) float array
-        Position along the edge.
+        Position along the edge, from its first corner.
     on : (p,) int array
-        Edge touched.
+        Edge touched, −1 for none.
     """
 
     centre: Floats
@@ -84,7 +85,10 @@ class Plane(NamedTuple):
 
 
 def plane_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats) -> Plane:
-    """Return the data of a planar assembly at rest; `kn` and `ks` (m,) are springs per area."""
+    """Return the data of a planar assembly at rest, with no gap, slip or corner contact.
+
+    points: sub-contacts of all faces. kn, ks: (m,) normal and shear springs of the faces, stress per length.
+    """
     faces, elements = assembly.interfaces, assembly.elements
     at = faces.origin[points.face] + points.place[:, :1] * faces.e1[points.face]
     near, far = at - elements.centroid[faces.a[points.face]], at - elements.centroid[faces.b[points.face]]
@@ -115,10 +119,12 @@ def plane_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats) ->
 
 
 def corner_springs(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats, typical: float) -> Floats:
-    """Return (6,) springs of corners, friction, clearance, margin and a place for the overlap.
+    """Return the constants of corner contacts, as `Plane.spring` (6,).
 
-    The springs follow from those of faces and their typical sub-contact. `typical` is the size of an element.
-    The last entry holds the largest elastic overlap of any face.
+    They are medians over the faces: springs times the area of a sub-contact, and known friction coefficients, 0 without
+    any. The last entry, which `moving_forces` keeps at the largest elastic overlap, starts at 0.
+
+    kn, ks: (m,) springs of the faces, stress per length. typical: size of an element, length.
     """
     size = float(np.median(np.bincount(points.face, weights=points.place[:, -1]) / np.bincount(points.face)))
     known = assembly.strengths.friction[np.isfinite(assembly.strengths.friction)]
@@ -128,9 +134,12 @@ def corner_springs(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floa
 
 
 def near_corners(assembly: Assembly, corner: Ints, places: Floats, typical: float) -> Ints:
-    """Return (p, 2) corners and elements that may meet.
+    """Return the pairs (p, 2) of a corner and another element that may meet.
 
-    `corner` (c,) is the element of each corner; `places` (c, d) are the positions.
+    These are the corners within one typical size of the bounding box of the element. Pairs of two supports are left
+    out.
+
+    corner: (c,) element of each corner. places: (c, d) positions of the corners. typical: size of an element, length.
     """
     elements, around = assembly.elements, _AROUND * typical
     found = []
@@ -143,7 +152,7 @@ def near_corners(assembly: Assembly, corner: Ints, places: Floats, typical: floa
 
 
 def contacts_of(assembly: Assembly) -> dict[tuple[int, int], list[int]]:
-    """Return the faces between two elements, in either order of the elements."""
+    """Return the faces between every two elements in contact, by the pair in either order."""
     faces, found = assembly.interfaces, dict[tuple[int, int], list[int]]()
     for face in range(len(faces)):
         a, b = int(faces.a[face]), int(faces.b[face])
@@ -180,10 +189,12 @@ def _edge_along(shape: Floats, contact: Floats) -> int:
 
 @compiled
 def moving_forces(bench: Bench, motion: Motion, force: Floats, plane: Plane) -> None:
-    """Add the forces (n, 3) of all faces at the present positions of the elements to `force`.
+    """Update all sub-contacts at the present positions of the elements and add their forces.
 
     Normals follow the mean rotation of both elements. Half of a sub-contact belongs to either element.
     A half that has slid past the end of the other face by its tributary length is lost, until it slides back.
+
+    motion, plane: their state is changed in place. force: (n, 3) forces and moments of the elements, to which is added.
     """
     moved, ends, frame = motion.moved, bench.ends, bench.frame
     first, place, law, brittle, gaps = bench.first, bench.place, bench.law, bench.brittle, bench.gaps
@@ -232,9 +243,12 @@ def moving_forces(bench: Bench, motion: Motion, force: Floats, plane: Plane) -> 
 
 @compiled
 def nearest_edge(pair: int, moved: Floats, plane: Plane) -> tuple[int, float, float, float, float]:
-    """Return the edge of a pair's element that is nearest to its corner, and their distance.
+    """Return the edge of a pair's element that is nearest to its corner, and where it is met.
 
-    The result is edge, depth inside the element (negative outside), position along the edge, and its direction.
+    The result is the number of the edge within the element, the depth of the corner inside the element (length,
+    negative outside), the position along the edge (length), and the edge's direction (x, y) at present.
+
+    pair: row of `plane.pair`. moved: (n, 3) displacements and rotations of the elements.
     """
     c, j = plane.pair[pair, 0], plane.pair[pair, 1]
     i = plane.corner[c]
@@ -268,7 +282,11 @@ def nearest_edge(pair: int, moved: Floats, plane: Plane) -> tuple[int, float, fl
 
 @compiled
 def near_pairs(moved: Floats, plane: Plane) -> Ints:
-    """Return the pairs of corner and element that are now near each other."""
+    """Return the pairs (k,) of corner and element whose corner is now near the outline.
+
+    Near means within the distance `plane.spring[4]`; the result holds rows of `plane.pair`. Time steps look at these
+    alone. moved: (n, 3) displacements and rotations of the elements.
+    """
     found = np.empty(len(plane.pair), dtype=np.int64)
     count = 0
     for pair in range(len(plane.pair)):
@@ -281,9 +299,12 @@ def near_pairs(moved: Floats, plane: Plane) -> Ints:
 
 @compiled
 def corner_forces(pairs: Ints, moved: Floats, force: Floats, plane: Plane) -> None:
-    """Add the forces of corners that have entered other elements, with friction, to `force`.
+    """Add the forces of corners that have entered other elements, with friction.
 
     A corner on an edge along which its element is already in contact is left to that face.
+
+    pairs: (k,) rows of `plane.pair` to look at. moved: (n, 3) displacements and rotations. force: (n, 3) forces and
+    moments of the elements, to which is added. plane: its state is changed in place.
     """
     kn, ks, friction = plane.spring[0], plane.spring[1], plane.spring[2]
     clearance = plane.spring[3] + plane.spring[5]

@@ -104,7 +104,7 @@ class Space(NamedTuple):
 
 
 def space_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats) -> Space:
-    """Return the data of a spatial assembly at rest; `kn` and `ks` (m,) are springs per area."""
+    """Return the data of a spatial assembly at rest; arguments are those of `plane_of`."""
     faces, elements = assembly.interfaces, assembly.elements
     along = points.place[:, :1] * faces.e1[points.face] + points.place[:, 1:2] * faces.e2[points.face]
     at = faces.origin[points.face] + along
@@ -195,7 +195,10 @@ def _table(rows: list[list[int]]) -> Ints:
 
 @compiled
 def turn_along(velocity: Floats, space: Space) -> None:
-    """Rotate the elements by one step of their angular velocities (Rodrigues' formula)."""
+    """Rotate the elements by their rotation of one time step (Rodrigues' formula).
+
+    velocity: (n, 6) displacement and rotation vector per step. `space.turn` is changed in place.
+    """
     spin, was = np.empty((3, 3)), np.empty((3, 3))
     for i in range(len(velocity)):
         x, y, z = velocity[i, 3], velocity[i, 4], velocity[i, 5]
@@ -216,7 +219,7 @@ def turn_along(velocity: Floats, space: Space) -> None:
 
 @compiled
 def mean_axes(bench: Bench, space: Space, f: int, axes: Floats) -> None:
-    """Compute normal, e1 and e2 (3, 3) of a face, rotated by the mean of both elements."""
+    """Set `axes` (3, 3) to normal, e1 and e2 of face f, rotated by the mean of both elements."""
     a, b = bench.ends[f, 0], bench.ends[f, 1]
     for axis in range(2):
         for i in range(3):
@@ -239,7 +242,10 @@ def mean_axes(bench: Bench, space: Space, f: int, axes: Floats) -> None:
 
 @compiled
 def moving_forces_in_space(bench: Bench, motion: Motion, force: Floats, space: Space) -> None:
-    """Add the forces (n, 6) of all faces at present positions to `force`; see `moving_forces`."""
+    """Update all sub-contacts and add the forces of their faces to `force` (n, 6).
+
+    All else is as in `moving_forces`; the rotations are those of `space.turn`.
+    """
     axes, near, far = np.empty((3, 3)), np.empty(3), np.empty(3)
     between, part, jump = np.empty(3), np.empty(3), np.empty(3)
     moved, ends, first, place = motion.moved, bench.ends, bench.first, bench.place
@@ -291,7 +297,8 @@ def moving_forces_in_space(bench: Bench, motion: Motion, force: Floats, space: S
 def nearest_side(pair: int, moved: Floats, space: Space, point: Floats, nearest: Floats) -> tuple[int, float]:
     """Return the triangle of a pair's element that is nearest to its corner, and the distance.
 
-    `point` and `nearest` (3,) are set to the corner and the nearest point, in the element's axes at rest.
+    Flush faces are left out. `point` and `nearest` (3,) are set to the corner and the nearest point, in the element's
+    axes at rest. pair: row of `space.pair`. moved: (n, 6) displacements.
     """
     c, j = space.pair[pair, 0], space.pair[pair, 1]
     i = space.corner[c]
@@ -323,10 +330,9 @@ def is_among(table: Ints, row: int, value: int) -> bool:
 
 @compiled
 def is_inside(point: Floats, pair: int, space: Space) -> bool:
-    """Return True if a point lies within the element of a pair.
+    """Return True if a point (3,), in the axes at rest of a pair's element, lies within it.
 
-    The point is given in the element's axes at rest. Flush faces are left out.
-    A point in the plane of a flush face then sees half the solid angle of a point far inside.
+    Flush faces are left out. A point in their plane still sees half the solid angle of a point far inside.
     """
     element, seen = space.pair[pair, 1], 0.0
     for t in range(space.side_first[element], space.side_first[element + 1]):
@@ -337,7 +343,7 @@ def is_inside(point: Floats, pair: int, space: Space) -> bool:
 
 @compiled
 def near_pairs_in_space(moved: Floats, space: Space) -> Ints:
-    """Return the pairs of corner and element that are now near each other."""
+    """Return the pairs (k,) whose corner is now near its element's surface; see `near_pairs`."""
     found, count = np.empty(len(space.pair), dtype=np.int64), 0
     point, nearest = np.empty(3), np.empty(3)
     for pair in range(len(space.pair)):
@@ -350,7 +356,7 @@ def near_pairs_in_space(moved: Floats, space: Space) -> Ints:
 
 @compiled
 def corner_forces_in_space(pairs: Ints, moved: Floats, force: Floats, space: Space) -> None:
-    """Add forces of corners that have entered other elements to `force`; see `corner_forces`."""
+    """Add the corner forces to `force` (n, 6), with arguments as in `corner_forces`."""
     kn, ks, friction = space.spring[0], space.spring[1], space.spring[2]
     clearance = space.spring[3] + space.spring[5]
     point, nearest, normal, part, total, arm = np.empty((6, 3))

@@ -19,10 +19,10 @@ PUSHED, FASTER, LIMIT = "#1B1B1B", "#D55E00", "#0072B2"
 
 
 def status_of(curve: Curve) -> str:
-    """Return the status: "collapse", "uncertified", "locked", "falls" or "creeps".
+    """Return the status of an experiment in one word.
 
-    "uncertified" means that two rates differ by more than allowed, "locked" that nothing collapsed.
-    "falls" and "creeps" describe the behaviour under the dead loads alone.
+    "collapse": λ has a highest value on which both rates agree. "uncertified": the rates differ by more than
+    `RATE_ERROR`. "locked": nothing collapsed. "falls" or "creeps": the structure does so under the dead loads alone.
     """
     if not curve.stands:
         return str(curve.standing)
@@ -32,7 +32,10 @@ def status_of(curve: Curve) -> str:
 
 
 def summary(curve: Curve, load_factor: float) -> dict[str, Any]:
-    """Return the data of `jld experiment --json`; `load_factor` is λ of limit analysis or NaN."""
+    """Return the data of `jld experiment --json`: status, loads, their accuracy and settings.
+
+    Numbers that are not finite are None. load_factor: λ of limit analysis for comparison, or NaN.
+    """
     found = curve.collapse_load
     joints, settings = curve.joints, curve.settings
     return {
@@ -59,11 +62,11 @@ def summary(curve: Curve, load_factor: float) -> dict[str, Any]:
 
 
 def table(curve: Curve) -> pd.DataFrame:
-    """Return both pushes as a table with one row per record.
+    """Return both pushes of an experiment as a table with one row per record.
 
     Columns are push (slow, fast), distance (live·u), elastic, load_factor, unbalanced and broken.
     `elastic` is the distance over that of the elastic structure at the collapse load.
-    The columns unbalanced and broken exist for the slow push only.
+    The columns unbalanced and broken are NaN for the fast push. The table is empty if the structure does not stand.
     """
     slow = pd.DataFrame(
         {
@@ -81,11 +84,13 @@ def table(curve: Curve) -> pd.DataFrame:
 
 
 def end_state(curve: Curve, result: LimitAnalysisResult) -> LimitAnalysisResult:
-    """Return a result whose mechanism is the displacement of the experiment.
+    """Return a result of limit analysis with the displacements of an experiment as mechanism.
 
-    The mechanism is scaled to live power 1, for `draw_mechanism` and for tables.
-    The displacement is that since the dead loads were in equilibrium.
-    If the structure does not stand, the displacement is that since the start, scaled to a largest value of 1.
+    `draw_mechanism` and tables can then show the end of the experiment. The displacement is that since the dead loads
+    were in equilibrium, scaled to live power 1. If the structure does not stand or the live loads do not advance, it is
+    scaled to a largest entry of 1.
+
+    result: result of the same assembly and labels; all but its mechanism is kept.
     """
     moved = curve.at_end
     power = float((curve.assembly.live * moved).sum())
@@ -100,10 +105,12 @@ def draw_curve(
     band: tuple[float, float] | None = None,
     proven: float | None = None,
 ) -> None:
-    """Plot λ over displacement, with λ of limit analysis as a line.
+    """Plot λ over displacement of an experiment, with λ of limit analysis as a line.
 
     The displacement is relative to the elastic one at collapse.
-    `band` is the range of λ without dilation, and `proven` the lower bound on it.
+
+    load_factor: λ of limit analysis, NaN for no line. band: lowest and highest λ without dilation. proven: lower bound
+    on λ without dilation. None leaves a part out.
     """
     unit = curve.reach * (curve.collapse_load or np.nan)
     if band is not None:
@@ -147,8 +154,10 @@ def figure_of(
 ) -> Figure:
     """Draw the curve, the end of the experiment, and the mechanism of limit analysis.
 
-    `result` is of the same assembly and labels. `band` holds the lowest and highest λ without dilation.
-    `proven` is the lower bound on λ without dilation.
+    The figure is not saved.
+
+    result: result of the same assembly and labels. band: lowest and highest λ without dilation. proven: lower bound on
+    λ without dilation. None leaves a part out.
     """
     figure = Figure(figsize=(14.4, 5.7), dpi=120, layout="constrained")
     FigureCanvasAgg(figure)

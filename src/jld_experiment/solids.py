@@ -12,9 +12,11 @@ from jld_experiment.compiled import compiled
 
 
 def triangles_of(vertices: Floats, faces: tuple[tuple[int, ...], ...]) -> tuple[Floats, Ints]:
-    """Return outward triangles (t, 3, 3) of a solid's faces, and the face of each.
+    """Cut the faces of a solid into triangles by ear clipping, also faces that are not convex.
 
-    Ear clipping cuts faces that are not convex, so that every triangle lies on the solid.
+    The result is the triangles (t, 3, 3) with the orientation of their faces, and the face (t,) of each.
+
+    vertices: (v, 3) corners. faces: vertices around each face, outward.
     """
     table, which = [], []
     for number, face in enumerate(faces):
@@ -43,27 +45,30 @@ def _is_ear(vertices: Floats, ring: list[int], k: int, normal: Floats) -> bool:
 
 @compiled
 def turned(matrix: Floats, arm: Floats, out: Floats) -> None:
-    """Compute out = matrix · arm."""
+    """Set `out` (3,) to matrix (3, 3) · arm (3,)."""
     for i in range(3):
         out[i] = matrix[i, 0] * arm[0] + matrix[i, 1] * arm[1] + matrix[i, 2] * arm[2]
 
 
 @compiled
 def turned_back(matrix: Floats, arm: Floats, out: Floats) -> None:
-    """Compute out = matrixᵀ · arm."""
+    """Set `out` (3,) to matrixᵀ (3, 3) · arm (3,)."""
     for i in range(3):
         out[i] = matrix[0, i] * arm[0] + matrix[1, i] * arm[1] + matrix[2, i] * arm[2]
 
 
 @compiled
 def dot(one: Floats, two: Floats) -> float:
-    """Return the scalar product one · two."""
+    """Return the scalar product of two vectors (3,)."""
     return float(one[0] * two[0] + one[1] * two[1] + one[2] * two[2])
 
 
 @compiled
 def pressed(force: Floats, element: int, arm: Floats, part: Floats, sign: float) -> None:
-    """Add a force at an arm from an element's centroid, with its moment."""
+    """Add `sign` × a force at an arm from an element's centroid, with its moment, to `force`.
+
+    force: (n, 6) forces and moments of all elements. arm, part: (3,) arm and force.
+    """
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         force[element, i] += sign * part[i]
@@ -72,7 +77,10 @@ def pressed(force: Floats, element: int, arm: Floats, part: Floats, sign: float)
 
 @compiled
 def beyond(x: float, y: float, low: int, high: int, rim: Floats) -> float:
-    """Return the distance of a point from a polygon, 0 inside."""
+    """Return the distance of a point (x, y) from a polygon, 0 inside.
+
+    low, high: the corners of the polygon are the rows low … high − 1 of `rim` (r, 2).
+    """
     within, least = False, np.inf
     for k in range(low, high):
         after = k + 1 if k + 1 < high else low
@@ -87,7 +95,7 @@ def beyond(x: float, y: float, low: int, high: int, rim: Floats) -> float:
 
 @compiled
 def nearest_on_triangle(point: Floats, triangle: Floats, out: Floats) -> None:
-    """Compute the point of a triangle (3, 3) nearest to a point.
+    """Set `out` (3,) to the point of a triangle (3, 3) nearest to a point (3,).
 
     Source: Ericson, Real-Time Collision Detection, 2005, 5.1.5.
     """
@@ -123,7 +131,7 @@ def nearest_on_triangle(point: Floats, triangle: Floats, out: Floats) -> None:
 
 @compiled
 def angle_seen(point: Floats, triangle: Floats) -> float:
-    """Return half the signed solid angle of a triangle seen from a point.
+    """Return half the signed solid angle, rad, of a triangle (3, 3) seen from a point (3,).
 
     The values of all outward triangles sum to 2π inside a solid and to 0 outside.
     Source: van Oosterom & Strackee 1983.

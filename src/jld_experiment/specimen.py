@@ -25,7 +25,11 @@ FAR = 1e3  # Displacement, in elastic displacements, beyond which a structure co
 
 
 class Standing(StrEnum):
-    """Behaviour of an assembly under constant loads."""
+    """Behaviour of an assembly under constant loads: it comes to rest, creeps or falls.
+
+    It falls if it moves beyond `FAR` elastic displacements. It creeps if it has neither fallen nor come to rest after
+    `PATIENCE` slowest periods.
+    """
 
     RESTS = "rests"
     CREEPS = "creeps"
@@ -34,14 +38,14 @@ class Standing(StrEnum):
 
 @dataclass
 class State:
-    """Variables that change during loading.
+    """Variables that change during loading, for n elements and s sub-contacts.
 
     Attributes
     ----------
     moved, velocity : (n, q) float array
-        Displacements and velocities about the centroids.
+        Displacements and rotations about the centroids (scene units, rad), and their change per time step.
     overlap, pressure : (s,) float array
-        Elastic overlap and compressive stress of sub-contacts.
+        Elastic overlap (length) and compressive stress of sub-contacts.
     shear : (s, d − 1) float array
         Shear stress of sub-contacts.
     broken : (s,) bool array
@@ -61,7 +65,7 @@ class State:
 
 @dataclass(frozen=True)
 class Specimen:
-    """One labelling of an assembly, ready to be loaded.
+    """One labelling of an assembly, ready to be loaded; loading changes its states, not it.
 
     Attributes
     ----------
@@ -76,7 +80,7 @@ class Specimen:
     bench : Bench
         Constant arrays of the time stepping.
     largest : float
-        Force to which unbalanced forces are relative.
+        Force to which unbalanced forces are relative: the largest dead load on an element, or live load without any.
     geometry : Plane, Space or None
         Initial state of a moving geometry, None for a fixed one.
     settings : Settings
@@ -93,7 +97,7 @@ class Specimen:
     settings: Settings
 
     def fresh(self) -> State:
-        """Return the state without any load."""
+        """Return a new state at rest without any load."""
         n, q = len(self.assembly.elements), self.assembly.freedoms
         s = len(self.points.face)
         shear = np.zeros((s, self.assembly.dimension - 1))
@@ -156,9 +160,9 @@ class Specimen:
         return state, self.rest(state, 0.0)
 
     def rest(self, state: State, load_factor: float) -> Standing:
-        """Wait for rest under a load factor and return whether the state rests, falls or creeps.
+        """Wait for rest at a load factor; return whether the state rests, falls or creeps.
 
-        The state is changed in place. It falls if it moves beyond `FAR` elastic displacements.
+        The state is changed in place. Unbalanced forces up to `REST`, relative to `largest`, count as rest.
         """
         period = max(1, round(self.system.period))
         limit = FAR * (self.system.sag + abs(load_factor) * self.system.swing)
@@ -172,7 +176,7 @@ class Specimen:
         return Standing.CREEPS
 
     def resultants(self, state: State) -> Floats:
-        """Return (m, q) resultants of all faces as in limit analysis.
+        """Return the resultants (m, q) of all faces with the signs of limit analysis, scene units.
 
         The columns are N, V, M in the plane and N, V1, V2, M1, M2, MT in space.
         """

@@ -19,14 +19,14 @@ SCHEMES: Final = ("trapezoid", "simpson", "midpoint", "limit")
 
 @dataclass(frozen=True)
 class SubContacts:
-    """Sub-contacts of all m faces, one face after the other.
+    """The s sub-contacts of all m faces, one face after the other.
 
     Attributes
     ----------
     first : (m + 1,) int array
         Position of the first sub-contact of each face.
     place : (s, 2) or (s, 3) float array
-        Coordinate along e1 and area (planar), or coordinates along e1 and e2 and area (spatial).
+        Coordinate along e1 and area (planar), or coordinates along e1 and e2 and area (spatial), scene units.
     face : (s,) int array
         Face of each sub-contact.
     """

@@ -14,20 +14,21 @@ from jld_experiment.subcontacts import SubContacts
 
 @dataclass(frozen=True)
 class System:
-    """Elastic assembly of rigid elements on springs, with scaled masses.
+    """Elastic assembly of n rigid elements on springs, with scaled masses.
 
-    The masses make a time step of one the share `step` of the critical step.
+    The masses are scaled so that a time step of one is the share `step` of the critical step. Times are in such steps,
+    all else in scene units.
 
     Attributes
     ----------
     ends : (m, 2) int array
         Elements a and b of each face.
     frame : (m, 6) or (m, 15) float array
-        Normals and arms for the time stepping, planar or spatial.
+        Normals and arms for the time stepping, columns as in `Bench.frame`.
     inverse : (n, 2) float array
         Inverse of mass and inertia, 0 on supports.
     radius : (n,) float array
-        Radius of gyration √(inertia/mass).
+        Radius of gyration √(inertia/mass), length; 1 on supports.
     period : float
         Slowest period, steps.
     reach : float
@@ -49,8 +50,8 @@ class System:
 def system_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats, step: float) -> System:
     """Compute stiffness, scaled masses and periods of an assembly with all faces in contact.
 
-    `kn` and `ks` (m,) are normal and shear stiffness per area. `step` is the time step as a share of the largest stable
-    one.
+    points: sub-contacts of all faces. kn, ks: (m,) normal and shear springs of the faces, stress per length.
+    step: time step as a share of the largest stable one.
     """
     elements, q, d = assembly.elements, assembly.freedoms, assembly.dimension
     ends = np.column_stack([assembly.interfaces.a, assembly.interfaces.b]).astype(np.int64)
@@ -93,9 +94,10 @@ def system_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats, s
 
 
 def jump_matrices(assembly: Assembly) -> Floats:
-    """Return (m, q, 2q) matrices from displacements of elements a and b to jumps.
+    """Return matrices (m, q, 2q) from motions of elements a and b to jumps of faces.
 
-    Jumps are opening, slips and rotations, conjugate to the resultants.
+    Columns are the q freedoms of a, then those of b. The q jumps are opening, slips and rotations, conjugate to the
+    resultants of `Specimen.resultants`.
     """
     faces, q, d = assembly.interfaces, assembly.freedoms, assembly.dimension
     found = np.zeros((len(faces), q, 2 * q))

@@ -89,9 +89,10 @@ def choose_driver(
 
 
 def nothing_found(space: SearchSpace, seconds: float | None = None) -> InputError:
-    """Return the error for a search without any layout, ended by `seconds` or by exhaustion.
+    """Return the InputError, not raised, for a search without any layout.
 
-    It says whether the space is proven empty.
+    It says whether the space is proven empty. seconds: time limit that ended the search, s; None if all labellings were
+    tried.
     """
     where, problem, remedy = "search", "no labelling satisfies the constraints", "constraints that some labelling meets"
     if seconds is not None:

@@ -46,7 +46,8 @@ PORTION: Final = 16
 class Experiments:
     """Virtual experiments on layouts of one assembly, each run once and kept in a file.
 
-    Inner faces are brittle and joints do not dilate. Results are written to disk after every `jobs` experiments.
+    Inner faces are brittle and joints do not dilate. Results are written to `experiments.csv` in `folder` after every
+    `jobs` experiments; rows of such a file are read at the start. Raises InputError if that file is damaged.
 
     Attributes
     ----------
@@ -59,7 +60,7 @@ class Experiments:
     deadline : Deadline
         Time after which no experiment is begun.
     rows : dict of str to dict
-        Results by the text of the labelling.
+        Results by the text of the labelling (letters "d" and "i", one per face).
     """
 
     assembly: Assembly
@@ -88,7 +89,10 @@ class Experiments:
         return self.deadline.passed()
 
     def run(self, wanted: list[tuple[str, float]]) -> None:
-        """Run experiments on layouts (text, λ), except those already on disk."""
+        """Run experiments on layouts that are not on disk yet, until the deadline passes.
+
+        wanted: text of each labelling, and its λ by limit analysis. Results are added to `rows` and written to disk.
+        """
         fresh = [(name, value) for name, value in wanted if name not in self.rows]
         for part in _portions(fresh, self.jobs):
             if self.late:
@@ -108,7 +112,7 @@ class Experiments:
 
     @property
     def best(self) -> float:
-        """Largest load factor carried by any layout, −inf if there is none."""
+        """Largest load factor of an experiment that ended in collapse, −inf if there is none."""
         return max((row["experiment"] for row in self.rows.values() if row["status"] == "collapse"), default=-np.inf)
 
 
@@ -119,7 +123,11 @@ def _portions(rows: list[tuple[str, float]], size: int) -> Iterator[list[tuple[s
 
 
 def one_experiment(assembly: Assembly, name: str, load_factor: float) -> dict[str, Any]:
-    """Run one experiment and return its row; a layout that does not stand carries 0."""
+    """Run one experiment and return its row of the table.
+
+    A layout that does not stand under its dead loads carries 0. name: text of the labelling. load_factor: its λ by
+    limit analysis, which the row keeps.
+    """
     from jld_experiment import run_experiment
     from jld_experiment.report import status_of
 
@@ -138,7 +146,10 @@ def one_experiment(assembly: Assembly, name: str, load_factor: float) -> dict[st
 
 
 def best_by_load_factor(done: Exploration, count: int) -> list[tuple[str, float]]:
-    """Return the first `count` layouts of a study by λ, as (text, λ)."""
+    """Return the first `count` layouts of a study that collapse, as (text, associative λ).
+
+    Layouts are in the order of the results table, best first; there may be fewer.
+    """
     ranked = done.results[done.results["status"] == str(Status.COLLAPSE)].head(count)
     return [(str(a), float(b)) for a, b in zip(ranked["labelling"], ranked["load_factor_associative"], strict=True)]
 
@@ -237,7 +248,10 @@ def add_experiments(
 
 
 def with_experiments(done: Exploration, experiments: Experiments, objective: bool) -> Exploration:
-    """Return the study with a column `experiment` in its results and facts in its summary."""
+    """Return the study with a column `experiment` in its results and facts in its summary.
+
+    Nothing is written. Layouts without an experiment have NaN. objective: True if experiments were the objective.
+    """
     rows = experiments.rows
     values = [rows[name]["experiment"] if name in rows else np.nan for name in done.results["labelling"]]
     results = done.results.assign(experiment=values)

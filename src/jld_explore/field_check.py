@@ -101,12 +101,15 @@ def plan_check(scene: Scene, assembly: Assembly, space: SearchSpace, settings: E
 
 
 def time_for(plan: CheckPlan | None, settings: ExploreSettings) -> float:
-    """Return the part of a time limit that is kept back for a check, s."""
+    """Return the part of a time limit that is kept back for a check, s; 0 without a limit.
+
+    plan: what is checked, None for nothing.
+    """
     return 0.0 if plan is None or settings.seconds is None else min(2.0 * plan.seconds, SHARE * settings.seconds)
 
 
 def add_check(done: Exploration, space: SearchSpace, plan: CheckPlan, deadline: Deadline) -> Exploration:
-    """Check the best layouts by fields and add the bounds to the tables and the summary on disk.
+    """Check the best layouts by fields; add the bounds to tables and summary on disk.
 
     Parameters
     ----------

@@ -37,11 +37,12 @@ _UNSTABLE: Final = -float(np.finfo(float).tiny)
 
 
 class FieldStudy(Study):
-    """Study of a scene that cracks by fields.
+    """Study of a scene whose blocks may crack anywhere.
 
-    An exhaustive driver has all its layouts race: they are bounded together, and only what may be the strongest is
-    refined. The exact driver refines what its proof asks for. Other drivers search on the coarsest mesh, and the best
-    of what they found race at the end. Parameters and attributes are those of `Study`.
+    Stress fields in the blocks bound λ from below, velocity fields from above. An exhaustive driver has all its layouts
+    race: they are bounded together, and only what may be the strongest is refined. The exact driver refines what its
+    proof asks for. Other drivers search on the coarsest mesh, and the best of what they found race at the end.
+    Parameters and attributes are those of `Study`.
     """
 
     race: RaceResult | None = None
@@ -50,7 +51,7 @@ class FieldStudy(Study):
 
     @property
     def gap(self) -> float:
-        """Relative gap that the scene asks for."""
+        """Relative gap of bounds that the scene asks for; raises RuntimeError for other cracks."""
         cracks = self.scene.cracks
         if not isinstance(cracks, FieldCracks):
             raise RuntimeError("a study by fields needs a scene that cracks by fields")
@@ -64,7 +65,7 @@ class FieldStudy(Study):
         return self._refined
 
     def run(self) -> StopReason:
-        """Search by the driver, and record the bounds of each layout.
+        """Search by the driver, refine what matters, and record the bounds of each layout.
 
         Returns
         -------
@@ -175,7 +176,13 @@ class FieldStudy(Study):
     # --- what is told -----------------------------------------------------------------------------------
 
     def facts(self, results: pd.DataFrame) -> dict[str, Any]:
-        """Return what is proven: the bound over all layouts, its gap, and whether one layout is the strongest."""
+        """Return what the search by fields proves, for the summary; empty before it has run.
+
+        The entries are the bound over all layouts, its relative gap, whether one layout is proven to be the strongest,
+        what would narrow the gap, and the numbers of the race.
+
+        results: table of all evaluations.
+        """
         race = self.race
         if race is None:
             return {}

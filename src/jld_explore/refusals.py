@@ -18,7 +18,10 @@ from jld_explore.settings import ExploreSettings
 
 
 def refuse_together(scene: Scene, settings: ExploreSettings, assembly: Assembly) -> None:
-    """Raise InputError for settings that exclude each other or do not support the loads."""
+    """Raise InputError for settings that exclude each other or do not support the loads.
+
+    With `strict` it is also raised for the first warning of the assembly.
+    """
     if assembly.warnings and settings.strict:
         raise InputError("", assembly.warnings[0], "a scene without warnings, or `strict=False`")
     refuse_beside_cracks(scene, settings, assembly)
@@ -32,7 +35,10 @@ def refuse_together(scene: Scene, settings: ExploreSettings, assembly: Assembly)
 
 
 def refuse_beside_own_objective(scene: Scene, settings: ExploreSettings) -> None:
-    """Raise InputError for what needs bounds on λ, or another ranking, beside an objective of the user."""
+    """Raise InputError for settings that do not go with an objective of the user.
+
+    These need bounds on λ, or rank by something else. Without such an objective nothing is refused.
+    """
     if settings.own_objective is None:
         return
     driver = settings.driver
@@ -50,7 +56,10 @@ def refuse_beside_own_objective(scene: Scene, settings: ExploreSettings) -> None
 
 
 def refuse_beside_cracks(scene: Scene, settings: ExploreSettings, assembly: Assembly) -> None:
-    """Raise InputError for settings that a search with cracks beside the faces does not know."""
+    """Raise InputError for settings that a search with cracks beside the faces does not know.
+
+    Scenes that crack along faces alone pass.
+    """
     if scene.cracks == "faces":
         return
     fields = isinstance(scene.cracks, FieldCracks)

@@ -228,7 +228,10 @@ class ExploreSettings(OutputSettings, SearchMethod, ParallelSettings, BudgetSett
         return cls(**{one.name: getattr(part, one.name) for part in parts for one in fields(part)})
 
     def maximising(self, objective: Objective) -> ExploreSettings:
-        """Return the settings with another objective, see `ModelSettings.maximising`."""
+        """Return a copy of the settings with another objective.
+
+        Arguments and errors are those of `ModelSettings.maximising`.
+        """
         part = ModelSettings(**{one.name: getattr(self, one.name) for one in fields(ModelSettings)})
         changed = part.maximising(objective)
         return replace(self, **{one.name: getattr(changed, one.name) for one in fields(ModelSettings)})

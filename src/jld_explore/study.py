@@ -58,7 +58,7 @@ _LEAST: Final = 1.0
 
 
 class Study:
-    """One search over labellings of a scene.
+    """One search over labellings of a scene: call `run` once, then read the records.
 
     The same scene, driver, seed and budget give the same recorded rows for any number of jobs.
 
@@ -67,7 +67,7 @@ class Study:
     scene, assembly, space, driver
         Scene with its assembly, search space and driver.
     folder : Path
-        Results folder.
+        Results folder; its record is opened at once and closed by `run`.
     settings : ExploreSettings, optional
         Settings of the search.
     total : int, optional
@@ -122,14 +122,14 @@ class Study:
         }
 
     def open_records(self) -> Records:
-        """Open the record in the folder, existing or new."""
+        """Open the record in the folder, existing or new; errors are those of `Records`."""
         own = self.settings.own_objective is not None
         values = len(self.assembly.cases) + (self.assembly.nominal is not None) + own
         return Records(self.folder, self.header, len(self.assembly.interfaces), values)
 
     @property
     def table_records(self) -> Records | RefinedRecords:
-        """Evaluations that tables show."""
+        """Records whose evaluations the tables show."""
         return self.records
 
     @property
@@ -168,7 +168,7 @@ class Study:
 
     @property
     def undecided(self) -> int:
-        """Number of layouts left out because the search for their assembly order stopped at its limit."""
+        """Number of layouts left out because the search for their assembly order was cut short."""
         return 0 if self.space.laying is None else self.space.laying.undecided
 
     @property
@@ -198,7 +198,10 @@ class Study:
         self.driver.withdraw(reason)
 
     def keep_bound(self, bound: float | None) -> None:
-        """Record a proven upper bound on λ over the whole space, for runs that resume this one."""
+        """Record a proven upper bound on λ over the whole space, for runs that resume this one.
+
+        bound: scene units; None records nothing, and so does one that is not below the recorded bound.
+        """
         if bound is not None:
             self.records.keep_bound(bound)
 
@@ -367,7 +370,7 @@ def name_of(function: Callable[..., Any]) -> str:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of programs on which numerical results may depend."""
+    """Return the versions, by name, of programs on which numerical results may depend."""
     return {
         "jld": __version__,
         "python": platform.python_version(),

@@ -10,7 +10,11 @@ import numpy as np
 
 
 class StopReason(StrEnum):
-    """Reason why a study ended."""
+    """Reason why a study ended, `stop_reason` in its summary.
+
+    EXHAUSTED: all labellings were evaluated, or the driver has no more. PROVEN: the proof passed its check.
+    UNPROVEN: the proof failed its check. BUDGET and TIME: a limit was reached. INTERRUPTED: a signal ended it.
+    """
 
     EXHAUSTED = "exhausted"
     PROVEN = "proven"

@@ -55,9 +55,10 @@ class BoxBound:
 
 
 class BoxProblem:
-    """Bounds on λ of one load case over boxes of up to a few parameters.
+    """Bounds on λ of one load case over boxes of up to four parameters.
 
-    Positions are X = X0 + Σ y_j D_j. All faces are dry, without cohesion and compressive strength.
+    Positions are X = X0 + Σ y_j D_j, with the p parameters y and the positions X0 of `mesh`. All faces are dry, without
+    cohesion and compressive strength.
 
     Parameters
     ----------
@@ -105,12 +106,18 @@ class BoxProblem:
     # --- geometry over a box ----------------------------------------------------------------------------
 
     def corners(self, low: Floats, high: Floats) -> Floats:
-        """Return the positions (2^p, v, 2) of all vertices at the corners of a box."""
+        """Return the positions (2^p, v, 2) of all vertices at the corners of a box.
+
+        low, high: (p,) bounds on the parameters y, lengths.
+        """
         ends = np.array(list(itertools.product(*zip(low.tolist(), high.tolist(), strict=True)))).reshape(-1, len(low))
         return np.asarray(self._mesh.places + np.einsum("cp,pvd->cvd", ends, self._directions))
 
     def require_valid(self, low: Floats, high: Floats) -> None:
-        """Raise InputError where a box turns a cell over or makes it meet itself."""
+        """Raise ParameterError where a box turns an element over or makes it meet itself.
+
+        Bounds hold for boxes that pass this check alone. low, high: (p,) bounds on the parameters, lengths.
+        """
         places, ids = self.corners(low, high), self._assembly.elements.ids
         area, _ = self._bernstein_moments(low, high)
         for element, loop in enumerate(self._mesh.loops):
@@ -140,7 +147,11 @@ class BoxProblem:
         return both[..., 0], both[..., 1:]
 
     def loads(self, low: Floats, high: Floats) -> tuple[Floats, Floats]:
-        """Return scaled b and b_λ (4^p, 3·free) over a box in Bernstein form."""
+        """Return the scaled dead and live loads on free elements over a box in Bernstein form.
+
+        Each is (4^p, 3·free): its values in the box lie within the convex hull of the rows. Columns are force x, force
+        y and moment of each element. low, high: (p,) bounds on the parameters, lengths.
+        """
         area, moment = self._bernstein_moments(low, high)
         free = self._assembly.elements.free
         whole = self._mesh_areas()
@@ -166,10 +177,11 @@ class BoxProblem:
         return np.array(areas)
 
     def generators(self, low: Floats, high: Floats) -> tuple[Floats, Floats] | None:
-        """Return forces at ends of faces (g, 3·free) whose cone holds all forces of the box, and their roundings.
+        """Return forces at ends of faces whose cone holds all forces of faces in the box.
 
-        None where the directions of a face span half a turn. Rounding: (g, 3·free) magnitudes of the terms of each
-        entry.
+        The result is the forces (g, 3·free) on free elements, scaled, and (g, 3·free) magnitudes of the terms of each
+        entry, from which rounding errors follow. None where the directions of a face span half a turn. low, high: (p,)
+        bounds on the parameters, lengths.
         """
         places = self.corners(low, high)
         faces, elements = self._assembly.interfaces, self._assembly.elements
@@ -203,7 +215,11 @@ class BoxProblem:
     # --- bound ------------------------------------------------------------------------------------------
 
     def bound(self, low: Floats, high: Floats) -> BoxBound:
-        """Return a proven bound on λ over a box (p,), (p,), in scene units."""
+        """Return a proven bound on λ, in scene units, of every position in a box.
+
+        It is inf where no mechanism valid in the whole box is found. Check the box by `require_valid` first.
+        low, high: (p,) bounds on the parameters, lengths.
+        """
         cone = self.generators(low, high)
         if cone is None:
             return BoxBound(math.inf, None)

@@ -45,13 +45,13 @@ class ProvenBox:
     after : LimitAnalysisResult
         Analysis at the best position.
     load_factor : float
-        Proven lower bound on λ there; with load cases the governing factor.
+        Proven lower bound on λ at the best position; with load cases the governing factor.
     bound : float
         Proven upper bound on λ of every position in the box; inf where none was proven.
     proven : bool
-        True if both agree within the gap asked for.
+        True if `load_factor` and `bound` agree within the gap asked for.
     gap : float
-        Their relative distance.
+        Relative distance of `load_factor` and `bound`.
     boxes : int
         Number of boxes bounded.
     seconds : float
@@ -59,11 +59,11 @@ class ProvenBox:
     parameters : (p,) array
         Best position in the box, lengths from the start.
     low, high : (p,) arrays
-        The box.
+        Least and greatest parameters of the box, lengths.
     places : (v, 2) array
         Positions of all vertices at the best position.
     moved : (v, 2) array
-        How far they moved.
+        Displacements of all vertices from the start.
     """
 
     scene: Scene

@@ -33,16 +33,16 @@ _MARGINS: Final = (1e-9, 1e-8, 1e-7, 1e-6, 1e-5)
 
 @dataclass(frozen=True)
 class Evaluated:
-    """One geometry with its proven value.
+    """One geometry with its value and the forces from which the next step starts.
 
     Attributes
     ----------
     values : (k,) array
-        Variables z.
+        Variables z, see `Variables`.
     objective : float
         Number that is maximised: λ, or minus the least friction factor, thickness or missing strength.
     result : LimitAnalysisResult or None
-        Analysis at this geometry; None while strength is missing.
+        Analysis at this geometry; None where the objective is not proven: missing strength, or forces of a step.
     states : list of CaseState
         Forces of the load cases that can govern.
     friction : float
@@ -57,12 +57,12 @@ class Evaluated:
 
     @property
     def locked(self) -> bool:
-        """True if no live load of this geometry is too large."""
+        """True if λ is unbounded: this geometry carries any live load."""
         return self.result is not None and self.result.status is Status.LOCKED
 
 
 class Evaluator:
-    """Proven values of one structure at any positions of its vertices.
+    """Proven values of one structure at any positions of its vertices, for a search over them.
 
     Parameters
     ----------
@@ -96,18 +96,21 @@ class Evaluator:
         self.solves = 0
 
     def assembly(self, values: Floats) -> Assembly | None:
-        """Return the assembly at variables z; None where elements turn over or overlap."""
+        """Return the assembly at variables z (k,); None where elements turn over or overlap."""
         try:
             return build_assembly(self._moved.at(self.variables.places(values)))
         except InputError:
             return None
 
     def mesh(self, values: Floats) -> VertexMesh:
-        """Return the vertices at variables z."""
+        """Return the vertices at variables z (k,), without a check that they form a structure."""
         return VertexMesh(self.variables.places(values), self._mesh.loops, self._mesh.ends)
 
     def region(self, values: Floats, low: Floats, high: Floats) -> Region:
-        """Return the region of steps between bounds (k,), in lengths."""
+        """Return the steps allowed from variables z (k,), for `solve_step`.
+
+        low, high: (k,) bounds on the step, lengths; the region holds them in units of `unit`.
+        """
         places, unit = self.variables.places(values), self.unit
         jacobian = self.variables.jacobian(values) * unit
         limits = self.limits.at(places)
@@ -117,15 +120,19 @@ class Evaluator:
     def step(
         self, point: Evaluated, low: Floats, high: Floats, goal: Goal, kick: Floats | None = None
     ) -> StepAnswer | None:
-        """Return the answer of the program of a step from a point; steps in lengths."""
+        """Solve the program of a step from a point; return its unproven answer, None without one.
+
+        The step of the answer is in lengths. low, high: (k,) bounds on the step, lengths. kick: see `solve_step`.
+        """
         region = self.region(point.values, low, high)
         answer = solve_step(point.states, self.labels, self.mesh(point.values), region, goal, kick)
         return None if answer is None else replace(answer, change=answer.change * self.unit)
 
     def load_factor(self, values: Floats, near: Evaluated | None) -> Evaluated | None:
-        """Return the proven λ at variables z; None where there is none, or where the dead load no longer stands.
+        """Return the point at variables z (k,) with its proven λ.
 
-        near: point whose dead load stands, or None for the start, where it need not.
+        None where z is no structure, λ is not proven, or the dead load no longer stands. The first call decides whether
+        the dead load has to stand. near: point whose forces under the dead load are the start, or None.
         """
         assembly = self.assembly(values)
         if assembly is None:
@@ -152,7 +159,7 @@ class Evaluator:
 
     @staticmethod
     def with_forces(point: Evaluated, answer: StepAnswer) -> Evaluated:
-        """Return a point with the forces of the answer of its step."""
+        """Return a copy of a point with the unproven forces of the answer of its step."""
         states = [replace(state, forces=own) for state, own in zip(point.states, answer.forces, strict=True)]
         return replace(point, states=states)
 
@@ -174,9 +181,10 @@ class Evaluator:
         return [replace(state, forces=own) for state, own in zip(states, answer.forces, strict=True)]
 
     def frozen(self, values: Floats, answer: StepAnswer, states: list[CaseState]) -> Evaluated | None:
-        """Return the point at variables z with the unproven forces of a step; None where it cannot be built.
+        """Return the point at variables z (k,) with the forces of a step, without a proof.
 
-        states: cases that the step had, in their order.
+        A correction of second order starts there. None where z is no structure. states: cases of the step, in their
+        order.
         """
         assembly = self.assembly(values)
         if assembly is None:
@@ -189,7 +197,12 @@ class Evaluator:
         return Evaluated(values, answer.value, None, found)
 
     def missing(self, values: Floats) -> Evaluated | None:
-        """Return the strength that every yield condition lacks for the dead load, as a point of phase one."""
+        """Return the point at variables z (k,) with the strength that it lacks, for phase one.
+
+        The objective is minus the force that, added to every yield condition, lets the structure stand at some λ ≥ 0.
+        It is positive where strength is left, and not proven. Phase one maximises it. None where z is no structure or
+        the program fails.
+        """
         assembly = self.assembly(values)
         if assembly is None:
             return None
@@ -208,9 +221,10 @@ class Evaluator:
         return Evaluated(values, -answer.value * states[0].template.scaling.force, None, states)
 
     def friction(self, values: Floats, first: float) -> Evaluated | None:
-        """Return the least factor on friction at which the dead load stands, proven; None where there is none.
+        """Return the point at variables z (k,) with the least factor on friction that it needs.
 
-        first: factor to start from.
+        The dead load is proven to stand at that factor, which is at most 1e-5 above the one that Newton steps found.
+        None where z is no structure, a program fails or standing is not proven. first: factor to start from.
         """
         assembly, factor = self.assembly(values), first
         point = None if assembly is None else self.missing(values)
@@ -239,7 +253,11 @@ class Evaluator:
         return None
 
     def thickness(self, values: Floats) -> Evaluated | None:
-        """Return the least thickness, near that of z, at which the dead load stands, proven; None where not found."""
+        """Return a point near variables z (k,) with the least thickness at which it stands.
+
+        Only the last variable, the thickness, differs from z. The dead load is proven to stand there. None where a
+        program fails, or standing is not proven.
+        """
         values, states = values.copy(), []
         low, high = np.zeros(self.variables.count), np.zeros(self.variables.count)
         whole = self.variables.thickness

@@ -31,8 +31,10 @@ _ALIKE: Final = 1e-6
 def one_sided(result: LimitAnalysisResult, mesh: VertexMesh, rates: Floats) -> tuple[Floats, Floats]:
     """Return the rates (2v,) of λ for a decrease and for an increase of each coordinate.
 
-    rates: (2v,) from the forces and the mechanism of the result. Where neither can change the rate, both sides are
-    equal to it. Programs with cones and large programs are not looked at.
+    Where neither forces nor mechanism can change the rate, both sides are equal to `rates`. So they are for programs
+    with cones and for large ones, where kinks are not looked for. Entry 2·vertex + axis; rates per length, scene units.
+
+    rates: (2v,) from the forces and the mechanism of the result.
     """
     analysis = LimitAnalysis(result.assembly)
     structure = analysis.template.structure

@@ -36,14 +36,14 @@ _BEND: Final = np.radians(11.0)
 
 @dataclass(frozen=True)
 class LimitValues:
-    """Values of all limits at one position, and their derivatives.
+    """Values of all r limits at one position of v vertices, and their derivatives.
 
     Attributes
     ----------
     values : (r,) array
-        Dimensionless values, to be at least `least`; equal to it where `equal`.
+        Dimensionless values, each to be at least `Limits.least`, or equal to it where `Limits.equal`.
     rates : (r, 2v) sparse array
-        Derivatives by the positions of vertices.
+        Derivatives by the positions of vertices, column 2·vertex + axis.
     """
 
     values: Floats
@@ -51,7 +51,7 @@ class LimitValues:
 
 
 class Limits:
-    """Limits on angles, edges, areas, masses, draft and places of loads.
+    """Limits on angles, edges, areas, masses, draft and places of loads, as r numbers.
 
     A limit that the start does not keep is relaxed to what the start keeps.
 
@@ -73,7 +73,7 @@ class Limits:
     Attributes
     ----------
     least : (r,) array
-        Least values.
+        Least values, dimensionless.
     equal : (r,) bool array
         True where the value is to be kept exactly.
     """
@@ -125,9 +125,9 @@ class Limits:
         return found
 
     def at(self, places: Floats, *, drafted: bool = False) -> LimitValues:
-        """Return values and derivatives at the positions (v, 2) of all vertices.
+        """Return the values of all limits and their derivatives at positions (v, 2).
 
-        drafted: take the sides of joints, by which their draft is measured, from these positions.
+        drafted: take the sides of joints, by which their draft is measured, from these positions, and keep them.
         """
         rates = area_rates(VertexMesh(places, self._mesh.loops, self._mesh.ends))
         parts = [self._of_straight(places), self._of_angles(places), self._of_edges(places), self._of_areas(rates)]

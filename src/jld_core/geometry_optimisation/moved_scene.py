@@ -16,6 +16,8 @@ from jld_core.scene import Scene, parse_scene
 class MovedScene:
     """Scene whose vertices move while elements, interfaces and labels stay.
 
+    Grids are written out as elements and interfaces.
+
     Parameters
     ----------
     scene : Scene
@@ -45,7 +47,7 @@ class MovedScene:
         self._document = document
 
     def document(self, places: Floats, friction: float = 1.0) -> dict[str, Any]:
-        """Return the content of the scene file at the positions (v, 2) of all vertices.
+        """Return the scene file as a dict with the vertices at the positions (v, 2), unchecked.
 
         friction: factor on the friction of dry joints.
         """
@@ -61,7 +63,10 @@ class MovedScene:
         return found if friction == 1.0 else _rubbing(found, friction)
 
     def at(self, places: Floats, friction: float = 1.0) -> Scene:
-        """Return the scene at the positions (v, 2) of all vertices; raise InputError where it is none."""
+        """Return the validated scene with the vertices at the positions (v, 2).
+
+        friction: factor on the friction of dry joints. Raises InputError where the positions make no valid scene.
+        """
         return parse_scene(self.document(places, friction), "the moved scene")
 
 

@@ -76,7 +76,7 @@ class MovedJoints:
     places : (v, 2) array
         Positions of the vertices at the end.
     moved : (v, 2) array
-        How far each vertex moved.
+        Displacement of each vertex from the start, scene units.
     parameters : int
         Number of independent variables.
     warnings : list of str
@@ -108,7 +108,9 @@ def move_joints(
     trust: TrustRegion | None = None,
     progress: Callable[[Point], None] | None = None,
 ) -> MovedJoints:
-    """Move the joints of a planar structure to raise λ, or to lower the friction or thickness that it needs.
+    """Move the joints of a planar structure to optimise what its key "move" asks for.
+
+    The objective is the largest λ, or the least friction or thickness at which the dead load stands.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Derivatives of planar equilibrium by the positions of vertices (docs/method.md, section 10)."""
+"""Derivatives of planar equilibrium by the positions of vertices (docs/method.md, section 11)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ from jld_core.geometry_optimisation.vertex_mesh import VertexMesh
 
 
 def length_rates(mesh: VertexMesh) -> sp.csr_array:
-    """Return the derivatives (m, 2v) of the lengths of interfaces, dl = t·(dq − dp)."""
+    """Return the derivatives (m, 2v) of the lengths of interfaces by the vertices.
+
+    Column 2·vertex + axis. With ends p, q and unit direction t of an interface, dl = t·(dq − dp).
+    """
     edge = mesh.places[mesh.ends[:, 1]] - mesh.places[mesh.ends[:, 0]]
     along = edge / np.linalg.norm(edge, axis=1)[:, None]
     values = np.concatenate([-along, along], axis=1)
@@ -77,9 +80,12 @@ def _by_length(loops: tuple[Ints, ...]) -> Iterator[tuple[Ints, Ints]]:
 
 
 def residual_rates(assembly: Assembly, mesh: VertexMesh, forces: Floats, load_factor: float) -> sp.csr_array:
-    """Return the derivatives (3·free, 2v) of A_eq F + b + λ b_λ by the vertices (11.1), (11.2).
+    """Return the derivatives (3·free, 2v) of the equilibrium residual by the vertices.
 
-    Resultants N, V and M / (l/2) are held, and moments are taken about the present centroids. Scene units.
+    The residual is A_eq F + b + λ b_λ, see (11.1) and (11.2). Resultants N, V and M / (l/2) are held, and moments are
+    taken about the present centroids. Rows are force x, force y and moment of each free element; column 2·vertex +
+    axis. All is in scene units.
+
     forces: (m, 3) N, V, M.
     """
     entries = face_rates(assembly, mesh, forces)
@@ -92,12 +98,12 @@ def residual_rates(assembly: Assembly, mesh: VertexMesh, forces: Floats, load_fa
 
 @dataclass(frozen=True)
 class FaceRates:
-    """Derivatives of the forces of interfaces on free elements, one number for each row, coordinate and face.
+    """Derivatives of the forces of interfaces on free elements, as k entries of a matrix.
 
     Attributes
     ----------
     row, column, face : (k,) int arrays
-        Equilibrium row, coordinate 2·vertex + axis, and interface.
+        Equilibrium row 3·(number of the free element) + freedom, coordinate 2·vertex + axis, and interface.
     value : (k,) array
         Derivatives, scene units.
     """
@@ -109,7 +115,10 @@ class FaceRates:
 
 
 def face_rates(assembly: Assembly, mesh: VertexMesh, forces: Floats) -> FaceRates:
-    """Compute the derivatives of the forces (m, 3) and moments that interfaces exert on free elements."""
+    """Compute the derivatives by the vertices of what interfaces exert on free elements.
+
+    Moments are taken about the present centroids, which are held. forces: (m, 3) N, V, M, scene units.
+    """
     faces, elements = assembly.interfaces, assembly.elements
     start, end = mesh.places[mesh.ends[:, 0]], mesh.places[mesh.ends[:, 1]]
     edge = end - start
@@ -141,7 +150,11 @@ def face_rates(assembly: Assembly, mesh: VertexMesh, forces: Floats) -> FaceRate
 
 
 def load_rates(assembly: Assembly, mesh: VertexMesh, load_factor: float) -> sp.csr_array:
-    """Return the derivatives (3·free, 2v) of the loads on free elements about their present centroids."""
+    """Return the derivatives (3·free, 2v) of the loads on free elements by the vertices.
+
+    Rows are force x, force y and moment about the present centroid of each free element; column 2·vertex + axis. Scene
+    units. load_factor: λ of the live loads.
+    """
     growing, riding = shape_loads(assembly, load_factor)
     rates, free = area_rates(mesh), assembly.elements.free
     parts = []
@@ -158,7 +171,8 @@ def load_rates(assembly: Assembly, mesh: VertexMesh, load_factor: float) -> sp.c
 def shape_loads(assembly: Assembly, load_factor: float) -> tuple[Floats, Floats]:
     """Return the forces (n, d) that grow with the volume, and those that ride on the centroid.
 
-    Where the assembly does not know them, self-weight does both and all other loads stay.
+    These are the loads at λ that change while an element changes its shape, in scene units. Where the assembly does not
+    know them, self-weight does both and all other loads stay.
     """
     known = assembly.shape_loads
     if known is None:

@@ -75,6 +75,8 @@ _SHAKE: Final = 0.15
 class GeometrySearch:
     """Search for the best positions of the joints of one planar structure.
 
+    Start from `first`, or from `standing` where the structure does not stand, and improve the point by `climb`.
+
     Parameters
     ----------
     scene : Scene
@@ -110,12 +112,15 @@ class GeometrySearch:
 
     @property
     def goal(self) -> Goal:
-        """Return the goal of the programs of steps."""
+        """What the programs of steps optimise, from the key "maximise" of the scene."""
         goals: dict[str, Goal] = {"least_friction": "friction", "least_thickness": "thickness"}
         return goals.get(self.move.maximise, "load_factor")
 
     def evaluate(self, values: Floats, near: Evaluated | None) -> Evaluated | None:
-        """Return the proven value at variables z; near: a point not far away."""
+        """Return the point at variables z (k,) with its proven value, None where it has none.
+
+        near: a point not far away, whose forces or friction are the start; None for none.
+        """
         if self.goal == "friction":
             return self.evaluator.friction(values, 1.0 if near is None else near.friction)
         if self.goal == "thickness":
@@ -123,13 +128,19 @@ class GeometrySearch:
         return self.evaluator.load_factor(values, near)
 
     def value_of(self, point: Evaluated) -> float:
-        """Return the objective of a point: λ, the largest friction coefficient of dry faces, or the thickness."""
+        """Return the value of a point as users read it, scene units.
+
+        It is λ, the largest friction coefficient of dry faces, or the thickness.
+        """
         if self.goal == "friction":
             return -point.objective * self._friction
         return point.objective if self.goal == "load_factor" else -point.objective
 
     def restored(self, values: Floats) -> Floats | None:
-        """Return the nearest variables within all limits, up to second order; None where none are found."""
+        """Return variables near z (k,) that keep all limits and ties, by a few Newton steps.
+
+        None where the steps do not converge.
+        """
         variables, limits = self.variables, self.evaluator.limits
         held = limits.equal.copy()
         for _ in range(_RESTORATIONS):
@@ -159,11 +170,15 @@ class GeometrySearch:
     # --- search -----------------------------------------------------------------------------------------
 
     def first(self) -> Evaluated | None:
-        """Return the proven value of the scene as it is; None where it does not stand."""
+        """Return the point of the scene as it is, with its proven value; None where it has none."""
         return self.evaluate(np.zeros(self.variables.count), None)
 
     def standing(self, values: Floats, deadline: float) -> Evaluated | None:
-        """Move joints until the structure stands (phase one); None where no such position is found."""
+        """Move joints from variables z (k,) until the structure stands (phase one).
+
+        Returns the first point found with a proven value; None where none is found by `deadline`, a time of
+        `time.perf_counter`, s.
+        """
         point, radius = self.evaluator.missing(values), self.trust.first * self.unit
         for _ in range(self.trust.points):
             if point is None or radius < self.trust.least * self.unit or time.perf_counter() > deadline:
@@ -184,9 +199,11 @@ class GeometrySearch:
     def climb(
         self, point: Evaluated, deadline: float, report: Callable[[Evaluated, float, float], None], gain: float
     ) -> tuple[Evaluated, str]:
-        """Improve a point until it is stationary; return the last accepted point and why the search ended.
+        """Improve a point until it is stationary; return the last accepted point and why it ended.
 
-        gain: predicted gain, relative to the objective, below which a point is stationary.
+        The reason is "stationary", "locked", "time" or "points". deadline: time of `time.perf_counter`, s. report:
+        called with every accepted point, its predicted objective and the trust radius (length). gain: predicted gain,
+        relative to the objective, below which a point is stationary.
         """
         trust, radius = self.trust, self.trust.first * self.unit
         random, kicks = np.random.default_rng(0), 0
@@ -264,9 +281,10 @@ class GeometrySearch:
         return replace(point, states=states)
 
     def shaken(self, number: int, best: Floats | None) -> Floats | None:
-        """Return the variables of a further start; None where its limits cannot be kept.
+        """Return random variables (k,) of a further start; None where its limits cannot be kept.
 
-        Every second one is near the best point so far.
+        number: seed of the random numbers. best: variables of the best point so far, around which odd numbers start;
+        other starts are around the scene as it is.
         """
         random = np.random.default_rng(number)
         basis = self.variables.basis

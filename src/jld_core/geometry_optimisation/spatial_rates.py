@@ -29,9 +29,11 @@ _MERGED: Final = 1e-2
 
 
 def spatial_rates(result: LimitAnalysisResult, forces: Floats, mechanism: Floats) -> tuple[Floats, Floats] | None:
-    """Return vertices (v, 3) and the derivatives (v, 3) of λ by their positions.
+    """Return vertices (v, 3) and the derivatives (v, 3) of λ by their positions, scene units.
 
-    forces: (m, 6) of the result; mechanism: (n, 6). None for a labelling with inner faces, or for dry faces that crush.
+    None for a labelling with inner faces, or for dry faces that crush.
+
+    forces: (m, 6) of the result; mechanism: (n, 6), scaled to live power 1.
     """
     assembly = result.assembly
     if not result.labels.all() or np.isfinite(assembly.strengths.crush_dry).any():

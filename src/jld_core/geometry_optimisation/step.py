@@ -53,12 +53,12 @@ class CaseState:
 
 @dataclass(frozen=True)
 class StepAnswer:
-    """Unverified answer of the program of a step.
+    """Answer of the program of one step: it is not proven, and its geometry is linearised.
 
     Attributes
     ----------
     value : float
-        Governing λ / required; or factor on friction, thickness increase, or missing strength, as the goal asks.
+        Governing λ / required; or relative change of friction, increase of thickness, or missing strength, by the goal.
     change : (k,) array
         Step of the variables.
     forces : tuple of (m, 3) arrays
@@ -75,20 +75,20 @@ class StepAnswer:
 
 @dataclass(frozen=True)
 class Region:
-    """Steps that are allowed at the present position.
+    """Steps that are allowed at the present position, for k variables and v vertices.
 
     Attributes
     ----------
     jacobian : (2v, k) sparse array
         Derivatives of positions by variables.
     limits : LimitValues
-        Limits at the present position.
+        Values of the r limits at the present position.
     least : (r,) array
-        Their least values.
+        Least value of each limit, dimensionless.
     equal : (r,) bool array
         True where a limit is an equation.
     ties : (t, k) array
-        Ties of variables.
+        Ties of variables: ties @ step = 0.
     low, high : (k,) arrays
         Bounds of the step.
     """
@@ -105,9 +105,12 @@ class Region:
 def solve_step(
     states: list[CaseState], labels: Bits, mesh: VertexMesh, region: Region, goal: Goal, kick: Floats | None = None
 ) -> StepAnswer | None:
-    """Solve the program of one step; None where the solver finds no answer.
+    """Solve the program of one step, over forces and positions at once (11.6).
 
-    kick: objective (columns of the first case,) on its forces in the place of the goal, which keeps its present value.
+    Returns None where the solver finds no answer. The answer is not proven: positions are linearised.
+
+    states: load cases with their forces at the present position. labels: (m,) True = dry. kick: (columns of the first
+    case,) objective on its forces. It replaces the goal, which keeps its present value, to find other optimal forces.
     """
     rows = _Rows(states, region.jacobian.shape[1])
     lengths = sp.diags_array(1.0 / states[0].template.assembly.interfaces.l1) @ length_rates(mesh) @ region.jacobian

@@ -41,8 +41,8 @@ class Variables:
     ties : (t, k) array
         Ties between variables: ties @ z = 0.
     rings : (v,) array
-        Signed distance of each vertex from the middle circle of an arch whose thickness is a variable, the last one;
-        empty without such.
+        Signed distance of each vertex from the middle circle of an arch whose thickness is the last variable. Empty
+        where no thickness is a variable.
     middle : (2,) array
         Centre of that arch.
     thickness : float
@@ -60,7 +60,7 @@ class Variables:
 
     @property
     def count(self) -> int:
-        """Number of variables, with the thickness."""
+        """Number k of variables, with the thickness."""
         return len(self.vertex) + self.scaled
 
     @property
@@ -69,7 +69,7 @@ class Variables:
         return self.rings.size > 0
 
     def places(self, values: Floats) -> Floats:
-        """Return the positions (v, 2) of all vertices at z (k,)."""
+        """Return the positions (v, 2) of all vertices, scene units, at variables z (k,)."""
         found = self.start.copy()
         number = len(self.vertex)
         straight = np.isnan(self.centre[:, 0])
@@ -92,7 +92,7 @@ class Variables:
         return np.asarray(arm / np.where(length > 0.0, length, 1.0))
 
     def jacobian(self, values: Floats) -> sp.csr_array:
-        """Return the derivatives (2v, k) of the positions by z."""
+        """Return the derivatives (2v, k) of the positions by z, at z (k,); row 2·vertex + axis."""
         places = self.places(values)
         directions = self.direction.copy()
         for k in np.flatnonzero(~np.isnan(self.centre[:, 0])).tolist():
@@ -111,12 +111,16 @@ class Variables:
 
     @property
     def basis(self) -> Floats:
-        """Independent directions (k, p) in the space of tied variables, with z = basis @ parameters."""
+        """Basis (k, p) of the variables that keep all ties: z = basis @ parameters (p,)."""
         return null_space(self.ties, self.count)
 
 
 def null_space(rows: Floats, count: int) -> Floats:
-    """Return a basis (k, p) of the vectors that all rows (t, k) annul, with one free entry for each column."""
+    """Return a basis (count, p) of the vectors x with rows @ x = 0.
+
+    Each column has an entry 1 in a position of its own, where all others are 0. Entries below 1e-9 count as 0.
+    rows: (t, count).
+    """
     matrix = rows.copy()
     pivots: list[int] = []
     for column in range(count - 1, -1, -1):
@@ -143,10 +147,9 @@ def null_space(rows: Floats, count: int) -> Floats:
 def variables_of(assembly: Assembly, labels: Bits, mesh: VertexMesh, move: Move, *, named: bool = False) -> Variables:
     """Find the variables of a planar structure that the key "move" of its scene asks for.
 
-    named: take only the vertices that "along" names, where it names any.
-
-    Raises InputError for a vertex that does not exist or belongs to a support, for ties that contradict one another,
-    and where nothing is left to move.
+    labels: (m,) True = dry. mesh: vertices at the start. named: take only the vertices that "along" names, where it
+    names any. Raises InputError for a vertex that does not exist or belongs to a support, for ties that contradict one
+    another, and where nothing is left to move.
     """
     finder = _Finder(assembly, labels, mesh, move)
     chosen: list[tuple[int, Floats, Floats]] = finder.named()

@@ -24,7 +24,7 @@ _SHARE: Final = 0.1
 
 @dataclass(frozen=True)
 class VertexMesh:
-    """Elements and interfaces of a planar assembly by the vertices they share.
+    """Elements and interfaces of a planar assembly by the v vertices they share.
 
     Attributes
     ----------
@@ -59,7 +59,11 @@ class VertexMesh:
 
 
 def vertex_mesh(assembly: Assembly) -> VertexMesh:
-    """Find the vertices that the elements and interfaces of a planar assembly share."""
+    """Find the vertices that the elements and interfaces of a planar assembly share.
+
+    Corners and ends of interfaces that nearly coincide become one vertex. An end of an interface inside an edge of an
+    element becomes a vertex of its outline; a straight corner inside an interface is left out.
+    """
     shapes, faces = assembly.elements.shape, assembly.interfaces
     lines = [_directed(polygon, faces.e1[k]) for k, polygon in enumerate(faces.polygon)]
     lengths = np.concatenate([np.linalg.norm(np.roll(s, -1, axis=0) - s, axis=1) for s in shapes])
@@ -82,9 +86,10 @@ def _directed(polygon: Floats, along: Floats) -> Floats:
 
 
 def merged_points(groups: Sequence[Floats], reach: float) -> tuple[Ints, Floats]:
-    """Return the vertex (k,) of each point of all groups, and the places (v, d) of vertices.
+    """Merge points that lie within a distance `reach` of one another to vertices.
 
-    Points within `reach` are one vertex, at the place of the first of them.
+    The result is the vertex (k,) of each of the k points of all groups in turn, and the places (v, d) of the vertices.
+    A vertex lies at the first of its points.
     """
     points = np.concatenate(groups)
     pairs = cKDTree(points).query_pairs(reach, output_type="ndarray").reshape(-1, 2)

@@ -18,7 +18,11 @@ class _Deferred:
 
 @contextmanager
 def deferred_signals() -> Iterator[None]:
-    """Defer errors passed to `raise_deferred` until the outermost such context ends."""
+    """Defer errors passed to `raise_deferred` until the outermost such context ends.
+
+    A signal handler can then interrupt a process only between steps that must not be left half done. At the end the
+    last deferred error is raised, if any.
+    """
     _Deferred.depth += 1
     try:
         yield

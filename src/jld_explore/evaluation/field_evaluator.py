@@ -122,7 +122,7 @@ class FieldEvaluator(LabellingEvaluator):
 
 @dataclass(frozen=True)
 class MakeCellEvaluator:
-    """Maker of evaluators on finer cells, for the workers of a study.
+    """Maker of evaluators on finer cells, which can be sent to the workers of a study.
 
     Attributes
     ----------

@@ -35,20 +35,20 @@ _PATIENCE: Final = 6
 
 @dataclass(frozen=True)
 class FieldStep:
-    """What one mesh proves of one labelling under one load case.
+    """Bounds that one mesh proves for one labelling under one load case.
 
     Attributes
     ----------
     bounds : (float, float)
         Lower and upper bound on λ of the labelling, scene units; infinite where there is none.
     stresses, mechanism : FieldStresses and FieldMechanism, or None
-        What its fields prove for other labellings.
+        Fields of the mesh, which bound other labellings as well.
     finer : Mesh or None
         The next mesh, None where refinement ends.
     seconds : float
         Wall-clock time, s.
     more : object
-        What a step of a search adds.
+        Additional result of the function that made the step; None without one.
     """
 
     bounds: tuple[float, float]
@@ -60,7 +60,10 @@ class FieldStep:
 
 
 def step_of(fields: Fields, start: float, more: Any = None) -> FieldStep:
-    """Return the step of fields that were begun at a time of `time.perf_counter`, s."""
+    """Make the `FieldStep` of fields that have been solved: their bounds and the next mesh.
+
+    start: time at which they were begun, of `time.perf_counter`, s. more: see `FieldStep.more`.
+    """
     stresses, mechanism = fields.for_all
     finer = fields.finer()
     stops = len(finer) > _MOST_TRIANGLES or len(finer) == len(fields.mesh)
@@ -69,13 +72,16 @@ def step_of(fields: Fields, start: float, more: Any = None) -> FieldStep:
 
 @one_thread()
 def refined_step(setting: FieldSetting, labels: Bits, mesh: Mesh, required: float, enough: float) -> FieldStep:
-    """Solve for both fields of a labelling on a mesh; without stresses where λ / required is proven below `enough`."""
+    """Solve for both fields of a labelling (m,) on a mesh, for one load case.
+
+    No stresses are sought where λ / required is proven to be below `enough`. required: required factor of the case.
+    """
     start = time.perf_counter()
     return step_of(Fields.on(setting, mesh, labels, enough * required), start)
 
 
 class FieldPool:
-    """Bounds by fields on many labellings of one assembly, refined one by one.
+    """Bounds on λ of many labellings of one assembly, by stress and velocity fields.
 
     Parameters
     ----------
@@ -122,7 +128,10 @@ class FieldPool:
         self.add(labellings)
 
     def add(self, labellings: Bits, low: Floats | None = None, high: Floats | None = None) -> None:
-        """Add labellings (k, m) with known bounds on the governing factor (k,), NaN or None where there are none."""
+        """Add labellings (k, m) to the pool, with bounds that are known.
+
+        low, high: (k,) bounds on the governing factor, NaN where there are none; None for none at all.
+        """
         count, cases = len(labellings), len(self.settings)
         self.labellings = np.concatenate([self.labellings, labellings])
         self._low = np.concatenate([self._low, np.full((count, cases), -np.inf)])
@@ -134,7 +143,10 @@ class FieldPool:
         self.given_up = np.concatenate([self.given_up, np.zeros(count, dtype=bool)])
 
     def take_from(self, other: FieldPool) -> None:
-        """Take over the bounds, and the cost, of another pool of the same assembly."""
+        """Take over the bounds and the number of programs of another pool of the same assembly.
+
+        Bounds of labellings that this pool does not hold are left out.
+        """
         place = {labels.tobytes(): row for row, labels in enumerate(self.labellings)}
         for labels, low, high in zip(other.labellings, other.low().tolist(), other.high().tolist(), strict=True):
             row = place.get(labels.tobytes())
@@ -144,7 +156,7 @@ class FieldPool:
         self.programs += other.programs
 
     def cap(self, high: Floats) -> None:
-        """Take upper bounds (k,) on the governing factor that are proven elsewhere."""
+        """Lower the upper bounds on the governing factor to values (k,) that are proven elsewhere."""
         self._most = np.minimum(self._most, high)
 
     def __len__(self) -> int:
@@ -164,27 +176,36 @@ class FieldPool:
 
     @property
     def bounds(self) -> tuple[Floats, Floats]:
-        """Lower and upper bounds (k, c) on λ under each load case, scene units; infinite where there is none."""
+        """Lower and upper bounds (k, c) on λ under each load case, scene units.
+
+        They are infinite where there is none.
+        """
         # bounds on the governing factor that were known before hold for every case from below
         return np.maximum(self._low, self._least[:, None] * self.required), self._high
 
     def low(self) -> Floats:
-        """Return lower bounds (k,) on the governing factor."""
+        """Return the lower bounds (k,) on the governing factor, −inf where there is none."""
         return np.asarray(np.maximum(self._least, (self._low / self.required).min(axis=1)))
 
     def high(self) -> Floats:
-        """Return upper bounds (k,) on the governing factor."""
+        """Return the upper bounds (k,) on the governing factor, inf where there is none."""
         return np.asarray(np.minimum(self._most, (self._high / self.required).min(axis=1)))
 
     def closed(self, gap: float) -> Bools:
-        """Return (k,) whether the own bracket of each labelling is as narrow as a relative gap."""
+        """Return (k,) True for the labellings whose bounds lie within a relative gap.
+
+        A labelling without one of its bounds is not closed.
+        """
         low, high = self.low(), self.high()
         known = np.isfinite(low) & np.isfinite(high)
         low, high = np.where(known, low, 0.0), np.where(known, high, 0.0)
         return np.asarray(known & (high - low <= gap * np.maximum(abs(high), abs(low))))
 
     def bound_above(self, row: int) -> None:
-        """Bound one labelling from above on the coarsest mesh."""
+        """Bound labelling number `row` from above on the coarsest mesh, under all cases.
+
+        Its mechanisms lower the bounds of the other labellings as well.
+        """
         self.bounded[row] = True
         for case, coarse in enumerate(self.coarse):
             bound, mechanism = coarse.upper(self.labellings[row])
@@ -192,7 +213,10 @@ class FieldPool:
             self._learn(row, case, (-math.inf, bound), None, mechanism)
 
     def bound_below(self, row: int) -> None:
-        """Bound one labelling from below on the coarsest mesh, under the cases that lack a bound."""
+        """Bound labelling number `row` from below on the coarsest mesh.
+
+        Only cases without a lower bound are solved. Its stresses raise the bounds of the other labellings as well.
+        """
         for case, coarse in enumerate(self.coarse):
             if not math.isfinite(self._low[row, case]):
                 bound, stresses = coarse.lower(self.labellings[row])
@@ -215,12 +239,14 @@ class FieldPool:
         step: Callable[..., FieldStep] = refined_step,
         more: tuple[Any, ...] = (),
     ) -> list[tuple[int, int, Mesh, FieldStep]]:
-        """Take one mesh further the weakest load case of some labellings.
+        """Solve the load case with the least lower bound on the next mesh, for some labellings.
+
+        Bounds of all labellings improve by the fields found.
 
         Parameters
         ----------
         rows : sequence of int
-            Labellings to refine; those that would be late are given up.
+            Labellings to refine; those that the deadline leaves no time for are given up.
         enough : (k,) float array
             Governing factor of each labelling below which no lower bound is asked for.
         step : callable
@@ -231,7 +257,7 @@ class FieldPool:
         Returns
         -------
         list of (int, int, Mesh, FieldStep)
-            Labelling, load case, mesh and what it proves, in the order of `rows`.
+            Labelling, load case, mesh and its bounds for each labelling refined, in the order of `rows`.
         """
         tasks = []
         for row in rows:

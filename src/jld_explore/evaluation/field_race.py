@@ -50,7 +50,7 @@ class RaceResult:
 
 
 class FieldRace:
-    """Race of the layouts of a pool.
+    """Race of the layouts of a pool: those that may still be the strongest get finer meshes.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ class FieldRace:
             pool.bound_below(row)
 
     def result(self) -> RaceResult:
-        """Return the bounds of all layouts as they are known."""
+        """Return the bounds of all layouts as they are known, also before the race has ended."""
         pool = self.pool
         low, high = pool.low(), pool.high()
         best, most = float(low.max(initial=-np.inf)), float(high.max(initial=-np.inf))

@@ -17,12 +17,14 @@ The power of large meshes; from a small mesh it overestimates the time of a larg
 
 
 def time_rate(seconds: float, triangles: float) -> float:
-    """Return the rate of a mesh whose time is known.
+    """Return the rate of time of bounds by fields, from a mesh whose time is known.
+
+    The time of a mesh is this rate times the power `TIME_POWER` of its number of triangles.
 
     Parameters
     ----------
     seconds : float
-        Time of the mesh, s.
+        Processor time of the mesh, s.
     triangles : float
         Number of its triangles.
 
@@ -35,14 +37,14 @@ def time_rate(seconds: float, triangles: float) -> float:
 
 
 def mesh_seconds(rate: float, triangles: float) -> float:
-    """Return the expected time of a mesh.
+    """Return the expected processor time of bounds by fields on a mesh.
 
     Parameters
     ----------
     rate : float
         Rate from `time_rate`, s.
     triangles : float
-        Number of its triangles.
+        Number of triangles of the mesh.
 
     Returns
     -------

@@ -45,5 +45,5 @@ class FolderLock:
 
 
 def busy(folder: Path) -> InputError:
-    """Return the error for a folder that another process has locked."""
+    """Return the InputError, not raised, for a folder that another process has locked."""
     return InputError(str(folder), "another process is at work in it", "a folder of its own for each study")

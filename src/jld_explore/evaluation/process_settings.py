@@ -24,7 +24,7 @@ class _OpenContexts:
 
 @contextmanager
 def switch_interval(seconds: float) -> Iterator[None]:
-    """Let threads wait at most so many seconds for the interpreter (context manager).
+    """Let threads wait at most so many seconds for the interpreter while a context is open.
 
     Contexts may overlap; the shortest interval counts, and the last context to close restores the first value.
     """
@@ -43,7 +43,7 @@ def switch_interval(seconds: float) -> Iterator[None]:
 
 @contextmanager
 def ignored_warning(message: str, category: type[Warning] = Warning, module: str = "") -> Iterator[None]:
-    """Ignore a warning in all threads (context manager).
+    """Ignore a warning in all threads while a context is open.
 
     `warnings.catch_warnings` would also drop filters that others add meanwhile, in any thread.
     message, module: regular expressions. Contexts may overlap; the last one to close removes the filter.

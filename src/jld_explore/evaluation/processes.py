@@ -61,7 +61,10 @@ class Processes:
         self._settings = ExitStack()
 
     def submit(self, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Future[Any]:
-        """Submit a task and return its future."""
+        """Submit a task and return its future; the first call starts the processes.
+
+        The function must be importable in other processes. If a process has died, the future raises.
+        """
         if self._executor is None:
             self._settings.enter_context(warning_of_stops_ignored())
         with deferred_signals():
@@ -75,7 +78,10 @@ class Processes:
         return future
 
     def close(self) -> None:
-        """Terminate all processes at once, including those with unfinished tasks."""
+        """Terminate all processes at once, including those with unfinished tasks.
+
+        Another `submit` starts new ones.
+        """
         executor, self._executor = self._executor, None
         with self._settings:
             if executor is not None:
@@ -83,7 +89,9 @@ class Processes:
 
 
 class TaskStream:
-    """Tasks of one run, submitted in part, whose results are iterated over.
+    """Tasks of one run, submitted in part; iterating yields their results as they finish.
+
+    Iteration raises TimeoutError if no result arrives within `hang_seconds`, and the error of a task that failed.
 
     Parameters
     ----------
@@ -94,7 +102,7 @@ class TaskStream:
 
     Attributes
     ----------
-    sent : list of int
+    submitted : list of int
         Numbers of the tasks submitted so far.
     late : bool
         True if the iteration ended because the deadline passed.
@@ -108,7 +116,10 @@ class TaskStream:
         self.late = False
 
     def begin(self, tasks: Iterator[tuple[int, Callable[..., Any], tuple[Any, ...]]]) -> None:
-        """Submit tasks (number, function, arguments): some at once, others as results arrive."""
+        """Submit tasks (number, function, arguments): some at once, others as results arrive.
+
+        Iterate over the stream to get the results.
+        """
         self._waiting = deque(tasks)
         self._submit_waiting()
 
@@ -173,7 +184,10 @@ def is_lost(error: BaseException) -> bool:
 
 
 def worker_init(parent: int) -> None:
-    """Initialise a worker: ignore Ctrl-C, and exit when the parent process has ended."""
+    """Initialise a worker process: ignore Ctrl-C, and exit when the parent process has ended.
+
+    parent: process id of the parent.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_exit_after, args=(parent,), daemon=True).start()
 

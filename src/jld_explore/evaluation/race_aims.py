@@ -11,18 +11,27 @@ from jld_explore.evaluation.ranking import Envelope
 
 
 class RaceAim(Protocol):
-    """Aim of a race; all arrays are over its k layouts."""
+    """Aim of a race: which layouts are refined next, and when the race is decided.
+
+    All arrays are over its k layouts; `low` and `high` are their proven bounds on the governing factor.
+    """
 
     def open(self, low: Floats, high: Floats, closed: Bools, gap: float) -> Bools:
-        """Return (k,) which layouts must be refined before the race is decided, none once it is."""
+        """Return (k,) True for the layouts to refine before the race is decided, none once it is.
+
+        closed: (k,) True where the bounds of a layout lie within the relative `gap` of the race.
+        """
         ...
 
     def order(self, rows: Ints, high: Floats) -> Ints:
-        """Return open layouts in the order in which they are refined."""
+        """Return `rows`, the numbers of the open layouts, in the order in which they are refined."""
         ...
 
     def enough(self, low: Floats) -> Floats:
-        """Return (k,) factors below which an upper bound makes a lower bound of the layout useless."""
+        """Return (k,) factors below which the lower bound of a layout does not matter.
+
+        A layout whose upper bound is below its factor needs no lower bound.
+        """
         ...
 
 
@@ -58,7 +67,10 @@ class FrontAim(BestAim):
         self._counts = counts
 
     def open(self, low: Floats, high: Floats, closed: Bools, gap: float) -> Bools:
-        """Return the layouts that may be stronger than all of equal or better counts; see `RaceAim`."""
+        """Return the layouts that may be stronger than all of equal or better counts.
+
+        See `RaceAim.open`.
+        """
         return np.asarray(~closed & ~_near(self.enough(low), high, gap) & (high > self.enough(low)))
 
     def enough(self, low: Floats) -> Floats:
@@ -84,13 +96,19 @@ class RequirementAim:
         self._required, self._counts = required, counts
 
     def open(self, low: Floats, high: Floats, closed: Bools, gap: float) -> Bools:
-        """Return the layouts of better count that may carry the factor and are not known to; see `RaceAim`."""
+        """Return the layouts of better count that may carry the factor and are not known to.
+
+        See `RaceAim.open`.
+        """
         met = low >= self._required
         best = self._counts[met].min(initial=np.inf)
         return np.asarray(~met & (high >= self._required) & (self._counts < best))
 
     def order(self, rows: Ints, high: Floats) -> Ints:
-        """Return the layout of best count first, of these the one with the greatest upper bound; see `RaceAim`."""
+        """Return the layouts by count, best first, and by upper bound where counts are equal.
+
+        See `RaceAim.order`.
+        """
         return rows[np.lexsort((-high[rows], self._counts[rows]))]
 
     def enough(self, low: Floats) -> Floats:

@@ -132,7 +132,7 @@ def sort_key(evaluation: Evaluation, objective: float | None = None) -> tuple[in
     Returns
     -------
     tuple of (int, float)
-        Rank of the status, then the negative objective for rank 0 and 0.0 for other ranks.
+        Rank of the status (see `status_ranks`), then minus the objective for rank 0, and 0.0 for other ranks.
     """
     rank = _status_rank(evaluation)
     return rank, -(comparison_value(evaluation) if objective is None else objective) if rank == 0 else 0.0
@@ -184,6 +184,8 @@ def front_counts(space: SearchSpace, labellings: Bits) -> Floats:
 
 class Envelope:
     """Largest λ known among labellings whose counts are equal or better.
+
+    Call `learn` for known labellings, then `best`.
 
     Parameters
     ----------

@@ -76,5 +76,5 @@ def errors_named(path: Path) -> Iterator[None]:
 
 
 def damaged(path: Path, how: str) -> InputError:
-    """Return the error for a damaged record file."""
+    """Return the InputError, not raised, for a damaged record file; `how` says what is wrong."""
     return InputError(str(path), f"it is damaged ({how})", "a file as jld explore left it, or a new folder")

@@ -25,7 +25,7 @@ _CHANGING: Final = {CONFLICTS_OF, BOUND, WITHDRAWN}
 
 
 def checksum(kind: str, value: float, *parts: bytes) -> int:
-    """Return the checksum of a row: its kind, its number and the bytes of its other columns."""
+    """Return the CRC-32 of a row: its kind, its number and the bytes of its other columns."""
     # SQLite does not store the sign of zero; adding 0.0 turns −0.0 into 0.0.
     return zlib.crc32(b"".join([kind.encode(), np.float64(value + 0.0).tobytes(), *parts]))
 
@@ -39,7 +39,11 @@ def parsed(value: object) -> Any:
 
 
 def require_same(path: str, old: dict[str, Any], new: dict[str, Any]) -> None:
-    """Raise InputError for the first entry in which a record differs from the current study."""
+    """Raise InputError for the first entry in which a record differs from the current study.
+
+    The bound, withdrawn bounds and the problem of the conflicts may differ. path: name of the record in the message.
+    old, new: header of the record and of the study.
+    """
     for key in sorted((old.keys() | new.keys()) - _CHANGING):
         if old.get(key) != new.get(key):
             raise InputError(

@@ -41,6 +41,8 @@ class PendingEvaluations:
 class RecordedEvaluator:
     """Evaluator that runs workers and records every evaluation.
 
+    Call `submit`, then `collect`; several submissions may be under way.
+
     Parameters
     ----------
     workers : Workers
@@ -87,7 +89,7 @@ class RecordedEvaluator:
 
         Returns
         -------
-        Sent
+        PendingEvaluations
             Labellings under evaluation, for `collect`.
         """
         found = self.records.find_all(labellings)
@@ -101,7 +103,10 @@ class RecordedEvaluator:
         return PendingEvaluations(labellings, found, missing, run)
 
     def collect(self, pending: PendingEvaluations) -> list[Evaluation] | None:
-        """Return the evaluations in the order sent, recording each; None if time ran out."""
+        """Wait for submitted labellings, record each evaluation, and return all k in their order.
+
+        None if time ran out before all were known; those that were are recorded.
+        """
         found, labellings, missing = pending.found, pending.labellings, pending.missing
         self._report([evaluation for evaluation in found if evaluation is not None])
         if pending.run is not None:

@@ -183,7 +183,7 @@ class Records:
         return self._count
 
     def find(self, labelling: Bits) -> Evaluation | None:
-        """Return the evaluation of a labelling (m,); None if not on record."""
+        """Return the evaluation of a labelling (m,), True = dry; None if not on record."""
         return self.find_all(labelling[None])[0]
 
     def find_all(self, labellings: Bits) -> list[Evaluation | None]:
@@ -197,7 +197,7 @@ class Records:
         return [None if place is None else evaluation_of(self._table[place]) for place in places]
 
     def append(self, labellings: Bits, multiplicities: Sequence[int], evaluations: Sequence[Evaluation]) -> None:
-        """Write finished evaluations; keep labellings already on record.
+        """Write finished evaluations; rows of labellings already on record stay as they are.
 
         The rows survive the end of this process at once, and a crash of the machine after at most `SYNC` seconds.
 
@@ -249,7 +249,7 @@ class Records:
         labels : (k, m) bool array
             Labels of these faces, True = dry.
         bounds : (k,) float array
-            Upper bounds on λ of all labellings that contain the conflict.
+            Upper bounds on scaled λ of all labellings that contain the conflict.
         evidence : (k,) int array
             Kind of the proof of each conflict.
 
@@ -290,7 +290,7 @@ class Records:
         labels : (k, m) bool array
             Labels of these faces, True = dry.
         bounds : sequence of k float
-            Upper bounds on λ.
+            Upper bounds on scaled λ of all labellings that contain each conflict.
         evidence : sequence of k int
             Kind of the proof of each conflict, a number of `_EVIDENCE`.
         """

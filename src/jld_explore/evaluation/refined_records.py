@@ -63,7 +63,7 @@ class RefinedRecords:
 
     @property
     def rows(self) -> Rows:
-        """All rows, in the order of the record; see `Records.rows`."""
+        """All rows in the order of the record, with refined evaluations where there are any."""
         rows = self._records.rows.copy()
         place = {key: n for n, key in enumerate(keys_of(rows))}
         for own, key in zip(self._refined, keys_of(self._refined), strict=True):

@@ -52,7 +52,10 @@ def record_type(faces: int, cases: int = 0) -> np.dtype[np.void]:
 def rows_of(
     kind: np.dtype[np.void], labellings: Bits, multiplicities: Sequence[int], found: Sequence[Evaluation]
 ) -> Rows:
-    """Return the rows of evaluations of labellings (k, m) with k multiplicities (orbit sizes)."""
+    """Return the rows (k,) of evaluations, for a record or a table.
+
+    kind: type from `record_type`. labellings: (k, m) labels, True = dry. multiplicities: k orbit sizes.
+    """
     rows = np.zeros(len(found), dtype=kind)
     rows["labelling"] = np.packbits(labellings, axis=1)
     rows["multiplicity"] = multiplicities
@@ -72,7 +75,7 @@ def rows_of(
 
 
 def columns_of(rows: Rows) -> Iterator[tuple[Any, ...]]:
-    """Yield each row as a tuple of the columns `COLUMNS`."""
+    """Yield each row as a tuple of the columns `COLUMNS`, as SQLite stores them."""
     return zip(
         keys_of(rows),
         rows["multiplicity"].tolist(),
@@ -87,8 +90,9 @@ def columns_of(rows: Rows) -> Iterator[tuple[Any, ...]]:
 
 
 def from_columns(kind: np.dtype[np.void], content: Sequence[tuple[Any, ...]]) -> tuple[Rows, int | None]:
-    """Return the rows of given columns and the first row with a wrong checksum, else None.
+    """Return the rows of stored columns, and the index of the first row that is damaged.
 
+    The index is that of the first wrong checksum, None if all are right. content: one tuple of `COLUMNS` per row.
     Raises KeyError, TypeError, ValueError or OverflowError for values that no row can hold.
     """
     rows = np.zeros(len(content), dtype=kind)
@@ -109,7 +113,7 @@ def from_columns(kind: np.dtype[np.void], content: Sequence[tuple[Any, ...]]) ->
 
 
 def keys_of(rows: Rows) -> list[bytes]:
-    """Return the packed labelling of each row as bytes."""
+    """Return the packed labelling of each row as bytes, by which a labelling is found."""
     width = rows.dtype["labelling"].itemsize
     content = rows["labelling"].tobytes()
     return [content[n : n + width] for n in range(0, len(content), width)]
@@ -172,7 +176,7 @@ def checksums(rows: Rows) -> list[int]:
 
 
 def evaluation_of(row: np.void) -> Evaluation:
-    """Convert a row to an evaluation."""
+    """Convert one row, with the fields of `record_type`, to an evaluation."""
     status, settled_by = _STATUSES[row["status"]], _SETTLED[row["settled"]]
     low, high, associative, zero_dilation, seconds = (float(row[name]) for name in _NUMBERS)
     cases, governing = tuple(row["cases"].tolist()), int(row["governing"])

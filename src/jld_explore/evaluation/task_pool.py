@@ -60,7 +60,7 @@ class TaskPool:
         return found
 
     def close(self) -> None:
-        """Terminate the processes at once, those with unfinished tasks too; they start again on demand."""
+        """Terminate the processes at once, also those with unfinished tasks; `run` restarts them."""
         executor, self._executor = self._executor, None
         with self._settings:
             if executor is not None:
@@ -69,6 +69,6 @@ class TaskPool:
 
 
 def make_executor(jobs: int) -> Executor:
-    """Start local processes; tests put threads in their place."""
+    """Return a new executor of so many local processes; tests put threads in its place."""
     found: Executor = local_processes(jobs)
     return found

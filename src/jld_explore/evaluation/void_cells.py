@@ -29,7 +29,7 @@ class VoidCellsEvaluator(LabellingEvaluator):
     Parameters
     ----------
     assembly : Assembly
-        Structure with a sink: m faces, followed by c faces from cells to the sink.
+        Structure with a sink, an element that stands for the void: m faces, then c faces from cells to the sink.
     settings : EvaluatorSettings
         Model and settings; the batch solver is never used.
     """

@@ -44,7 +44,7 @@ Result = TypeVar("Result")
 
 
 class Lost(Enum):
-    """Type of `LOST`."""
+    """Type of `LOST`, the result of a task whose worker died or left."""
 
     LOST = "lost"
 
@@ -144,7 +144,7 @@ class WorkerPool:
         return departed
 
     def first(self) -> PoolWorker | None:
-        """Return a worker, started if necessary; None if there is none."""
+        """Return the first worker, started if necessary; None if the cluster has none."""
         self.fill()
         return next(iter(self), None)
 

@@ -53,14 +53,19 @@ class WorkerSpec:
 
     @classmethod
     def of(cls, assembly: Assembly, settings: EvaluatorSettings, make: MakeEvaluator = evaluator_of) -> WorkerSpec:
-        """Make the specification of an assembly, settings and a function that makes evaluators."""
+        """Make the specification that workers need to evaluate labellings of an assembly.
+
+        make: function of the assembly and the settings that returns an evaluator; it is pickled with both.
+        """
         content = cloudpickle.dumps((make, assembly, settings))  # pickle refuses functions defined in a program
         # Include the batch solver in the digest, since results depend on it.
         kernel = (chosen() or "none").encode()
         return cls(content, hashlib.sha256(kernel + content).hexdigest(), os.getpid())
 
     def evaluator(self) -> LabellingEvaluator:
-        """Return the evaluator of this thread, if possible as a twin of another thread's.
+        """Return the evaluator of this thread, made at the first call and kept.
+
+        Another specification replaces it. If another thread of the process has one that can be shared, a twin is made.
 
         Raises
         ------

@@ -51,7 +51,7 @@ With the default a search took 10 % longer in wall-clock time.
 
 
 def batch_size(faces: int, requested: int) -> int:
-    """Compute the number of labellings per task.
+    """Compute the number of labellings that a worker evaluates in one task.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ class Workers:
         return run
 
     def submit(self, tasks: Iterable[tuple[Any, ...]]) -> list[Callable[[], tuple[int, list[Evaluation]]]]:
-        """Return one function per task that waits for its result.
+        """Return one function per task that waits for its result: batch number and evaluations.
 
         With several threads the tasks start at once, otherwise when the function is called.
         Each task is a tuple of arguments of `evaluate_batch`.
@@ -161,7 +161,10 @@ class Workers:
         return [self._threads.submit(evaluate_batch, *task).result for task in tasks]
 
     def run_on_cluster(self, tasks: Iterator[Any]) -> Iterator[tuple[int, list[Evaluation]]]:
-        """Yield results of tasks from a cluster as they finish; new tasks replace finished ones."""
+        """Yield results of tasks from a cluster as they finish; new tasks replace finished ones.
+
+        Each task is a `joblib.delayed` call of `evaluate_batch`. Raises TimeoutError if no result arrives for too long.
+        """
         settings: dict[str, Any] = {
             "return_as": "generator_unordered",
             "batch_size": 1,
@@ -188,8 +191,9 @@ class Workers:
 class Run:
     """Labellings under evaluation; iterating yields (slice, evaluations) as they finish.
 
+    The slice says which of the labellings the evaluations belong to. Iteration ends early at the deadline.
     Several runs may be in progress, so that workers stay busy while earlier results are processed.
-    If workers die, the tasks of the run being iterated are suspected. The other runs start again when iterated.
+    If workers die, the unfinished tasks are sent again. A task lost twice yields failed evaluations.
     """
 
     def __init__(
@@ -223,11 +227,14 @@ class Run:
         self._results_of_threads: list[Callable[[], tuple[int, list[Evaluation]]]] | None = None
 
     def submit(self) -> None:
-        """Submit all tasks to the threads of this process."""
+        """Submit all tasks to the threads of this process; iterating waits for their results."""
         self._results_of_threads = self._workers.submit(self._arguments(number) for number in range(len(self._slices)))
 
     def begin(self, numbers: list[int] | None = None) -> None:
-        """Send tasks to the workers: those with the given numbers, or all unfinished ones."""
+        """Send tasks to the workers: those with the given numbers, or all unfinished ones.
+
+        Tasks are numbered from 0 in the order of the labellings. Iterating waits for their results.
+        """
         # Evaluate the labelling needed in any case in this process, while the workers start.
         unfinished = [
             n for n in range(len(self._slices)) if n not in self._done and not (self._first_required and n == 0)
@@ -244,7 +251,7 @@ class Run:
         stream.begin((number, evaluate_batch, self._arguments(number)) for number in numbers)
 
     def stop(self) -> None:
-        """Discard the results of submitted tasks; they are evaluated again later."""
+        """Discard the results of submitted tasks; iterating evaluates those labellings again."""
         self._results = None
 
     def _merged(self, results: list[tuple[int, list[Evaluation]]]) -> Iterator[tuple[slice, list[Evaluation]]]:

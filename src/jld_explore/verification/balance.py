@@ -29,12 +29,12 @@ _PARTS: Final = 24
 
 @dataclass(frozen=True)
 class Balance:
-    """Work balance λ · work ≤ spent that holds for a set of labellings.
+    """Work balance of a mechanism, λ · work ≤ spent, that holds for a set of labellings.
 
     Attributes
     ----------
     work : Fraction
-        Power of the live load.
+        Power of the live load at λ = 1.
     spent : Fraction or None
         Dissipation minus power of the dead load; None if unbounded.
     """
@@ -43,7 +43,10 @@ class Balance:
     spent: Fraction | None
 
     def proves(self, bound: Fraction) -> bool:
-        """Return True if the balance excludes every λ above the bound."""
+        """Return True if the balance excludes every λ ≥ 0 above the bound.
+
+        With work 0 it does so if `spent` is negative: the labellings do not stand at any λ.
+        """
         if self.spent is None or self.work < 0:
             return False
         return self.spent <= bound * self.work if self.work > 0 else self.spent < 0
@@ -215,9 +218,9 @@ class Balances:
 
 
 def whole(values: Floats) -> tuple[list[list[int]], int]:
-    """Convert finite numbers (r, c) exactly to integers over 2**digits.
+    """Convert finite numbers (r, c) exactly to integers over one power of two, 2**digits.
 
-    Return the rows of integers and the number of digits.
+    Returns the rows of integers and `digits`.
     """
     pairs = [[float(value).as_integer_ratio() for value in row] for row in values]
     digits = max((below.bit_length() - 1 for row in pairs for _, below in row), default=0)

@@ -8,10 +8,11 @@ from collections.abc import Sequence
 def at_least(literals: Sequence[int], least: int, top: int) -> tuple[list[list[int]], int]:
     """Return clauses for "at least `least` literals are true", and the largest variable used.
 
-    Variable (i, j) states that j of the first i literals are true.
-    It implies (i − 1, j), or (i − 1, j − 1) together with literal i.
-    One direction of the implication suffices, since the constraint is only a lower bound.
-    `top` is the largest variable used before. Source: Sinz 2005, CP, LNCS 3709, 827–831.
+    Variable (i, j) states that j of the first i literals are true. It implies (i − 1, j), or (i − 1, j − 1) together
+    with literal i. One direction of the implication suffices, since the constraint is only a lower bound.
+
+    literals: nonzero integers, negative for a negation. top: largest variable used before.
+    Source: Sinz 2005, CP, LNCS 3709, 827–831.
     """
     if least > len(literals):
         return [[]], top

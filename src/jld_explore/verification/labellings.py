@@ -54,6 +54,9 @@ _IDLE: Final = {"symmetry", "front"}
 class Labellings:
     """Labellings of a scene as fixed labels and clauses.
 
+    A clause is a list of literals of which at least one holds: face + 1 states that a face is inner, −(face + 1) that
+    it is dry.
+
     Parameters
     ----------
     scene : Scene

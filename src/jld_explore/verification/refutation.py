@@ -10,10 +10,12 @@ from collections.abc import Mapping, Sequence
 
 
 def follows(lemma: Sequence[int], by: Sequence[int], clauses: Mapping[int, Sequence[int]]) -> bool:
-    """Return True if a lemma follows by reverse unit propagation from named clauses in order.
+    """Return True if a lemma follows by reverse unit propagation from given clauses in order.
 
-    With the lemma false, each named clause in turn must have one literal left, and the last one none.
-    `by` holds the names of the clauses in that order.
+    With the lemma false, each of these clauses in turn must have one literal left, and the last one none.
+
+    lemma: literals of the clause to prove. by: numbers of the clauses used, in order. clauses: literals of all known
+    clauses by number. False also for a number that is unknown.
     """
     false = set(lemma)
     if any(-literal in false for literal in lemma):

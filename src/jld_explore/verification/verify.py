@@ -85,7 +85,7 @@ def verify(path: Path, scene: Scene | None = None) -> Verified:
 
 
 class Checker:
-    """Checker of the reasons of one claim, in order.
+    """Checker of the reasons of one claim, in order: call `check` once.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ class Checker:
     Attributes
     ----------
     clauses : dict of int to list of int
-        Clauses by number; those of the scene are numbered from one.
+        Clauses by number, with literals as in `Labellings`; those of the scene are numbered from one.
 
     Raises
     ------
@@ -152,7 +152,10 @@ class Checker:
             raise InputError("reasons", "they leave labellings that may carry more", "a proof that leaves none")
 
     def clause(self, reason: Reason) -> list[int] | None:
-        """Return the clause that a reason proves, or None if the reason does not hold."""
+        """Return the clause that a reason proves, or None if the reason does not hold.
+
+        The clause is not stored. Its literals are those of `Labellings`.
+        """
         if isinstance(reason, Mechanism):
             return self._of_mechanism(reason)
         if isinstance(reason, Lemma):

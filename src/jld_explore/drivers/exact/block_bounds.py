@@ -58,14 +58,9 @@ class BlockSpace:
     blocks: PossibleBlocks
 
     def relaxation(self, analyses: Sequence[LimitAnalysis] = (), seconds: float = math.inf) -> AnyBlockRelaxation:
-        """Return the block relaxation of the space.
+        """Make the block relaxation of the space, which bounds λ over choices of blocks.
 
-        Parameters
-        ----------
-        analyses : sequence of LimitAnalysis, optional
-            Analyses of the load cases, in their order, where they exist already.
-        seconds : float, default inf
-            Time limit of one program, s.
+        analyses: of the load cases, in their order; empty makes them anew. seconds: time limit of one program, s.
         """
         members, inside = self.blocks.members, self.blocks.inside
         return block_relaxation_of(self.space.assembly, members, inside, analyses, seconds)
@@ -75,19 +70,12 @@ class BlockSpace:
 def bound_blocks(name: str, block_space: bytes | None, program: Asked | None) -> SolvedProgram | None:
     """Solve a block relaxation in this worker process.
 
-    Parameters
-    ----------
-    name : str
-        Name of the worker, under which the relaxation is stored between calls.
-    block_space : bytes or None
-        Pickled `BlockSpace` that replaces every stored relaxation; None keeps them.
-    program : Asked or None
-        Arguments of `BlockRelaxation.choose`; None only sets up the relaxation.
+    Returns the result and the number of programs solved. None if `program` is None or no relaxation is stored under
+    the name.
 
-    Returns
-    -------
-    tuple of Choice and int, or None
-        Result and number of programs solved. None if `program` is None or no relaxation is stored under the name.
+    name: worker, under whose name the relaxation is stored between calls. block_space: pickled `BlockSpace` that
+    replaces every stored relaxation; None keeps them. program: arguments of `BlockRelaxation.choose`; None only sets up
+    the relaxation.
     """
     if block_space is not None:
         _relaxations.clear()
@@ -103,6 +91,8 @@ def bound_blocks(name: str, block_space: bytes | None, program: Asked | None) ->
 
 class BlockBoundPool:
     """Block relaxation of a space, solved in this process and in a worker process.
+
+    It bounds scaled λ of all labellings whose blocks are among those allowed.
 
     Parameters
     ----------
@@ -147,7 +137,11 @@ class BlockBoundPool:
             self._threads = None
 
     def choose(self, allowed: Bools, threshold: float, most: float) -> Choice:
-        """Solve one block relaxation in this process; see `BlockRelaxation.choose`."""
+        """Solve one block relaxation in this process; see `BlockRelaxation.choose`.
+
+        allowed: (p,) True for blocks that may be chosen. threshold: scaled λ to reach. most: scaled λ that no labelling
+        exceeds.
+        """
         return self._here.bound_all([(allowed, threshold, most)])[0]
 
     @property
@@ -158,8 +152,9 @@ class BlockBoundPool:
     def bound_all(self, programs: Sequence[Asked]) -> list[Choice]:
         """Solve several block relaxations and return their results in the same order.
 
-        The batch solver uses a second thread where `set_workers` allows it. Without the batch solver the last program
-        goes to the worker process if that process is ready.
+        Each program is (allowed (p,), threshold, most), as in `choose`. The batch solver uses a second thread where
+        `set_workers` allows it. Without it the last program goes to the worker process if that is ready, else is solved
+        here.
         """
         if self._here.batched:
             if self._worker_allowed and self._threads is None:
@@ -297,7 +292,7 @@ class BlockBoundTightening:
         return self._blocks
 
     def disable(self) -> None:
-        """Disable the tightening from now on."""
+        """Disable the tightening from now on: `is_due` is then always False."""
         self._next = math.inf
 
     def is_due(self, relaxations: int, least: float) -> bool:

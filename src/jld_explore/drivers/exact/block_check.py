@@ -41,6 +41,8 @@ class BlockConflictCheck:
     def refute_again(self, conflicts: Sequence[Conflict], end: float) -> str:
         """Refute conflicts of possible blocks again, in random order, until a time.
 
+        Conflicts that the time does not suffice for stay unchecked; `done` counts the others.
+
         Parameters
         ----------
         conflicts : sequence of Conflict

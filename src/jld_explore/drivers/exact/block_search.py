@@ -82,6 +82,8 @@ class BlockStep:
 class BlockSearch:
     """Branch and bound over the blocks of one space, if that search is wanted and promising.
 
+    A block relaxation bounds λ over all choices among possible blocks. Call `start`, then `step` while `active`.
+
     Parameters
     ----------
     context : ProofContext
@@ -102,6 +104,8 @@ class BlockSearch:
 
     def start(self, least: float, root: float) -> float:
         """Start the tree where it is wanted, and bound all labellings by the root relaxation.
+
+        Without possible blocks, or where the relaxation does not apply, nothing is started and `root` is returned.
 
         Parameters
         ----------
@@ -133,11 +137,14 @@ class BlockSearch:
 
     @property
     def root_proof(self) -> tuple[BlockEvidence, ...]:
-        """Mechanisms of the root of the tree, which prove the bound that `start` returned; empty without a tree."""
+        """Mechanisms of the root of the tree, which prove the bound that `start` returned.
+
+        Empty before `start`, and where it solved no block relaxation.
+        """
         return self._root_proof
 
     def set_workers(self, jobs: int) -> None:
-        """Set the number of processes that may be used."""
+        """Set the number of processes that may be used; it takes effect at `start`."""
         self._jobs = jobs
 
     def abandon(self) -> None:
@@ -146,7 +153,7 @@ class BlockSearch:
         self.close()
 
     def close(self) -> None:
-        """Stop the workers that solve programs of the tree."""
+        """Stop the workers that solve programs of the tree; the tree itself is kept."""
         if self._bounds is not None:
             self._bounds.close()
 
@@ -168,7 +175,8 @@ class BlockSearch:
     def labellings_due(self) -> int:
         """Return how many labellings to anneal before the next step, 0 while annealing is not due.
 
-        Without a better labelling the tree descends between choices of equal bounds, so annealing saves nodes.
+        A number above 0 starts the next interval. Without a better labelling the tree descends between choices of equal
+        bounds, so annealing saves nodes.
         """
         since = self.solves - self._last_run
         if since < self._interval:
@@ -183,6 +191,8 @@ class BlockSearch:
 
     def step(self, formula: Formula, threshold: float, time_is_up: Callable[[], bool]) -> BlockStep:
         """Decide one more face of the tree.
+
+        Raises RuntimeError without a tree; see `active`.
 
         Parameters
         ----------
@@ -203,9 +213,10 @@ class BlockSearch:
         return BlockStep(step.conflicts, promising=promising)
 
     def note_inaccurate_bound(self) -> None:
-        """Count a complete labelling of the tree that only its own mechanism refuted.
+        """Count a complete labelling that the tree left, although its own mechanism refutes it.
 
-        After `_MOST_INACCURATE` such labellings the tree is abandoned.
+        Call it for each such labelling: after `_MOST_INACCURATE` of them the tree is abandoned, as its bounds are
+        inaccurate.
         """
         self._inaccurate_bounds += 1
         if self._inaccurate_bounds >= _MOST_INACCURATE:

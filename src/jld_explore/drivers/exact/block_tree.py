@@ -56,11 +56,11 @@ class Node:
     proof: tuple[BlockEvidence, ...]
 
     def solved(self, choice: Choice) -> Node:
-        """Return the node with the result of its own block relaxation."""
+        """Return a copy of the node with the result of its own block relaxation and its proof."""
         return replace(self, choice=choice, proof=(*self.proof, *map(BlockEvidence, choice.mechanisms)))
 
     def conflict(self, bound: float) -> Conflict:
-        """Return the conflict that no labelling of the node exceeds a scaled λ."""
+        """Return the conflict that no labelling of the node exceeds `bound`, a scaled λ."""
         return Conflict(self.faces, self.labels, bound, Evidence.BLOCKS, by_blocks=self.proof)
 
 
@@ -73,7 +73,7 @@ class FaceChildren:
 
     @property
     def left(self) -> list[Node]:
-        """The children that are not refuted."""
+        """The children that may still hold labellings: none, one or two."""
         return [one for one in (self.inner, self.dry) if one is not None]
 
 
@@ -142,6 +142,9 @@ With this minimum a label without effect does not hide the effect of the other l
 
 class BlockTree:
     """Branch-and-bound tree over the choice of blocks, best bound first.
+
+    A node decides the labels of some faces. Its block relaxation bounds λ over all choices among the blocks that are
+    left. Call `step` until `finished`.
 
     Parameters
     ----------

@@ -71,9 +71,9 @@ def check_certifiable(driver: Driver, model: SolveOptions, scene: Scene) -> None
     Raises
     ------
     InputError
-        If the driver is not `Exact`, enumerates its space or aims at a front. If the search limits assembly
-        sequences, block shapes or counts other than sums over faces, requires a load factor or uses robust values. If
-        friction is not associative, or a face has no work balance. The message has one line.
+        If the driver is not `Exact`, enumerates its space or aims at a front. Also if the search limits assembly
+        sequences, block shapes or counts other than sums over faces, requires a load factor or uses robust values.
+        Also if friction is not associative, or a face has no work balance. The message has one line.
     """
     search = driver.space.search
     for key, given in (("assemble", search.assemble), ("require", search.require)):

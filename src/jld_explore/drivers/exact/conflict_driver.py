@@ -43,7 +43,8 @@ class ExactOptions(DriverOptions):
 class ConflictDriver(Driver):
     """Driver that proves its result by conflicts, or by enumeration where those do not apply.
 
-    Enumeration proves the same. It is used where the space has no formula or no relaxation.
+    A conflict is labels on some faces that no labelling above a λ has together. Enumeration proves the same. It is
+    used where the space has no formula or no relaxation.
 
     Parameters
     ----------
@@ -202,7 +203,7 @@ class ConflictDriver(Driver):
             self._state.conflicts.keep(records, self._context.key)
 
     def restore(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Take over the evaluations of labellings (k, m) from a resumed study."""
+        """Take over evaluations of labellings (k, m) from a resumed study; see `Driver.restore`."""
         self._learn(labellings, evaluations)
         self._state.note_evaluated(labellings)
 

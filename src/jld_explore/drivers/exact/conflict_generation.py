@@ -51,9 +51,10 @@ _DECAY: Final = 0.9
 
 
 def windows_of(assembly: Assembly) -> tuple[Bits, ...]:
-    """Return the windows (w, m) of each width, True where a face touches the window.
+    """Return the windows of each width, (w, m) bool, True where a face touches the window.
 
-    A window is a set of elements. The result is empty for structures of fewer than `_LEAST_SLABS` slabs.
+    A window is a run of 1, 2 or 3 neighbouring slabs of the elements along the longest axis. A labelling that a window
+    alone refutes gives a small conflict. The result is empty for structures of fewer than `_LEAST_SLABS` slabs.
     """
     elements, faces = assembly.elements, assembly.interfaces
     free = elements.free
@@ -77,6 +78,8 @@ def windows_of(assembly: Assembly) -> tuple[Bits, ...]:
 class WindowStatistics:
     """Running share of labellings that the windows of each width refute.
 
+    Widths that refute few labellings are tried rarely.
+
     Parameters
     ----------
     widths : int
@@ -87,14 +90,17 @@ class WindowStatistics:
         self._share, self._times_skipped = np.ones(widths), np.zeros(widths, dtype=int)
 
     def is_worthwhile(self, width: int) -> bool:
-        """Return True if windows of a width should be tried now."""
+        """Return True if windows of a width, given by its index, should be tried now.
+
+        Each call for a width that refutes little counts: one in `_RETRY_INTERVAL` is True.
+        """
         if self._share[width] >= _LEAST_SHARE:
             return True
         self._times_skipped[width] = (self._times_skipped[width] + 1) % _RETRY_INTERVAL
         return bool(self._times_skipped[width] == 0)
 
     def record(self, width: int, share: float) -> None:
-        """Record the share of labellings that windows of a width refuted."""
+        """Record the share, 0 to 1, of labellings that windows of a width refuted."""
         self._share[width] = _DECAY * self._share[width] + (1.0 - _DECAY) * share
 
 
@@ -113,7 +119,7 @@ def conflict_of(
     tries: int = _FAILED_TRIES,
     decided: Bools | None = None,
 ) -> Conflict | None:
-    """Minimise one labelling to a conflict that refutes it.
+    """Find few labels of a labelling that already exclude a λ: a conflict that refutes it.
 
     Parameters
     ----------
@@ -233,6 +239,9 @@ class ConflictBatch:
 class ConflictGenerator:
     """Generator of conflicts for one formula after another.
 
+    A conflict is labels on some faces that no labelling above a λ has together. Call `begin` with a formula, then
+    `step` until it is exhausted; the generator adds its conflicts to the formula.
+
     Parameters
     ----------
     context : ProofContext
@@ -276,7 +285,7 @@ class ConflictGenerator:
         self._statistics = WindowStatistics(len(self._windows))
 
     def step(self, threshold: float, cube: Cube = EVERYTHING) -> ConflictBatch:
-        """Draw labellings and return their conflicts.
+        """Draw labellings that the formula leaves, and return conflicts that refute them.
 
         Parameters
         ----------

@@ -35,7 +35,7 @@ _WAIT_SECONDS: Final = 0.1
 
 
 def delay_point(place: str) -> None:
-    """Do nothing; tests put delays here, where threads interact."""
+    """Do nothing; tests replace this function to delay threads where they interact."""
 
 
 @dataclass
@@ -93,6 +93,8 @@ class _GeneratorThread:
 class ThreadedGenerator:
     """Threads that generate conflicts and add them to the state of the proof.
 
+    Call `begin` for a target, `step` until it returns True, and `close` at the end.
+
     Parameters
     ----------
     context : ProofContext
@@ -115,7 +117,10 @@ class ThreadedGenerator:
         self._error: BaseException | None = None
 
     def begin(self, count: int | Range | None) -> None:
-        """Set the count of the next target, as in `Formula.aim`, from the next step on."""
+        """Set the count of the next target, which takes effect from the next step on.
+
+        count: as in `Formula.aim`.
+        """
         self.end()
         self._count = count
 
@@ -125,10 +130,10 @@ class ThreadedGenerator:
             self._target = None
 
     def step(self, threshold: float) -> bool:
-        """Wait briefly for results; return True once no labelling is left that may exceed the threshold.
+        """Wait briefly for results of the threads, and start those that are idle.
 
-        `threshold` is a scaled λ that must not decrease between calls for the same target, which `begin` sets. An
-        exception of a thread is raised here.
+        Returns True once no labelling is left that may exceed the threshold. `threshold` is a scaled λ that must not
+        decrease between calls for the same target, which `begin` sets. An exception of a thread is raised here.
         """
         with self._results_changed:
             if self._target is None:
@@ -206,6 +211,9 @@ _CLOSING_SECONDS: Final = 0.5
 class ConflictSources:
     """Source of conflicts for one formula after another, in one process or several.
 
+    Call `begin` with a formula, `step` until it returns True, and `close` at the end. A formula describes the
+    labellings that no conflict refutes yet.
+
     Parameters
     ----------
     context : ProofContext
@@ -237,7 +245,10 @@ class ConflictSources:
         self.cube_workers: CubeWorkers | None = None
 
     def set_workers(self, jobs: int) -> None:
-        """Set the number of worker processes; a connected cluster contributes all its workers."""
+        """Set the number of worker processes; a connected cluster contributes all its workers.
+
+        Workers start in `step`, once the proof is long enough; a second thread is made at once where it helps.
+        """
         self._jobs, self._on_cluster = jobs, client_of_cluster() is not None
         self._workers_allowed = jobs > 1 or self._on_cluster
         if jobs > 1 and self._threads is None and self._context.relaxation.batched:
@@ -278,7 +289,10 @@ class ConflictSources:
             self.cube_workers.end()
 
     def exchange(self) -> None:
-        """Exchange results and tasks with the workers while this process does something else."""
+        """Collect results of the workers and send them new tasks, without waiting.
+
+        Call it while this process does something else; without workers it does nothing.
+        """
         if self.cube_workers is not None:
             self.cube_workers.exchange()
 

@@ -25,29 +25,40 @@ SEED_STEP: Final = 1000
 
 
 class PartialLabellingRelaxation(Protocol):
-    """Relaxation that bounds λ of partial labellings, by rigid blocks or by fields."""
+    """Relaxation that bounds λ of partial labellings, by rigid blocks or by fields.
+
+    In a partial labelling, `undecided` (k, m) or (m,) is True for faces that may take either label. λ is scaled.
+    """
 
     def refute_all(
         self, labellings: Bits, undecided: Bools, thresholds: Floats, thorough: Bools | None = None
     ) -> list[DualBound | None]:
-        """Refute thresholds (k,) for partial labellings (k, m); see `Relaxation.refute_all`."""
+        """Prove that partial labellings (k, m) do not exceed thresholds; None where it fails.
+
+        thresholds: (k,) scaled λ. thorough: (k,) True where another solver may be tried; see `Relaxation.refute_all`. A
+        proof holds its mechanism and its bound.
+        """
         ...
 
     def refute(self, labels: Bits, undecided: Bools, threshold: float) -> DualBound | None:
-        """Refute a threshold for one partial labelling (m,); see `Relaxation.refute`."""
+        """Prove that one partial labelling (m,) does not exceed a scaled λ; None if this fails."""
         ...
 
     def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
-        """Return the least bound of one partial labelling (m,); see `Relaxation.least_bound`."""
+        """Return the least bound on the scaled λ of one partial labelling (m,), None without one."""
         ...
 
     def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
-        """Evaluate known mechanisms of one load case; see `Relaxation.evaluate_mechanisms`."""
+        """Return (k,) bounds that known mechanisms of one load case give for labellings (k, m).
+
+        velocities: (k, q · free) one scaled mechanism for each. A bound is inf where its mechanism proves nothing, and
+        −inf where no λ is admissible.
+        """
         ...
 
 
 class CheckedProof(Protocol):
-    """What the check of a proof needs of its context: `ProofContext` has it, and so has a proof by fields."""
+    """Data that the check of a proof needs, of a proof by rigid blocks or by fields."""
 
     @property
     def space(self) -> SearchSpace:
@@ -55,11 +66,11 @@ class CheckedProof(Protocol):
 
     @property
     def blocks(self) -> PossibleBlocks | None:
-        """Possible blocks, where they are listed."""
+        """Possible blocks, None where they are not listed."""
 
     @property
     def free(self) -> Bools:
-        """Faces (m,) that may take either label in some labelling."""
+        """Faces (m,) bool, True where some labelling of the space has either label."""
 
     @property
     def relaxation(self) -> PartialLabellingRelaxation:
@@ -67,7 +78,7 @@ class CheckedProof(Protocol):
 
     @property
     def labels(self) -> Bits:
-        """Labels (m,) in which all free faces are undecided, True = dry."""
+        """Labels (m,), True = dry, for relaxations in which all free faces are undecided."""
 
 
 @dataclass(frozen=True)
@@ -152,7 +163,10 @@ class ProofContext:
 
     @classmethod
     def unpacked(cls, content: bytes) -> ProofContext:
-        """Return the context that `packed` has pickled, with analyses and a relaxation of its own."""
+        """Make the context in a worker from the bytes of `packed`.
+
+        Its analyses and its relaxation are made anew. Raises RuntimeError if the assembly has no relaxation.
+        """
         given: tuple[SearchSpace, PossibleBlocks | None, Bools, int] = cloudpickle.loads(content)
         space, blocks, free, seed = given
         analyses = tuple(LimitAnalysis(case) for case in space.assembly.by_case)
@@ -165,7 +179,8 @@ class ProofContext:
     def key(self) -> str:
         """Hash of all data that conflicts depend on.
 
-        The hash covers the numbers of the programs, the free faces, the symmetry group and the possible blocks.
+        Recorded conflicts hold for an equal key only. The hash covers the numbers of the programs, the free faces, the
+        symmetry group and the possible blocks.
         """
         space = self.space
         parts = [

@@ -80,6 +80,8 @@ class _AssignedCube:
 class CubeWorkers:
     """Worker processes that refute cubes of the search space.
 
+    Call `begin` for a formula, then `step` until it returns True, and `close` at the end.
+
     Parameters
     ----------
     context : ProofContext
@@ -93,7 +95,7 @@ class CubeWorkers:
     ----------
     solves, closed : int
         Numbers of relaxations solved and of cubes closed.
-    moments : list of float
+    task_seconds : list of float
         Processor time of each task, s.
     """
 
@@ -124,7 +126,7 @@ class CubeWorkers:
         return len(self._pool) > 0
 
     def begin(self, formula: Formula, count: int | Range | None, threshold: float) -> None:
-        """Continue with another formula.
+        """Continue with another formula, whose whole space becomes the first cube.
 
         Parameters
         ----------
@@ -163,7 +165,10 @@ class CubeWorkers:
         return not self._cubes and not any(one.target == self._target for one in self._assigned.values())
 
     def exchange(self) -> None:
-        """Collect finished tasks and send waiting cubes to free workers."""
+        """Collect finished tasks and send waiting cubes to free workers, without waiting.
+
+        Tasks of workers that have died or left are sent to others.
+        """
         for future in [future for future in self._assigned if future.done()]:
             if future in self._assigned:  # an earlier result may have returned all cubes of a lost worker
                 self._collect(future, self._assigned.pop(future))

@@ -36,7 +36,7 @@ class Cube:
     labels: tuple[bool, ...] = ()
 
     def and_face(self, face: int, *, dry: bool) -> Cube:
-        """Return the part of the cube with a label on one more face."""
+        """Return the part of the cube with the label `dry` on one more face."""
         return Cube((*self.faces, face), (*self.labels, dry))
 
     def holds(self, labels: Bits) -> bool:

@@ -135,7 +135,7 @@ class Formula:
     def derived(self, faces: Iterable[int], labels: Iterable[bool]) -> int | None:
         """Count the literals that unit propagation derives from labels (k,) on faces (k,).
 
-        Literals that hold without these labels do not count. None means a contradiction.
+        Literals that hold without these labels do not count. None means that the labels contradict the clauses.
         """
         assumed = self._assumed
         assumptions = self._face_literals(faces, labels)

@@ -66,7 +66,7 @@ class AssumptionLiterals:
             self._rule_out(pairs, (-self._literals[place],))
 
     def aim(self, threshold: float) -> None:
-        """Set the scaled λ that labellings must exceed, and update the literals to assume."""
+        """Set the scaled λ that labellings must exceed, and update `assumed`."""
         self.threshold = threshold
         place = bisect_left(self._levels, threshold)
         if place == len(self._levels) or self._levels[place] != threshold:
@@ -94,6 +94,7 @@ class AssumptionLiterals:
 class UnaryCounter:
     """Number of true literals among some, plus a constant, as a unary number.
 
+    The clauses in `clauses` must be added to the solver; then assuming literals of `within` bounds the number.
     Two totalizers (Bailleux and Boufkhad 2003) encode the literals and their negations, because each totalizer
     implies only upper bounds.
 
@@ -128,7 +129,10 @@ class UnaryCounter:
         self.top = top
 
     def within(self, bounds: Range) -> list[int]:
-        """Return the literals to assume so that the number is within bounds."""
+        """Return the literals to assume so that the number, with the constant, is within bounds.
+
+        For bounds that cannot be kept, the result is a literal that is always false.
+        """
         low = 0 if bounds.low is None else int(bounds.low) - self._constant
         high = self._size if bounds.high is None else int(bounds.high) - self._constant
         if low > self._size or high < 0:
@@ -138,7 +142,7 @@ class UnaryCounter:
 
 
 class InnerPaths:
-    """Element graph of a space, searched under one labelling after another."""
+    """Graph of the elements of a space, to search along the inner faces of labellings."""
 
     def __init__(self, space: SearchSpace) -> None:
         graph = space.graph
@@ -154,7 +158,8 @@ class InnerPaths:
     def path(self, labels: Bits, start: int, end: int) -> list[int]:
         """Return the inner faces of a shortest path between two elements of one block.
 
-        `labels` is (m,), True = dry.
+        labels: (m,), True = dry. start, end: elements. The path may also pass where elements touch without a face; the
+        block must join both elements.
         """
         previous = self._reach(labels, start, lambda seen: end in seen)
         path, element = [], end
@@ -165,7 +170,10 @@ class InnerPaths:
         return path
 
     def tree(self, labels: Bits, start: int) -> list[int]:
-        """Return inner faces, from an element on, that join elements to a block above the limits."""
+        """Return inner faces that join elements to a block above a limit, from `start` on.
+
+        labels: (m,), True = dry. If the block never exceeds a limit, the faces span the whole block.
+        """
         limits = self._limits
         previous = self._reach(labels, start, lambda seen: bool(limits.too_large(limits.sized.one(seen & self._free))))
         return [face for _, face in previous.values() if face >= 0]

@@ -125,6 +125,8 @@ def possible_blocks(space: SearchSpace) -> PossibleBlocks | None:
 class BlockTables:
     """Tables of which possible blocks cover an element, contain a face or only touch one.
 
+    Each row is one of the c faces that can separate or join blocks; columns are the p blocks.
+
     Parameters
     ----------
     space : SearchSpace
@@ -161,7 +163,7 @@ class BlockTables:
         self._overlaps = overlap
 
     def agreeing(self, faces: Ints, labels: Bits) -> Bools:
-        """Return the blocks (p,) that may be chosen under labels (k,) of faces (k,), True = dry."""
+        """Return (p,) True for the blocks that labels (k,), True = dry, on faces (k,) admit."""
         label = dict(zip(faces.tolist(), labels.tolist(), strict=True))
         known = np.isin(self.faces, faces)
         dry = np.array([label.get(face, False) for face in self.faces.tolist()], dtype=bool)
@@ -169,9 +171,11 @@ class BlockTables:
         return np.asarray(~excluded, dtype=bool)
 
     def propagated(self, allowed: Bools) -> Bools | None:
-        """Return the blocks (p,) left by propagation; None if an element has none.
+        """Return (p,) True for the blocks left by propagation; None if an element has none.
 
         An element with a single block left takes that block, which excludes the blocks that overlap it.
+
+        allowed: (p,) True for the blocks left before.
         """
         while True:
             left = self._covering & allowed
@@ -185,7 +189,10 @@ class BlockTables:
             allowed = kept
 
     def undecided(self, allowed: Bools) -> Ints:
-        """Return the indices in `faces` of those inside some blocks left and on others' edge."""
+        """Return the positions in `faces` of faces whose label the blocks left do not decide.
+
+        Such a face is inside some blocks left and on the edge of others. allowed: (p,) True for the blocks left.
+        """
         around = (self.beside & allowed).sum(axis=1)
         holding = (self.inside & allowed).sum(axis=1)
         return np.flatnonzero((holding > 0) & (holding < around))

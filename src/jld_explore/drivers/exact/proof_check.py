@@ -94,7 +94,7 @@ class ProofCheck:
         return not self.problem
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the entry of summary.json."""
+        """Return the check as the entry `proof_check` of summary.json."""
         found: dict[str, Any] = {"passed": self.passed, "seconds": self.seconds}
         found |= {"conflicts": self.conflicts, "weighed": self.weighed}
         return found if self.passed else {**found, "problem": self.problem}
@@ -108,14 +108,18 @@ def check_proof(
     problem: str,
     seconds: float,
 ) -> ProofCheck:
-    """Check the claims of a finished proof.
+    """Check the claims of a finished proof by deriving them again from its conflicts.
+
+    Mechanisms over faces that are in memory are all evaluated again. Other conflicts are refuted again in random
+    order, for a limited time.
+    The result names the first problem found; nothing is raised for a proof that fails.
 
     Parameters
     ----------
     context : ProofContext or FieldProofContext
         Space, possible blocks, free faces and relaxation of the proof.
     state : ProofState
-        Conflicts and handed-over labellings.
+        Conflicts, and labellings that no conflict refutes.
     claims : sequence of Claim
         Claims to check.
     evaluated : (k, m) bool array and (k,) float array
@@ -128,7 +132,8 @@ def check_proof(
     Returns
     -------
     ProofCheck
-        Passed only if every labelling that exceeds a claim is refuted by a valid conflict, or was evaluated.
+        Passed only if the conflicts, as far as checked, are valid and leave no labelling that exceeds a claim, except
+        evaluated ones.
     """
     start = time.perf_counter()
     if problem:

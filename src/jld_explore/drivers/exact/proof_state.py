@@ -108,7 +108,10 @@ class Conflict:
 
     @property
     def size(self) -> int:
-        """Memory of the proof, bytes; of several block relaxations the last one, since conflicts share the others."""
+        """Memory of the proof in bytes.
+
+        Of several block relaxations only the last one counts, since conflicts share the others.
+        """
         used = 0 if self.mechanism is None else self.mechanism.velocity.nbytes
         if self.by_blocks:
             last = self.by_blocks[-1].mechanism.multipliers
@@ -129,7 +132,7 @@ Later conflicts are stored without their mechanism, and are proven again when th
 
 
 class LeastBounds:
-    """Least known bound of each conflict.
+    """Least known bound of each conflict, by which conflicts without news are left out.
 
     A conflict that is found again is useful only with a smaller bound.
     """
@@ -184,7 +187,10 @@ class Conflicts:
         return self._known[part]
 
     def keep(self, records: Records, key: str) -> None:
-        """Load the conflicts stored under a key, and save later conflicts to the same records."""
+        """Load the conflicts stored under a key, and save later conflicts to the same records.
+
+        Loaded conflicts replace those in memory. The records delete conflicts of another key. key: `ProofContext.key`.
+        """
         rows = zip(*records.conflicts(key), strict=True)
         self._known = [
             Conflict(np.flatnonzero(on), labels[on], float(bound), Evidence(evidence))
@@ -215,7 +221,7 @@ class Conflicts:
         return len(new)
 
     def save(self) -> None:
-        """Write the conflicts added since the last call to the records."""
+        """Write the conflicts added since the last call to the records, if there are records."""
         new = self._known[self._saved :]
         self._saved += len(new)
         if self._records is not None and new:
@@ -236,6 +242,8 @@ class Conflicts:
 
 class ProofState:
     """Conflicts and handed-over labellings of one proof, shared by all its threads.
+
+    A labelling that no conflict refutes is handed over: it is queued for evaluation, and formulas may exclude it.
 
     Parameters
     ----------
@@ -261,9 +269,10 @@ class ProofState:
         self._evaluated: set[bytes] = set()
 
     def hand_over(self, labellings: Iterable[Bits]) -> int:
-        """Take labellings (m,) that no conflict refutes; return how many were new.
+        """Queue labellings (m,) that no conflict refutes for evaluation; return how many were new.
 
-        Formulas may exclude these labellings from now on. A labelling without an evaluation is queued for one.
+        They are stored as canonical images under symmetry. Formulas may exclude them from now on. A labelling that has
+        an evaluation is not queued.
         """
         new = 0
         for labels in labellings:
@@ -305,7 +314,7 @@ class ProofState:
 
     @property
     def handed_over(self) -> list[Bits]:
-        """All labellings (m,) that were handed over."""
+        """All labellings (m,) that were handed over, in their order."""
         return self._handed_over[:]
 
     @property

@@ -71,7 +71,7 @@ class TargetSchedule:
         self._fraction: float | None = None
 
     def next_target(self, bound: float, low: float) -> float:
-        """Return the next λ to refute.
+        """Return the next λ to refute, between `low` and `bound`; `low` covers the whole gap.
 
         Parameters
         ----------
@@ -88,7 +88,7 @@ class TargetSchedule:
         return low if self._fraction >= _LAST_FRACTION else bound - self._fraction * gap
 
     def note_proven(self, conflicts: int) -> None:
-        """Record a proven step and the number of conflicts it took."""
+        """Record a proven step and its number of conflicts; after few of them steps grow."""
         if self._fraction is not None and conflicts < _QUICK_SHARE * self._conflicts_allowed:
             self._fraction *= _GROWTH
 
@@ -149,7 +149,7 @@ class AnnealingSchedule:
     def labellings_due(self, relaxations: int) -> int:
         """Return the number of labellings to anneal now, 0 if annealing is not due.
 
-        `relaxations` is the number of relaxations solved so far.
+        A number above 0 starts the next interval, so anneal them. relaxations: number of relaxations solved so far.
         """
         since = relaxations - self._last_run
         if since < self._interval:

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 class Incumbents:
     """Bounds of all evaluated labellings, and the best λ for each value of a count.
 
+    A target is a value of that count, or None for all labellings.
+
     Parameters
     ----------
     space : SearchSpace
@@ -42,7 +44,11 @@ class Incumbents:
         self._best: dict[int | None, float] = {}
 
     def learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Record the bounds of evaluated labellings (k, m)."""
+        """Record the bounds of evaluated labellings (k, m), with k evaluations in their order.
+
+        Labellings that collapse have both bounds. A failed or uncertified one keeps its upper bound, inf without one.
+        All others have −inf for both, since no λ of theirs counts.
+        """
         number = [0] * len(labellings)
         if self._count is not None:
             number = values_of(self._count, self._space.assembly, labellings, self._space.graph).tolist()
@@ -69,7 +75,7 @@ class Incumbents:
     def strongest(self, count: int) -> tuple[Bits, Floats]:
         """Return the labellings (k, m) with the largest proven λ, and that λ (k,), scene units.
 
-        `count` is the largest number of labellings.
+        The strongest comes first. `count` is the largest number of labellings.
         """
         stands = [(low, key) for key, (low, _, _) in self._bounds.items() if math.isfinite(low)]
         stands.sort(key=lambda one: (-one[0], one[1]))
@@ -109,8 +115,8 @@ class Best:
         Largest λ found, scene units; NaN if there is none.
     bound : float
         Proven upper bound on λ, scene units; −inf if no labelling stands or none exists, inf if nothing is known.
-    floor : float
-        Load scale: λ below which differences do not matter, scene units.
+    load_scale : float
+        λ below which differences do not matter, scene units.
     """
 
     count: int | None
@@ -197,7 +203,7 @@ def front_of_all(results: pd.DataFrame, count: str, complete: bool) -> list[dict
 
 
 def counts_of(space: SearchSpace, count: Count) -> list[int]:
-    """Return the values that a count may take within the limits of a space.
+    """Return all values that a count may take within the limits of a space, ascending.
 
     Raises ValueError for a count that is no sum of binary terms.
     """
@@ -246,7 +252,9 @@ def front_count(space: SearchSpace) -> Count:
 
 
 class Targets:
-    """Targets of a proof: all labellings, and for a front the labellings of each value of its count.
+    """Targets of a proof: all labellings, and for a front those of each value of its count.
+
+    Call `least` and `lower_bound` while a target is proven, then `settle`, until `left` is empty.
 
     Parameters
     ----------
@@ -295,6 +303,8 @@ class Targets:
     def least(self, target: int | None) -> float:
         """Return the λ that a labelling must exceed to count as better, scene units.
 
+        It lies slightly above the best λ known, and is 0 where none is.
+
         Parameters
         ----------
         target : int or None
@@ -304,9 +314,12 @@ class Targets:
         return low + _INCREASE * max(abs(low), self._load_scale) if math.isfinite(low) else 0.0
 
     def lower_bound(self, target: int | None, bound: float, handed_over: Iterable[Bits]) -> None:
-        """Lower the bound of a target, but not below the brackets of labellings handed over.
+        """Lower the bound of a target to a proven one, if that is lower than the known bound.
 
-        No mechanism refutes those labellings, so only their own brackets bound them.
+        The bound stays at or above the brackets of labellings handed over: no mechanism refutes them, so only their own
+        brackets bound them.
+
+        bound: λ, scene units. handed_over: canonical labellings (m,).
         """
         for labels in handed_over:
             bound = max(bound, self._incumbents.high(labels, target))
@@ -315,7 +328,10 @@ class Targets:
             self.found[target] = replace(best, bound=bound)
 
     def settle(self, target: int | None) -> None:
-        """Close a target; after the first target of a front add one target per value of the count."""
+        """Take a proven target off `left`; of a front the first one adds one per count.
+
+        A target without a λ whose bound is at most 0 gets the bound −inf: none of its labellings stands.
+        """
         best = self.found[target]
         if math.isnan(best.load_factor) and best.bound <= 0.0:
             self.found[target] = best = replace(best, bound=-math.inf)

@@ -41,7 +41,7 @@ class Task:
     new_conflicts : tuple of Conflict
         Conflicts since the last task.
     handed_over : (k, m) bool array
-        Labellings handed over since the last task.
+        Labellings since the last task that no conflict refutes and that are given to evaluation.
     target : int
         Number of the target; each has its own aim of the formula.
     count : int, Range or None

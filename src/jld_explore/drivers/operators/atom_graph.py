@@ -78,16 +78,16 @@ Seams = list[tuple[int, int, int]]
 
 @dataclass(frozen=True)
 class Sink:
-    """Part that collects the cells left out of the structure.
+    """Part of a partition that collects the cells left out of the structure.
 
     Attributes
     ----------
     atom : int
-        Atom that represents the part.
+        Atom that represents the part; it is no cell.
     may : frozenset of int
         Atoms that may be left out.
     volume : list of float
-        Volume of each atom.
+        Volume of each atom, scene units.
     most : float
         Largest total volume left out.
     """
@@ -98,7 +98,10 @@ class Sink:
     most: float
 
     def takes(self, members: list[int]) -> bool:
-        """Return True if a part that contains the sink may be left out."""
+        """Return True if all atoms of the part that contains the sink may be left out together.
+
+        members: atoms of the part.
+        """
         inside = all(a in self.may or a == self.atom for a in members)
         return inside and sum([self.volume[a] for a in members]) <= self.most
 
@@ -144,7 +147,7 @@ class PartLimits:
 
 @dataclass(frozen=True)
 class AtomGraph:
-    """Graph of the atoms of a search space.
+    """Graph of the atoms of a search space: groups of elements that no labelling separates.
 
     Attributes
     ----------
@@ -156,16 +159,16 @@ class AtomGraph:
         Number of free elements of each atom.
     sized : Sized
         All sizes of the atoms.
-    pairs : list of tuples
+    pairs : list of (int, int)
         Pairs of atoms that may be joined.
-    links : list of lists
+    links : list of list of (int, int)
         For each atom its neighbours, as (neighbour, index of the pair).
-    walls : list of lists
+    walls : list of list of int
         For each atom the atoms that a face fixed dry separates from it.
-    seams : Seams
-        Pairs of atoms by faces between free elements.
-    lines : list of lists
-        For each pair the straight lines (spatial: planes) of its candidate faces.
+    seams : list of (int, int, int)
+        Pairs of atoms that touch by faces between free elements, as (a, b, number of these faces).
+    lines : list of list of int
+        For each pair the straight lines (spatial: planes) of its candidate faces, by number.
     face_a, face_b : (m,) int arrays
         Atoms on both sides of each face.
     """
@@ -187,7 +190,7 @@ class AtomGraph:
 
 
 def atom_graph(space: SearchSpace) -> AtomGraph:
-    """Return the atom graph of a search space.
+    """Make the graph of the atoms of a search space, on which operators work.
 
     If slits are allowed, faces fixed dry separate no atoms.
     """
@@ -286,9 +289,9 @@ def _sink(space: SearchSpace, graph: AtomGraph) -> Sink | None:
 
 
 def limits_of(space: SearchSpace, graph: AtomGraph) -> PartLimits:
-    """Return the limits of a search for operators.
+    """Return the limits of a search in the form that operators check.
 
-    Limits that are proportional to the number of cells are converted to limits on cells.
+    Limits that are proportional to the number of cells are converted to limits on cells, which are faster to check.
     """
     parts, seams = (-inf, inf), []
     for terms, bounds in space.limits.on_terms:

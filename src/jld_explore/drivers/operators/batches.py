@@ -49,8 +49,9 @@ Names = NDArray[Any]
 class Batches:
     """Batch operators on segmentations, for spaces with limits on cells alone.
 
-    Labellings are rows (k, m), True = dry. Results hold at most one row per requested one. Rows are in the search
-    space, but may be neither canonical nor new. Keys are rows (k, pairs).
+    A key is a number in [0, 1] for each pair of atoms that may be joined: pairs with keys up to a threshold are joined,
+    lowest first, while limits allow. Labellings are rows (k, m), True = dry; keys are rows (k, pairs). Results hold at
+    most one row per requested one. Rows are in the search space, but may be neither canonical nor new.
 
     Parameters
     ----------
@@ -78,12 +79,15 @@ class Batches:
         self._span = float(np.ptp(centre, axis=0).max())
 
     def draw(self, count: int, rng: np.random.Generator) -> Bits:
-        """Draw random segmentations; a random threshold spreads the number of blocks."""
+        """Draw at most `count` random segmentations (j, m).
+
+        A random threshold for each spreads the number of blocks.
+        """
         keys = rng.random((count, len(self._p)))
         return self.read(keys, rng.random((count, 1)))
 
     def cross(self, first: Bits, second: Bits, rng: np.random.Generator) -> Floats:
-        """Return keys (k, pairs) of one child of each couple.
+        """Return keys (k, pairs) of one child of each couple of parents (k, m), for `read`.
 
         A child keeps what both parents have. Elsewhere it follows one parent in a patch and the other outside, or
         either at random.
@@ -103,10 +107,10 @@ class Batches:
         return keys
 
     def vary(self, parents: Bits, rng: np.random.Generator) -> Floats:
-        """Return keys (k, pairs) of one change of each parent at a random joint.
+        """Return keys (k, pairs) of one change of each parent (k, m), for `read`.
 
-        The change cuts the two blocks beside the joint anew, sometimes with a third one. Otherwise it moves one atom,
-        or all atoms along the straight line of the joint, across the joint.
+        The change cuts the two blocks beside a random joint anew, sometimes with a third one. Otherwise it moves one
+        atom, or all atoms along the straight line of the joint, across the joint.
         """
         cut, count = parents[:, self._face], len(parents)
         name = blocks_of(self.space.graph, parents)[:, self.graph.first]
@@ -180,14 +184,14 @@ class Batches:
         return found
 
     def read(self, keys: Floats, threshold: float | Floats = THRESHOLD) -> Bits:
-        """Convert keys (k, pairs) to labellings (j, m), j ≤ k.
+        """Convert keys (k, pairs) to labellings (j, m), j ≤ k; keys that break a limit give none.
 
         The threshold is a number, or (k, 1) for one number per row.
         """
         return self.read_some(keys, threshold)[0]
 
     def read_some(self, keys: Floats, threshold: float | Floats = THRESHOLD) -> tuple[Bits, Ints]:
-        """Do the same as `read`, and return the row of each labelling among the k rows."""
+        """Do the same as `read`; also return (j,) the row of keys from which each labelling comes."""
         name, good = self._assemble(keys, threshold)
         across = name[:, self.graph.face_a] != name[:, self.graph.face_b]
         return np.asarray(np.where(self.space.candidates, across, self.space.fixed)), np.flatnonzero(good)

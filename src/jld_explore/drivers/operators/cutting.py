@@ -18,7 +18,7 @@ from jld_explore.space.measures import CELLS
 class Cutter:
     """Algorithm that cuts regions into parts within the limits on single parts.
 
-    A region is a list of atoms, and so is a part.
+    A region is a list of atoms (groups of elements that no labelling separates), and so is a part.
 
     Parameters
     ----------
@@ -51,7 +51,10 @@ class Cutter:
         self._bounded = self._cap > 0
 
     def fits(self, members: list[int]) -> bool:
-        """Return True if a part is within the upper limits and contains no wall."""
+        """Return True if a part is within the upper limits and contains no wall.
+
+        members: atoms of the part. A part with the sink must be one that may be left out.
+        """
         cells, sink = self.graph.cells, self.limits.sink
         if sink is not None and sink.atom in members:
             return sink.takes(members)
@@ -69,7 +72,7 @@ class Cutter:
     def large_enough(self, members: list[int]) -> bool:
         """Return True if a part is within the lower limits, or has no free element.
 
-        Exempt parts also count as within the limits.
+        members: atoms of the part. Exempt parts also count as within the limits.
         """
         cells = self.graph.cells
         count = sum([cells[a] for a in members])
@@ -108,9 +111,10 @@ class Cutter:
         return found
 
     def cut(self, members: list[int], rng: BufferedRandom, threshold: float) -> list[list[int]] | None:
-        """Cut a region at random; return its parts, or None if no cut is allowed.
+        """Cut a region at random into connected parts; return None if no cut is allowed.
 
-        A higher threshold leaves larger parts.
+        members: atoms of the region. threshold: from 0 to 1; a higher one leaves larger parts. The parts have no walls;
+        see `assemble` for the limits they keep.
         """
         inside = set(members)
         keyed = [
@@ -185,7 +189,10 @@ class Cutter:
         return list(parts.values())
 
     def grow(self, members: list[int], keyed: list[tuple[float, int, int, int]], threshold: float) -> list[list[int]]:
-        """Join pairs in ascending order of keys up to the threshold while the parts fit."""
+        """Join pairs in ascending order of keys up to the threshold while the parts fit.
+
+        Arguments are as in `assemble`. The result is the parts; those that remain too small are kept.
+        """
         name = {a: a for a in members}
         parts = {a: [a] for a in members}
         for key, _, a, b in keyed:

@@ -34,7 +34,9 @@ _JOIN_PROBABILITY: Final = 0.7
 
 
 class Following:
-    """Operator that changes labellings where their mechanism moves.
+    """Operator that joins blocks where their mechanism moves, and cuts blocks at rest.
+
+    Call `parts` for labellings, then `changes`, as often as wanted.
 
     Parameters
     ----------
@@ -92,7 +94,10 @@ class Following:
         return (np.array(rows) if rows else empty), np.array(of, dtype=np.int64)
 
     def parts(self, labellings: Bits) -> list[Parts]:
-        """Return the partition of each labelling (k, m); empty ones if slits are allowed."""
+        """Return the partition of each labelling (k, m), for `changes`.
+
+        The partitions are empty lists if slits are allowed, since labellings are changed face by face there.
+        """
         return [[] for _ in labellings] if self._segmentations is None else self._segmentations.parts(labellings)
 
     def _closed(self, labels: Bits, moving: Floats, rng: BufferedRandom) -> list[Bits]:

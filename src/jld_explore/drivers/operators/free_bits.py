@@ -55,7 +55,10 @@ class FreeBits:
         self.keys = len(self._faces)
 
     def draw(self, count: int, rng: BufferedRandom) -> Bits:
-        """Draw random labellings, each with its own share of dry faces, and repair them."""
+        """Draw random labellings, each with its own share of dry faces, and repair them.
+
+        At most `count` rows (j, m) result; those that cannot be repaired are left out.
+        """
         rows = np.repeat(self.space.fixed[None], count, axis=0)
         for row in rows:
             share = rng.real()
@@ -63,7 +66,10 @@ class FreeBits:
         return self._repaired(rows, rng)
 
     def vary(self, parents: Bits, rng: BufferedRandom) -> Bits:
-        """Flip one random label of each parent, sometimes more, and repair the results."""
+        """Flip one random label of each parent (k, m), sometimes more, and repair the results.
+
+        Returns the rows (j, m), j ≤ k, that could be repaired.
+        """
         rows = parents.copy()
         for row in rows:
             face = rng.pick(self._faces)
@@ -74,7 +80,10 @@ class FreeBits:
         return self._repaired(rows, rng)
 
     def cross(self, first: Bits, second: Bits, rng: BufferedRandom) -> Bits:
-        """Take each label from either parent at random, and repair the results."""
+        """Take each label from either parent at random, and repair the results.
+
+        Returns the rows (j, m) that could be repaired of the k couples of `first` and `second` (k, m).
+        """
         rows = first.copy()
         for row, other in zip(rows, second, strict=True):
             take = [face for face in self._faces if rng.real() < 0.5]
@@ -82,23 +91,26 @@ class FreeBits:
         return self._repaired(rows, rng)
 
     def cross_indexed(self, first: Bits, second: Bits, rng: BufferedRandom) -> tuple[Bits, Ints]:
-        """Do the same as `cross`, and return the couple of each child (j,)."""
+        """Do the same as `cross`; also return (j,) the couple of each child."""
         rows = [self.cross(one[None], other[None], rng) for one, other in zip(first, second, strict=True)]
         return np.concatenate([first[:0], *rows]), np.repeat(np.arange(len(rows)), [len(row) for row in rows])
 
     def read(self, keys: list[float]) -> Bits:
-        """Return the labelling whose faces with keys above 0.5 are dry, repaired."""
+        """Return the labelling (1, m) whose faces with keys above 0.5 are dry, repaired.
+
+        keys: one per candidate face. The result is (0, m) if the repair fails.
+        """
         row = self.space.fixed.copy()
         row[self._faces] = np.asarray(keys) > 0.5
         seed = np.random.default_rng(np.frombuffer(np.asarray(keys).tobytes(), dtype=np.uint32))
         return self._repaired(row[None], BufferedRandom(seed))
 
     def write(self, labelling: Bits) -> list[float]:
-        """Return keys of a labelling (m,): 0.75 where dry, 0.25 where inner."""
+        """Return one key for each candidate face of a labelling (m,): 0.75 if dry, 0.25 if inner."""
         return [0.75 if labelling[face] else 0.25 for face in self._faces]
 
     def breed(self, first: Bits, second: Bits, single: Bits, rng: BufferedRandom) -> Bits:
-        """Return one child of each couple, and one change of each single parent."""
+        """Return one child of each couple, and one change of each single parent; see `Operators`."""
         return np.concatenate([self.cross(first, second, rng), self.vary(single, rng)])
 
     def _repaired(self, rows: Bits, rng: BufferedRandom) -> Bits:

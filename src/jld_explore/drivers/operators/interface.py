@@ -9,9 +9,10 @@ from jld_explore.drivers.operators.atom_graph import BufferedRandom
 
 
 class Operators(Protocol):
-    """Interface of the operators on labellings.
+    """Interface of the operators on labellings: draw, change and cross them.
 
-    Labellings are rows (k, m), True = dry. Results hold at most one row per requested one.
+    Labellings are rows (k, m), True = dry. Results (j, m) hold at most one row per requested one: those are left out
+    that cannot be made to keep the limits. They may be neither canonical nor new.
 
     Attributes
     ----------
@@ -36,10 +37,10 @@ class Operators(Protocol):
         """Draw random labellings, at most `count`."""
 
     def vary(self, parents: Bits, rng: BufferedRandom) -> Bits:
-        """Return one child of each parent, which differs by a small change."""
+        """Return one child of each parent (k, m), which differs by a small change."""
 
     def cross(self, first: Bits, second: Bits, rng: BufferedRandom) -> Bits:
-        """Return one child of each couple."""
+        """Return one child of each couple of `first` and `second` (k, m)."""
 
     def cross_indexed(self, first: Bits, second: Bits, rng: BufferedRandom) -> tuple[Bits, Ints]:
         """Return one child of each couple where one is found.
@@ -60,7 +61,11 @@ class Operators(Protocol):
         """
 
     def breed(self, first: Bits, second: Bits, single: Bits, rng: BufferedRandom) -> Bits:
-        """Return one child of each couple, and one change of each single parent."""
+        """Return one child of each couple, then one change of each single parent.
+
+        first, second: (k, m) parents of the couples. single: (i, m) single parents. Both are made in one batch where
+        possible.
+        """
 
     def read(self, keys: list[float]) -> Bits:
         """Convert keys in [0, 1] to a labelling (1, m), or (0, m) if none is found.
@@ -69,4 +74,4 @@ class Operators(Protocol):
         """
 
     def write(self, labelling: Bits) -> list[float]:
-        """Return keys of a labelling (m,), which `read` converts back to it."""
+        """Return keys of a labelling (m,), from which `read` makes the same labelling again."""

@@ -16,6 +16,9 @@ _TRIES = 4
 class Repair:
     """Algorithm that repairs partitions of the atoms of one search space.
 
+    Call it with a partition, random numbers, and the names of the parts that may break a limit (None: any). It returns
+    the repaired partition, or None if no repair is found.
+
     Parameters
     ----------
     graph : AtomGraph
@@ -161,7 +164,7 @@ class Repair:
 
 
 class Groups:
-    """Partition under construction: the parts by name, and the part of each atom.
+    """Partition under construction: the atoms of each part by its name, an integer.
 
     Parameters
     ----------
@@ -170,9 +173,14 @@ class Groups:
     cutter : Cutter
         Cuts regions and checks limits.
     part : Parts
-        Initial partition.
+        Initial partition; parts to check that are not connected are split.
     unchecked : list of int or None
         Names of the parts to check; None for all parts.
+
+    Attributes
+    ----------
+    part : Parts
+        The part of each atom at present.
     """
 
     def __init__(self, graph: AtomGraph, cutter: Cutter, part: Parts, unchecked: list[int] | None) -> None:
@@ -199,7 +207,7 @@ class Groups:
         return self._members[name]
 
     def replace(self, old: list[int], new: list[list[int]]) -> None:
-        """Replace parts, by name, by new ones."""
+        """Replace parts, by name, by new ones, given by their atoms; the new ones get new names."""
         for name in old:
             del self._members[name]
             self._unchecked.pop(name, None)
@@ -211,7 +219,7 @@ class Groups:
             self._next += 1
 
     def violating_part(self) -> int | None:
-        """Return the name of a part that breaks a limit on single parts, or None."""
+        """Return the name of a part that breaks a limit on single parts; None if no part does."""
         while self._unchecked:
             name = next(iter(self._unchecked))
             members = self._members[name]
@@ -221,7 +229,10 @@ class Groups:
         return None
 
     def around(self, region: list[int]) -> list[int]:
-        """Return the names of the parts that touch a region through candidate faces."""
+        """Return the names of the parts that touch a region through candidate faces.
+
+        region: names of the parts of the region, which are left out.
+        """
         part, links = self.part, self.graph.links
         found = {part[b]: None for name in region for a in self._members[name] for b, _ in links[a]}
         for name in region:
@@ -234,12 +245,18 @@ class Groups:
         return sum(1 for members in self._members.values() if any(cells[a] for a in members))
 
     def dry(self, seams: Seams | None = None) -> int:
-        """Return the number of dry faces of seams without slits; by default between free elements."""
+        """Return the number of dry faces, without slits, among some seams.
+
+        seams: pairs of atoms with their number of faces; None for all faces between free elements.
+        """
         part = self.part
         return sum([number for a, b, number in (self.graph.seams if seams is None else seams) if part[a] != part[b]])
 
     def dry_after(self, pieces: list[list[int]]) -> int:
-        """Return the number of dry faces between free elements if a region were cut into pieces."""
+        """Return the number of dry faces between free elements if a region were cut into pieces.
+
+        pieces: atoms of each piece.
+        """
         part = list(self.part)
         for number, piece in enumerate(pieces):
             for a in piece:

@@ -45,7 +45,10 @@ Otherwise segmentations are made one by one, with repair.
 
 
 class Segmentations:
-    """Operators on the segmentations of a search space.
+    """Operators on the segmentations of a search space: draw, change and cross them.
+
+    A segmentation is handled as a partition: the part, a block, of each atom. An atom is a group of elements that no
+    labelling separates. Methods that fail return None or leave rows out.
 
     Parameters
     ----------
@@ -92,18 +95,21 @@ class Segmentations:
         ]  # fmt: skip
 
     def labels(self, parts: list[Parts]) -> Bits:
-        """Return the labellings (k, m) of partitions."""
+        """Return the labellings (k, m), True = dry, of k partitions."""
         names = np.array(parts, dtype=np.int64).reshape(len(parts), len(self.graph))
         across = names[:, self.graph.face_a] != names[:, self.graph.face_b]
         return np.asarray(np.where(self.space.candidates, across, self.space.fixed))
 
     def parts(self, labellings: Bits) -> list[Parts]:
-        """Return the partitions of labellings (k, m)."""
+        """Return the partition of each labelling (k, m): the part of each atom."""
         found: list[Parts] = blocks_of(self.space.graph, labellings)[:, self.graph.first].tolist()
         return found
 
     def draw(self, count: int, rng: BufferedRandom) -> Bits:
-        """Draw random segmentations; a random threshold spreads the number of blocks."""
+        """Draw at most `count` random segmentations (j, m).
+
+        A random threshold for each spreads the number of blocks.
+        """
         if self._batches is not None:
             found = self._batches.draw(_DRAWN_PER_REQUESTED * count, rng.generator)
             if len(found) >= _LEAST_SHARE * _DRAWN_PER_REQUESTED * count:
@@ -116,16 +122,19 @@ class Segmentations:
         return self.labels([part for _ in range(count) if (part := self.random(rng)) is not None])
 
     def vary(self, parents: Bits, rng: BufferedRandom) -> Bits:
-        """Change each parent once, sometimes two or three times."""
+        """Change each parent (k, m) once, sometimes two or three times; see `Operators.vary`."""
         return self.labels([child for part in self.parts(parents) if (child := self.change(part, rng)) is not None])
 
     def cross(self, first: Bits, second: Bits, rng: BufferedRandom) -> Bits:
-        """Return one child of each couple by overlaying the joints of its parents."""
+        """Return one child of each couple by overlaying the joints of its parents.
+
+        first, second: (k, m) parents. Couples without a child are left out.
+        """
         couples = zip(self.parts(first), self.parts(second), strict=True)
         return self.labels([child for p, q in couples if (child := self.overlay(p, q, rng)) is not None])
 
     def cross_indexed(self, first: Bits, second: Bits, rng: BufferedRandom) -> tuple[Bits, Ints]:
-        """Return one child of each couple, and the couple of each child (j,).
+        """Return one child of each couple, and the couple of each child (j,); see `Operators`.
 
         Children are made in batches where limits allow.
         """
@@ -164,7 +173,10 @@ class Segmentations:
         return self.labels([] if part is None else [part])
 
     def write(self, labelling: Bits) -> list[float]:
-        """Return keys of a segmentation (m,): 0.25 inside its blocks, 0.75 between them."""
+        """Return one key for each pair of neighbouring atoms of a segmentation (m,).
+
+        It is 0.25 inside a block and 0.75 between two blocks.
+        """
         part = self.parts(labelling[None])[0]
         return [0.75 if part[a] != part[b] else 0.25 for a, b in self.graph.pairs]
 
@@ -208,18 +220,18 @@ class Segmentations:
         return part if sound else self.repair(part, rng)
 
     def change(self, part: Parts, rng: BufferedRandom) -> Parts | None:
-        """Return a partition after one random change, sometimes two or three."""
+        """Return a partition after one random change, sometimes more; None if a change fails."""
         child: Parts | None = rng.pick(self._moves)(part, rng)
         while child is not None and rng.real() < 0.25:
             child = rng.pick(self._moves)(child, rng)
         return child
 
     def split(self, part: Parts, rng: BufferedRandom) -> Parts | None:
-        """Split a random block into two or more."""
+        """Split a random block into two or more; return None if it cannot be split."""
         return self.split_at(part, rng.below(len(part)), rng)
 
     def split_at(self, part: Parts, atom: int, rng: BufferedRandom) -> Parts | None:
-        """Split the block of an atom into two or more."""
+        """Split the block of an atom into two or more; return None if it cannot be split."""
         name = part[atom]
         members = [a for a, other in enumerate(part) if other == name]
         if len(members) < 2:
@@ -228,7 +240,10 @@ class Segmentations:
         return None if pieces is None or len(pieces) < 2 else self._with(part, pieces, rng)
 
     def merge(self, part: Parts, rng: BufferedRandom) -> Parts | None:
-        """Merge the two blocks beside a random joint, and cut the union anew if it is too large."""
+        """Merge the two blocks beside a random joint, and cut the union anew if it is too large.
+
+        Returns None without a joint, or if no repair is found.
+        """
         joint = self._joint(part, rng)
         if joint is None:
             return None
@@ -236,7 +251,7 @@ class Segmentations:
         return self.repair([new if name == old else name for name in part], rng, [new])
 
     def recut(self, part: Parts, rng: BufferedRandom) -> Parts | None:
-        """Cut the union of two or three neighbouring blocks anew."""
+        """Cut the union of two or three neighbouring blocks anew; return None if that fails."""
         joint = self._joint(part, rng)
         if joint is None:
             return None
@@ -252,7 +267,7 @@ class Segmentations:
         return None if pieces is None else self._with(part, pieces, rng)
 
     def move(self, part: Parts, rng: BufferedRandom) -> Parts | None:
-        """Move one atom across a random joint."""
+        """Move one atom across a random joint; return None without a joint or repair."""
         joint = self._joint(part, rng)
         if joint is None:
             return None
@@ -261,7 +276,7 @@ class Segmentations:
         return self.repair(child, rng, [part[joint[0]], part[joint[1]]])
 
     def shift(self, part: Parts, rng: BufferedRandom) -> Parts | None:
-        """Shift a joint line by one atom.
+        """Shift a joint line by one atom; return None without a joint or repair.
 
         The atoms that cross the joint lie along one straight part of it or along the whole joint between two blocks.
         A third kind of shift moves all atoms along one straight line through the structure.
@@ -303,7 +318,8 @@ class Segmentations:
         """Cross two parents: overlay their joints, and merge the fragments.
 
         A joint of both parents stays where limits allow, and a face inside blocks of both stays inside. Elsewhere the
-        child follows one parent inside a random patch and the other outside, or either at random.
+        child follows one parent inside a random patch and the other outside, or either at random. The result is the
+        partition of the child, None if none is found.
 
         Parameters
         ----------
