@@ -34,6 +34,7 @@ BENCHMARKS: Final = (
     "lanes_single",
     "million",
     "start_up",
+    "two_jobs",
     "experiment",
     "studio",
     "exchange",

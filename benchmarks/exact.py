@@ -11,7 +11,6 @@ measures that section alone; `… two` proves what a time was asked for by two j
 
 from __future__ import annotations
 
-import json
 import math
 import sys
 import tempfile
@@ -116,17 +115,10 @@ OPEN: Final = (
     "bound is that of the last step that was refuted. What stands against the rest: on the 8 × 10 wall in blocks of up "
     "to three the conflicts of a step grow from dozens to tens of thousands as λ comes down; in the crushable arch, "
     "whose joints are taken as their hull (87.87 at the root in the kernel, 87.85 by two copies of each that share the "
-    "forces), they double with every 1.5 to 2 units of λ; with cells halved blocks are too many to be listed, sizes "
-    "are ruled out as they occur, and the bound at the root is five times the best λ, since a face which may be either "
-    "takes friction from the one label and tension from the other. Conflicts of faces from everywhere hardly lower it "
-    "(95.9 after 74 s and 17 thousand of them). Labellings are therefore looked at slab by slab across the beam, all "
-    "faces elsewhere undecided, so that conflicts lie together: one column of cells refutes 90 by itself, with 168 "
-    "conflicts in 2.5 s, columns by one, two and three 60, 50, 45 and 40 in 13, 33, 55 and 95 s of hunting alone. "
-    "Every five units further take about twice the conflicts (22 thousand from 50 to 45, 35 thousand from 45 to 40), "
-    "which is what stands against 10 %. Relaxing whole sections together in all ways to label them (sections.md) is "
-    "exact in some coarse beams, but bounds these cells by no less than 36; the four faces of each cell together bound "
-    "the flagship by 25.2 (face by face 121.8, whole blocks 16.3), but with cells halved by 110. The cubes and the "
-    "corner have their optimum at the root: one mechanism bounds all layouts. A proof that lasts asks the relaxation "
+    "forces), they double with every 1.5 to 2 units of λ. Relaxing whole sections together in all ways to label them "
+    "(sections.md) is exact in some coarse beams; the four faces of each cell together bound the flagship by 25.2 "
+    "(face by face 121.8, whole blocks 16.3). The cubes and the corner have their optimum at the root: one mechanism "
+    "bounds all layouts. A proof that lasts asks the relaxation "
     "by blocks for one bound, once it has taken about as long as that does: 0.2 s for the vault (341, face by face "
     "519), 40 s for the arch (67.9, face by face 87.9), whose bound comes from there."
 )
@@ -165,19 +157,6 @@ def arch() -> Scene:
     return parse_scene(document)
 
 
-def halved(path: Path) -> Scene:
-    """The structure of a grid scene with cells half as wide and high, in blocks of 4 to 24 of them."""
-    document = json.loads(path.read_text(encoding="utf-8"))
-    grid = document["grid"]
-    grid["cell"] = [0.5 * side for side in grid["cell"]]
-    grid["rows"] = ["".join(2 * letter for letter in row) for row in grid["rows"] for _ in (0, 1)]
-    # the bearings stay one cell high, so that what stands on them is what it was
-    grid["rows"] = grid["rows"][: -len(grid["rows"]) // 4 + 1]
-    document["loads"]["live"] = [{**load, "element": "c4r0"} for load in document["loads"]["live"]]
-    document["search"]["block_cells"] = [4, 24]
-    return parse_scene(document)
-
-
 def winds() -> Scene:
     """The wall of 6 × 8 cells in blocks of up to three, pushed from either side, nine tenths as hard from the right."""
     document = wall(6, 8, 3, 2e4).model_dump(mode="json", exclude_defaults=True)
@@ -206,7 +185,6 @@ def scenes() -> dict[str, tuple[Scene, float, str]]:
         for across, up, cells, strength, asked in walls
     }
     found["beam on bearings (flagship), blocks of 2–6"] = (load_scene(flagship), LONG, "600 s")
-    found["flagship, cells halved, blocks of 4–24"] = (halved(flagship), LONG, "600 s, to 10 %")
     found["6 × 8, s = 3, 20 kPa, two cases"] = (winds(), SECONDS, "twice one")
     found["wall of 88 faces, 6 × 9, s = 4, 20 kPa"] = (wall(6, 9, 4, 2e4), LONG, "600 s")
     found["flat arch, 67 faces, σc = 5 MPa, blocks of 2–6"] = (arch(), LONG, "600 s, to 5 %")

@@ -74,6 +74,7 @@ def test_every_variant_is_compiled_into_the_package(
     printed = capsys.readouterr()
     assert printed.out == f"avx2: {tmp_path / '_avx2.so'}\nbase: {tmp_path / '_base.so'}\n"
     assert printed.err.count("avx2 by ") == printed.err.count("\n") == 1
+    assert printed.err.endswith(": exit status 1\n")
 
 
 def test_what_could_not_be_compiled_is_named_after_the_rest_is_there(

@@ -210,6 +210,16 @@ def compile_variant(
     return target
 
 
+def reason_of(problem: OSError | subprocess.SubprocessError) -> str:
+    """Return in a few words why a compiler failed: its first error, or how it ended."""
+    if isinstance(problem, subprocess.TimeoutExpired):
+        return f"no result after {problem.timeout:.0f} s"
+    if isinstance(problem, subprocess.CalledProcessError):
+        errors = [line.strip() for line in str(problem.stderr or "").splitlines() if "error" in line.lower()]
+        return errors[0] if errors else f"exit status {problem.returncode}"
+    return str(problem)
+
+
 def compile_by_any(variant: str, folder: Path, extra: tuple[str, ...] = ()) -> tuple[Path | None, list[str]]:
     """Compile one variant with the first compiler that works.
 
@@ -221,7 +231,7 @@ def compile_by_any(variant: str, folder: Path, extra: tuple[str, ...] = ()) -> t
         try:
             return compile_variant(variant, folder, compiler, extra), problems
         except (OSError, subprocess.SubprocessError) as problem:
-            problems.append(f"{variant} by {' '.join(compiler)}: {problem}")
+            problems.append(f"{variant} by {' '.join(compiler)}: {reason_of(problem)}")
     return None, problems
 
 

@@ -85,7 +85,7 @@ def _compiled() -> dict[str, Path]:
         try:
             return {best: build.compile_variant(best, build.cache(), compiler, patience=build.PATIENCE)}
         except (OSError, subprocess.SubprocessError) as problem:
-            reason = f"{' '.join(compiler)} failed ({problem})"
+            reason = f"{' '.join(compiler)} failed ({build.reason_of(problem)})"
     warnings.warn(
         f"no compiled batch solver is installed, and {reason}: searches take some 30 times as long; "
         "pip install 'jld[compiler]' brings a compiler",
