@@ -90,7 +90,7 @@ def words_of_move(facts: dict[str, Any]) -> str:
     if facts["stated"] is not None:
         least, most = (_said(end) for end in facts["stated"])
         found += f"; the layout of the scene: {least} ≤ λ ≤ {most}"
-    return f"{found}; {facts['rounds']} rounds, {facts['layouts']} layouts moved, ended: {facts['stop']}"
+    return f"{found}; rounds: {facts['rounds']}, layouts moved: {facts['layouts']}, ended: {facts['stop']}"
 
 
 def write_moved(done: MovedSearch, folder: Path, *, pictures: bool = True) -> dict[str, Any]:
