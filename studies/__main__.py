@@ -33,6 +33,7 @@ STUDIES: Final = (
     "strong_enough",
     "laid",
     "drivers",
+    "joints_that_move",
 )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,7 +27,7 @@ from jld_core.limit import SolveOptions, Status
 from jld_core.scene import Scene
 from jld_core.scene.move import Move
 from jld_core.threads import one_thread
-from jld_explore.explore import explore
+from jld_explore.explore import BUSY, explore
 from jld_explore.report import Exploration
 from jld_explore.settings import ExploreSettings
 from jld_explore.space import from_string, search_space
@@ -191,7 +192,9 @@ def explore_and_move(
     docs/method.md, chapter 11.
     """
     settings = settings or ExploreSettings()
-    deadline = Deadline(settings.seconds, started).earlier(_WRITING)
+    whole = Deadline(settings.seconds, started)
+    # writing takes longer on a busy machine, by the ratio of wall-clock to processor time so far
+    deadline = whole.earlier(_WRITING * min(max(1.0, whole.elapsed() / time.process_time()), BUSY))
     scene = _movable(scene)
     _refuse(scene, layouts, settings)
     say = announce or (lambda _: None)

@@ -8,6 +8,7 @@ import math
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 import pandas as pd
 
 from jld_core.build import build_assembly
@@ -89,7 +90,7 @@ def words_of_move(facts: dict[str, Any]) -> str:
     if facts["stated"] is not None:
         least, most = (_said(end) for end in facts["stated"])
         found += f"; the layout of the scene: {least} ≤ λ ≤ {most}"
-    return f"{found}; {facts['rounds']} rounds, {facts['layouts']} layouts moved, ended: {facts['stop']}"
+    return f"{found}; rounds: {facts['rounds']}, layouts moved: {facts['layouts']}, ended: {facts['stop']}"
 
 
 def write_moved(done: MovedSearch, folder: Path, *, pictures: bool = True) -> dict[str, Any]:
@@ -104,10 +105,13 @@ def write_moved(done: MovedSearch, folder: Path, *, pictures: bool = True) -> di
     from jld_core.views.figures import save_figure
     from jld_core.views.moved_joints import figure_of_move
 
-    before, after = done.rounds[best.number - 1].assembly, build_assembly(best.scene)
+    before, after = done.first.assembly, build_assembly(best.scene)
+    # vertices of later rounds start where the former round left them
+    moved = best.moved if best.number == 1 else np.zeros_like(best.moved)
     bounds = f"{_said(facts['fields_lo'])} ≤ λ ≤ {_said(facts['fields_hi'])} by fields"
-    titles = (f"before, round {best.number}", f"after: {bounds}")
-    save_figure(figure_of_move(before, after, best.labels, best.places, best.moved, titles), folder / FILES[2])
+    titles = ("layout of the scene", f"best moved layout: {bounds}")
+    figure = figure_of_move(before, after, best.labels, best.places, moved, titles, before.labels)
+    save_figure(figure, folder / FILES[2])
     links = ", ".join(
         f'<a href="{"" if k == 1 else f"round-{k}/"}report.html">round {k}</a>' for k in range(1, len(done.rounds) + 1)
     )

@@ -11,6 +11,7 @@ from studies import (
     drivers,
     few_shapes,
     how_low_can_it_go,
+    joints_that_move,
     laid,
     left_out,
     leonardo_flat_arch,
@@ -27,6 +28,7 @@ from studies import (
 from studies.__main__ import STUDIES, gallery
 from studies.report import RESULTS
 
+from jld_core import solve
 from jld_explore import ExploreSettings, explore
 
 
@@ -181,6 +183,16 @@ def test_drivers(tmp_path: Path) -> None:
     assert table["best"].max() <= exact["best"].item() * (1.0 + 1e-6)
     assert (table["solves"] <= 20).sum() == len(drivers.BUDGETS)
     assert set(table["driver"]) == {*drivers.BUDGETS, "exact"}
+
+
+def test_joints_that_move(tmp_path: Path) -> None:
+    """With either flank the best key is neither the shallowest nor the deepest, and carries 20 % more than none."""
+    table = joints_that_move.run(tmp_path, quick=True)
+    written(tmp_path, joints_that_move.NAME)
+    for _, part in table.groupby("flank"):
+        values = part["load_factor"].to_numpy()
+        assert 0 < int(values.argmax()) < len(values) - 1
+        assert values.max() > 1.2 * solve(joints_that_move.scene()).load_factor
 
 
 @pytest.mark.long

@@ -40,16 +40,23 @@ def draw_vertex_vectors(ax: Axes, assembly: Assembly, places: Floats, vectors: F
 
 
 def figure_of_move(
-    before: Assembly, after: Assembly, labels: Bits, places: Floats, moved: Floats, titles: tuple[str, str]
+    before: Assembly,
+    after: Assembly,
+    labels: Bits,
+    places: Floats,
+    moved: Floats,
+    titles: tuple[str, str],
+    first: Bits | None = None,
 ) -> Figure:
     """Return a figure of a structure before and after a move of its joints.
 
     labels: (m,) True = dry. places: (v, 2) vertices after the move. moved: (v, 2) their displacements, drawn as arrows.
-    Both are in scene units. titles: of the two axes.
+    Both are in scene units. titles: of the two axes. first: (m,) labels before the move; None for the same.
     """
     figure, axes = figure_for(before, 2)
-    for ax, assembly, title in zip(axes, (before, after), titles, strict=True):
-        draw_assembly(ax, assembly, labels)
+    pairs = ((before, labels if first is None else first), (after, labels))
+    for ax, (assembly, own), title in zip(axes, pairs, titles, strict=True):
+        draw_assembly(ax, assembly, own)
         ax.set_title(title, fontsize=10)
     draw_vertex_vectors(axes[1], after, places, moved, true=True)
     finish(figure, axes, textwrap.shorten(before.name, 60, placeholder=" …"))

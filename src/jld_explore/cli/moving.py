@@ -23,6 +23,7 @@ from jld_core.scene import Scene
 from jld_explore.cli.layout import layout_of
 from jld_explore.cli.options import AsJson, Rank, Source, refuse_itself
 from jld_explore.cli.samples import Out, write_scene
+from jld_explore.cli.shaping import move_shape
 from jld_explore.cli.streams import say, warn
 from jld_explore.report import csv_of
 
@@ -59,6 +60,14 @@ def move(
         ),
     ] = None,
     gap: Annotated[float, typer.Option(min=1e-9, help="With --prove: relative distance of both bounds.")] = _GAP,
+    joint: Annotated[
+        str | None,
+        typer.Option(
+            help="Give joints a shape and search its best, in shares of a face: key:DEPTH,WIDTH,FLANK or "
+            "sine:AMPLITUDE,WAVES.",
+            show_default=False,
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Move the joints of a planar layout to raise its load factor, with each step proven.
@@ -67,6 +76,9 @@ def move(
     of positions instead.
     """
     _check_out(source, out)
+    if joint is not None and (prove is not None or starts > 1):
+        given = "prove" if prove is not None else "starts"
+        raise ParameterError(given, "it moves vertices, not the shape of joints", "one without the other")
     scene, assembly, labels = layout_of(source, rank)
 
     def progress(point: Point) -> None:
@@ -77,6 +89,9 @@ def move(
     with error_context(source, str(out)):
         if prove is not None:
             _prove(scene, assembly, labels, prove, gap, seconds, out, as_json)
+            return
+        if joint is not None:
+            move_shape(scene, assembly, labels, joint, seconds, out, as_json)
             return
         done = move_joints(scene, assembly, labels, seconds=seconds, starts=starts, progress=progress)
     facts = _facts(done)

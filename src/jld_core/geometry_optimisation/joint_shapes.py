@@ -1,0 +1,221 @@
+"""Joints with a shape: keys and sine waves in the place of straight faces, meshed with crack planes at their roots."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import shapely
+
+from jld_core.arrays import Bits, Floats
+from jld_core.assembly import Assembly, blocks_of
+from jld_core.build import build_assembly
+from jld_core.build.assemble import build_geometry
+from jld_core.errors import InputError, ParameterError
+from jld_core.geometry_optimisation.moved_scene import MovedScene
+from jld_core.geometry_optimisation.vertex_mesh import vertex_mesh
+from jld_core.scene import Scene, parse_scene
+
+_SEGMENTS: Final = 8
+"""Number of straight segments of half a sine wave."""
+
+_SAME: Final = 1e-9
+"""Area, relative to that of a tooth or an element, below which a difference is rounding."""
+
+_BEYOND: Final = 1e-3
+"""Depth beyond the root of a tooth to which its outline is cut, relative to the face; it lies in the other element."""
+
+_THREAD: Final = 1e-9
+"""Height above the top of a key to which shoulders are cut, relative to the face; far below the reach of contacts."""
+
+_PLAIN: Final = {"elements", "polygon", "label"}
+"""Keys of stated interfaces that say nothing about strengths."""
+
+
+@dataclass(frozen=True)
+class Key:
+    """Trapezoidal key in the middle of a face; lengths relative to the face.
+
+    Attributes
+    ----------
+    depth : float
+        Height of the key.
+    width : float
+        Width at its root.
+    flank : float
+        How much narrower its top is on each side, measured along the face.
+    """
+
+    depth: float
+    width: float
+    flank: float
+
+    def teeth(self) -> list[tuple[Floats, int]]:
+        """Return outline (k, 2) along and across a face of length 1, and the side (+1) into which it reaches."""
+        low, high = 0.5 - 0.5 * self.width, 0.5 + 0.5 * self.width
+        outline = [[low, 0.0], [high, 0.0], [high - self.flank, self.depth], [low + self.flank, self.depth]]
+        return [(np.array(outline), 1)]
+
+    def check(self) -> None:
+        """Raise ParameterError for a key that is none."""
+        if not (self.depth > 0.0 and 0.0 < self.width < 1.0 and 0.0 <= self.flank < 0.5 * self.width):
+            problem = f"depth {self.depth:g}, width {self.width:g}, flank {self.flank:g} are no key"
+            raise ParameterError("joint", problem, "depth > 0, 0 < width < 1, 0 <= flank < width/2, shares of the face")
+
+
+@dataclass(frozen=True)
+class Sine:
+    """Sine wave along a face.
+
+    Attributes
+    ----------
+    amplitude : float
+        Amplitude relative to the length of the face.
+    waves : int
+        Number of whole waves.
+    """
+
+    amplitude: float
+    waves: int
+
+    def teeth(self) -> list[tuple[Floats, int]]:
+        """Return outline (k, 2) along and across a face of length 1, and the side (±1), of each half wave."""
+        found, count = [], 2 * self.waves
+        share = np.linspace(0.0, 1.0, _SEGMENTS + 1)
+        for k in range(count):
+            side = 1 if k % 2 == 0 else -1
+            across = side * self.amplitude * np.sin(np.pi * share)
+            across[[0, -1]] = 0.0
+            found.append((np.column_stack([(k + share) / count, across]), side))
+        return found
+
+    def check(self) -> None:
+        """Raise ParameterError for a wave that is none."""
+        if not (self.amplitude > 0.0 and self.waves >= 1):
+            problem = f"amplitude {self.amplitude:g} with {self.waves} waves is no sine wave"
+            raise ParameterError("joint", problem, "an amplitude > 0, a share of the face, and at least 1 wave")
+
+
+Shape = Key | Sine
+"""Shape of a joint."""
+
+
+def shaped_scene(scene: Scene, assembly: Assembly, labels: Bits, shape: Shape) -> Scene:
+    """Return a scene whose dry faces have a shape.
+
+    Teeth are elements of their own, joined to their block by an inner face at the root. What lies beside a key is cut
+    off its block by an inner face at the depth of the key. Crack planes elsewhere stay as they are.
+
+    Parameters
+    ----------
+    scene : Scene
+        Planar scene.
+    assembly : Assembly
+        Its assembly.
+    labels : (m,) bool array
+        Labels, True = dry.
+    shape : Key or Sine
+        Shape of each joint; the key of a face belongs to its first element.
+
+    Returns
+    -------
+    Scene
+        Scene with stated interfaces; faces between the cells of a block are inner, all others dry.
+
+    Raises
+    ------
+    InputError
+        The scene is spatial, has strengths of single interfaces or slits, or a tooth does not fit into its element.
+    """
+    shape.check()
+    if assembly.dimension != 2:
+        raise InputError("elements", "they are spatial", "a planar scene; joints in space have no shape yet")
+    geometry = build_geometry(scene)
+    if any(one is not None and set(one.model_dump(exclude_defaults=True)) > _PLAIN for one in geometry.given):
+        raise InputError("interfaces", "single faces state strengths", "strengths in materials")
+    blocks, faces, elements = blocks_of(assembly, labels), assembly.interfaces, assembly.elements
+    if (labels & (blocks[faces.a] == blocks[faces.b])).any():
+        raise InputError("labels", "a dry face ends inside a block", "blocks without slits")
+    cells = [[shapely.Polygon(outline)] for outline in elements.shape]
+    for face in np.flatnonzero(labels).tolist():
+        _shape_face(assembly, face, shape, cells)
+    document: dict[str, Any] = scene.model_dump(mode="json", exclude_defaults=True)
+    for key in ("grid", "labels", "interfaces", "move", "search"):
+        document.pop(key, None)
+    document["thickness"] = float(faces.l2[0]) if len(faces) else 1.0
+    document["elements"], owner = [], []
+    for k, entry in enumerate(geometry.entries):
+        own = entry.model_dump(mode="json", exclude_defaults=True)
+        area = sum(cell.area for cell in cells[k])
+        for number, cell in enumerate(cells[k]):
+            part = {**own, "polygon": _corners(cell)}
+            if number:
+                part.pop("support", None)  # what is cut off a support may break off
+                part["id"] = f"{own['id']}~{number}"
+            if "weight" in own:
+                part["weight"] = own["weight"] * cell.area / area
+            document["elements"].append(part)
+            owner.append(blocks[k])
+    found = parse_scene(document, "the scene with shaped joints")
+    shaped, block = build_assembly(found), np.array(owner)
+    own = block[shaped.interfaces.a] != block[shaped.interfaces.b]
+    mesh = vertex_mesh(shaped)
+    return MovedScene(found, shaped, own, mesh).at(mesh.places)
+
+
+def _shape_face(assembly: Assembly, face: int, shape: Shape, cells: list[list[shapely.Polygon]]) -> None:
+    """Cut the teeth of one face out of the cells of one element and give them to the other."""
+    faces = assembly.interfaces
+    first, last = faces.polygon[face][0], faces.polygon[face][1]
+    along = last - first
+    across = np.array([-along[1], along[0]])
+    inside = np.asarray(shapely.Polygon(assembly.elements.shape[faces.a[face]]).representative_point().coords[0])
+    if (inside - first) @ across > 0.0:  # positive teeth reach from the first element into the second
+        across = -across
+    for outline, side in shape.teeth():
+        giver, receiver = (int(faces.a[face]), int(faces.b[face]))[:: 1 if side > 0 else -1]
+        tooth = shapely.Polygon(first + outline @ np.array([along, across]))
+        if shapely.union_all(cells[receiver]).intersection(tooth).area < tooth.area * (1.0 - _SAME):
+            one, other = (assembly.elements.ids[k] for k in (giver, receiver))
+            problem = f"a tooth of {one!r} does not fit into {other!r}"
+            raise InputError("joint", problem, "a smaller depth or amplitude, or fewer joints")
+        body, *others = cells[receiver]
+        if isinstance(shape, Key):
+            ends = np.array([[-50.0, -0.01], [51.0, -0.01], [51.0, shape.depth], [-50.0, shape.depth]])
+            strip = shapely.Polygon(first + ends @ np.array([along, across]))
+            others.append(body.intersection(strip))
+            body = body.difference(strip)
+        # a root that lies inside the receiver by rounding would leave a hole: cut a little beyond it
+        start = np.array([[outline[0, 0], 0.0], [outline[0, 0], -_BEYOND * side]])
+        stop = np.array([[outline[-1, 0], -_BEYOND * side], [outline[-1, 0], 0.0]])
+        if isinstance(shape, Key):
+            stop[:, 0] = outline[1, 0]
+        root = shapely.Polygon(first + np.concatenate([start, stop]) @ np.array([along, across]))
+        cutter = shapely.union_all([tooth, root])
+        if isinstance(shape, Key):
+            # the body ends at the top of the key; rounding there must not leave a thread between both shoulders
+            top = first + outline[2:] @ np.array([along, across])
+            above = first + (outline[:1:-1] + np.array([0.0, _THREAD])) @ np.array([along, across])
+            cutter = shapely.union_all([cutter, shapely.Polygon(np.concatenate([top, above]))])
+            kept = _pieces(body)
+        else:
+            kept = _pieces(body.difference(cutter))
+        cells[receiver] = kept + [piece for cell in others for piece in _pieces(cell.difference(cutter))]
+        cells[giver].append(tooth)
+
+
+def _pieces(found: Any) -> list[shapely.Polygon]:
+    """Return the polygons of a result of set operations, without those that are rounding."""
+    parts = [one for one in getattr(found, "geoms", [found]) if one.geom_type == "Polygon"]
+    most = max((one.area for one in parts), default=0.0)
+    return [one for one in parts if one.area > _SAME * most]
+
+
+def _corners(cell: shapely.Polygon) -> list[list[float]]:
+    """Return the corners of a polygon, counter-clockwise, without those on straight edges."""
+    ring = np.array(shapely.geometry.polygon.orient(cell).exterior.coords)[:-1]
+    before, after = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
+    size = np.linalg.norm(before, axis=1) * np.linalg.norm(after, axis=1)
+    bent = abs(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]) > _SAME * size
+    return [[float(x), float(y)] for x, y in ring[bent]]

@@ -1,0 +1,138 @@
+"""Best shape of keyed or wavy joints: compass search over its parameters, every value proven."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import astuple, dataclass, fields
+from typing import Final
+
+from jld_core.arrays import Bits
+from jld_core.assembly import Assembly
+from jld_core.errors import InputError
+from jld_core.geometry_optimisation.joint_shapes import Shape, shaped_scene
+from jld_core.limit import LimitAnalysisResult, Status
+from jld_core.models import solve
+from jld_core.scene import Scene
+from jld_core.threads import one_thread
+
+_FIRST: Final = 0.4
+"""Relative change of a parameter in the first step."""
+
+_LAST: Final = 0.02
+"""Relative change at which the search ends."""
+
+_LEAST: Final = 0.005
+"""First value of a parameter that is 0, as a share of the length of a face."""
+
+
+@dataclass(frozen=True)
+class ShapedJoints:
+    """Result of a search for the best shape of joints.
+
+    Attributes
+    ----------
+    scene : Scene
+        Scene with joints of the best shape.
+    shape : Shape
+        That shape.
+    before, after : LimitAnalysisResult
+        Analyses with straight joints and with the best shape.
+    trials : list of (Shape, float)
+        All shapes tried with their λ; NaN where a tooth does not fit or λ is not proven, inf where locked.
+    end : str
+        Why the search ended: "stationary" or "time".
+    """
+
+    scene: Scene
+    shape: Shape
+    before: LimitAnalysisResult
+    after: LimitAnalysisResult
+    trials: list[tuple[Shape, float]]
+    end: str
+
+
+@one_thread()
+def shape_joints(
+    scene: Scene,
+    assembly: Assembly,
+    labels: Bits,
+    shape: Shape,
+    *,
+    seconds: float = math.inf,
+    progress: Callable[[Shape, float], None] | None = None,
+) -> ShapedJoints:
+    """Find the parameters of a shape, the same for all joints, with the largest λ.
+
+    Each parameter in turn is raised and lowered by a factor; the factor shrinks where nothing improves. Whole numbers
+    stay. λ is that of cracks by faces, with crack planes at the roots of teeth.
+
+    Parameters
+    ----------
+    scene : Scene
+        Planar scene.
+    assembly : Assembly
+        Its assembly.
+    labels : (m,) bool array
+        Labels, True = dry.
+    shape : Key or Sine
+        Shape from which the search begins.
+    seconds : float
+        Time limit, s; the first shape is always analysed.
+    progress : callable, optional
+        Called with every shape and its λ.
+
+    Returns
+    -------
+    ShapedJoints
+        Best shape found, and all that were tried.
+
+    Raises
+    ------
+    InputError
+        As `shaped_scene`, for the first shape.
+    """
+    began = time.perf_counter()
+    trials: list[tuple[Shape, float]] = []
+    known: dict[tuple[float, ...], float] = {}
+
+    def value(one: Shape) -> float:
+        """Return the proven lower bound on λ with a shape, NaN without one."""
+        key: tuple[float, ...] = astuple(one)
+        if key not in known:
+            result = solve(shaped_scene(scene, assembly, labels, one))
+            locked = result.status is Status.LOCKED
+            known[key] = math.inf if locked else result.bracket[0]
+            if result.status not in (Status.COLLAPSE, Status.LOCKED):
+                known[key] = math.nan
+            trials.append((one, known[key]))
+            if progress is not None:
+                progress(one, known[key])
+        return known[key]
+
+    best, most = shape, value(shape)
+    names = [one.name for one in fields(shape) if isinstance(getattr(shape, one.name), float)]
+    step, end = _FIRST, "stationary"
+    while step >= _LAST and most < math.inf and end != "time":
+        start = best
+        for name in names:
+            for sign in (1.0, -1.0):
+                if time.perf_counter() - began > seconds:
+                    end = "time"
+                    break
+                now = getattr(best, name)
+                changed = now * (1.0 + step) ** sign if now > 0.0 else max(sign, 0.0) * _LEAST
+                trial = type(best)(**{**vars(best), name: changed})
+                try:
+                    found = value(trial)
+                except InputError:
+                    trials.append((trial, math.nan))  # a tooth does not fit: a trial without a value
+                    continue
+                if found > most or (math.isnan(most) and not math.isnan(found)):
+                    best, most = trial, found
+                    break
+        if best == start:
+            step *= 0.5
+    shaped = shaped_scene(scene, assembly, labels, best)
+    return ShapedJoints(shaped, best, solve(assembly, labels), solve(shaped), trials, end)
