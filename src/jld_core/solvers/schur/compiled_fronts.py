@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import ctypes
 from functools import cache
-from typing import Final, Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import cython_blas, cython_lapack
 
 from jld_core.arrays import Floats, Ints
@@ -88,7 +89,7 @@ class CompiledFronts:
         local, row = fronts.where // height, fronts.where % height
         self._entries = fronts.entries
         self._where = start[front] + local * (own + rest)[front] + row + below * own[front]
-        self._arrays = {
+        self._arrays: dict[str, NDArray[Any]] = {
             "bounds": np.ascontiguousarray(fronts.bounds, dtype=np.int64),
             "passed_start": np.concatenate([[0], np.cumsum(rest)]).astype(np.int64),
             "passed": np.concatenate([*fronts.passed, np.zeros(0, dtype=np.int64)]).astype(np.int64),
