@@ -27,6 +27,7 @@ from matplotlib.figure import Figure
 
 from benchmarks.common import RESULTS, ROOT, about, table, write
 from jld_core import build_assembly, load_scene
+from jld_core.threads import one_thread
 from jld_explore.drivers import make_driver
 from jld_explore.evaluation import EvaluatorSettings, evaluator_of
 from jld_explore.space import search_space
@@ -92,8 +93,10 @@ def phases(file: Path, evaluate: bool = True) -> Iterator[Found]:
     labelling = make_driver("random", space, 0).ask(1)
     yield ended("driver")
     if evaluate:
-        found = evaluator_of(assembly, EvaluatorSettings()).evaluate_all(labelling)[0]
-        yield ended("λ", load_factor=found.load_factor, status=str(found.status))
+        with one_thread():
+            found = evaluator_of(assembly, EvaluatorSettings()).evaluate_all(labelling)[0]
+        width = (found.high - found.low) / abs(found.high)
+        yield ended("λ", load_factor=found.load_factor, status=str(found.status), width=width)
 
 
 def run(kind: str, edge: int, seconds: int = SECONDS, most: int = BYTES) -> Found:

@@ -43,7 +43,7 @@ def test_an_evaluation_that_outlasts_the_limit_is_done_once(tmp_path: Path, monk
 
 
 def test_what_takes_long_is_said_beforehand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    large = build_assembly(parse_scene(growth.document("planar", 70)))
+    large = build_assembly(parse_scene(growth.document("planar", 80)))
     assert 5.0 < cost_estimate(large).seconds < 60.0
     assert cost_estimate(build_assembly(parse_scene(SCENE))).long is None
     monkeypatch.setattr(costs, "LONG", 0.0)

@@ -93,13 +93,28 @@ def _planes(place: Floats, loops: list[Ints], solid: Ints, tolerance: float) -> 
     vector = np.zeros((len(loops), 3))
     middle = np.zeros((len(loops), 3))
     lower, upper = np.zeros((len(loops), 3)), np.zeros((len(loops), 3))
-    for k, loop in enumerate(loops):
-        corners = place[loop]
-        vector[k] = area_vector(corners)
-        middle[k], lower[k], upper[k] = corners.mean(axis=0), corners.min(axis=0), corners.max(axis=0)
+    stacks = _stacked(loops)
+    for which, stack in stacks:
+        corners = place[stack]
+        vector[which] = area_vector(corners)
+        middle[which], lower[which], upper[which] = corners.mean(axis=1), corners.min(axis=1), corners.max(axis=1)
     area = np.linalg.norm(vector, axis=1)
     normal = vector / np.where(area == 0.0, 1.0, area)[:, None]
-    own = np.array([np.abs((place[loop] - middle[k]) @ normal[k]).max() for k, loop in enumerate(loops)])
+    size, row = np.zeros(len(loops), dtype=np.int64), np.zeros(len(loops), dtype=np.int64)
+    for number, (which, _) in enumerate(stacks):
+        size[which], row[which] = number, np.arange(len(which))
+
+    def farthest(faces: Ints, planes: Ints) -> Floats:
+        """Return the largest distance of the corners of faces (p,) from the planes of other faces (p,)."""
+        found = np.zeros(len(faces))
+        for number, (_, stack) in enumerate(stacks):
+            mine = np.flatnonzero(size[faces] == number)
+            arm = place[stack[row[faces[mine]]]] - middle[planes[mine], None]
+            found[mine] = np.abs(np.einsum("nki,ni->nk", arm, normal[planes[mine]])).max(axis=1, initial=0.0)
+        return found
+
+    every = np.arange(len(loops))
+    own = farthest(every, every)
     one, two = near_pairs(lower, upper, np.full(len(loops), tolerance))
     swap = area[one] < area[two]
     one, two = np.where(swap, two, one), np.where(swap, one, two)
@@ -108,12 +123,7 @@ def _planes(place: Floats, loops: list[Ints], solid: Ints, tolerance: float) -> 
     facing = np.where(solid[one] == solid[two], cosine, np.abs(cosine))
     kept = (facing > _FLAT) & (area[two] > 0.0) & (own[one] <= tolerance)
     one, two = one[kept], two[kept]
-    off = np.array(
-        [
-            np.abs((place[loops[b]] - middle[a]) @ normal[a]).max()
-            for a, b in zip(one.tolist(), two.tolist(), strict=True)
-        ]
-    )
+    off = farthest(two, one)
     joined = off <= tolerance if len(off) else np.zeros(0, dtype=bool)
     order = np.argsort(-area, kind="stable")
     group = np.full(len(loops), -1)
@@ -137,6 +147,16 @@ def _planes(place: Floats, loops: list[Ints], solid: Ints, tolerance: float) -> 
     # faces that are themselves not plane within the tolerance move no corner
     group[own > tolerance] = -1
     return group, normal[origins], middle[origins]
+
+
+def _stacked(loops: list[Ints]) -> list[tuple[Ints, Ints]]:
+    """Return the loops of equal numbers of corners as arrays (n, k), with their indices (n,)."""
+    count = np.array([len(loop) for loop in loops], dtype=np.int64)
+    found = []
+    for corners in np.unique(count).tolist():
+        which = np.flatnonzero(count == corners)
+        found.append((which, np.array([loops[k] for k in which.tolist()], dtype=np.int64).reshape(-1, corners)))
+    return found
 
 
 def _onto_planes(

@@ -153,6 +153,7 @@ def near_solids(facets: Facets, pairs: tuple[Ints, Ints]) -> list[NearMiss]:
     size = np.minimum(facets.size[one], facets.size[two])
     cosine = np.einsum("ij,ij->i", facets.normal[one], facets.normal[two])
     parallel = cosine < -1.0 + tolerances.WEDGE**2
+    parallel[parallel] = ~_touches_throughout(facets, one[parallel], two[parallel], size[parallel])
     one, two, size = one[parallel], two[parallel], size[parallel]
     if not len(one):
         return []
@@ -162,6 +163,23 @@ def near_solids(facets: Facets, pairs: tuple[Ints, Ints]) -> list[NearMiss]:
     wide = np.flatnonzero(shapely.area(shared) > (tolerances.NEAR * size) ** 2).tolist()
     misses = (_near_miss(facets, frames, one[k], two[k], shared[k], size[k]) for k in wide)
     return sorted((miss for miss in misses if miss is not None), key=lambda miss: (miss.a, miss.b))
+
+
+def _touches_throughout(facets: Facets, one: Ints, two: Ints, size: Floats) -> Bools:
+    """Return True for facets whose corners all lie so near the plane of another that they can only touch it.
+
+    The gap between two facets is largest at corners of the second, so no overlap need be computed. Facets without four
+    corners are left for the overlap. size: (p,) of the smaller facet.
+    """
+    found = np.zeros(len(one), dtype=bool)
+    four = np.flatnonzero([len(facets.loops[k]) == 1 and len(facets.loops[k][0]) == 4 for k in two.tolist()])
+    if len(four):
+        corners = np.array([facets.loops[k][0] for k in two[four].tolist()])
+        arm = corners - facets.origin[one[four], None]
+        height = np.abs(np.einsum("nki,ni->nk", arm, facets.normal[one[four]])).max(axis=1)
+        # Half of the tolerance leaves room for rounding.
+        found[four] = height <= 0.5 * tolerances.FACE * size[four]
+    return found
 
 
 def _near_miss(

@@ -53,21 +53,21 @@ def spun(turn: Floats, arm: Floats) -> Floats:
 
 
 def area_vector(corners: Floats) -> Floats:
-    """Return the area vector of a plane polygon.
+    """Return the area vector of a plane polygon, or of several with equal numbers of corners.
 
     Parameters
     ----------
-    corners : (k, 3) array
+    corners : (…, k, 3) array
         Corners in order, scene units.
 
     Returns
     -------
-    (3,) array
+    (…, 3) array
         Vector of length area, along the normal about which the corners run counter-clockwise.
     """
     # Coordinates relative to a corner: far from the origin, absolute ones lose digits.
-    arm = corners - corners[0]
-    return np.asarray(0.5 * np.cross(arm, np.roll(arm, -1, axis=0)).sum(axis=0))
+    arm = corners - corners[..., :1, :]
+    return np.asarray(0.5 * np.cross(arm, np.roll(arm, -1, axis=-2)).sum(axis=-2))
 
 
 def across(normal: Floats) -> Floats:

@@ -1,7 +1,7 @@
 """Estimate time and memory of one labelling from the size of its assembly.
 
-The estimates were measured by benchmarks/growth.py and benchmarks/scale.py on one core. A single labelling may take
-a fifth of the estimate (walls, all dry) or several times as much (random blocks of strong material).
+The estimates were measured by benchmarks/large.py on one core, on layouts of small blocks. Walls whose faces are all
+dry may take half as long.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from jld_core.memory import memory_limit
 _FACES: Final = 2e4
 """Number of faces at which the times in `_COSTS` were measured."""
 
-_COSTS: Final = {2: (40.0, 1.35, 1.5e4), 3: (100.0, 1.5, 3.5e4)}
-"""Cost by dimension: seconds at `_FACES` faces, exponent of the number of faces, bytes per face."""
+_COSTS: Final = {2: (14.0, 1.6, 3.2e8, 1.0), 3: (90.0, 1.5, 1.4e9, 1.17)}
+"""Cost by dimension: seconds and bytes at `_FACES` faces, each followed by its exponent of the number of faces."""
 
 _BASE: Final = 1.5e8
 """Memory of Python and its libraries, in bytes."""
@@ -70,9 +70,10 @@ def cost_estimate(assembly: Assembly) -> CostEstimate:
     CostEstimate
         Seconds on one core for all load cases together, and bytes of one process.
     """
-    seconds, power, each = _COSTS[assembly.dimension]
+    seconds, power, size, growth = _COSTS[assembly.dimension]
     faces = len(assembly.interfaces)
-    return CostEstimate(len(assembly.by_case) * seconds * (faces / _FACES) ** power, _BASE + each * faces)
+    share = faces / _FACES
+    return CostEstimate(len(assembly.by_case) * seconds * share**power, _BASE + size * share**growth)
 
 
 def require_memory(assembly: Assembly) -> CostEstimate:

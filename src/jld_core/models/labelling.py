@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from typing import Final, cast
 
+from jld_core import tolerances
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.errors import ParameterError, SolverError
@@ -192,6 +193,11 @@ def _large(attempt: ProofAttempt) -> bool:
     return attempt.uncertified and not attempt.labels.all() and is_large(attempt.template.structure)
 
 
+def _large_crushing(attempt: ProofAttempt) -> bool:
+    """Return True if a large attempt is uncertified, has inner faces and faces that may crush."""
+    return _large(attempt) and attempt.template.precision is tolerances.CRUSHING
+
+
 def _small(attempt: ProofAttempt) -> bool:
     """Return True if an attempt that is not large is uncertified and has inner faces.
 
@@ -206,12 +212,20 @@ _SUPPLIES: Final = "both bounds, by blocks that are rigid until shown otherwise:
 _LARGE: Final = Fallback("rigid blocks: repairs would take longer", _large, _rigid_where_uncracked, _SUPPLIES)
 """Rigid blocks for large programs, tried before the first repair."""
 
+_LESS_MARGIN: Final = Fallback(
+    "less margin: rigid blocks would take longer",
+    _large_crushing,
+    ProofAttempt.solve_with_less_margin,
+    "a narrower bracket of large crushable scenes",
+)
+"""A second solve of large crushable programs, whose usual margin alone can leave the bracket too wide."""
+
 FALLBACKS_BY_CONDENSE: Final[dict[str, tuple[Fallback, ...]]] = {
     "off": FALLBACKS,
     "on": (Fallback("rigid blocks", lambda attempt: True, _rigid_blocks, _SUPPLIES), *FALLBACKS),
     "auto": (
         Fallback("rigid blocks: strong inner faces", _strong, _rigid_blocks, _SUPPLIES),
-        *insert_before(FALLBACKS, "repair", _LARGE),
+        *insert_before(insert_before(FALLBACKS, "repair", _LARGE), _LARGE.name, _LESS_MARGIN),
         Fallback("rigid blocks: strengths far above some loads", _small, _rigid_blocks, _SUPPLIES),
     ),
 }

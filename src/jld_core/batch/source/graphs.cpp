@@ -25,7 +25,7 @@ int32_t jld_join_parts(int32_t atoms, int32_t pairs, const int32_t* first, const
                        int64_t least, int64_t most, int32_t rounds, int64_t count, const int64_t* order,
                        const int64_t* wanted, int32_t* names, uint8_t* complete) {
     return jld::outcome_of([&] {
-        jld::PartGrowth growth{atoms, pairs, first, second, cells, least, most, {}};
+        jld::PartGrowth growth{atoms, pairs, first, second, cells, least, most, {}, {}, {}, {}};
         for (int64_t row = 0; row < count; ++row)
             complete[row] = growth.grow(order + row * pairs, wanted[row], rounds, names + row * atoms);
         return JLD_DONE;

@@ -89,7 +89,7 @@ class CompiledFronts:
         local, row = fronts.where // height, fronts.where % height
         self._entries = fronts.entries
         self._where = start[front] + local * (own + rest)[front] + row + below * own[front]
-        self._arrays: dict[str, NDArray[Any] | None] = {
+        self._arrays: dict[str, NDArray[Any]] = {
             "bounds": np.ascontiguousarray(fronts.bounds, dtype=np.int64),
             "passed_start": np.concatenate([[0], np.cumsum(rest)]).astype(np.int64),
             "passed": np.concatenate([*fronts.passed, np.zeros(0, dtype=np.int64)]).astype(np.int64),
