@@ -30,9 +30,6 @@ _GAP = 1e-5
 _MOST_STEPS = 100
 """Most steps of the interior point."""
 
-_SUPERNODAL = 100_000
-"""Variables above which supernodal factors take less time: 1.4 times with 27 000, 0.7 times with 180 000."""
-
 _REGULAR = 1e-7
 """Regularisation of the solver's equations: with its own 1e-8 it fails half way, as rows of equilibrium depend on each
 other around edges."""
@@ -84,7 +81,7 @@ def solve_cones(objective: Floats, matrix: sp.csr_array, rhs: Floats, sizes: Con
     cones += [clarabel.PSDTriangleConeT(3)] * sizes.tensors
     width = len(objective)
     solver: Any = clarabel.DefaultSolver(
-        sp.csc_matrix((width, width)), objective, sp.csc_matrix(matrix), rhs, cones, _settings(width > _SUPERNODAL)
+        sp.csc_matrix((width, width)), objective, sp.csc_matrix(matrix), rhs, cones, _settings()
     )
     answer = solver.solve()
     status = str(answer.status)
@@ -94,8 +91,7 @@ def solve_cones(objective: Floats, matrix: sp.csr_array, rhs: Floats, sizes: Con
     return Answer(point, np.array(answer.z), float(answer.obj_val), usable, status)
 
 
-def _settings(supernodal: bool) -> Any:
-    """Return the settings of the solver; supernodal: whether dense parts of the factors are treated together."""
+def _settings() -> Any:
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.max_threads = 1
@@ -103,7 +99,7 @@ def _settings(supernodal: bool) -> Any:
     settings.input_sparse_dropzeros = True
     settings.chordal_decomposition_enable = False
     settings.max_iter = _MOST_STEPS
-    settings.direct_solve_method = "faer" if supernodal else "qdldl"
+    settings.direct_solve_method = "qdldl"
     settings.static_regularization_constant = _REGULAR
     settings.tol_feas = _FEASIBILITY
     settings.tol_gap_abs = settings.tol_gap_rel = _GAP
