@@ -13,6 +13,7 @@ import pytest
 
 from cases import grid_document
 from jld_core import InputError, build_assembly, parse_scene
+from jld_core.deadline import Deadline
 from jld_core.fields.adaptive import CoarseBounds, FieldSetting
 from jld_core.fields.undecided import PartialUpperBound
 from jld_explore import Exploration, ExploreSettings, explore
@@ -214,6 +215,25 @@ def test_a_front_is_refined_for_every_count(tmp_path: Path) -> None:
         low = rivals["bracket_lo"].max()
         own = table[table["dry_faces"] == count]["bracket_hi"].max()
         assert own <= low / (1 - WIDE["gap"]) * (1 + 1e-9) or np.isnan(low)
+
+
+def test_a_target_that_time_leaves_open_is_not_proven() -> None:
+    """Layouts given up for lack of time: other counts are bounded nevertheless, and the proof has not ended."""
+    scene = parse_scene(document())
+    assembly = build_assembly(scene)
+    space = search_space(scene, assembly)
+    driver, evaluator = FieldExact(space, aim="front", gap=0.1, search=1), FieldEvaluator(assembly)
+    driver.start(None, lambda: None)
+    driver.pool.deadline = Deadline(0.0)  # no mesh of a single layout is begun
+    while len(labellings := driver.ask()):
+        driver.tell(labellings, evaluator.evaluate_all(labellings))
+    assert driver.pool.late
+    assert driver.working
+    assert not driver.finished
+    rows = driver.facts(pd.DataFrame(), False)["front"]
+    assert len(rows) == 3
+    assert all(row["load_factor"] <= row["bound"] <= driver.bound for row in rows)
+    assert not all(row["proven"] for row in rows)
 
 
 def test_low_values_are_searched(tmp_path: Path) -> None:

@@ -118,7 +118,7 @@ class FieldProof:
         self._target: int | Range | None = None
         self._began = 0
         self.waiting: list[Bits] = []
-        self._begun = self.settled = self.stopped = False
+        self._begun = self._cut = self.settled = self.stopped = False
         self._refuted = np.full(len(self.pool), np.inf)
         self.pool.given_up[:] = False
         self.check: ProofCheck | None = None
@@ -357,13 +357,12 @@ class FieldProof:
         self._schedule.note_proven(len(self.state.conflicts) - self._began)
         if self._left_open <= self._aimed and self._left_open > self._goal:
             self._aim()
-        elif self.pool.late:
-            self.stopped = True
         else:
             self._end_target()
 
     def _end_target(self) -> None:
         """Take the bound of the target, and begin with the next, or end and check the proof."""
+        self._cut |= self.pool.late and self._left_open > self._goal
         open_rows = (self._refuted > self._goal) & self._in_target() & (self._left_open > self._goal)
         known = self.aim.next(self._left_open, self.incumbents.best(), self.incumbents.counts[open_rows])
         while known is not None and not self._exists():
@@ -383,8 +382,10 @@ class FieldProof:
         return self._formula.next() is not None
 
     def _settle(self) -> None:
-        """Check the proof, which has ended."""
-        self.settled = True
+        """Check the proof, which has ended, unless time left a target open."""
+        self.stopped, self.settled = self._cut, not self._cut
+        if self.stopped:
+            return
         claims = self.aim.claims()
         finite = all(math.isfinite(claim.threshold) for claim in claims)
         problem = "" if finite else "a layout has no upper bound"
