@@ -154,7 +154,7 @@ def test_both_programs_by_a_modelling_language(seed: int) -> None:
 
 
 def test_a_share_of_the_claims() -> None:
-    """A share of `python -m benchmarks.claims fields`: some seconds of it."""
-    found = fields.run(0, 8, 5.0)
-    assert found.cases >= 1
+    """A share of `python -m benchmarks.claims fields`: four of its cases, however busy the machine is."""
+    found = fields.run(0, 4, 600.0)
+    assert found.cases == 4
     assert not found.disagreements
