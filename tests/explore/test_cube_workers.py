@@ -36,6 +36,9 @@ from jld_explore.report import Exploration
 from jld_explore.space import search_space
 from jld_explore.verification import verify
 
+# what blocks that crack anywhere carry, test_field_check.py tests
+pytestmark = pytest.mark.usefixtures("without_field_check")
+
 WEAK: dict[str, Any] = {"tension": 2e3, "shear": 2e3, "block_cells": [1, 3]}
 SCENES: dict[str, tuple[list[str], dict[str, Any]]] = {
     "weak": (["aaaa", "aaaa", "####"], WEAK),

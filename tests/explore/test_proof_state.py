@@ -30,6 +30,9 @@ from jld_explore.space.shapes import BlockShapes
 from jld_explore.study import Study
 from jld_explore.study_state import StopReason
 
+# what blocks that crack anywhere carry, test_field_check.py tests
+pytestmark = pytest.mark.usefixtures("without_field_check")
+
 QUIET = ExploreSettings(pictures=False, small=0)
 WEAK: dict[str, Any] = {"tension": 5e3, "shear": 5e3, "block_cells": [1, 3]}
 LOST = {

@@ -14,6 +14,9 @@ from jld_core import InputError, parse_scene
 from jld_explore import ExploreSettings, explore
 from jld_explore.report import words
 
+# what blocks that crack anywhere carry, test_field_check.py tests
+pytestmark = pytest.mark.usefixtures("without_field_check")
+
 WALL = ["aaa", "aaa", "###"]
 REQUIRED = (0.3, 0.52, 0.66, 0.75, 2.0)
 """Load factors that all, most, some, few and none of the layouts have."""
