@@ -7,6 +7,7 @@ import signal
 import sys
 from collections.abc import Callable
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +47,13 @@ def without_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     from without_pictures import leave_out_pictures  # loads the package, for which the environment above must stand
 
     leave_out_pictures(monkeypatch.setattr)
+
+
+@pytest.fixture
+def without_field_check(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave out the check of the best layouts by fields in this process: a third of a search of some dozen layouts."""
+    # the package has a function of the name of this module
+    monkeypatch.setattr(import_module("jld_explore.explore"), "plan_check", lambda *_: None)
 
 
 @pytest.fixture

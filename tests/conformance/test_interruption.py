@@ -144,7 +144,10 @@ def resumed(jld: Command, scene: Path, folder: Path, jobs: int, deferred_signals
 
 
 @pytest.mark.usefixtures("without_pictures")
-@pytest.mark.parametrize(("jobs", "moments"), [(1, (1, 250)), pytest.param(2, (150,), marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    ("jobs", "moments"),
+    [(1, (250,)), *(pytest.param(*more, marks=pytest.mark.long) for more in ((1, (1, 250)), (2, (150,))))],
+)
 def test_parent_killed(
     jobs: int, moments: tuple[int, ...], scene: Path, deferred_signals: Path, tmp_path: Path, jld: Command
 ) -> None:
@@ -175,11 +178,12 @@ def workers_of(run: subprocess.Popen[str]) -> list[psutil.Process]:
     return workers
 
 
-def test_workers_killed(scene: Path, deferred_signals: Path, tmp_path: Path) -> None:
-    """kill -9 of one worker, twice: the run goes on to the end by itself, and loses nothing."""
+@pytest.mark.parametrize("moments", [(64,), pytest.param((64, 480), marks=pytest.mark.long)], ids=["once", "twice"])
+def test_workers_killed(moments: tuple[int, ...], scene: Path, deferred_signals: Path, tmp_path: Path) -> None:
+    """kill -9 of one worker, once or twice: the run goes on to the end by itself, and loses nothing."""
     folder = tmp_path / "out"
     with started("explore", scene, "--out", folder, "--jobs", "2", "--json") as run:
-        for count in (64, 480):
+        for count in moments:
             wait_for_records(run, folder, count)
             victims = workers_of(run)
             assert victims

@@ -9,7 +9,7 @@ from jld_core import solve
 
 
 def test_random_scenes_are_converged_and_hold_when_weighed_again() -> None:
-    tally = run(12, 24, 60.0)
+    tally = run(12, 24, 600.0)
     assert tally.disagreements == []
     opened = {group: sum(n for name, n in tally.notes.items() if name.startswith(f"{group} unc")) for group in GROUPS}
     assert opened["space"] == 0

@@ -20,6 +20,9 @@ from jld_explore.drivers.exact.context import ProofContext
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.space import search_space
 
+# what blocks that crack anywhere carry, test_field_check.py tests
+pytestmark = pytest.mark.usefixtures("without_field_check")
+
 WEAK: dict[str, Any] = {"tension": 2e3, "shear": 2e3, "block_cells": [1, 3]}
 WINDS = {"loads": {"cases": [{"name": "a", "live": [{"body": [1, 0]}]}, {"name": "b", "live": [{"body": [-1, 0]}]}]}}
 

@@ -166,7 +166,7 @@ def test_shapes_are_counted_while_there_is_time() -> None:
     assembly = build_assembly(scene)
     space = search_space(scene, assembly)
     count = next(count for count in registered() if count.kinds)
-    rows = np.random.default_rng(3).random((200, len(assembly.interfaces))) < 0.5
+    rows = np.random.default_rng(3).random((140, len(assembly.interfaces))) < 0.5
     whole = values_until(count, assembly, rows, space.graph, BlockShapes(assembly), Deadline())
     assert whole.dtype.kind == "i"
     late = values_until(count, assembly, rows, space.graph, BlockShapes(assembly), Deadline(0.0))

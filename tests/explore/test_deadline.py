@@ -110,9 +110,9 @@ def test_counting_a_space_knows_the_clock() -> None:
 
 @pytest.mark.parametrize("driver", ["enumeration", "exact"])
 def test_a_driver_that_names_nothing_gives_way_to_one_layout(driver: str, tmp_path: Path) -> None:
-    start = time.perf_counter()
+    start = time.process_time()
     done = explore(hidden(), tmp_path / "out", ExploreSettings(driver=driver, seconds=2.0, jobs=1, pictures=False))
-    assert time.perf_counter() - start < 8.0  # 2 s, tables, and a busy machine
+    assert time.process_time() - start < 8.0  # 2 s and tables, whatever else the machine does
     assert (done.summary.stop_reason, done.summary.proven, len(done.results)) == ("time", False, 1)
     assert done.summary.best > 0.0
 

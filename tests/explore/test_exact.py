@@ -28,6 +28,9 @@ from jld_explore.space import search_space
 from jld_explore.space.labelling import canonical
 from jld_explore.space.search_space import feasible
 
+# what blocks that crack anywhere carry, test_field_check.py tests
+pytestmark = pytest.mark.usefixtures("without_field_check")
+
 SCENES: dict[str, tuple[list[str], dict[str, Any]]] = {
     "pairs": (["aaa", "aaa", "###"], {"block_cells": [1, 2]}),
     "weak": (["aaaa", "aaaa", "####"], {"tension": 2e3, "shear": 2e3, "block_cells": [1, 3]}),

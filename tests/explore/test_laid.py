@@ -20,6 +20,9 @@ from jld_explore.drivers.exact.proof_check import Claim, _find_open_labelling
 from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.space import from_string
 
+# what blocks that crack anywhere carry, test_field_check.py tests
+pytestmark = pytest.mark.usefixtures("without_field_check")
+
 # a neck that what is wider cannot pass; two that lean over one another; a lid over one end
 NECK = ["#aaa#", "##a##", "#aaa#"]
 HOOKS = ["aaaa", "aaaa", "####"]

@@ -16,6 +16,9 @@ from jld_explore import ExploreSettings, explore, read_folder
 from jld_explore.report import write_pictures
 from jld_explore.space import from_string
 
+# what blocks that crack anywhere carry, test_field_check.py tests
+pytestmark = pytest.mark.usefixtures("without_field_check")
+
 SPATIAL = [
     SolveOptions(contact="concave"),
     SolveOptions(inner_bending="kern"),

@@ -30,6 +30,9 @@ from jld_explore.space.shapes import BlockShapes
 from jld_explore.study import Study
 from jld_explore.study_state import StopReason
 
+# what blocks that crack anywhere carry, test_field_check.py tests
+pytestmark = pytest.mark.usefixtures("without_field_check")
+
 QUIET = ExploreSettings(pictures=False, small=0)
 WEAK: dict[str, Any] = {"tension": 5e3, "shear": 5e3, "block_cells": [1, 3]}
 LOST = {
@@ -82,10 +85,10 @@ def test_no_layout_is_lost_when_the_target_changes(step_after: int | None, tmp_p
 
 
 def test_proofs_agree_with_enumeration_and_one_job(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A share of `python -m benchmarks.claims proofs`: some seconds of it."""
+    """A share of `python -m benchmarks.claims proofs`: eight of its cases, however busy the machine is."""
     monkeypatch.setattr(proofs, "EVERY", 10**9)  # real processes take seconds to start
-    found = proofs.run(20_000, 60, 25.0)
-    assert found.cases >= 8
+    found = proofs.run(20_000, 8, 600.0)
+    assert found.cases == 8
     assert found.disagreements == []
 
 

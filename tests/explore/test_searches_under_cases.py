@@ -16,6 +16,9 @@ from jld_explore.drivers.exact.driver import Exact
 from jld_explore.evaluation import EvaluatorSettings, evaluator_of
 from jld_explore.space import from_string
 
+# what blocks that crack anywhere carry, test_field_check.py tests
+pytestmark = pytest.mark.usefixtures("without_field_check")
+
 RIGHT, LEFT, DOWN = [{"body": [1, 0]}], [{"body": [-1, 0]}], [{"body": [0, -1]}]
 WINDS = [{"name": "left", "live": RIGHT}, {"name": "right", "live": LEFT}]
 

@@ -21,6 +21,9 @@ from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.space.labelling import blocks_of, connectivity
 from jld_explore.space.shapes import BlockShapes
 
+# what blocks that crack anywhere carry, test_field_check.py tests
+pytestmark = pytest.mark.usefixtures("without_field_check")
+
 
 def labelled(rows: list[str], **keys: Any) -> tuple[Any, Bits]:
     assembly = build_assembly(parse_scene(grid_document(rows, **keys)))

@@ -129,7 +129,8 @@ def upper_by_cvxpy(assembly: Assembly, mesh: Mesh, loads: Any, labels: Bits, mat
     return float(program.value)
 
 
-@pytest.mark.parametrize("seed", [3, 7, 13, 16, 20, 24])
+# the 20th has what the third has, and more elements
+@pytest.mark.parametrize("seed", [3, 7, 13, 16, pytest.param(20, marks=pytest.mark.long), 24])
 def test_both_programs_by_a_modelling_language(seed: int) -> None:
     """Random structures with and without friction of the material, cohesion and crushing, to 1e-5."""
     scenes = fields.random_scenes(np.random.default_rng([seed, 2026]), [Move(np.eye(2), 1.0, np.zeros(2))])
@@ -154,9 +155,9 @@ def test_both_programs_by_a_modelling_language(seed: int) -> None:
 
 
 def test_a_share_of_the_claims() -> None:
-    """A share of `python -m benchmarks.claims fields`: some seconds of it."""
-    found = fields.run(0, 8, 5.0)
-    assert found.cases >= 1
+    """A share of `python -m benchmarks.claims fields`: four of its cases, however busy the machine is."""
+    found = fields.run(0, 4, 600.0)
+    assert found.cases == 4
     assert not found.disagreements
 
 
