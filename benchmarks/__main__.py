@@ -29,6 +29,7 @@ BENCHMARKS: Final = (
     "crack_models",
     "scale",
     "growth",
+    "large",
     "lanes",
     "lanes_hard",
     "lanes_single",

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 import resource
 import signal
 import subprocess
@@ -95,7 +96,7 @@ def phases(file: Path, evaluate: bool = True) -> Iterator[Found]:
     if evaluate:
         with one_thread():
             found = evaluator_of(assembly, EvaluatorSettings()).evaluate_all(labelling)[0]
-        width = (found.high - found.low) / abs(found.high)
+        width = (found.high - found.low) / abs(found.high) if found.high else math.nan
         yield ended("λ", load_factor=found.load_factor, status=str(found.status), width=width)
 
 

@@ -8,6 +8,7 @@ assembly to a bracket that the prover has checked. Before: version 0.2, as bench
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from typing import Final
 
 from benchmarks.common import about, table, write
@@ -46,7 +47,7 @@ def row(kind: str, edge: int, found: Found) -> list[str]:
     return [kind, cells, *pairs, f"{found['width']:.0e}" if "width" in found else "–", found.get("status", "–")]
 
 
-def main(wanted: list[str]) -> None:
+def main(wanted: Sequence[str] = ()) -> None:
     """Measure sizes and write the table. wanted: names such as planar-100; empty for all."""
     chosen = [(kind, edge) for kind, edge in SIZES if not wanted or f"{kind}-{edge}" in wanted]
     rows = [row(kind, edge, run(kind, edge, seconds=900)) for kind, edge in chosen]
