@@ -53,7 +53,7 @@ class Bodies:
 
     @cached_property
     def arcs(self) -> Arcs:
-        """Blocked directions between the elements of a planar assembly."""
+        """Directions in which pairs of elements block each other; planar only, else use `solids`."""
         return Arcs(self.assembly)
 
     @cached_property

@@ -22,11 +22,11 @@ _STEPS: Final = 257
 
 
 def hull_rows(sets: Frictional, *, freedoms: int, shear: int, parabolas: bool) -> RowPattern:
-    """Return yield rows that enclose the sets of both labels, docs/method.md (6.3).
+    """Return yield rows that enclose the dry and the inner set, for faces of unknown label.
 
-    They stand in the places of the rows of dry faces in the pattern of `sets`. sets: yield sets of all faces. freedoms:
-    number of resultants per face. shear: index of the resultant in the linear rows that limit shear. parabolas: True if
-    the cones of the pattern are those of crushing.
+    A relaxation with these rows bounds λ over both labels, docs/method.md (6.3). The result is the pattern of `sets`
+    with `dry` and `h_dry` replaced. sets: yield sets of all faces. freedoms: resultants per face, 3 or 6. shear: place
+    of V (planar, 1) or of mT (spatial, 5) among them. parabolas: True if its cones are those of crushing.
     """
     pattern = sets.pattern
     data, rhs = pattern.dry.copy(), pattern.h_dry.copy()

@@ -69,14 +69,16 @@ class Rows(Protocol):
 
 @dataclass(frozen=True)
 class Hull:
-    """Rows of faces that may have either label, in place of those of dry faces.
+    """Yield rows of undecided faces: they enclose the dry and the inner yield set.
+
+    Relaxations use them in the places of the rows of dry faces, see `hull_rows`.
 
     Attributes
     ----------
     pattern : RowPattern
-        Rows of the program.
+        Yield rows of all m faces. `dry` and `h_dry` hold the enclosing rows; `inner` and `h_inner` are unchanged.
     either : (m, q) bool array
-        Resultants that are active under either label.
+        Scaled resultants, q per face, that at least one of the labels allows to be non-zero.
     """
 
     pattern: RowPattern

@@ -183,7 +183,8 @@ def _parameters(assembly: Assembly, labels: Bits) -> list[tuple[str, _Change, st
 class SolvedProgram:
     """Solved program of one labelling, from which rates of λ with parameters are computed.
 
-    The module docstring states the formulas.
+    The constructor solves the program and does not check the outcome: the labelling must be known to collapse. The
+    module docstring states the formulas.
 
     Parameters
     ----------
@@ -199,7 +200,7 @@ class SolvedProgram:
     point, dual : (columns,) and (rows,) arrays
         Its solution y and multipliers w.
     held : (rows,) bool array
-        Linear rows that hold with equality in every optimal y.
+        Linear rows that count as tight: multiplier larger than slack, as the solver gives both.
     """
 
     def __init__(self, analysis: LimitAnalysis, labels: Bits) -> None:

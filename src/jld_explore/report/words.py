@@ -201,9 +201,10 @@ def _shortened(labelling: str) -> str:
 
 
 def best_rows(done: Exploration, top: int = 10) -> pd.DataFrame:
-    """Return the first rows of the results that have a load factor, in the columns shown.
+    """Return the best rows of the results, for the terminal and the notebook.
 
-    top: largest number of rows.
+    They are the first `top` rows with status "collapse", in the order of `done.results`, with the columns of `columns`.
+    The table is empty where no layout has a load factor.
     """
     return done.results[done.results["status"] == str(Status.COLLAPSE)][columns(done)].head(top)
 

@@ -243,10 +243,11 @@ class FixedPointSearch:
         return self.solver.solve(ConicProgram(s, program.data, rhs, program.objective))
 
     def repaired_state(self, point: Floats, template: Template, areas: EffectiveAreas | None) -> State:
-        """Move a raw point into equilibrium, and into the true friction cone where possible.
+        """Make a state in equilibrium from a solver's point, within the friction cone if possible.
 
-        The result may be inadmissible. point: forces first, λ last, scaled. template: of the program. areas: effective
-        areas, None if not used.
+        Check `State.admissible`: repairs may fail. Each repair tried adds one to `solves`. point: (columns,) scaled
+        variables of the program, the q·m forces first, λ last. template: of the program that was solved. areas:
+        effective rectangles that limit torsion (`EffectiveAreas`); None if whole faces count.
         """
         labels, prover = self.labels, self.prover(template)
         state = prover.state(point, labels, passes=3)

@@ -288,7 +288,11 @@ class Velocities:
     groups: Ints
 
     def split(self, form: Floats) -> Point:
-        """Convert a linear form (3m + 2, v) of all products X into one of (Z, T)."""
+        """Convert coefficients of a linear form of X to those of the unknowns (Z, T).
+
+        form: (3m + 2, v) coefficients of X, m faces. Returns coefficients (k, w) of Z and (f, 4) of T; see
+        `ProductSpace`. It is the transpose of `assemble`.
+        """
         return self.space.gather(form[:, self.whole]), form[self.space.at, self.at[:, None]]
 
     def assemble(self, point: Point) -> Floats:

@@ -36,10 +36,12 @@ _VIOLATED: Final = 1e-7
 
 @dataclass(frozen=True)
 class Multipliers:
-    """Multipliers of the rows of an RLT program; a certificate turns them into a bound.
+    """Multipliers of the rows of an RLT program, from which `Certifier` derives a bound.
 
-    Rows are products of forms of forces with forms of velocities. The forms of forces are the 4m yield slacks y, λ − L,
-    U − λ and 1, where L and U are the ends of the region. The forms of velocities are those of `Modes.forms`.
+    Rows are products of forms of forces with forms of velocities, of a planar structure with m faces. The forms of
+    forces are the 4m yield slacks y, λ − L, U − λ and 1, where L ≤ λ ≤ U is the region. The forms of velocities are the
+    4m mode rates z and the 2e sums around loops (`Modes.forms`). Mode k has slack y_k and rate z_k. Held modes
+    (`Region.held`) have y_k = 0.
 
     Attributes
     ----------

@@ -38,7 +38,10 @@ class Solves(Protocol):
 
 
 class Factorisation(Protocol):
-    """An analysed pattern whose numbers can be factored."""
+    """Symbolic Cholesky analysis of one sparsity pattern, reused for matrices of that pattern.
+
+    `factor` computes the factor for given entries; the result solves linear systems.
+    """
 
     def factor(self, data: Floats) -> Solves:
         """Compute the Cholesky factor; raise np.linalg.LinAlgError if the matrix is indefinite."""
