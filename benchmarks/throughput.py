@@ -38,6 +38,7 @@ from jld_core.solvers.schur.interior_point import SchurSolver
 from jld_core.views.figures import save_figure
 from jld_explore.drivers import make_driver
 from jld_explore.evaluation import Records
+from jld_explore.evaluation.rows import evaluation_of
 from jld_explore.settings import ExploreSettings
 from jld_explore.space import search_space, unpack
 from jld_explore.study import Study
@@ -144,8 +145,8 @@ def run(scene: Scene, assembly: Assembly, asked: int) -> tuple[float, Bits, Floa
         spent = time.process_time() - start
         rows = study.records.rows
         labellings = unpack(rows["labelling"], len(assembly.interfaces))
-        found = [study.records.find(labels) for labels in labellings]
-    values = [e.load_factor if e is not None and e.status is Status.COLLAPSE else np.nan for e in found]
+        found = [evaluation_of(row) for row in rows]
+    values = [e.load_factor if e.status is Status.COLLAPSE else np.nan for e in found]
     return spent, labellings, np.array(values)
 
 

@@ -246,6 +246,7 @@ def test_a_results_folder_is_gone_on_with(visit: Open, tmp_path: Path) -> None:
         running.close()
 
 
+@pytest.mark.long  # the server's answers for spatial scenes are tested without a browser
 def test_a_spatial_scene_is_toggled_too(visit: Open, tmp_path: Path) -> None:
     path = tmp_path / "cubes.json"
     path.write_text(json.dumps(spatial_scene()), encoding="utf-8")

@@ -307,6 +307,7 @@ def test_counts_agree_with_the_blocks() -> None:
         assert np.array_equal(found["largest_block_cells"], cells.max(axis=1))
 
 
+@pytest.mark.long
 def test_many_rows(tmp_path: Path) -> None:
     """Opened, and its table and front made, in seconds: a fifth of a million here, a million in benchmarks/million."""
     scene = load_scene(SCENES / "flat_beam_arch.json")

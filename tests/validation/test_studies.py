@@ -205,6 +205,7 @@ def test_two_loads(tmp_path: Path) -> None:
     assert table["load_factor[left]"][0] > table["load_factor[left]"][1]
 
 
+@pytest.mark.long
 def test_strong_enough(tmp_path: Path) -> None:
     """The most dry faces for λ ≥ 2 and 8, at nominal and at low values; nothing carries 8 at the low ones."""
     table = strong_enough.run(tmp_path, quick=True)
@@ -213,6 +214,7 @@ def test_strong_enough(tmp_path: Path) -> None:
     assert list(table["dry_faces"]) == pytest.approx([14.0, 13.0, 13.0, float("nan")], nan_ok=True)
 
 
+@pytest.mark.long
 def test_laid(tmp_path: Path) -> None:
     """The strongest lintel stands while it is laid."""
     table = laid.run(tmp_path, quick=True)
