@@ -164,7 +164,10 @@ class Enumeration(Driver):
         return True
 
     def ask(self, limit: int | None = None) -> Bits:
-        """Return the next classes (k, m), at most `PORTION` so that evaluation can begin early."""
+        """Return the next classes (k, m), at most `limit` or `PORTION`; k = 0 at the end.
+
+        Raises DeadlinePassed if the time passed before any was found.
+        """
         wanted = PORTION if limit is None else min(limit, PORTION)
         while len(self._unreturned) < wanted and not self._interrupted:
             try:
@@ -190,7 +193,7 @@ class Enumeration(Driver):
 
     @property
     def working(self) -> bool:
-        """True if symmetry classes of labellings are left to propose; see `Driver.working`."""
+        """True if classes are left to propose; see `Driver.working`."""
         return not self._ended
 
     @property
@@ -202,7 +205,10 @@ class Enumeration(Driver):
         """Do nothing: the order of the classes does not depend on evaluations."""
 
     def batches(self) -> Iterator[tuple[Bits, Ints]]:
-        """Yield canonical labellings (k, m) with their multiplicities (k,), from the start."""
+        """Yield canonical labellings (k, m), True = dry, and how many labellings each stands for.
+
+        The numbers are (k,). Each call starts anew. Raises DeadlinePassed after an enforced deadline.
+        """
         for rows in self._walk():
             if rows is not None:
                 kept, multiplicity = representatives(rows, self.space.group)
