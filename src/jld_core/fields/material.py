@@ -117,10 +117,12 @@ class Material:
 def material_of(assembly: Assembly) -> Material:
     """Return the material of all blocks, from the inner strengths of the faces.
 
+    The tensile strength is reduced to τ / μi, the apex of Mohr–Coulomb, where it is larger.
+
     Parameters
     ----------
     assembly : Assembly
-        Planar assembly whose inner faces all have the same strengths.
+        Planar or spatial assembly whose inner faces all have the same strengths.
 
     Returns
     -------

@@ -362,8 +362,9 @@ def _bisected(mesh: Mesh, middle: Ints, first: Ints) -> tuple[list[tuple[int, in
 def fanned(mesh: Mesh, ends: Sequence[Floats]) -> Mesh:
     """Bisect triangles at the ends of loads on straight outlines, until three meet there.
 
-    Tractions jump there from p to 0. Across one edge between two triangles stresses may differ along the edge alone, by
-    k t tᵀ. This meets the jump only where the edge is normal to the outline: else no λ but 0 has a stress field.
+    The traction jumps there from its value to 0. Stresses in two triangles may differ only along their common edge,
+    which meets such a jump only where the edge is normal to the outline. With two triangles no λ but 0 would have a
+    stress field; see docs/method.md (9.5).
 
     Parameters
     ----------

@@ -85,7 +85,7 @@ class Surface:
         ]
 
     def free(self, facet: Facet) -> list[shapely.Polygon]:
-        """Return the regions of a facet outside its interfaces, as polygons of `Facet.flat`.
+        """Return the regions of a facet outside its interfaces, as polygons in the plane.
 
         Load patches are not cut out. Slivers thinner than about `reach` are left out.
         """
@@ -94,7 +94,7 @@ class Surface:
         return [part for part in shapely.get_parts(rest) if part.area > self.reach * part.length]
 
     def loaded(self, index: int) -> list[shapely.Polygon]:
-        """Return the load patches on facet number `index` as polygons of `Facet.flat`."""
+        """Return the load patches on facet number `index` as polygons in the plane."""
         flat = self.facets[index].flat
         rings = [[flat(self.points[ring]) for ring in loops] for place, loops in self.patches if place == index]
         return [shapely.Polygon(outer, holes) for outer, *holes in rings]

@@ -55,7 +55,7 @@ class FieldMechanism:
         Returns
         -------
         (k,) float array
-            Bounds, inf where the mechanism is none of the labelling.
+            Bounds, scene units; inf where the labelling has a face whose flow rule the velocities violate.
         """
         dry, inner = (np.where(np.isfinite(part), part, 0.0) for part in (self.dry, self.inner))
         found = self.constant + inner.sum() + labellings @ (dry - inner)
@@ -67,6 +67,8 @@ class FieldMechanism:
     def bound_of(self, labels: Bits, undecided: Bools) -> float:
         """Return the upper bound on λ of all labellings that agree on the decided faces.
 
+        Undecided faces count with the larger dissipation of both labels, docs/method.md (9.15).
+
         Parameters
         ----------
         labels : (m,) bool array
@@ -77,7 +79,7 @@ class FieldMechanism:
         Returns
         -------
         float
-            Bound, inf where the mechanism proves none.
+            Bound, scene units; inf where a flow rule is violated.
         """
         parts = np.where(undecided, np.maximum(self.dry, self.inner), np.where(labels, self.dry, self.inner))
         size = abs(self.constant) + float(np.abs(parts).sum())
@@ -95,7 +97,9 @@ class FieldMechanism:
 
 @dataclass(frozen=True)
 class FieldStresses:
-    """Lower bound on λ of every labelling whose dry faces are among some, by one stress field.
+    """Lower bound on λ that one stress field proves for labellings with few enough dry faces.
+
+    It holds for every labelling whose dry faces are all among `may_be_dry`, docs/method.md (9.14).
 
     Attributes
     ----------
@@ -119,7 +123,7 @@ class FieldStresses:
         Returns
         -------
         (k,) float array
-            Bounds, −inf where the field does not fit the labelling.
+            `load_factor`, or −inf for a labelling with a dry face that is not in `may_be_dry`.
         """
         return np.where((labellings & ~self.may_be_dry).any(axis=1), -np.inf, self.load_factor)
 

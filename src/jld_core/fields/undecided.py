@@ -116,6 +116,8 @@ class PartialUpperBound:
     def finer(self, mesh: Mesh, velocity: Floats, labels: Bits, undecided: Bools) -> Mesh:
         """Refine the mesh of the problem where a velocity field dissipates most.
 
+        Faces are taken as labelled, undecided ones as inner.
+
         Parameters
         ----------
         mesh : Mesh
@@ -128,7 +130,7 @@ class PartialUpperBound:
         Returns
         -------
         Mesh
-            The next mesh.
+            The next mesh, scene units.
         """
         upper = self._upper
         power = upper.power(upper.rates(velocity), labels & ~undecided, upper.allowance(velocity))

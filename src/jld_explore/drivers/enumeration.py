@@ -112,7 +112,7 @@ class Enumeration(Driver):
     seed : int
         Ignored.
     rows : int, optional
-        Largest number of rows of a frontier, which changes memory and speed but not the order.
+        Largest number of partial labellings extended at once, which changes memory and speed but not the order.
     """
 
     name = "enumeration"
@@ -235,13 +235,13 @@ class Enumeration(Driver):
         limit : int
             Largest number of classes of interest.
         work : int
-            Number of frontiers examined before the count is given up; fewer for many elements.
+            Number of sets of partial labellings examined before the count is given up; fewer for many elements.
 
         Returns
         -------
         int or None
-            Number of classes; None above `limit` or if the count was given up. A space with few labellings behind
-            many dead ends does not count as small.
+            Number of classes; None above `limit` or if the count was given up. A space with few labellings behind many
+            dead ends does not count as small.
         """
         # the time per frontier grows with the number of elements
         work = min(work, _MOST_ELEMENTS_EXAMINED // max(len(self._start), 1))
@@ -384,8 +384,8 @@ def size_up_to(space: SearchSpace, limit: int, *, quick: bool = False) -> int | 
     limit : int
         Largest number of classes of interest.
     quick : bool
-        Examine few and narrow frontiers only, which takes some hundredths of a second. A space that is empty for an
-        obvious reason is still found to be empty.
+        Give up after few steps, which take some hundredths of a second. A space that is empty for an obvious reason is
+        still found to be empty.
 
     Returns
     -------

@@ -155,7 +155,7 @@ class FieldProof:
         self._refuted = np.concatenate([self._refuted, self.bounds_above(self.incumbents.join(labellings))])
 
     def take(self, conflicts: Sequence[Conflict]) -> None:
-        """Add conflicts whose bounds were proven again; see `load_conflicts`."""
+        """Add conflicts of an earlier run, weighed again, to the proof; see `load_conflicts`."""
         self._add(conflicts)
 
     # --- the proof --------------------------------------------------------------------------------------

@@ -102,6 +102,9 @@ class FieldRelaxation:
     def refute(self, labels: Bits, undecided: Bools, threshold: float = math.inf) -> DualBound | None:
         """Refute a governing factor for all labellings that agree on the decided faces.
 
+        A factor is refuted where a velocity field proves a smaller bound. Problems are asked one by one; one that
+        succeeds is asked first the next time.
+
         Parameters
         ----------
         labels : (m,) bool array
@@ -115,6 +118,11 @@ class FieldRelaxation:
         -------
         DualBound or None
             Mechanism of the first problem that proves it; None where no proof is found.
+
+        Raises
+        ------
+        DeadlinePassed
+            After an enforced deadline.
         """
         for place, number in enumerate(self._order):
             checkpoint()
