@@ -1,4 +1,4 @@
-"""Stress and velocity fields in the blocks: λ of blocks that may crack anywhere, from both sides.
+"""Stress and velocity fields in the blocks: two-sided bounds on λ, with cracks anywhere.
 
 `space_bounds` has the same for one layout in space.
 

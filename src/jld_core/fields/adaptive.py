@@ -72,14 +72,18 @@ class FieldSetting:
 
     @classmethod
     def of(cls, assembly: Assembly, patch: float | None = None) -> FieldSetting:
-        """Return the setting of an assembly; raise InputError as `material_of` and `loaded_mesh`."""
+        """Make the setting of a planar assembly: its material, units, coarsest mesh and loads.
+
+        patch: length that each live force on a free face is spread on; None: the whole face (see `loaded_mesh`). Raises
+        InputError as `material_of` and `loaded_mesh` do.
+        """
         material = material_of(assembly)
         coarse, loads = loaded_mesh(assembly, patch)
         ends = [end for segment in loads.segments for end in segment.ends]
         return cls(assembly, material, units_of(assembly, material), fanned(coarse, ends), loads)
 
     def problem(self, mesh: Mesh) -> Problem:
-        """Return the scaled problem on a mesh."""
+        """Return the scaled problem on a mesh that was refined from `coarse`; see `problem_of`."""
         return problem_of(self.assembly, self.material, self.units, mesh, self.loads)
 
 
@@ -112,7 +116,12 @@ class Fields:
 
     @classmethod
     def on(cls, setting: FieldSetting, mesh: Mesh, labels: Bits, enough: float = -math.inf) -> Fields:
-        """Solve for both fields of a labelling (m,); without stresses where the upper bound is below `enough`."""
+        """Solve for both fields of one labelling on one mesh.
+
+        mesh: refined from `setting.coarse`, scene units. labels: (m,) True = dry. enough: λ in scene units. Where the
+        upper bound lies below it, no stress field is computed and `stress` is None. Nothing is raised where a solver
+        fails: the field is then None.
+        """
         problem = setting.problem(mesh)
         lower, upper = LowerBound(problem), UpperBound(problem)
         velocity = upper.bound(labels)
@@ -121,24 +130,34 @@ class Fields:
 
     @property
     def problem(self) -> Problem:
-        """The scaled problem."""
+        """Scaled problem on the mesh, which both fields belong to."""
         return self.lower.problem
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Lower and upper bound on λ from this mesh alone, scene units; infinite where there is none."""
+        """Lower and upper bound on λ from this mesh alone, scene units.
+
+        The lower bound is −inf without a stress field, the upper one inf without a velocity field.
+        """
         load = self.problem.units.load
         lower = -math.inf if self.stress is None else load * self.stress.factor
         return lower, math.inf if self.velocity is None else load * self.velocity.factor
 
     @cached_property
     def for_all(self) -> tuple[FieldStresses | None, FieldMechanism | None]:
-        """Bounds for any labelling, lower by the stress field, upper by the velocity field; None without the field."""
+        """What the two fields prove for other labellings: lower bounds, then upper bounds.
+
+        Either is None without its field; the second also where `mechanism_of` finds none.
+        """
         stresses = None if self.stress is None else stresses_of(self.lower, self.stress, self.labels)
         return stresses, None if self.velocity is None else mechanism_of(self.upper, self.velocity, self.labels)
 
     def finer(self, adaptive: bool = True) -> Mesh:
-        """Return the next mesh: refined where the fields disagree, or everywhere."""
+        """Return the next mesh: refined where the fields disagree, or everywhere.
+
+        adaptive: False splits every triangle in four. True splits the triangles with the largest criterion of
+        docs/method.md (9.12). Without a stress field the criterion uses one for the dead load alone.
+        """
         if not adaptive:
             return refine(self.mesh, np.ones(len(self.mesh), dtype=bool))
         stress = self.stress if self.stress is not None else self._under_dead_load()
@@ -147,9 +166,9 @@ class Fields:
         return refine(self.mesh, marks, _singular_corners(self.problem, stress))
 
     def _under_dead_load(self) -> StressField | None:
-        """Field under the largest share of the dead load alone: its multipliers show where the mesh is too coarse.
+        """Return the field under the largest multiple of the dead load alone.
 
-        None where there is no dead load.
+        None without dead load, or without a field. Its multipliers show where the mesh is too coarse.
         """
         p = self.problem
         if not p.dead.any():
@@ -159,7 +178,9 @@ class Fields:
 
 
 class CoarseBounds:
-    """Both bounds of many labellings on the coarsest mesh: programs are set up once, labels change rows.
+    """Bounds on λ of many labellings, one at a time, on the coarsest mesh.
+
+    The two cone programs are set up once. Another labelling only switches rows and costs.
 
     Parameters
     ----------
@@ -214,7 +235,7 @@ class CoarseBounds:
 
 
 def _marks(problem: Problem, stress: StressField | None, velocity: VelocityField | None, wanted: float) -> Bools:
-    """Triangles to split (t,): where the fields disagree, where the stress field is weak, and a little everywhere.
+    """Choose the triangles to split, (t,) True, by docs/method.md (9.12).
 
     By the disagreement alone the lower bound stalls: on the flagship [5.89, 6.49] instead of [6.15, 6.46] in 3 s.
     """
@@ -233,7 +254,7 @@ def _marks(problem: Problem, stress: StressField | None, velocity: VelocityField
 
 
 def _leading(error: Floats, wanted: float) -> Bools:
-    """Triangles (t,) of largest errors (t,) that together hold a share of all, but not too many."""
+    """Mark the triangles (t,) of largest error (t,) that together hold a share of its sum."""
     order = np.argsort(-error, kind="stable")
     share = np.cumsum(error[order])
     enough = int(np.searchsorted(share, wanted * share[-1])) + 1
@@ -263,9 +284,10 @@ def finer_by_dissipation(mesh: Mesh, power: Floats) -> Mesh:
 
 
 def _singular_corners(problem: Problem, stress: StressField | None) -> Ints:
-    """Corner (t,) that a triangle should be split at, where most of its multipliers stand there; −1 elsewhere.
+    """Return the corner (t,) at which each triangle should be bisected, −1 for no preference.
 
-    Stresses jump at ends of loads and at corners of blocks; only a fan of triangles about such a node can follow.
+    Stresses jump at ends of loads and at corners of blocks; only a fan of triangles about such a node can follow. A
+    corner is chosen where most of the multipliers of its triangle stand.
     """
     none = np.full(len(problem.mesh), -1, dtype=np.int64)
     if stress is None:
@@ -282,9 +304,11 @@ def _singular_corners(problem: Problem, stress: StressField | None) -> Ints:
 
 
 def disagreement(problem: Problem, stress: StressField, velocity: VelocityField) -> Floats:
-    """Return dissipation less stress power (t,), each triangle with half of its edges; the sum is upper less lower.
+    """Return how much each triangle adds to the gap between the bounds: (t,), scaled λ.
 
-    Both fields are scaled; the sum is that of the scaled bounds, up to the opening of edges.
+    It is the dissipation of the velocity field less the power of the stress field on it. Each triangle counts with half
+    of its edges. Up to the opening that `UpperBound.certify` added, the sum is upper less lower bound. Both fields
+    belong to `problem` and one labelling; the result steers refinement.
     """
     p, e = problem, problem.edges
     v = velocity.velocity

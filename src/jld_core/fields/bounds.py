@@ -27,7 +27,11 @@ _PATIENCE = 8
 
 
 class FieldStatus(StrEnum):
-    """How a two-sided bound ended: gap reached, falls whatever λ ≥ 0, out of time, or without one of the bounds."""
+    """How the computation of a two-sided bound by fields ended.
+
+    CLOSED: the requested gap is reached. UNSTABLE: the upper bound is below 0, so the blocks collapse for every λ ≥ 0.
+    OPEN: both bounds exist, with a wider gap. NO_LOWER, NO_UPPER: that bound was not found.
+    """
 
     CLOSED = "closed"
     UNSTABLE = "unstable"
@@ -37,14 +41,17 @@ class FieldStatus(StrEnum):
 
 
 def relative_gap(lower: float, upper: float) -> float:
-    """Return the width of a bracket over its larger end, inf where a bound is infinite."""
+    """Return (upper − lower) / max(|upper|, |lower|), inf where a bound is infinite."""
     if not (math.isfinite(lower) and math.isfinite(upper)):
         return math.inf
     return (upper - lower) / max(abs(upper), abs(lower), 1e-300)
 
 
 def status_of_bounds(lower: float, upper: float, gap: float) -> FieldStatus:
-    """Return the status of two bounds on λ, infinite where there is none, for the relative width asked for."""
+    """Classify two bounds on λ by the relative gap that was requested; see `FieldStatus`.
+
+    lower, upper: −inf and inf where none was found. gap: greatest `relative_gap` that counts as closed.
+    """
     if upper < 0.0:
         return FieldStatus.UNSTABLE
     if not math.isfinite(lower):
@@ -92,16 +99,17 @@ class Stresses:
 
 @dataclass(frozen=True)
 class Velocities:
-    """Certified velocity field, linear in each triangle, for which the live load does one unit of work.
+    """Certified velocity field, linear in each triangle; the live load does unit work on it.
 
     Attributes
     ----------
     mesh : Mesh
-        Triangles.
+        Triangles, scene units.
     velocity : (t, 3, 2) float array
-        Velocities at the three corners of each triangle, scene units.
+        Velocities at the three corners of each triangle, scaled (see `Units`) so that the scaled live load does unit
+        work.
     dissipation : (t,) float array
-        Dissipation in each triangle, scene units.
+        Power in each triangle with half of its edges, scaled.
     """
 
     mesh: Mesh
@@ -201,12 +209,20 @@ def bounds_by_fields(
 
 
 class FieldRefinement:
-    """Bounds of one labelling, mesh by mesh: each step solves one mesh and keeps the best of both bounds so far.
+    """Refinement of the bounds of one labelling, mesh by mesh.
+
+    Call `step` until `ended`. Each step solves one mesh and returns the best of both bounds so far. Use it instead of
+    `bounds_by_fields` where the caller decides after each mesh whether to go on.
 
     Parameters
     ----------
     assembly, labels, gap, patch, parts, adaptive, most_triangles
         As for `bounds_by_fields`.
+
+    Raises
+    ------
+    InputError
+        As `bounds_by_fields`.
     """
 
     def __init__(
@@ -231,22 +247,26 @@ class FieldRefinement:
 
     @property
     def ended(self) -> bool:
-        """Return whether no further mesh follows: gap reached, given up, or too many triangles."""
+        """True if `step` has nothing left to solve.
+
+        The gap was reached, the upper bound is below 0, a bound is missing after eight meshes, or the next mesh would
+        exceed `most_triangles`.
+        """
         return self._mesh is None
 
     @property
     def spent(self) -> float:
-        """Return the time of all meshes so far, s of work."""
+        """Time spent in the constructor and all steps so far, seconds."""
         return self._spent
 
     @property
     def expected(self) -> float:
-        """Return the time after which one more step is expected to be done, s of work since the start."""
+        """Expected value of `spent` after one more step, seconds; extrapolated from the last."""
         return self._spent + self._growth * self._last
 
     @property
     def triangles(self) -> int:
-        """Return the number of triangles of the next mesh, 0 where none follows."""
+        """Number of triangles of the next mesh, 0 if refinement has ended."""
         return 0 if self._mesh is None else len(self._mesh)
 
     def step(self) -> FieldBounds:
@@ -300,7 +320,7 @@ class _Best:
         self.velocities: Velocities | None = None
 
     def take(self, fields: Fields) -> None:
-        """Keep the lower bound with its stresses and the upper bound with its velocities, each if it improves."""
+        """Keep the bounds of a mesh, each with its field, where they improve."""
         units, mesh, (lower, upper) = fields.problem.units, fields.mesh, fields.bounds
         if fields.stress is not None and lower > self.lower:
             m, d, s = np.moveaxis(fields.stress.stress, -1, 0)

@@ -23,7 +23,11 @@ _NEAR = 1e-7
 
 @dataclass
 class Rows:
-    """Rows of a cone program under construction: entries by row, column and value, and right-hand sides."""
+    """Rows of a cone program A x + s = b under construction.
+
+    count: number of rows so far. row, column, value: entries of A, one array per part added. rhs: parts of b. Duplicate
+    entries are summed.
+    """
 
     count: int = 0
     row: list[Ints] = field(default_factory=list)
@@ -32,7 +36,11 @@ class Rows:
     rhs: list[Floats] = field(default_factory=list)
 
     def add(self, entries: Sequence[tuple[Ints, Floats | float]], rhs: Floats | float, count: int) -> Ints:
-        """Append `count` rows; entries: pairs of (count,) or (count, j) columns and values. Return their numbers."""
+        """Append `count` rows, and return their numbers (count,).
+
+        entries: pairs (columns, values). Columns are (count,) or (count, j) ints, whose first axis is the row; values
+        have that shape or are one number. rhs: (count,) or one number. Without rows nothing is added.
+        """
         place = self.count + np.arange(count)
         if not count:
             return place
@@ -47,7 +55,7 @@ class Rows:
         return place
 
     def matrix(self, width: int) -> sp.csr_array:
-        """Return the rows as a matrix."""
+        """Return A as a sparse matrix (count, width); at least one row must have been added."""
         return sp.csr_array(
             (np.concatenate(self.value), (np.concatenate(self.row), np.concatenate(self.column))),
             shape=(self.count, width),
@@ -55,13 +63,18 @@ class Rows:
 
     @property
     def right(self) -> Floats:
-        """(count,) right-hand sides."""
+        """(count,) right-hand sides b; at least one row must have been added."""
         return np.concatenate(self.rhs)
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What the solver returned: point (columns,), multipliers (rows,), objective, whether of use, its own status."""
+    """Answer of the solver to one cone program; nothing of it is proven.
+
+    point: (columns,) variables. dual: (rows,) multipliers. objective: value of the objective. usable: True where the
+    point is worth repairing; False where the program was infeasible, unbounded or failed. status: name of the status by
+    the solver.
+    """
 
     point: Floats
     dual: Floats
@@ -71,10 +84,21 @@ class Answer:
 
 
 class ConeProgram:
-    """Minimise q x where A x + s = b, s in zero, non-negative and second-order cones of size 3, in that order.
+    """Cone program: minimise q x where A x + s = b and s lies in a product of cones.
 
-    Rows that are switched off have zero coefficients and a right-hand side inside their cone, so that the structure
-    of the program never changes.
+    The solver is set up once, for programs that differ in few rows. Rows that are switched off get zero coefficients
+    and a right-hand side inside their cone, so the sparsity never changes.
+
+    Parameters
+    ----------
+    objective : (columns,) float array
+        q.
+    matrix : (rows, columns) sparse array
+        A.
+    rhs : (rows,) float array
+        b.
+    sizes : tuple of int
+        Numbers of equations, of inequalities s ≥ 0, and of second-order cones of 3 rows; A has them in this order.
     """
 
     def __init__(self, objective: Floats, matrix: sp.csr_array, rhs: Floats, sizes: tuple[int, int, int]) -> None:
@@ -92,10 +116,13 @@ class ConeProgram:
         self._solvers: dict[bool, Any] = {}
 
     def solve(self, off: Bools | None = None, objective: Floats | None = None) -> Answer:
-        """Solve; off: (rows,) True for rows switched off, whole cones only; objective: another q (columns,).
+        """Solve the program, with some rows switched off or with another objective.
 
-        Linear systems are refined iteratively only where the solver does not reach its residual without: refinement
-        takes a third of the time, and bounds are computed from repaired answers in any case.
+        off: (rows,) True for rows switched off; a second-order cone only with all of its rows. objective: (columns,)
+        another q. Give each of them at every call or at none: None leaves the solver as it was.
+
+        Linear systems are refined iteratively only in a second attempt, where the first did not converge: refinement
+        costs a third of the time. A failure shows in `Answer.usable` alone; no exception is raised.
         """
         answer = self._solve(off, objective, careful=False)
         if answer.status in _ENDED or (answer.status == "AlmostSolved" and self._residual(False) <= _NEAR):
@@ -103,7 +130,7 @@ class ConeProgram:
         return self._solve(off, objective, careful=True)
 
     def _residual(self, careful: bool) -> float:
-        """Return the larger of primal residual and relative duality gap of the last answer of a solver.
+        """Return the larger of primal residual and relative duality gap of a solver's last answer.
 
         The dual residual moves no bound: it belongs to the multipliers, which only steer refinement.
         """

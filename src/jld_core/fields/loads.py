@@ -1,8 +1,8 @@
-"""Loads of cells as body forces and tractions, statically equivalent to forces and moments of the scene.
+"""Loads of cells as body forces and tractions with the resultants of the scene.
 
-Rules: docs/method.md (9.5). Self-weight and body loads are uniform in each cell. A force on a free face of its
-cell is a traction on that face or on a patch of it. All other forces and moments are body forces that are constant
-in each triangle of the coarsest mesh, so that refinement never changes the load.
+Rules: docs/method.md (9.5). Self-weight and body loads are uniform in each cell. A force on a free face of its cell is
+a traction on that face or on a patch of it. All other forces and moments are body forces that are constant in each
+triangle of the coarsest mesh, so that refinement never changes the load.
 """
 
 from __future__ import annotations
@@ -30,9 +30,10 @@ _COVER = 1e-5
 
 @dataclass(frozen=True)
 class Segment:
-    """Part of a free face with a linear live traction.
+    """Part of a free edge of a cell that carries a linear live traction.
 
-    cell: element. ends: (2, 2) places, the cell on the left. traction: (2, 2) stress vectors at both ends.
+    cell: element. ends: (2, 2) start and end, scene units; the cell lies on the left from start to end. traction: (2,
+    2) stress vectors at both ends for λ = 1, scene units.
     """
 
     cell: int
@@ -42,9 +43,10 @@ class Segment:
 
 @dataclass(frozen=True)
 class FieldLoads:
-    """Loads over the coarsest mesh, scene units.
+    """Loads of an assembly over its coarsest mesh, scene units.
 
-    dead, live: (r, 2) force per volume in each root triangle. segments: free faces with live traction.
+    dead, live: (r, 2) force per volume in each of the r triangles of the coarsest mesh, live for λ = 1. segments: parts
+    of free edges with live traction; number i has the tag m + i in the mesh, m interfaces.
     """
 
     dead: Floats
@@ -64,7 +66,7 @@ class _FreeFace:
 
 @dataclass(frozen=True)
 class _Force:
-    """Live force on a free face: distance from its start, vector (2,), width of its patch or None."""
+    """Live force on a free face: distance from its start, vector (2,), width or None."""
 
     at: float
     vector: Floats
@@ -76,7 +78,7 @@ _Piece = tuple[float, float, Floats]
 
 
 def thickness_of(assembly: Assembly) -> float:
-    """Return the thickness of a planar assembly, length."""
+    """Return the out-of-plane thickness of a planar assembly, scene units."""
     return float(assembly.interfaces.l2[0])
 
 
@@ -138,7 +140,7 @@ def loaded_mesh(assembly: Assembly, patch: float | None = None) -> tuple[Mesh, F
 
 
 def _require_cover(assembly: Assembly, mesh: Mesh) -> None:
-    """Raise InputError where an interface does not lie on the outlines of both of its cells, or a triangle is flat."""
+    """Raise InputError for an interface off the outlines of its cells, or a flat triangle."""
     flat = np.flatnonzero(mesh.area <= 0.0)
     if flat.size:
         name = assembly.elements.ids[int(mesh.cell[flat[0]])]
@@ -191,7 +193,10 @@ def _free_faces(outlines: Outlines, index: int) -> list[_FreeFace]:
 
 
 def _face_of(assembly: Assembly, faces: list[_FreeFace], place: Floats, vector: Floats, taken: Floats) -> int | None:
-    """Free face that a live force acts on; None for a force inside its cell or beside all of them."""
+    """Return the free face that a live force acts on, None for a force on none of them.
+
+    None means a force inside its cell or beside all free faces.
+    """
     reach = 10.0 * tolerances.CONTACT * assembly.size
     loaded = [int(cell) for cell in assembly.elements.free if assembly.live[cell].any()]
     point = shapely.Point(*place)
@@ -225,7 +230,7 @@ def _face_of(assembly: Assembly, faces: list[_FreeFace], place: Floats, vector: 
 
 
 def _segments(assembly: Assembly, face: _FreeFace, forces: list[_Force]) -> list[Segment]:
-    """Return the loaded segments of one free face under forces at distances from its start; overlaps are added up."""
+    """Return the loaded segments of one free face under forces; overlaps are added up."""
     pieces = [_stated(assembly, face, force, force.width) for force in forces if force.width is not None]
     plain = [force for force in forces if force.width is None]
     if plain:
@@ -253,7 +258,10 @@ def _between(piece: _Piece, low: float, high: float) -> Floats:
 
 
 def _spread(assembly: Assembly, face: _FreeFace, forces: list[_Force]) -> _Piece:
-    """Return the linear traction of forces: over the face, or uniform about a place beyond its middle third."""
+    """Return the linear traction of several forces on one face.
+
+    It covers the face, or is uniform about the resultant where that lies beyond the middle third.
+    """
     thickness = thickness_of(assembly)
     normal = np.array([face.along[1], -face.along[0]])
     total = np.sum([force.vector for force in forces], axis=0)
@@ -317,7 +325,10 @@ def _tagged(mesh: Mesh, segments: list[Segment], faces: int) -> Mesh:
 
 
 def _body(assembly: Assembly, mesh: Mesh, loads: Floats) -> Floats:
-    """Return forces per volume (t, 2) in root triangles, equivalent to forces and moments (n, 3) about centroids."""
+    """Return forces per volume (t, 2) in root triangles, equivalent to nodal loads of cells.
+
+    The loads are forces and moments (n, 3) about the centroids.
+    """
     thickness = thickness_of(assembly)
     middle = mesh.corners.mean(axis=1)
     body = np.zeros((len(mesh), 2))

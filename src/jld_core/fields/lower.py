@@ -1,4 +1,4 @@
-"""Lower bound: stress fields that are linear in each triangle, in equilibrium and within yield everywhere.
+"""Lower bound: stress fields in equilibrium and within yield, linear in each triangle.
 
 Formulas: docs/method.md (9.6) to (9.9). The solver proposes a field; what counts is computed here: its projection onto
 equilibrium, and the room to every yield condition.
@@ -36,11 +36,21 @@ _STEPS = 6
 
 @dataclass(frozen=True)
 class StressField:
-    """Certified stress field.
+    """Certified stress field of one labelling, scaled (see `Units`).
 
-    factor: λ that it carries, scaled. stress: (t, 3, 3) stresses (m, d, s) at the corners, scaled. room: least slack
-    of a yield condition, after `charge` was subtracted. charge: stress that covers the residual of equilibrium. rate:
-    (t, 3) derivative of λ by the strength at each corner, from the multipliers of the solver. It steers refinement.
+    Attributes
+    ----------
+    factor : float
+        λ that the field carries, a lower bound.
+    stress : (t, 3, 3) float array
+        Stresses (m, d, s) at the three corners of each triangle: (σx + σy)/2, (σx − σy)/2 and τxy, tension positive.
+    room : float
+        Least distance to a yield condition, less `charge`; at least 0.
+    charge : float
+        Stress that covers the residual of equilibrium, subtracted from the distance to yield.
+    rate : (t, 3) float array
+        Multipliers of the yield conditions at the corners times strengths, as the solver gave them. They estimate how λ
+        grows with strength, and steer refinement; no bound depends on them.
     """
 
     factor: float
@@ -51,7 +61,22 @@ class StressField:
 
 
 class LowerBound:
-    """Lower bounds of one problem under many labellings."""
+    """Lower bounds on λ by stress fields, for many labellings of one problem.
+
+    `bound` returns a certified field. Programs and factors are kept, so that later labellings cost less.
+
+    Parameters
+    ----------
+    problem : Problem
+        The scaled problem on one mesh.
+
+    Attributes
+    ----------
+    problem : Problem
+        As the parameter.
+    status : str
+        Status by the solver at the last call of `bound`, "" before.
+    """
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
@@ -62,7 +87,11 @@ class LowerBound:
         self.status = ""
 
     def bound(self, labels: Bits) -> StressField | None:
-        """Return the best certified stress field of a labelling (m,), None where none was found."""
+        """Find a stress field for one labelling, and certify it.
+
+        labels: (m,) True = dry. Where the proposed field violates yield, larger margins and a mean with an interior
+        field are tried. None: the solver failed, or no attempt passed the check.
+        """
         answer = self.propose(labels, _MARGIN)
         self.status = answer.status
         if not answer.usable:
@@ -72,7 +101,7 @@ class LowerBound:
         return replace(found, rate=self._rate(answer.dual)) if found is not None else None
 
     def _again(self, labels: Bits) -> StressField | None:
-        """Certify what the solver proposes with a little more margin; None where it violates yield again."""
+        """Certify what the solver proposes with larger margins; None where each violates yield."""
         for margin in _WIDER:
             answer = self.propose(labels, margin)
             if answer.usable:
@@ -82,7 +111,10 @@ class LowerBound:
         return None
 
     def _blend(self, stress: Floats, factor: float, labels: Bits) -> StressField | None:
-        """Certify a mean of a proposed field that violates yield and one with ample room: room is concave."""
+        """Certify a mean of a field that violates yield and one with ample room, else None.
+
+        The room is concave, so that the mean has room enough.
+        """
         for margin in _INTERIOR:
             inner = self.propose(labels, margin)
             if not inner.usable:
@@ -101,9 +133,11 @@ class LowerBound:
         return None
 
     def propose(self, labels: Bits, margin: float) -> Answer:
-        """Solve for the stress field of largest λ with a slack in the yield conditions; it is not certified yet.
+        """Solve for the stress field of largest λ; the answer is not certified, see `certify`.
 
-        Shear of joints without friction and cohesion has no slack.
+        labels: (m,) True = dry. margin: slack that the solver keeps to each yield condition, scaled stress. Shear of
+        joints without friction and cohesion has no slack. `Answer.point` begins with the stresses (9t,), as
+        `StressField.stress` in C order, and ends with λ.
         """
         if margin not in self._programs:
             self._programs[margin] = self._program(margin)
@@ -114,7 +148,12 @@ class LowerBound:
         return program.solve(off)
 
     def certify(self, stress: Floats, factor: float, labels: Bits) -> StressField | None:
-        """Project a proposed field (9t,) onto equilibrium; None where the result violates yield."""
+        """Project stresses onto equilibrium and check yield, without a solver for cone programs.
+
+        stress: (9t,) in the order of `StressField.stress`. factor: λ. labels: (m,) True = dry. All are scaled. The
+        `rate` of the result is zero. None: the projected stresses violate yield, or miss equilibrium by more than
+        rounding.
+        """
         projected, rest = self._project(stress, factor, labels)
         field = projected.reshape(-1, 3, 3)
         room = self.room(field, labels) - rest
@@ -128,7 +167,11 @@ class LowerBound:
         return np.asarray((lines[:, :1] * shares).sum(axis=0).reshape(-1, 3))
 
     def room(self, stress: Floats, labels: Bits) -> float:
-        """Return the least room of stresses (t, 3, 3) to any yield condition, scaled stress."""
+        """Return the least distance of stresses to any yield condition, scaled stress.
+
+        stress: (t, 3, 3) as in `StressField`. labels: (m,) True = dry. A negative result means that yield is violated
+        in a block or on a dry joint. Equilibrium is not checked.
+        """
         p = self.problem
         least = [float(p.material.slack(stress).min())]
         rows = np.flatnonzero(p.is_dry(labels))
@@ -137,9 +180,11 @@ class LowerBound:
         return min(least)
 
     def joint_room(self, stress: Floats, rows: Ints) -> Floats:
-        """Return the least room (k, 2) of stresses (t, 3, 3) to the yield of dry joints at both ends of some edges.
+        """Return the distances of tractions to the yield of dry joints, (k, 2), scaled stress.
 
-        Shear on joints without friction and cohesion has no room: it is made zero as equilibrium is made exact.
+        stress: (t, 3, 3) as in `StressField`. rows: (k,) edges on interfaces, taken as dry. The columns are both ends
+        of an edge; a negative distance is a violation. Shear on joints without friction and cohesion is left out:
+        `certify` makes it zero.
         """
         p = self.problem
         normal, shear = self.tractions(stress, rows)
@@ -154,7 +199,11 @@ class LowerBound:
         return np.asarray((self.problem.joints.friction == 0.0) & (self.problem.joints.cohesion == 0.0))
 
     def tractions(self, stress: Floats, rows: Ints) -> tuple[Floats, Floats]:
-        """Return normal (tension positive) and shear tractions (k, 2) at both ends of some edges."""
+        """Return normal and shear tractions at both ends of some edges, (k, 2) each.
+
+        stress: (t, 3, 3) as in `StressField`. rows: (k,) edges. The tractions are those of triangle a, tension
+        positive, scaled.
+        """
         e = self.problem.edges
         own = stress[e.a[rows][:, None], e.corner_a[rows]]
         nx, ny = e.normal[rows, 0][:, None], e.normal[rows, 1][:, None]
@@ -163,7 +212,11 @@ class LowerBound:
 
     @cached_property
     def equilibrium(self) -> tuple[sp.csr_array, Floats]:
-        """E and f of E x = f over stresses and λ (9t + 1,): equilibrium of triangles and tractions of edges."""
+        """Matrix E (rows, 9t + 1) and right-hand side f (rows,) of equilibrium E x = f.
+
+        x: stresses in the order of `StressField.stress`, then λ, scaled. The rows are docs/method.md (9.6) and (9.7):
+        equilibrium of triangles, equal tractions across edges, given tractions on free edges.
+        """
         p, count = self.problem, self._triangles
         rows, last = Rows(), 9 * count
         size = np.sqrt(2.0 * p.mesh.area)
@@ -185,7 +238,7 @@ class LowerBound:
         return rows.matrix(last + 1), rows.right
 
     def _traction(self, rows: Ints, end: int, axis: int, sign: float) -> list[tuple[Ints, Floats]]:
-        """Entries of the traction σ n of triangle a (sign 1) or b (sign −1) at one end of some edges."""
+        """Return entries of the traction of triangle a (sign 1) or b (sign −1) at edge ends."""
         e = self.problem.edges
         triangle, corner = (e.a, e.corner_a) if sign > 0.0 else (e.b, e.corner_b)
         base = 9 * triangle[rows] + 3 * corner[rows, end]
@@ -222,7 +275,7 @@ class LowerBound:
         return rows.matrix(9 * self._triangles)
 
     def _project(self, stress: Floats, factor: float, labels: Bits) -> tuple[Floats, float]:
-        """Nearest stresses (9t,) in equilibrium under λ, and the stress that is charged for what is missing from it.
+        """Return the nearest stresses (9t,) in equilibrium under λ, and the stress to charge.
 
         Charged are twice the next correction and the largest residual; beyond rounding the charge is infinite, since no
         correction mends equations that contradict each other.
@@ -245,7 +298,10 @@ class LowerBound:
         return stress, rest if residual <= tolerances.ROUNDING * terms else np.inf
 
     def _program(self, margin: float) -> tuple[ConeProgram, Ints]:
-        """Maximise λ: equilibrium, yield at all corners through radii r ≥ R, joints; owner: edge of each row."""
+        """Set up the program that maximises λ; also return the edge that owns each row, or −1.
+
+        Yield is stated at all corners through radii r ≥ R.
+        """
         p, count = self.problem, self._triangles
         matrix, rhs = self.equilibrium
         every = np.arange(3 * count)

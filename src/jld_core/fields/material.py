@@ -1,8 +1,8 @@
-"""Material of the blocks: yield set of plane stress, its support function, and what refuses it.
+"""Material of the blocks: its yield set in plane stress, and the dissipation.
 
-With m = (σx + σy)/2, d = (σx − σy)/2, s = τxy and R = √(d² + s²), tension positive, the set is
-R ≤ τ cos φ − m sin φ (Mohr–Coulomb), R ≤ σt − m (tension cut-off), R ≤ σc + m (crushing); tan φ = μi.
-Formulas: docs/method.md (9.1) to (9.4).
+With m = (σx + σy)/2, d = (σx − σy)/2, s = τxy and R = √(d² + s²), tension positive, the set is R ≤ τ cos φ − m sin φ
+(Mohr–Coulomb), R ≤ σt − m (tension cut-off), R ≤ σc + m (crushing); tan φ = μi. Formulas: docs/method.md (9.1) to
+(9.4).
 """
 
 from __future__ import annotations
@@ -41,21 +41,25 @@ class Material:
 
     @property
     def sine(self) -> float:
-        """Sine of the angle of friction."""
+        """Sine of the angle of friction φ of crack planes, tan φ = `friction`."""
         return self.friction / float(np.hypot(1.0, self.friction))
 
     @property
     def intercept(self) -> float:
-        """R at m = 0 of the Mohr–Coulomb line, τ cos φ, stress."""
+        """Largest R = (σ1 − σ2)/2 that Mohr–Coulomb admits at m = 0: τ cos φ, stress."""
         return self.cohesion / float(np.hypot(1.0, self.friction))
 
     def scaled(self, unit: float) -> Material:
-        """Return the same material with stresses in units of `unit`."""
+        """Return the same material with its strengths divided by `unit`, a stress above 0."""
         return Material(self.tension / unit, self.cohesion / unit, self.friction, self.crushing / unit)
 
     @cached_property
     def lines(self) -> Floats:
-        """(k, 2) rows (a, b) of the conditions R ≤ a + b m."""
+        """(k, 2) coefficients (a, b) of the yield conditions R ≤ a + b m.
+
+        m = (σx + σy)/2 and R = (σ1 − σ2)/2. The rows are Mohr–Coulomb, tension cut-off and, where a compressive
+        strength is given, crushing.
+        """
         rows = [(self.intercept, -self.sine), (self.tension, -1.0)]
         if np.isfinite(self.crushing):
             rows.append((self.crushing, 1.0))
@@ -63,7 +67,11 @@ class Material:
 
     @cached_property
     def vertices(self) -> Floats:
-        """(k, 2) corners (m, R) of the upper boundary of the set; the unbounded end has a direction, not a corner."""
+        """(k, 2) corners (m, R) of the yield set in the half-plane R ≥ 0, stress.
+
+        m = (σx + σy)/2 and R = (σ1 − σ2)/2. Without a compressive strength the set is unbounded towards m = −∞; that
+        end has no corner.
+        """
         corners = [(self.tension, 0.0)]
         if np.isfinite(self.crushing):
             corners.append((-self.crushing, 0.0))
@@ -77,22 +85,30 @@ class Material:
         return np.array(kept)
 
     def slack(self, stress: Floats) -> Floats:
-        """Return the least distance (...,) to the yield conditions of stresses (..., 3) as (m, d, s)."""
+        """Return the least slack a + b m − R over all yield conditions (see `lines`), a stress.
+
+        stress: (..., 3) values (m, d, s) = ((σx + σy)/2, (σx − σy)/2, τxy). The result is (...,); negative means that
+        yield is violated.
+        """
         radius = np.hypot(stress[..., 1], stress[..., 2])
         heads = self.lines[:, 0] + self.lines[:, 1] * stress[..., :1]
         return np.asarray(heads.min(axis=-1) - radius)
 
     def missing(self, trace: Floats, shear: Floats) -> Floats:
-        """Return the trace (k,) that strain rates lack to dissipate finite power; at most 0 where none is lacking."""
+        """Return the trace that strain rates lack to obey the flow rule, (k,).
+
+        trace, shear: (k,) e and g of docs/method.md (9.2). The result is g sin φ − e; above 0 the dissipation is
+        infinite. It is −inf for a material that crushes, which has no such rule.
+        """
         if np.isfinite(self.crushing):
             return np.full_like(trace, -np.inf)
         return self.sine * shear - trace
 
     def dissipation(self, trace: Floats, shear: Floats, allowance: float = 0.0) -> Floats:
-        """Return the power (k,) per volume of strain rates with trace e and shear g, sup of m e + R g over the set.
+        """Return the power per volume of strain rates, (...,): docs/method.md (9.2).
 
-        A jump (δn, δs) has e = δn and g = √(δn² + δs²), per area. Where `missing` exceeds the allowance the power is
-        infinite.
+        trace, shear: (...,) e = εx + εy and g = √((εx − εy)² + γ²). For a jump (δn, δs) take e = δn and g = √(δn² +
+        δs²); the power is then per area. allowance: value of `missing` above which the power is infinite.
         """
         power = (trace[..., None] * self.vertices[:, 0] + shear[..., None] * self.vertices[:, 1]).max(axis=-1)
         return np.asarray(np.where(self.missing(trace, shear) > allowance, np.inf, power))
@@ -101,10 +117,12 @@ class Material:
 def material_of(assembly: Assembly) -> Material:
     """Return the material of all blocks, from the inner strengths of the faces.
 
+    The tensile strength is reduced to τ / μi, the apex of Mohr–Coulomb, where it is larger.
+
     Parameters
     ----------
     assembly : Assembly
-        Planar assembly whose inner faces all have the same strengths.
+        Planar or spatial assembly whose inner faces all have the same strengths.
 
     Returns
     -------

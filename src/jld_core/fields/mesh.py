@@ -19,11 +19,11 @@ _STRAIGHT = 1e-6
 
 @dataclass(frozen=True)
 class Edges:
-    """Struct of arrays over the e edges of a mesh; the normal runs from triangle a to triangle b, or outward.
+    """Edges of a triangle mesh, as arrays over e edges.
 
-    a, b: (e,) triangles, b = −1 where there is none (outline or support). corner_a, corner_b: (e, 2) local corners
-    of both ends in a and b. normal: (e, 2) unit. length: (e,). tag: (e,) tag of the edge; edges inside a cell
-    and free ones have FREE.
+    a, b: (e,) triangles; b = −1 on an outline or support. corner_a, corner_b: (e, 2) which corner (0 to 2) of a and b
+    is at each end. normal: (e, 2) unit vector from a to b, or outward. length: (e,). tag: (e,) as `Mesh.tag`; edges
+    inside a cell and free ones have FREE.
     """
 
     a: Ints
@@ -70,32 +70,35 @@ class Mesh:
 
     @cached_property
     def corners(self) -> Floats:
-        """(t, 3, 2) corners of the triangles."""
+        """(t, 3, 2) positions of the corners of each triangle."""
         return self.points[self.triangles]
 
     @cached_property
     def area(self) -> Floats:
-        """(t,) areas."""
+        """(t,) areas of the triangles, positive."""
         one, two = self.corners[:, 1] - self.corners[:, 0], self.corners[:, 2] - self.corners[:, 0]
         return np.asarray(0.5 * (one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]))
 
     @cached_property
     def gradient(self) -> Floats:
-        """(t, 3, 2) gradients of the linear function that is 1 at a corner and 0 at the other two."""
+        """(t, 3, 2) gradients of the linear functions that are 1 at one corner, 0 at the others."""
         opposite = np.roll(self.corners, -2, axis=1) - np.roll(self.corners, -1, axis=1)
         turned = np.stack([-opposite[..., 1], opposite[..., 0]], axis=-1)
         return np.asarray(turned / (2.0 * self.area[:, None, None]))
 
     @cached_property
     def sides(self) -> tuple[Ints, Ints]:
-        """(u, 2) different edges by nodes, the smaller first, and (t, 3) which of them runs from corner k to k + 1."""
+        """Pairs of nodes (u, 2) of the u distinct edges, and the edges (t, 3) of each triangle.
+
+        The smaller node is first. Column k is the edge from corner k to k + 1.
+        """
         ends = np.stack([self.triangles, np.roll(self.triangles, -1, axis=1)], axis=-1).reshape(-1, 2)
         unique, number = np.unique(np.sort(ends, axis=1), axis=0, return_inverse=True)
         return unique, np.asarray(number.reshape(-1, 3))
 
     @cached_property
     def side_tags(self) -> Ints:
-        """(u,) tag of each different edge."""
+        """(u,) tag of each edge of `sides`, as `Mesh.tag`; FREE without one."""
         unique, _ = self.sides
         tags = np.full(len(unique), FREE, dtype=np.int64)
         if len(self.tagged):
@@ -107,7 +110,10 @@ class Mesh:
 
     @cached_property
     def edges(self) -> Edges:
-        """All edges, each once; cells that share an edge without an interface have one each."""
+        """All edges with their neighbours, each once.
+
+        Where two cells share an edge that is no interface, each cell has an edge of its own.
+        """
         _, number = self.sides
         flat = number.ravel()
         order = np.argsort(flat, kind="stable")
@@ -138,9 +144,10 @@ class Mesh:
 
 
 def coarse_mesh(outlines: Outlines) -> Mesh:
-    """Return the coarsest mesh: convex cells as fans about an inner node, others by constrained Delaunay.
+    """Fill the outlines of cells with triangles: the coarsest mesh.
 
-    The inner node of a quadrilateral is where its diagonals meet, that of other convex cells is the mean of corners.
+    Convex cells are fans about an inner node: the intersection of the diagonals of a quadrilateral, otherwise the mean
+    of the corners. Other cells are triangulated by constrained Delaunay, and each triangle is split at its centroid.
     """
     points = [*outlines.points]
     triangles: list[tuple[int, int, int]] = []
@@ -190,7 +197,7 @@ def _centre(ring: Floats) -> Floats | None:
 
 
 def _chains(points: Floats, ring: Ints) -> dict[int, list[int]]:
-    """Each corner of an outline → the nodes of its straight edge to the next corner, both ends included."""
+    """Map each corner of an outline to the nodes of its straight edge, both ends included."""
     turn, size = _turns(points[ring])
     corners = np.flatnonzero(abs(turn) > _STRAIGHT * size)
     nodes = ring.tolist()
@@ -209,7 +216,7 @@ def _turns(ring: Floats) -> tuple[Floats, Floats]:
 
 
 def _delaunay(points: Floats, nodes: list[int]) -> list[tuple[int, int, int]]:
-    """Constrained Delaunay triangles of a simple polygon, counter-clockwise, by the numbers of its nodes."""
+    """Return constrained Delaunay triangles of a simple polygon, counter-clockwise nodes."""
     number = {tuple(points[node].tolist()): node for node in nodes}
     found = shapely.constrained_delaunay_triangles(shapely.Polygon(points[nodes]))
     triangles = []
@@ -279,7 +286,7 @@ def subdivide(mesh: Mesh, parts: int) -> Mesh:
 
 
 def refine(mesh: Mesh, marked: Bools, singular: Ints | None = None) -> Mesh:
-    """Return the mesh with marked triangles split in four, and others where conformity asks for it.
+    """Split marked triangles in four, and others where conformity asks for it.
 
     Each triangle is bisected at its longest edge before its other edges (Plaza & Carey 2000, 4T-LE), so that angles
     stay bounded away from 0; a marked one with a singular corner is bisected at that corner.
@@ -333,9 +340,9 @@ def refine(mesh: Mesh, marked: Bools, singular: Ints | None = None) -> Mesh:
 
 
 def _bisected(mesh: Mesh, middle: Ints, first: Ints) -> tuple[list[tuple[int, int, int]], list[int]]:
-    """Triangles split at middles of edges (t, 3), −1 where an edge is whole, and the triangle each stands in.
+    """Split triangles at the middles of edges (t, 3), −1 where an edge is whole.
 
-    first: (t,) edge that is bisected before the others.
+    Also returns the triangle that each new one lies in.
     """
     triangles: list[tuple[int, int, int]] = []
     parent: list[int] = []
@@ -353,10 +360,11 @@ def _bisected(mesh: Mesh, middle: Ints, first: Ints) -> tuple[list[tuple[int, in
 
 
 def fanned(mesh: Mesh, ends: Sequence[Floats]) -> Mesh:
-    """Return the mesh with at least three triangles at each end of a load on a straight outline.
+    """Bisect triangles at the ends of loads on straight outlines, until three meet there.
 
-    There tractions jump from p to 0. Across one edge between two triangles stresses may differ along the edge alone, by
-    k t tᵀ, which meets the jump only where the edge is normal to the outline: else no λ but 0 has a stress field.
+    The traction jumps there from its value to 0. Stresses in two triangles may differ only along their common edge,
+    which meets such a jump only where the edge is normal to the outline. With two triangles no λ but 0 would have a
+    stress field; see docs/method.md (9.5).
 
     Parameters
     ----------

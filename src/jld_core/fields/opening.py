@@ -1,4 +1,4 @@
-"""A velocity field that opens every joint and every edge: what repairs flow rules that rounding missed."""
+"""Velocity field that opens every joint and edge, to repair flow rules after rounding."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ _LEAST = 1e-9
 
 
 def opening_motion(problem: Problem) -> Floats | None:
-    """Return velocities (t, 3, 2) with opening at every edge and dilation in every triangle, None where none was found.
+    """Find velocities that open every edge and dilate every triangle: (t, 3, 2), scaled.
 
-    Cells move apart and stretch, each affinely, such that all interfaces open by friction of joint and of material.
-    Inside a cell each triangle moves by the gradient of a convex function that is linear on triangles: such a gradient
-    jumps along the normal of every edge, so that edges open without sliding whatever the friction.
+    A small multiple of them added to a velocity field repairs flow rules that rounding violates. Cells move apart and
+    stretch, each affinely, so that interfaces open despite friction of joint and material. Inside a cell, triangles
+    move by the gradient of a convex function that is linear on triangles. Such a gradient jumps along the normals of
+    edges: they open without sliding. None: no such motion was found, as for enclosed cells.
     """
     mesh = problem.mesh
     cells, number = np.unique(mesh.cell, return_inverse=True)
@@ -38,9 +39,10 @@ def opening_motion(problem: Problem) -> Floats | None:
 
 
 def _convex_gradients(problem: Problem, number: Ints) -> Floats | None:
-    """Gradients (t, 2) of a function that is linear on triangles and strictly convex in each cell, by a linear program.
+    """Find gradients (t, 2) of a function that is linear on triangles, convex in each cell.
 
-    It exists for every mesh of fans, trees of triangles and their bisections, which are regular subdivisions.
+    It exists for every mesh of fans, trees of triangles and their bisections, which are regular subdivisions. A linear
+    program finds it; None where there is none.
     """
     from scipy.optimize import linprog  # takes longer to import than most commands need
 
@@ -71,7 +73,10 @@ def _convex_gradients(problem: Problem, number: Ints) -> Floats | None:
 
 
 def _cell_motion(problem: Problem, number: Ints, centre: Floats, count: int) -> tuple[Floats, float] | None:
-    """Affine motions of the cells (count, 6) with the most room s in all flow rules, at most one in size, and s."""
+    """Find affine motions of the cells (count, 6) with the most room in all flow rules.
+
+    They are at most one in size. Also returns the room; None where there is none.
+    """
     p, e, rows = problem, problem.edges, problem.on_faces
     width = 6 * count + 1
     linear, cones = Rows(), Rows()

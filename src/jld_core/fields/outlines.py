@@ -1,4 +1,4 @@
-"""Outlines of free cells with common nodes: corners, ends of interfaces, ends of load patches."""
+"""Outlines of free cells with common nodes at corners, ends of interfaces and of loads."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ FREE = -1
 class Outlines:
     """Outlines of all free cells over common nodes.
 
-    points: (p, 2) nodes. cells: (c,) element index of each outline. rings: per outline the nodes counter-clockwise.
-    tags: per outline the interface of each edge (node k to k + 1), or FREE.
+    points: (p, 2) positions of nodes, scene units. cells: (c,) element of each outline. rings: per outline (k,) its
+    nodes, counter-clockwise. tags: per outline (k,) the interface on the edge from node i to i + 1, or FREE.
     """
 
     points: Floats

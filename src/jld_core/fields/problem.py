@@ -1,4 +1,4 @@
-"""The non-dimensional problem that both bounds share: mesh, material, joints and loads of order one."""
+"""The non-dimensional planar problem that both bounds share, with numbers of order one."""
 
 from __future__ import annotations
 
@@ -17,7 +17,11 @@ from jld_core.fields.outlines import FREE
 
 @dataclass(frozen=True)
 class Units:
-    """Scene value = unit × scaled value: length, stress, load factor; origin: (2,) place that becomes zero."""
+    """Units of a scaled problem: scene value = unit × scaled value.
+
+    length, stress: in scene units. load: unit of λ. origin: (2,) or (3,) point of the scene that becomes zero. Scaled
+    velocities are those on which the scaled live load does unit work.
+    """
 
     length: float
     stress: float
@@ -27,7 +31,11 @@ class Units:
 
 @dataclass(frozen=True)
 class Joints:
-    """Strengths of the m interfaces as dry: friction μ, cohesion and crushing over the unit of stress, (m,) each."""
+    """Scaled strengths of the m interfaces as dry joints, (m,) each.
+
+    friction: coefficient μ, 0 where the scene gives none. cohesion: over `Units.stress`. crushing: compressive strength
+    over `Units.stress`, inf where the joint cannot crush.
+    """
 
     friction: Floats
     cohesion: Floats
@@ -36,10 +44,24 @@ class Joints:
 
 @dataclass(frozen=True)
 class Problem:
-    """Scaled limit analysis of the blocks on one mesh, unit thickness.
+    """Scaled limit analysis of planar blocks on one mesh, for unit thickness.
 
-    mesh: scaled coordinates. dead, live: (t, 2) forces per volume. pull: (e, 2, 2) live tractions (end, axis) at both
-    ends of each edge, zero where no load acts. supported: (m,) True where an interface touches a support.
+    Attributes
+    ----------
+    units : Units
+        Units of all other attributes.
+    material : Material
+        Scaled material of the blocks.
+    joints : Joints
+        Scaled strengths of the dry joints.
+    mesh : Mesh
+        Triangles, scaled coordinates.
+    dead, live : (t, 2) float array
+        Forces per volume, scaled; live for λ = 1.
+    pull : (e, 2, 2) float array
+        Live tractions (end, axis) at both ends of each edge for λ = 1, scaled; zero where no load acts.
+    supported : (m,) bool array
+        Interfaces that touch a support.
     """
 
     units: Units
@@ -53,44 +75,48 @@ class Problem:
 
     @property
     def edges(self) -> Edges:
-        """Edges of the mesh."""
+        """Edges of the mesh, (e,) each; see `Mesh.edges`."""
         return self.mesh.edges
 
     @cached_property
     def face(self) -> Ints:
-        """(e,) interface of each edge, −1 where there is none."""
+        """(e,) interface that each edge lies on, −1 for none."""
         tag = self.edges.tag
         return np.where(tag < len(self.supported), tag, -1)
 
     @cached_property
     def inside(self) -> Ints:
-        """Edges (k,) between two triangles of one cell."""
+        """(k,) edges inside a cell, between two of its triangles."""
         return np.flatnonzero((self.edges.b >= 0) & (self.face < 0))
 
     @cached_property
     def joined(self) -> Ints:
-        """Edges (k,) between two triangles, inside cells or on interfaces."""
+        """(k,) edges between two triangles, inside cells or on interfaces without support."""
         return np.flatnonzero(self.edges.b >= 0)
 
     @cached_property
     def on_faces(self) -> Ints:
-        """Edges (k,) on interfaces, those with supports among them."""
+        """(k,) edges on interfaces, those at supports included."""
         return np.flatnonzero(self.face >= 0)
 
     @cached_property
     def outer(self) -> Ints:
-        """Edges (k,) of cells that belong to no interface: free, or with a live traction."""
+        """(k,) edges on the free outline of cells, with or without a live traction."""
         return np.flatnonzero((self.edges.b < 0) & (self.face < 0))
 
     def is_dry(self, labels: Bits) -> Bools:
-        """(e,) True for the edges on dry interfaces."""
+        """Return (e,) True for edges on dry interfaces; labels: (m,) True = dry."""
         dry = np.zeros(len(self.face), dtype=bool)
         dry[self.on_faces] = labels[self.face[self.on_faces]]
         return dry
 
 
 def units_of(assembly: Assembly, material: Material) -> Units:
-    """Return units of an assembly, from sizes, strengths and loads only."""
+    """Choose the units in which a planar problem has numbers of order one.
+
+    material: in scene units. Units depend on sizes, strengths and loads alone, so that scaled problems do not depend on
+    position, rotation and units of the scene.
+    """
     elements, free, thickness = assembly.elements, assembly.elements.free, thickness_of(assembly)
     length = float(np.sqrt(elements.volume[free].sum() / thickness))
     strength = min(material.cohesion, material.tension)
@@ -102,7 +128,7 @@ def units_of(assembly: Assembly, material: Material) -> Units:
 
 
 def problem_of(assembly: Assembly, material: Material, units: Units, mesh: Mesh, loads: FieldLoads) -> Problem:
-    """Return the scaled problem of an assembly on a mesh refined from the one that its loads belong to.
+    """Scale an assembly and its loads to the problem on one mesh.
 
     Parameters
     ----------
@@ -113,7 +139,7 @@ def problem_of(assembly: Assembly, material: Material, units: Units, mesh: Mesh,
     units : Units
         Units of the assembly.
     mesh : Mesh
-        Scene coordinates.
+        Scene coordinates; refined from the mesh that the loads belong to.
     loads : FieldLoads
         Over the roots of the mesh, scene units.
 

@@ -34,13 +34,17 @@ def require_fields(assembly: Assembly, patch: float | None = None) -> None:
 
 
 def require_planar(assembly: Assembly) -> None:
-    """Raise InputError for a spatial assembly."""
+    """Raise InputError for a spatial assembly; do nothing for a planar one."""
     if assembly.dimension != 2:
         raise InputError("cracks", "fields are for planar scenes, and this one is spatial", '"faces"')
 
 
 def require_labels(assembly: Assembly, labels: Bits | None) -> Bits:
-    """Return labels (m,) of an assembly; raise InputError for a wrong shape, or a dry face without friction."""
+    """Check labels of an assembly, and return them as a (m,) bool array.
+
+    labels: (m,) bool, True = dry; None: those of the scene. Raises InputError for another shape or type, and for a dry
+    face without a friction coefficient.
+    """
     given = np.asarray(assembly.labels if labels is None else labels)
     if given.shape != (len(assembly.interfaces),) or given.dtype != bool:
         raise InputError("labels", f"shape {given.shape} of {given.dtype}", f"({len(assembly.interfaces)},) of bool")
@@ -51,9 +55,10 @@ def require_labels(assembly: Assembly, labels: Bits | None) -> Bits:
 
 
 def require_refinement(assembly: Assembly, labels: Bits | None, gap: float, patch: float | None) -> Bits:
-    """Return labels (m,) of an assembly; raise InputError for several load cases, or a gap or patch not above 0.
+    """Check the arguments of a bound by fields, and return the labels (m,).
 
-    Labels are checked by `require_labels`; None: those of the scene.
+    labels: as for `require_labels`. gap: relative, above 0. patch: length above 0, or None. Raises InputError for
+    several load cases, and for an argument that is out of bounds or refused by `require_labels`.
     """
     if len(assembly.cases) > 1:
         raise InputError("loads.cases", "fields take one load case", "one of Assembly.by_case")

@@ -1,4 +1,4 @@
-"""Velocities moved by rounding only, so that flow rules that hold with equality do so to the last digits."""
+"""Velocities moved by rounding, so that active flow rules hold to the last digits."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ _ROUNDS = 4
 
 
 class Settling:
-    """Moves velocities of one problem; rates of all triangles and edges are matrices that are set up once.
+    """Correction of velocities of one problem, so that active flow rules hold exactly.
+
+    Use it between a solver and a check: a solver meets flow rules up to its residual only. The matrices of all rates
+    are set up once.
 
     Parameters
     ----------
@@ -42,19 +45,22 @@ class Settling:
         self._rates = rates.matrix(6 * len(p.mesh))
 
     def settled(self, velocity: Floats, dry: Bools) -> Floats:
-        """Return the nearest velocities (t, 3, 2) for which active flow rules hold with equality.
+        """Move velocities to the nearest ones for which active flow rules hold with equality.
+
+        A flow rule counts as active where it lacks, or has as room, a small share of the largest velocity.
 
         Parameters
         ----------
         velocity : (t, 3, 2) array
-            Velocities that hold flow rules up to the residual of a solver.
+            Velocities at the corners of triangles that hold flow rules up to the residual of a solver, scaled.
         dry : (e,) bool array
             Edges on dry interfaces.
 
         Returns
         -------
         (t, 3, 2) array
-            Differs from what was given by about that residual; nothing is proven of it.
+            Differs from what was given by about that residual. Nothing is proven of it: check it by
+            `UpperBound.certify`.
         """
         moved = velocity.ravel()
         for _ in range(_ROUNDS if self.problem.material.sine or self.problem.joints.friction.any() else 1):
@@ -71,7 +77,7 @@ class Settling:
         return np.asarray(moved.reshape(velocity.shape))
 
     def _active(self, velocity: Floats, dry: Bools) -> sp.csr_array | None:
-        """Rows of rates that should be zero: of those that stand still, and of those at the edge of a flow rule."""
+        """Return rows of rates that should be zero: at rest, or at the edge of a flow rule."""
         p, small = self.problem, _ACTIVE * float(abs(velocity).max())
         rates = self._rates @ velocity
         rigid = bool(np.isinf(p.material.crushing))
@@ -92,7 +98,7 @@ class Settling:
 def _choose(
     chosen: Rows, rates: Floats, head: Ints, tail: list[Ints], slope: Floats, wanted: Bools, small: float
 ) -> None:
-    """Append active rules of head ≥ slope · |tail|: head and tail where both vanish, else the tangent.
+    """Append active rules of head ≥ slope · |tail|: both where both vanish, else the tangent.
 
     Slip that stands still is removed from material without friction as well: of strong blocks it would dissipate.
     """

@@ -37,7 +37,11 @@ _DEFORMS = 0.1
 
 @dataclass(frozen=True)
 class SpatialSetting:
-    """What all meshes of one labelling have in common."""
+    """What all meshes of one labelling of a spatial assembly have in common.
+
+    assembly: with one load case. labels: (m,) True = dry. material: of the blocks, scene units. units: of the scaled
+    problem. loads: over the coarsest mesh, scene units.
+    """
 
     assembly: Assembly
     labels: Bits
@@ -47,16 +51,23 @@ class SpatialSetting:
 
     @classmethod
     def of(cls, assembly: Assembly, labels: Bits, loads: SpatialLoads) -> SpatialSetting:
-        """Return the setting of a labelling (m,) with its loads."""
+        """Make the setting of a labelling (m,), True = dry; raise InputError as `material_of`.
+
+        loads: as `loaded_solids` returns them with the coarsest mesh.
+        """
         material = material_of(assembly)
         return cls(assembly, labels, material, spatial_units(assembly, material), loads)
 
     def problem(self, mesh: SolidMesh) -> SpatialProblem:
-        """Return the scaled problem on a mesh."""
+        """Return the scaled problem on a mesh, given in scene units; see `spatial_problem`."""
         return spatial_problem(self.assembly, self.labels, self.material, self.units, mesh, self.loads)
 
     def uniform(self, cell: int, mesh: SolidMesh) -> bool:
-        """Return True if forces per volume are constant in a cell: such loads do not depend on the coarsest mesh."""
+        """Return True if dead and live forces per volume are constant in a cell.
+
+        Such a cell may be filled with other tetrahedra without a change of its loads. cell: element. mesh: any mesh of
+        this setting.
+        """
         own = np.unique(mesh.root[mesh.cell == cell])
         both = np.hstack([self.loads.dead[own], self.loads.live[own]])
         return bool((np.ptp(both, axis=0) <= tolerances.ROUNDING * abs(both).max(initial=0.0)).all())
@@ -64,10 +75,20 @@ class SpatialSetting:
 
 @dataclass(frozen=True)
 class SpatialFields:
-    """Both certified fields on one mesh, None where none was certified.
+    """Certified stress field and velocity field of one labelling on one mesh in space.
 
-    mesh: tetrahedra of the velocities. split: the same split at their centroids, for the stresses: four times as many
-    tetrahedra, and far more freedom than as many of a finer mesh. problem, fine: the scaled problem on either.
+    Attributes
+    ----------
+    mesh : SolidMesh
+        Tetrahedra of the velocities, scene units.
+    split : SolidMesh
+        The same tetrahedra, each split in four at its centroid: those of the stresses.
+    problem, fine : SpatialProblem
+        Scaled problem on `mesh`, and on `split`.
+    stress : SpatialStress or None
+        Stress field on `split`, None where none was certified.
+    velocity : SpatialVelocity or None
+        Velocity field on `mesh`, None where none was certified.
     """
 
     mesh: SolidMesh
@@ -79,7 +100,10 @@ class SpatialFields:
 
     @classmethod
     def on(cls, setting: SpatialSetting, mesh: SolidMesh) -> SpatialFields:
-        """Solve for both fields."""
+        """Solve for both fields on a mesh, given in scene units, and certify them.
+
+        A field that could not be certified is None; nothing is raised.
+        """
         split = split_at_centroids(mesh)
         problem, fine = setting.problem(mesh), setting.problem(split)
         velocity = SpatialUpperBound(problem).bound()
@@ -96,14 +120,21 @@ class SpatialFields:
         return math.inf if self.velocity is None else self.problem.units.load * self.velocity.factor
 
     def deforming(self) -> Ints:
-        """Cells (k,) that take a large share of the dissipation."""
+        """Return the cells (k,) that take a large share of the dissipation.
+
+        The caller cuts them in layers where they are long or flat. Empty without a velocity field.
+        """
         if self.velocity is None:
             return np.zeros(0, dtype=np.int64)
         shares = np.bincount(self.mesh.cell, np.maximum(self.velocity.dissipation, 0.0))
         return np.flatnonzero(shares > _DEFORMS * shares.sum())
 
     def finer(self, adaptive: bool) -> SolidMesh:
-        """Return the next mesh: refined where the fields disagree and where the stress field is weak, or everywhere."""
+        """Return the next mesh, scene units: refined where the fields disagree, or everywhere.
+
+        adaptive: False bisects every tetrahedron, as is done without a stress field. True bisects those with most
+        dissipation less stress power, and most multipliers of yield, until the mesh has grown enough.
+        """
         if not adaptive or self.stress is None:
             return bisect(self.mesh, np.ones(len(self.mesh), dtype=bool))
         mesh, volume = self.problem.mesh, self.problem.mesh.volume
@@ -134,7 +165,7 @@ class SpatialFields:
         return parts.reshape(-1, 4, 3)
 
     def _joint_corners(self, stress: SpatialStress, velocity: Floats) -> Floats:
-        """Share (t, 4) of the corners in the power of tractions on dry joints, which either open or press."""
+        """Return the power (t, 4) by corner of tractions on joints, which either open or press."""
         p, s = self.fine, self.fine.sides
         shares = np.zeros((len(self.mesh), 4))
         pull, jump = _across_sides(p, stress, velocity, p.dry)
@@ -156,10 +187,11 @@ def _marks(error: Floats) -> Bools:
 
 
 def stress_power(problem: SpatialProblem, stress: SpatialStress, velocity: Floats) -> Floats:
-    """Return the power (t,) of stresses on velocities (t, 4, 3), each tetrahedron with half of its triangles.
+    """Return the power of a stress field on velocities in each tetrahedron, (t,), scaled.
 
-    Both are scaled. By virtual power the sum is λ times live work plus dead work, where the velocities vanish on
-    supports or jump there.
+    problem: on the mesh of both fields. velocity: (t, 4, 3) at the corners. Each tetrahedron counts with half of its
+    triangles. By virtual power the sum is λ times live work plus dead work. Dissipation less this power tells where the
+    bounds differ.
     """
     p, s, v = problem, problem.sides, velocity
     slope = np.einsum("tki,tkj->tij", v, p.mesh.gradient)
@@ -175,7 +207,10 @@ def stress_power(problem: SpatialProblem, stress: SpatialStress, velocity: Float
 
 
 def _weak_corners(stress: SpatialStress) -> Floats:
-    """Multipliers of yield (t, 4) at the corners; those at the centroid count for all corners alike."""
+    """Return multipliers of yield (t, 4) at the corners of tetrahedra.
+
+    Those at the centroid count for all corners alike.
+    """
     rate = np.maximum(stress.rate, 0.0).reshape(-1, 4, 4)
     middle = np.diagonal(rate, axis1=1, axis2=2)
     return np.asarray(rate.sum(axis=1) - middle + 0.25 * middle.sum(axis=1, keepdims=True))

@@ -66,16 +66,17 @@ class SpatialStresses:
 
 @dataclass(frozen=True)
 class SpatialVelocities:
-    """Certified velocity field, linear in each tetrahedron, for which the live load does one unit of work.
+    """Certified velocity field, linear in each tetrahedron; the live load does unit work.
 
     Attributes
     ----------
     mesh : SolidMesh
         Tetrahedra, scene units.
     velocity : (t, 4, 3) float array
-        Velocities at the four corners of each tetrahedron, scene units.
+        Velocities at the four corners of each tetrahedron, scaled (see `Units`) so that the scaled live load does unit
+        work.
     dissipation : (t,) float array
-        Share of each tetrahedron, with half of its triangles, in the dissipation.
+        Power in each tetrahedron with half of its triangles, scaled.
     """
 
     mesh: SolidMesh
@@ -215,9 +216,9 @@ class _Refinement:
 def _layered(
     setting: SpatialSetting, fields: SpatialFields, patch: float | None
 ) -> tuple[SpatialSetting, SolidMesh] | None:
-    """Return the coarsest mesh with its setting, where long and flat cells that deform are cut in layers.
+    """Return the coarsest mesh with long deforming cells cut in layers, and its setting.
 
-    None where there are none, and where planes do not fit the mesh.
+    Flat cells are cut as well. None where nothing is cut.
     """
     cut = tuple(cell for cell in fields.deforming().tolist() if setting.uniform(cell, fields.mesh))
     try:
@@ -253,7 +254,7 @@ def _improved(best: SpatialBounds, fields: SpatialFields, seconds: float, gap: f
 
 
 def require_spatial_fields(assembly: Assembly, patch: float | None = None) -> None:
-    """Raise InputError if λ of a spatial assembly cannot be bounded by fields, whatever its labels.
+    """Raise InputError if fields cannot bound λ of a spatial assembly, whatever its labels.
 
     Parameters
     ----------

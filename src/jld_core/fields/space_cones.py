@@ -1,4 +1,4 @@
-"""Conic programs with semidefinite cones of size 3 by Clarabel, and symmetric tensors as their vectors.
+"""Conic programs with semidefinite cones of size 3 by Clarabel; tensors as vectors.
 
 A symmetric tensor is the vector (xx, √2 xy, yy, √2 xz, √2 yz, zz) of its upper triangle, so that products of tensors
 are products of vectors.
@@ -39,7 +39,11 @@ _PLACES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
 
 @dataclass(frozen=True)
 class ConeSizes:
-    """Numbers of rows or cones in their order: zero rows, non-negative rows, cones of 3, cones of 4, tensors."""
+    """Numbers of cones of a program, in the order of its rows.
+
+    zero: equations. linear: inequalities s ≥ 0. threes, fours: second-order cones of 3 and of 4 rows. tensors: cones of
+    6 rows, positive semidefinite tensors as vectors (see `tensors`).
+    """
 
     zero: int
     linear: int
@@ -49,7 +53,10 @@ class ConeSizes:
 
 
 def tensors(vectors: Floats) -> Floats:
-    """Return symmetric tensors (..., 3, 3) of vectors (..., 6)."""
+    """Convert vectors (..., 6) to symmetric tensors (..., 3, 3).
+
+    A vector is (xx, √2 xy, yy, √2 xz, √2 yz, zz), the order of the solver.
+    """
     found = np.empty((*vectors.shape[:-1], 3, 3))
     for place, (i, j) in enumerate(_PLACES):
         found[..., i, j] = found[..., j, i] = vectors[..., place] / (1.0 if i == j else ROOT_TWO)
@@ -57,7 +64,10 @@ def tensors(vectors: Floats) -> Floats:
 
 
 def normal_map(normals: Floats) -> Floats:
-    """Return matrices (..., 3, 6) from vectors of stresses to tractions σ n on planes with normals (..., 3)."""
+    """Return matrices (..., 3, 6) that map vectors of stresses to tractions σ n on planes.
+
+    normals: (..., 3) n. The vectors of stresses are those of `tensors`. The transpose maps a jump to its strain rate.
+    """
     found = np.zeros((*normals.shape[:-1], 3, 6))
     for place, (i, j) in enumerate(_PLACES):
         found[..., i, place] = normals[..., j] / (1.0 if i == j else ROOT_TWO)
@@ -66,7 +76,10 @@ def normal_map(normals: Floats) -> Floats:
 
 
 def across(normals: Floats) -> tuple[Floats, Floats]:
-    """Return two unit directions (k, 3) each, in the planes with normals (k, 3)."""
+    """Return two unit vectors perpendicular to each normal and to each other, (k, 3) each.
+
+    normals: (k, 3) unit vectors. Slip and shear on planes are written in these directions.
+    """
     axis = np.eye(3)[np.argmin(abs(normals), axis=1)]
     one = np.cross(normals, axis)
     one = one / np.linalg.norm(one, axis=1)[:, None]
@@ -74,7 +87,11 @@ def across(normals: Floats) -> tuple[Floats, Floats]:
 
 
 def solve_cones(objective: Floats, matrix: sp.csr_array, rhs: Floats, sizes: ConeSizes) -> Answer:
-    """Minimise q x where A x + s = b, s in the cones of some sizes in their order."""
+    """Minimise q x where A x + s = b and s lies in cones; the answer is not verified.
+
+    objective: (columns,) q. matrix: (rows, columns) A. rhs: (rows,) b. sizes: cones of the rows. A failure shows in
+    `Answer.usable` and `Answer.status`; no exception is raised.
+    """
     cones = [clarabel.ZeroConeT(sizes.zero), clarabel.NonnegativeConeT(sizes.linear)]
     cones += [clarabel.SecondOrderConeT(3)] * sizes.threes
     cones += [clarabel.SecondOrderConeT(4)] * sizes.fours

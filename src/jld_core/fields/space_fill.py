@@ -1,4 +1,4 @@
-"""Coarsest mesh of tetrahedra in the cells of a spatial assembly, conforming across every interface."""
+"""Coarsest mesh of tetrahedra in spatial cells, conforming across every interface."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ class _Filler:
 def coarse_solids(
     assembly: Assembly, surface: Surface, dry: Bools, layers: dict[int, Layers] | None = None
 ) -> SolidMesh:
-    """Return the coarsest mesh: each cell is filled by tetrahedra from its centroid to the triangles of its surface.
+    """Fill cells with tetrahedra from their centroids to their surfaces: the coarsest mesh.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ _Triangles = list[tuple[int, int, int]]
 
 
 class _Skins:
-    """Triangles on the surface of each part of each cell, outward, and the tags of those on interfaces and patches."""
+    """Outward triangles on the surface of each part of each cell, with their tags."""
 
     def __init__(self, surface: Surface, filler: _Filler, layers: dict[int, Layers]) -> None:
         self.surface, self.filler, self.layers = surface, filler, layers
@@ -194,7 +194,7 @@ class _Skins:
     def _filled(
         self, index: int, region: shapely.Polygon, face: int | None = None, *, ringed: bool = False
     ) -> _Triangles:
-        """Triangles of a region of a facet, each within one part of the cell; face: the interface that it is."""
+        """Return triangles of a region of a facet, each within one part of the cell."""
         cut = pieces(self.surface, index, region, self.layers, face)
         return [three for one in cut for three in self.filler.triangles(self.surface.facets[index], one, ringed)]
 
@@ -209,7 +209,7 @@ class _Skins:
 
 
 def _require_cover(assembly: Assembly, mesh: SolidMesh) -> None:
-    """Raise InputError where an interface does not lie on both of its cells, or a tetrahedron is flat."""
+    """Raise InputError for an interface off one of its cells, or a flat tetrahedron."""
     flat = np.flatnonzero(mesh.volume <= 0.0)
     if flat.size:
         name = assembly.elements.ids[int(mesh.cell[flat[0]])]
@@ -232,7 +232,7 @@ def _require_cover(assembly: Assembly, mesh: SolidMesh) -> None:
 
 
 def _require_filled(assembly: Assembly, surface: Surface, mesh: SolidMesh, cell: int) -> None:
-    """Raise InputError unless the parts of a cell that is cut have its volume, and share all triangles inside it."""
+    """Raise InputError unless parts have the volume of their cell and share inner triangles."""
     sides = mesh.sides
     in_a, in_b = mesh.cell[sides.a] == cell, (sides.b >= 0) & (mesh.cell[np.maximum(sides.b, 0)] == cell)
     area = float(sides.area[in_a != in_b].sum())

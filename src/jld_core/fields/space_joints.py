@@ -44,7 +44,10 @@ _EDGES = np.array([[0, 1], [0, 2], [1, 2]])
 
 
 def fitted_joints(mesh: SolidMesh, problem_on: Callable[[SolidMesh], SpatialProblem], gap: float) -> SolidMesh:
-    """Return a mesh whose dry joints cost rigid blocks only a share of a gap.
+    """Refine the triangles of dry joints until tractions on them cost little of λ.
+
+    The cost is estimated by rigid blocks: λ under linear tractions against λ under forces at the nodes, docs/method.md
+    (10.8).
 
     Parameters
     ----------
@@ -53,7 +56,7 @@ def fitted_joints(mesh: SolidMesh, problem_on: Callable[[SolidMesh], SpatialProb
     problem_on : callable
         Returns the scaled problem on a mesh.
     gap : float
-        Relative width of the bracket that is wanted.
+        Relative width of the bracket that is wanted; the joints may cost a share of it.
 
     Returns
     -------
@@ -81,14 +84,18 @@ def fitted_joints(mesh: SolidMesh, problem_on: Callable[[SolidMesh], SpatialProb
 
 @dataclass(frozen=True)
 class RigidBlocks:
-    """Rigid blocks: number (cells,) of the block of each cell, and whether a block (b,) is free to move."""
+    """Rigid blocks of a labelling: cells that inner interfaces join.
+
+    of_cell: (cells,) number of the block of each cell. free: (b,) False for blocks that an inner interface ties to a
+    support.
+    """
 
     of_cell: Ints
     free: Bools
 
     @classmethod
     def of(cls, problem: SpatialProblem) -> RigidBlocks:
-        """Return the blocks of a problem: cells are joined by the inner interfaces between them."""
+        """Find the blocks of the labelling of a spatial problem."""
         s, cell = problem.sides, problem.mesh.cell
         count = int(cell.max()) + 1
         inner = (problem.face >= 0) & ~problem.is_dry
@@ -102,7 +109,11 @@ class RigidBlocks:
 
 @dataclass(frozen=True)
 class RigidBalance:
-    """Equilibrium of rigid blocks: λ, tractions (k, 3, 3) at the corners of joints, velocities (b, 6) of the blocks."""
+    """Equilibrium of rigid blocks under the largest λ, scaled; not certified.
+
+    factor: λ. traction: (k, 3, 3) stress vectors at the three corners of the k triangles on dry joints. velocity: (b,
+    6) rigid motion of each block from the multipliers: velocity at the origin, then rotation.
+    """
 
     factor: float
     traction: Floats
@@ -110,7 +121,7 @@ class RigidBalance:
 
 
 def rigid_balance(problem: SpatialProblem, blocks: RigidBlocks, *, at_nodes: bool) -> RigidBalance | None:
-    """Solve for the equilibrium of rigid blocks of largest λ, (10.8).
+    """Solve for the equilibrium of rigid blocks of largest λ, docs/method.md (10.8).
 
     Parameters
     ----------
@@ -169,7 +180,7 @@ def rigid_balance(problem: SpatialProblem, blocks: RigidBlocks, *, at_nodes: boo
 
 
 def _wrenches(at: Floats) -> Floats:
-    """Return the maps (..., 6, 3) from forces at places (..., 3) to forces and moments about the origin."""
+    """Return maps (..., 6, 3) from forces at places (..., 3) to wrenches about the origin."""
     found = np.zeros((*at.shape[:-1], 6, 3))
     found[..., :3, :] = np.eye(3)
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):

@@ -32,10 +32,11 @@ _DIGITS = 9
 
 @dataclass(frozen=True)
 class Part:
-    """Convex part of a cell between planes.
+    """Convex part of a cell that planes cut.
 
-    side: (k,) True where it lies beyond a plane. skin: facet and outline (c, 3) of each face on a facet of the cell.
-    caps: plane and outline (c, 3) of each face on a plane.
+    side: (k,) True where the part lies beyond a plane, in the direction of its normal. skin: pairs of facet and outline
+    (c, 3), for faces on facets of the cell. caps: pairs of plane and outline (c, 3), for faces on planes. Outlines are
+    in scene units.
     """
 
     side: tuple[bool, ...]
@@ -45,19 +46,26 @@ class Part:
 
 @dataclass(frozen=True)
 class Layers:
-    """Planes n·x = d that cut one cell, and its parts: normal (k, 3), offset (k,)."""
+    """Planes that cut one cell into layers, and the parts between them.
+
+    normal: (k, 3) unit normals n. offset: (k,) distances d of the planes n·x = d, scene units. parts: the convex parts,
+    which fill the cell.
+    """
 
     normal: Floats
     offset: Floats
     parts: tuple[Part, ...]
 
     def side(self, place: Floats) -> tuple[bool, ...]:
-        """Return the side (k,) of a place (3,) that lies inside one part."""
+        """Return for each of the k planes whether a place (3,) lies beyond it.
+
+        For a place inside the cell, the result equals `Part.side` of the part that holds it.
+        """
         return tuple((self.normal @ place > self.offset).tolist())
 
 
 def layers_of(surface: Surface, cell: int) -> Layers | None:
-    """Return the layers of a long or flat cell, None for others.
+    """Choose the planes that cut a long or flat cell into layers, and cut it.
 
     Parameters
     ----------
@@ -69,8 +77,8 @@ def layers_of(surface: Surface, cell: int) -> Layers | None:
     Returns
     -------
     Layers or None
-        Between two opposite facets whose smaller sides are s, a cell of width w ≥ 3 s has planes at s from both; one
-        of w ≥ 2 s has one half way.
+        Between two opposite facets whose smaller sides are s, a cell of width w ≥ 3 s has planes at s from both; one of
+        w ≥ 2 s has one half way. None for a cell without such facets.
     """
     own = [index for index, facet in enumerate(surface.facets) if facet.cell == cell]
     normals = np.array([surface.facets[index].normal for index in own])
@@ -90,7 +98,11 @@ def layers_of(surface: Surface, cell: int) -> Layers | None:
 
 
 def corners_of(surface: Surface, layers: dict[int, Layers]) -> Floats:
-    """Return the places (k, 3) that become nodes as cells are cut: corners of parts, and of pieces of regions."""
+    """Return the places (k, 3) that become nodes as cells are cut, scene units.
+
+    They are the corners of parts, and of the pieces of interfaces, load patches and free regions. layers: of the cells
+    that are cut, at least one. Places may repeat.
+    """
     places = [outline for one in layers.values() for part in one.parts for _, outline in (*part.skin, *part.caps)]
     for index, facet in enumerate(surface.facets):
         if facet.cell not in layers:
@@ -109,7 +121,7 @@ def corners_of(surface: Surface, layers: dict[int, Layers]) -> Floats:
 def pieces(
     surface: Surface, index: int, region: shapely.Polygon, layers: dict[int, Layers], face: int | None = None
 ) -> list[shapely.Polygon]:
-    """Return the pieces of a region of a facet, in its plane, as parts of its cell cut it.
+    """Cut a region of a facet along the parts of its cell, in the plane of the facet.
 
     Parameters
     ----------
@@ -148,7 +160,7 @@ def pieces(
 
 
 def _without_straight_corners(region: shapely.Polygon, reach: float) -> shapely.Polygon:
-    """Return a polygon without corners where edges that coincide but for rounding cross each other."""
+    """Return a polygon without corners on straight edges, which rounding may cross."""
     plain = shapely.simplify(region, reach)
     corners = shapely.get_coordinates(plain.exterior)[:-1]
     along = corners[1] - corners[-1]
@@ -168,7 +180,10 @@ def _nodes(surface: Surface, own: list[int]) -> Floats:
 
 
 def _planes(surface: Surface, one: Facet, other: Facet, nodes: Floats) -> list[tuple[Floats, float]]:
-    """Planes (normal, offset) between two opposite facets; where these lean they all meet in one line."""
+    """Return planes (normal, offset) between two opposite facets.
+
+    Where the facets lean all planes meet in one line.
+    """
 
     def share(places: Floats) -> Floats:
         near, far = (one.origin - places) @ one.normal, (other.origin - places) @ other.normal
@@ -219,7 +234,7 @@ def _halves(part: Part, number: int, normal: Floats, offset: float, reach: float
 
 
 def _clipped(outline: Floats, normal: Floats, offset: float, reach: float) -> list[tuple[Floats, Floats]]:
-    """Return both pieces (c, 3) of a convex outline, before and beyond a plane, each with its corners on the plane."""
+    """Return the pieces (c, 3) of a convex outline before and beyond a plane."""
     height = outline @ normal - offset
     height = np.where(abs(height) <= reach, 0.0, height)
     after, next_height = np.roll(outline, -1, axis=0), np.roll(height, -1)
@@ -240,7 +255,7 @@ def _clipped(outline: Floats, normal: Floats, offset: float, reach: float) -> li
 
 
 def _convex(places: Floats, normal: Floats, reach: float) -> Floats:
-    """Return the corners (c, 3) of the convex outline of places on a plane, counter-clockwise about its normal."""
+    """Return the convex outline (c, 3) of places on a plane, counter-clockwise."""
     one = np.eye(3)[np.argmin(abs(normal))]
     one = np.cross(normal, one)
     one /= np.linalg.norm(one)

@@ -1,4 +1,4 @@
-"""Loads of spatial cells as body forces and tractions, statically equivalent to forces and moments of the scene.
+"""Loads of spatial cells as body forces and tractions with the resultants of the scene.
 
 Rules: docs/method.md (9.5) and (10.3). Self-weight and body loads are uniform in each cell. A force on a free face of
 its cell is a traction that is linear on that face, or on a patch of it. All other forces and moments are body forces
@@ -27,9 +27,10 @@ _LEAST_PATCH = 0.01
 
 @dataclass(frozen=True)
 class Traction:
-    """Linear live traction on a patch of a free face.
+    """Linear live traction on a patch of a free face, for λ = 1, scene units.
 
-    cell: element. origin: (3,) place. mean: (3,) stress vector there. slope: (3, 3) its derivative by the place.
+    cell: element. origin: (3,) reference point. mean: (3,) stress vector there. slope: (3, 3) its derivatives; column k
+    is that by coordinate k.
     """
 
     cell: int
@@ -38,15 +39,16 @@ class Traction:
     slope: Floats
 
     def at(self, places: Floats) -> Floats:
-        """Return stress vectors (..., 3) at places (..., 3)."""
+        """Return the stress vectors (..., 3) at places (..., 3), both in scene units."""
         return np.asarray(self.mean + (places - self.origin) @ self.slope.T)
 
 
 @dataclass(frozen=True)
 class SpatialLoads:
-    """Loads over the coarsest mesh, scene units.
+    """Loads of a spatial assembly over its coarsest mesh, scene units.
 
-    dead, live: (r, 3) force per volume in each root tetrahedron. tractions: one for each load patch.
+    dead, live: (r, 3) force per volume in each of the r tetrahedra of the coarsest mesh, live for λ = 1. tractions:
+    number i acts on the triangles with tag `patch_tag(i)`.
     """
 
     dead: Floats
@@ -131,7 +133,7 @@ def loaded_solids(
 
 
 def _region_of(assembly: Assembly, surface: Surface, force: _Force, taken: Floats) -> tuple[int, int] | None:
-    """Facet and free region that a live force acts on; None for a force inside its cell or beside all of them."""
+    """Return the facet and free region that a live force acts on, None for a force on none."""
     reach = max(surface.reach, 10.0 * tolerances.CONTACT * assembly.size)
     height: dict[int, float] = {}
     for facet in surface.facets:
@@ -179,7 +181,10 @@ def _patches(
 
 
 def _spread(assembly: Assembly, facet: Facet, region: shapely.Polygon, forces: list[_Force]) -> _Piece:
-    """Return the linear traction of forces over a region, or over a part about a resultant beyond its kern."""
+    """Return the linear traction of forces over a region.
+
+    It covers a part about the resultant where that lies beyond the kern.
+    """
     push = np.array([force.vector @ facet.normal for force in forces])
     whole = _linear(facet, region, forces)
     if not abs(push.sum()) >= abs(push).sum() * (1.0 - tolerances.ROUNDING) or not push.any():
@@ -198,7 +203,10 @@ def _spread(assembly: Assembly, facet: Facet, region: shapely.Polygon, forces: l
 
 
 def _stated(assembly: Assembly, facet: Facet, region: shapely.Polygon, force: _Force, reach: float) -> _Piece:
-    """Return a square patch of stated width about one force, its sides along the longest edge of the facet."""
+    """Return a square patch of stated width about one force.
+
+    Its sides are along the longest edge of the facet.
+    """
     assert force.width is not None
     x, y = facet.flat(force.place[None])[0]
     half = 0.5 * force.width
@@ -209,7 +217,10 @@ def _stated(assembly: Assembly, facet: Facet, region: shapely.Polygon, force: _F
 
 
 def _linear(facet: Facet, region: shapely.Polygon, forces: list[_Force]) -> Traction:
-    """Return the traction on a region with the resultants of forces: F/A + n g·x + ω n × x, docs/method.md (10.3)."""
+    """Return the traction F/A + n g·x + ω n × x on a region, docs/method.md (10.3).
+
+    It has the resultants of the forces.
+    """
     area = float(region.area)
     middle = np.array(region.centroid.coords[0])
     origin = facet.placed(middle[None])[0]
@@ -277,7 +288,10 @@ def _shown(place: Floats) -> str:
 
 
 def _body(assembly: Assembly, mesh: SolidMesh, loads: Floats) -> Floats:
-    """Return forces per volume (t, 3) in root tetrahedra, equivalent to forces and moments (n, 6) about centroids."""
+    """Return forces per volume (t, 3) in root tetrahedra, equivalent to nodal loads of cells.
+
+    The loads are forces and moments (n, 6) about the centroids.
+    """
     middle = mesh.corners.mean(axis=1)
     body = np.zeros((len(mesh), 3))
     for cell in np.unique(mesh.cell).tolist():

@@ -1,4 +1,4 @@
-"""Lower bound in space: stresses that are linear in each tetrahedron, in equilibrium and within yield everywhere.
+"""Lower bound in space: stresses in equilibrium and within yield, linear in tetrahedra.
 
 Formulas: docs/method.md (10.1), (10.4) and (10.5). The solver proposes a field; what counts is computed here: its
 projection onto equilibrium, and the room to every yield condition by the eigenvalues of the stresses.
@@ -35,12 +35,21 @@ _REGULAR = 1e-10
 
 @dataclass(frozen=True)
 class SpatialStress:
-    """Certified stress field.
+    """Certified stress field in space, scaled (see `Units`).
 
-    factor: λ that it carries, scaled. stress: (t, 4, 6) vectors of the stresses at the corners, scaled. room: least
-    slack of a yield condition, after `charge` was subtracted. charge: stress that covers the residual of equilibrium.
-    rate: (t, 4) derivative of λ by the strength at each corner, from the multipliers of the solver. It steers
-    refinement.
+    Attributes
+    ----------
+    factor : float
+        λ that the field carries, a lower bound.
+    stress : (t, 4, 6) float array
+        Stresses at the four corners of each tetrahedron as vectors (xx, √2 xy, yy, √2 xz, √2 yz, zz), tension positive.
+    room : float
+        Least distance to a yield condition, less `charge`; at least 0.
+    charge : float
+        Stress that covers the residual of equilibrium, subtracted from the distance to yield.
+    rate : (t, 4) float array
+        Multipliers of the yield conditions at the corners times strengths, as the solver gave them. They estimate how λ
+        grows with strength, and steer refinement; no bound depends on them.
     """
 
     factor: float
@@ -51,7 +60,20 @@ class SpatialStress:
 
 
 class SpatialLowerBound:
-    """Lower bound of one problem."""
+    """Lower bound on λ by stress fields, for one labelling on one mesh in space.
+
+    Parameters
+    ----------
+    problem : SpatialProblem
+        The scaled problem, with its labelling.
+
+    Attributes
+    ----------
+    problem : SpatialProblem
+        As the parameter.
+    status : str
+        Status by the solver at the last attempt of `bound`, "" before.
+    """
 
     def __init__(self, problem: SpatialProblem) -> None:
         self.problem = problem
@@ -59,7 +81,10 @@ class SpatialLowerBound:
         self.status = ""
 
     def bound(self) -> SpatialStress | None:
-        """Return the best certified stress field, None where none was found."""
+        """Find a stress field and certify it, with larger margins to yield where that fails.
+
+        The last attempt is a mean with an interior field. None: the solver failed, or no attempt passed the check.
+        """
         proposed: Answer | None = None
         for margin in _MARGINS:
             answer = self.propose(margin)
@@ -73,7 +98,10 @@ class SpatialLowerBound:
         return None if proposed is None else self._blend(proposed)
 
     def _blend(self, proposed: Answer) -> SpatialStress | None:
-        """Certify a mean of a proposed field that violates yield and one with ample room: room is concave."""
+        """Certify a mean of a field that violates yield and one with ample room, else None.
+
+        The room is concave, so that the mean has room enough.
+        """
         inner = self.propose(_INTERIOR)
         if not inner.usable:
             return None
@@ -89,14 +117,22 @@ class SpatialLowerBound:
         return None if found is None else replace(found, rate=self._rate(proposed.dual))
 
     def certify(self, stress: Floats, factor: float) -> SpatialStress | None:
-        """Project a proposed field (24t,) onto equilibrium; None where the result violates yield."""
+        """Project stresses onto equilibrium and check yield, without a solver for cone programs.
+
+        stress: (24t,) in the order of `SpatialStress.stress`. factor: λ. Both are scaled. The `rate` of the result is
+        zero. None: the projected stresses violate yield, or miss equilibrium by more than rounding.
+        """
         projected, rest = self._project(stress, factor)
         field = projected.reshape(-1, 4, 6)
         room = self.room(field) - rest
         return SpatialStress(factor, field, room, rest, np.zeros((self._solids, 4))) if room >= 0.0 else None
 
     def room(self, stress: Floats) -> float:
-        """Return the least room of stresses (t, 4, 6) to any yield condition, scaled stress."""
+        """Return the least distance of stresses to any yield condition, scaled stress.
+
+        stress: (t, 4, 6) as in `SpatialStress`. A negative result means that yield is violated in a block or on a dry
+        joint. Rounding of eigenvalues is subtracted. Equilibrium is not checked.
+        """
         p = self.problem
         principal = np.linalg.eigvalsh(tensors(stress))
         low, high = principal[..., 0], principal[..., 2]
@@ -108,7 +144,7 @@ class SpatialLowerBound:
         return least - tolerances.ROUNDING * float(abs(principal).max())
 
     def _joint_room(self, stress: Floats) -> Floats:
-        """Least room (k, 3) of stresses (t, 4, 6) to the yield of dry joints at the corners of their triangles.
+        """Return distances (k, 3) of stresses (t, 4, 6) to yield at the corners of dry triangles.
 
         Shear on joints without friction and cohesion has no room: it is made zero as equilibrium is made exact.
         """
@@ -131,9 +167,10 @@ class SpatialLowerBound:
 
     @cached_property
     def equilibrium(self) -> tuple[sp.csr_array, Floats]:
-        """E and f of E x = f over stresses and λ (24t + 1,): equilibrium of tetrahedra, and tractions of triangles.
+        """Matrix E (rows, 24t + 1) and right-hand side f (rows,) of equilibrium E x = f.
 
-        On joints without friction and cohesion there are two more rows at each corner: no shear.
+        x: stresses in the order of `SpatialStress.stress`, then λ, scaled. The rows are docs/method.md (10.4). On dry
+        joints without friction and cohesion, two more rows at each corner exclude shear.
         """
         p, count, s = self.problem, self._solids, self.problem.sides
         rows, last = Rows(), 24 * count
@@ -156,7 +193,7 @@ class SpatialLowerBound:
         return rows.matrix(last + 1), rows.right
 
     def _traction(self, rows: Ints, corner: int, axis: int, first: bool) -> tuple[Ints, Floats]:
-        """Entries of the traction σ n of tetrahedron a, or of minus that of b, at one corner of some triangles."""
+        """Return entries of the traction of tetrahedron a, or of minus that of b, at one corner."""
         s = self.problem.sides
         solid, local = (s.a, s.corner_a) if first else (s.b, s.corner_b)
         columns = 24 * solid[rows][:, None] + 6 * local[rows, corner][:, None] + np.arange(6)
@@ -164,7 +201,7 @@ class SpatialLowerBound:
         return columns, values if first else -values
 
     def _along(self, rows: Ints, corner: int, along: Floats) -> tuple[Ints, Floats]:
-        """Entries of the part of the traction of tetrahedron a along directions (k, 3), at one corner of triangles."""
+        """Return entries of the traction of tetrahedron a along directions (k, 3), at one corner."""
         s = self.problem.sides
         columns = 24 * s.a[rows][:, None] + 6 * s.corner_a[rows, corner][:, None] + np.arange(6)
         return columns, np.einsum("ki,kij->kj", along, normal_map(s.normal[rows]))
@@ -178,7 +215,7 @@ class SpatialLowerBound:
         return matrix, splu(square, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
 
     def _project(self, stress: Floats, factor: float) -> tuple[Floats, float]:
-        """Nearest stresses (24t,) in equilibrium under λ, and the stress that is charged for what is missing from it.
+        """Return the nearest stresses (24t,) in equilibrium under λ, and the stress to charge.
 
         Charged are twice the next correction and the largest residual; beyond rounding the charge is infinite, since no
         correction mends equations that contradict each other.
@@ -198,9 +235,10 @@ class SpatialLowerBound:
         return stress, rest if residual <= tolerances.ROUNDING * terms else np.inf
 
     def propose(self, margin: float) -> Answer:
-        """Solve for the stress field of largest λ with a slack in the yield conditions; it is not certified yet.
+        """Solve for the stress field of largest λ; the answer is not certified, see `certify`.
 
-        Columns: stresses (24t,), then α ≥ σ1 and β ≤ σ3 at each corner, then λ.
+        margin: slack that the solver keeps to each yield condition, scaled stress. `Answer.point` holds the stresses
+        (24t,), α (4t,), β (4t,) and λ. α ≥ σ1 and β ≤ σ3 are the unknowns of docs/method.md (10.1).
         """
         p, corners = self.problem, 4 * self._solids
         matrix, rhs = self.equilibrium

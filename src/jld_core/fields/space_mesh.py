@@ -1,4 +1,4 @@
-"""Tetrahedra inside the cells of a spatial assembly, conforming across every interface, and their bisection."""
+"""Tetrahedra in the cells of a spatial assembly, conforming across interfaces; bisection."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ _DIGITS = 9
 
 @dataclass(frozen=True)
 class Sides:
-    """Struct of arrays over the f triangles between tetrahedra; the normal runs from a to b, or outward.
+    """Triangles of a mesh of tetrahedra, as arrays over f triangles.
 
-    a, b: (f,) tetrahedra, b = −1 where there is none (surface or support). corner_a, corner_b: (f, 3) local corners in
-    a and b of the same three nodes. normal: (f, 3) unit. area: (f,). tag: (f,) tag of the triangle; triangles inside a
-    cell and free ones have FREE = −1.
+    a, b: (f,) tetrahedra; b = −1 on a surface or support. corner_a, corner_b: (f, 3) which corners (0 to 3) of a and b
+    the same three nodes are. normal: (f, 3) unit vector from a to b, or outward. area: (f,). tag: (f,) as
+    `SolidMesh.tag`; triangles inside a cell and free ones have FREE = −1.
     """
 
     a: Ints
@@ -76,25 +76,28 @@ class SolidMesh:
 
     @cached_property
     def corners(self) -> Floats:
-        """(t, 4, 3) corners of the tetrahedra."""
+        """(t, 4, 3) positions of the corners of each tetrahedron."""
         return self.points[self.tetrahedra]
 
     @cached_property
     def volume(self) -> Floats:
-        """(t,) volumes."""
+        """(t,) volumes of the tetrahedra, positive."""
         arm = self.corners[:, 1:] - self.corners[:, :1]
         return np.asarray(np.einsum("ti,ti->t", arm[:, 0], np.cross(arm[:, 1], arm[:, 2])) / 6.0)
 
     @cached_property
     def gradient(self) -> Floats:
-        """(t, 4, 3) gradients of the linear function that is 1 at a corner and 0 at the other three."""
+        """(t, 4, 3) gradients of the linear functions that are 1 at one corner, 0 at the others."""
         side = self.corners[:, _SIDES]
         outward = np.cross(side[:, :, 1] - side[:, :, 0], side[:, :, 2] - side[:, :, 0])
         return np.asarray(-outward / (6.0 * self.volume[:, None, None]))
 
     @cached_property
     def sides(self) -> Sides:
-        """All triangles, each once; cells that share one without an interface have one each."""
+        """All triangles with their neighbours, each once.
+
+        Where two cells share a triangle that is on no interface, each cell has one of its own.
+        """
         loose = self.tetrahedra[:, _SIDES].reshape(-1, 3)
         whole, number = np.unique(np.sort(loose, axis=1), axis=0, return_inverse=True)
         number = number.ravel()
@@ -131,12 +134,12 @@ class SolidMesh:
 
 
 def patch_tag(patch: int) -> int:
-    """Return the tag of the triangles on a load patch."""
+    """Return the tag, −2 − patch, of the triangles on load patch number `patch` ≥ 0."""
     return -2 - patch
 
 
 def bisect(mesh: SolidMesh, marked: Bools, weight: Floats | None = None) -> SolidMesh:
-    """Return the mesh with one edge of each marked tetrahedron halved, and others where quality asks for it.
+    """Halve one edge of each marked tetrahedron, and others where quality asks for it.
 
     An edge is halved in all tetrahedra around it at once, so that the mesh stays conforming. Without weights a
     tetrahedron with a halved edge has its longest one halved before (Rivara 1991, longest-edge bisection).
@@ -148,8 +151,8 @@ def bisect(mesh: SolidMesh, marked: Bools, weight: Floats | None = None) -> Soli
     marked : (t,) bool array
         Tetrahedra to split.
     weight : (t, 4) float array, optional
-        Weights of the corners of each tetrahedron, of sum 1 or all 0. Its edge is then the one with the greatest
-        length × (difference of the weights + a little), so that layers grow along edges where weights are great.
+        Weights of the corners of each tetrahedron, of sum 1 or all 0. Its edge is then the one with the greatest length
+        × (difference of the weights + a little), so that layers grow along edges where weights are great.
 
     Returns
     -------

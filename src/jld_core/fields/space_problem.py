@@ -1,4 +1,4 @@
-"""The non-dimensional problem of both bounds in space: tetrahedra, material, dry joints and loads of order one."""
+"""The non-dimensional problem of both bounds in space, with numbers of order one."""
 
 from __future__ import annotations
 
@@ -17,10 +17,24 @@ from jld_core.fields.space_mesh import Sides, SolidMesh, patch_tag
 
 @dataclass(frozen=True)
 class SpatialProblem:
-    """Scaled limit analysis of the blocks of one labelling on one mesh.
+    """Scaled limit analysis of spatial blocks of one labelling on one mesh.
 
-    mesh: scaled coordinates. dead, live: (t, 3) forces per volume. pull: (f, 3, 3) live tractions (corner, axis) of
-    each triangle, zero where no load acts. labels: (m,) True = dry.
+    Attributes
+    ----------
+    units : Units
+        Units of all other attributes.
+    material : Material
+        Scaled material of the blocks.
+    joints : Joints
+        Scaled strengths of the dry joints.
+    mesh : SolidMesh
+        Tetrahedra, scaled coordinates.
+    dead, live : (t, 3) float array
+        Forces per volume, scaled; live for λ = 1.
+    pull : (f, 3, 3) float array
+        Live tractions (corner, axis) of each triangle for λ = 1, scaled; zero where no load acts.
+    labels : (m,) bool array
+        Labels, True = dry.
     """
 
     units: Units
@@ -34,12 +48,12 @@ class SpatialProblem:
 
     @property
     def sides(self) -> Sides:
-        """Triangles between the tetrahedra."""
+        """Triangles of the mesh, (f,) each; see `SolidMesh.sides`."""
         return self.mesh.sides
 
     @cached_property
     def face(self) -> Ints:
-        """(f,) interface of each triangle, −1 where there is none."""
+        """(f,) interface that each triangle lies on, −1 for none."""
         return np.maximum(self.sides.tag, -1)
 
     @cached_property
@@ -52,27 +66,34 @@ class SpatialProblem:
 
     @cached_property
     def dry(self) -> Ints:
-        """Triangles (k,) on dry interfaces, those with supports among them."""
+        """(k,) triangles on dry interfaces, those at supports included."""
         return np.flatnonzero(self.is_dry)
 
     @cached_property
     def cut(self) -> Ints:
-        """Triangles (k,) in the material where velocities may jump: inside cells, and on inner interfaces."""
+        """(k,) triangles in the material on which velocities may jump.
+
+        They lie inside cells and on inner interfaces, those at supports included.
+        """
         return np.flatnonzero(~self.is_dry & ((self.sides.b >= 0) | (self.face >= 0)))
 
     @cached_property
     def joined(self) -> Ints:
-        """Triangles (k,) between two tetrahedra."""
+        """(k,) triangles between two tetrahedra, in cells or on interfaces without support."""
         return np.flatnonzero(self.sides.b >= 0)
 
     @cached_property
     def outer(self) -> Ints:
-        """Triangles (k,) that belong to no interface: free, or with a live traction."""
+        """(k,) triangles on the free surface of cells, with or without a live traction."""
         return np.flatnonzero((self.sides.b < 0) & (self.face < 0))
 
 
 def spatial_units(assembly: Assembly, material: Material) -> Units:
-    """Return units of a spatial assembly, from sizes, strengths and loads only."""
+    """Choose the units in which a spatial problem has numbers of order one.
+
+    material: in scene units. Units depend on sizes, strengths and loads alone, so that scaled problems do not depend on
+    position, rotation and units of the scene.
+    """
     elements, free = assembly.elements, assembly.elements.free
     length = float(np.cbrt(elements.volume[free].sum()))
     strength = min(material.cohesion, material.tension)
@@ -86,7 +107,11 @@ def spatial_units(assembly: Assembly, material: Material) -> Units:
 def spatial_problem(
     assembly: Assembly, labels: Bits, material: Material, units: Units, mesh: SolidMesh, loads: SpatialLoads
 ) -> SpatialProblem:
-    """Return the scaled problem of a labelling (m,) on a mesh refined from the one that its loads belong to."""
+    """Scale a spatial assembly and its loads to the problem of a labelling on one mesh.
+
+    labels: (m,) True = dry. material, units: of the assembly, scene units. mesh: scene coordinates, refined from the
+    coarsest one. loads: over that coarsest mesh, scene units.
+    """
     strengths = assembly.strengths
     density = units.length / units.stress
     joints = Joints(

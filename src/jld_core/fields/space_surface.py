@@ -21,8 +21,8 @@ from jld_core.linalg import components
 class Facet:
     """Plane face of a free cell.
 
-    cell: element. origin, normal, e1, e2: (3,) frame, the normal outward. ring: nodes counter-clockwise. faces: the
-    interfaces on it.
+    cell: element. origin: (3,) point of the plane. normal: (3,) outward unit vector. e1, e2: (3,) unit vectors of the
+    plane. ring: (k,) nodes of the outline, counter-clockwise from outside. faces: interfaces on it.
     """
 
     cell: int
@@ -34,18 +34,21 @@ class Facet:
     faces: tuple[int, ...]
 
     def flat(self, places: Floats) -> Floats:
-        """Return coordinates (k, 2) in the plane of places (k, 3)."""
+        """Convert places (k, 3) to coordinates (k, 2) along e1 and e2 from the origin."""
         arm = places - self.origin
         return np.column_stack([arm @ self.e1, arm @ self.e2])
 
     def placed(self, flat: Floats) -> Floats:
-        """Return places (k, 3) of coordinates (k, 2) in the plane."""
+        """Convert coordinates (k, 2) along e1 and e2 from the origin to places (k, 3)."""
         return np.asarray(self.origin + flat[:, :1] * self.e1 + flat[:, 1:] * self.e2)
 
 
 @dataclass(frozen=True)
 class Patch:
-    """Part of a facet with a live traction: index of the facet, corners (k, 3) of its outline and of its holes."""
+    """Part of a facet that carries a live traction.
+
+    facet: index of the facet. rings: corners (k, 3) of the outline, then of each hole, scene units.
+    """
 
     facet: int
     rings: tuple[Floats, ...]
@@ -53,11 +56,20 @@ class Patch:
 
 @dataclass(frozen=True)
 class Surface:
-    """Surfaces of all free cells over common nodes.
+    """Surfaces of all free cells, cut along interfaces and load patches, over common nodes.
 
-    points: (p, 3) nodes, scene units. facets: of all free cells. faces: nodes of each interface, None between
-    supports. patches: facet and nodes of the rings of each load patch. reach: distance within which nodes are
-    one, length.
+    Attributes
+    ----------
+    points : (p, 3) float array
+        Nodes, scene units.
+    facets : tuple of Facet
+        Facets of all free cells.
+    faces : tuple of (k,) int array or None
+        Nodes of the outline of each of the m interfaces, None between two supports.
+    patches : tuple
+        For each load patch its facet, and the nodes of its outline and holes.
+    reach : float
+        Distance within which places are one node, scene units.
     """
 
     points: Floats
@@ -67,19 +79,22 @@ class Surface:
     reach: float
 
     def covered(self, facet: Facet) -> list[shapely.Polygon]:
-        """Return the interfaces on a facet as polygons in its plane."""
+        """Return the interfaces on a facet as polygons, in the coordinates of `Facet.flat`."""
         return [
             shapely.Polygon(facet.flat(self.points[ring])) for f in facet.faces if (ring := self.faces[f]) is not None
         ]
 
     def free(self, facet: Facet) -> list[shapely.Polygon]:
-        """Return the regions of a facet outside its interfaces, in its plane."""
+        """Return the regions of a facet outside its interfaces, as polygons in the plane.
+
+        Load patches are not cut out. Slivers thinner than about `reach` are left out.
+        """
         whole = shapely.Polygon(facet.flat(self.points[facet.ring]))
         rest = shapely.difference(whole, shapely.union_all(self.covered(facet)))
         return [part for part in shapely.get_parts(rest) if part.area > self.reach * part.length]
 
     def loaded(self, index: int) -> list[shapely.Polygon]:
-        """Return the load patches on a facet as polygons in its plane."""
+        """Return the load patches on facet number `index` as polygons in the plane."""
         flat = self.facets[index].flat
         rings = [[flat(self.points[ring]) for ring in loops] for place, loops in self.patches if place == index]
         return [shapely.Polygon(outer, holes) for outer, *holes in rings]
@@ -155,7 +170,11 @@ def _merged(places: Floats, reach: float) -> tuple[Floats, Ints]:
 
 
 def ring_of(points: Floats, corners: Ints, reach: float) -> Ints:
-    """Nodes of a closed polygon: its corners, and all nodes that lie on its edges, in order."""
+    """Return the nodes of a closed polygon: its corners, and all nodes on its edges, in order.
+
+    points: (p, 3) nodes. corners: (k,) nodes of the polygon. reach: distance from an edge within which a node lies on
+    it.
+    """
     corners = corners[corners != np.roll(corners, 1)]
     nodes: list[int] = []
     for a, b in zip(corners.tolist(), np.roll(corners, -1).tolist(), strict=True):

@@ -1,7 +1,7 @@
-"""Upper bound in space: velocities that are linear in each tetrahedron, with jumps on every triangle between two.
+"""Upper bound in space: velocity fields, linear in tetrahedra, with jumps between them.
 
-Formulas: docs/method.md (10.2) and (10.6). The solver proposes velocities that keep a margin to every flow
-rule; what counts is computed here: flow rules are checked, then dissipation and work follow from the velocities alone.
+Formulas: docs/method.md (10.2) and (10.6). The solver proposes velocities that keep a margin to every flow rule; what
+counts is computed here: flow rules are checked, then dissipation and work follow from the velocities alone.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ _RAY = -1.0
 
 @dataclass(frozen=True)
 class SpatialVelocity:
-    """Certified velocity field.
+    """Certified velocity field in space, scaled (see `Units`).
 
-    factor: λ that it bounds, scaled. velocity: (t, 4, 3) at the corners, live work one. dissipation: (t,) power of each
-    tetrahedron with half of that of its triangles, scaled.
+    factor: upper bound on λ. velocity: (t, 4, 3) velocities at the corners of the tetrahedra, on which the live load
+    does unit work. dissipation: (t,) power in each tetrahedron with half of its triangles.
     """
 
     factor: float
@@ -43,10 +43,10 @@ class SpatialVelocity:
 
 @dataclass(frozen=True)
 class SpatialRates:
-    """Strain rates and jumps of a velocity field.
+    """Strain rates and jumps of a velocity field in space, scaled.
 
-    trace, shear: (t,) e = tr ε and g = Σ |ε_i| over principal rates. opening, slip: (f, 3) δn and |δs| at the corners
-    of the triangles.
+    trace, shear: (t,) e = tr ε and g = Σ |ε_i| over principal rates, docs/method.md (10.2). opening, slip: (f, 3)
+    normal jump δn, opening positive, and size |δs| of the tangential jump at the corners of the triangles.
     """
 
     trace: Floats
@@ -56,7 +56,22 @@ class SpatialRates:
 
 
 class SpatialUpperBound:
-    """Upper bound of one problem."""
+    """Upper bound on λ by velocity fields, for one labelling on one mesh in space.
+
+    Parameters
+    ----------
+    problem : SpatialProblem
+        The scaled problem, with its labelling.
+
+    Attributes
+    ----------
+    problem : SpatialProblem
+        As the parameter.
+    live, dead : (t, 4, 3) float array
+        Nodal forces at the corners of the tetrahedra, equivalent to the loads, scaled.
+    status : str
+        Status by the solver at the last attempt of `bound`, "" before.
+    """
 
     def __init__(self, problem: SpatialProblem) -> None:
         self.problem = problem
@@ -77,7 +92,11 @@ class SpatialUpperBound:
         return forces
 
     def bound(self) -> SpatialVelocity | None:
-        """Return a certified velocity field, None where none was found."""
+        """Find a velocity field and certify it, with larger margins where that fails.
+
+        The factor is below 0 for blocks that collapse under their dead load, whatever λ ≥ 0. None: the solver failed,
+        or no field obeys all flow rules, as for enclosed cells.
+        """
         for margin in _MARGINS:
             answer = self.propose(margin)
             self.status = answer.status
@@ -91,7 +110,7 @@ class SpatialUpperBound:
         return None
 
     def _falling(self) -> SpatialVelocity | None:
-        """Return a mechanism that dissipates less than the dead load works while the live load does not resist.
+        """Return a mechanism that the dead load drives while the live load does not resist.
 
         The blocks fall whatever the live load. How far below zero the bound lies is chance; any larger one holds too.
         """
@@ -107,7 +126,11 @@ class SpatialUpperBound:
         return SpatialVelocity(max(excess / work, _RAY), velocity / work, power / work)
 
     def certify(self, velocity: Floats) -> SpatialVelocity | None:
-        """Compute the λ that velocities (t, 4, 3) bound; None where a flow rule is violated."""
+        """Compute the upper bound on λ that velocities prove, without a solver.
+
+        velocity: (t, 4, 3), scaled by any factor; the result has live work one. None: a flow rule is violated, or the
+        live load does no positive work.
+        """
         rates = self.rates(velocity)
         work = float((self.live * velocity).sum())
         if not work > 0.0:
@@ -120,7 +143,7 @@ class SpatialUpperBound:
         return SpatialVelocity(factor, velocity / work, power / work) if np.isfinite(factor) else None
 
     def rates(self, velocity: Floats) -> SpatialRates:
-        """Return strain rates and jumps of velocities (t, 4, 3)."""
+        """Compute strain rates and jumps of velocities (t, 4, 3); supports stand still."""
         p, s = self.problem, self.problem.sides
         slope = np.einsum("tki,tkj->tij", velocity, p.mesh.gradient)
         principal = np.linalg.eigvalsh(0.5 * (slope + slope.transpose(0, 2, 1)))
@@ -132,9 +155,10 @@ class SpatialUpperBound:
         return SpatialRates(np.trace(slope, axis1=1, axis2=2), abs(principal).sum(axis=1), opening, slip)
 
     def power(self, rates: SpatialRates) -> Floats:
-        """Return the power (t,) in each tetrahedron with half of its triangles, inf where a flow rule is violated.
+        """Return the power (t,) in each tetrahedron with half of its triangles, scaled.
 
-        The mean of the three corners bounds the power of a linear jump from above: dissipation is convex.
+        It is inf where a flow rule is violated. Power on a triangle is the mean of its three corners, which bounds that
+        of a linear jump from above: dissipation is convex.
         """
         p, s = self.problem, self.problem.sides
         power = p.mesh.volume * p.material.dissipation(rates.trace, rates.shear)
@@ -149,7 +173,7 @@ class SpatialUpperBound:
         return power
 
     def _joint_power(self, rates: SpatialRates) -> Floats:
-        """Power (k, 3) per area at the corners of triangles on dry interfaces; inf beyond friction."""
+        """Return power (k, 3) per area at corners of dry triangles; inf beyond friction."""
         p = self.problem
         face = p.face[p.dry]
         slip, opening = rates.slip[p.dry], rates.opening[p.dry]
@@ -160,17 +184,18 @@ class SpatialUpperBound:
         return np.asarray(c * slip + crushed)
 
     def propose(self, margin: float) -> Answer:
-        """Solve for the velocities of least dissipation less dead work at live work one; they are not certified yet.
+        """Solve for the velocities of least dissipation less dead work at live work one.
 
-        Columns: velocities (12t,), the negative parts B of the strain rates (6t,), then multipliers of the yield
-        conditions of tetrahedra and of corners of triangles, then slips and crushings of joints.
+        They are not certified yet, see `certify`. margin: room that the solver keeps to every flow rule, scaled
+        velocity. `Answer.point` begins with the velocities (12t,), as (t, 4, 3) in C order. The objective is the scaled
+        λ that the solver expects.
         """
         program = _Program(self.problem, self.live, self.dead, margin)
         return program.solve()
 
 
 class _Program:
-    """Cone program of the upper bound under construction; multipliers y1, y3 as in docs/method.md (9.3).
+    """Cone program of the upper bound under construction; y1, y3 as in docs/method.md (9.3).
 
     live: (t, 4, 3) nodal forces that do unit work. dead: those whose work is subtracted. driving: those whose work must
     not be negative, where given.
@@ -210,9 +235,9 @@ class _Program:
         return columns
 
     def _multipliers(self, size: Floats, trace: tuple[Ints, Floats]) -> list[tuple[Ints, Floats | float]]:
-        """Add y1 and y3, and y2 = e − sin φ y1 + y3 at least the margin; return the entries of y1 + y2 + y3.
+        """Add y1 and y3, with y2 = e − sin φ y1 + y3 at least the margin, of (9.3).
 
-        size: (k,) costs of a unit of dissipation. trace: columns and values of e.
+        size: (k,) costs of a unit of dissipation. trace: columns and values of e. Returns the entries of y1 + y2 + y3.
         """
         material, count = self.problem.material, len(size)
         columns, values = trace
@@ -246,7 +271,10 @@ class _Program:
         self._psd.add([(np.repeat(columns, 6, axis=0), -strain.reshape(rows, 12)), (negative.ravel(), -1.0)], 0.0, rows)
 
     def _jump(self, rows: Ints, corner: int) -> tuple[Ints, Floats]:
-        """Columns (k, 6) and values (k, 3, 6) of the jump at one corner of triangles; supports stand still."""
+        """Return columns (k, 6) and values (k, 3, 6) of the jump at one corner of triangles.
+
+        Supports stand still.
+        """
         s = self.problem.sides
         own = 12 * s.a[rows] + 3 * s.corner_a[rows, corner]
         there = s.b[rows] >= 0

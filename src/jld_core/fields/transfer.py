@@ -1,4 +1,4 @@
-"""What one certified field proves for other labellings: mechanisms bound λ from above, stresses from below.
+"""What one certified field proves for other labellings: upper and lower bounds on λ.
 
 A mechanism dissipates in blocks and on faces; only the latter depends on labels, each face on its own. A stress field
 is within yield everywhere, so that it stands under every labelling whose dry faces it presses within friction.
@@ -28,14 +28,16 @@ _COST = 1e-3
 
 @dataclass(frozen=True)
 class FieldMechanism:
-    """Upper bound on λ of every labelling, by one velocity field: constant + Σ dry or inner of each face.
+    """Upper bound on λ of every labelling that one velocity field proves.
+
+    The bound is `constant` plus, for each face, its entry of `dry` or `inner` by its label: docs/method.md (9.13).
 
     Attributes
     ----------
     constant : float
         Dissipation in the blocks less dead work, at live work one; scene units of λ.
     dry, inner : (m,) float array
-        Dissipation on each face under that label, inf where its flow rule is violated.
+        Dissipation on each face under that label, scene units of λ; inf where its flow rule is violated.
     """
 
     constant: float
@@ -53,7 +55,7 @@ class FieldMechanism:
         Returns
         -------
         (k,) float array
-            Bounds, inf where the mechanism is none of the labelling.
+            Bounds, scene units; inf where the labelling has a face whose flow rule the velocities violate.
         """
         dry, inner = (np.where(np.isfinite(part), part, 0.0) for part in (self.dry, self.inner))
         found = self.constant + inner.sum() + labellings @ (dry - inner)
@@ -65,6 +67,8 @@ class FieldMechanism:
     def bound_of(self, labels: Bits, undecided: Bools) -> float:
         """Return the upper bound on λ of all labellings that agree on the decided faces.
 
+        Undecided faces count with the larger dissipation of both labels, docs/method.md (9.15).
+
         Parameters
         ----------
         labels : (m,) bool array
@@ -75,21 +79,27 @@ class FieldMechanism:
         Returns
         -------
         float
-            Bound, inf where the mechanism proves none.
+            Bound, scene units; inf where a flow rule is violated.
         """
         parts = np.where(undecided, np.maximum(self.dry, self.inner), np.where(labels, self.dry, self.inner))
         size = abs(self.constant) + float(np.abs(parts).sum())
         return self.constant + float(parts.sum()) + tolerances.SUMMATION * size
 
     def costs(self, labels: Bits) -> Floats:
-        """Return the rise (m,) of the bound if a face with a label (m,) becomes undecided; inf where none remains."""
+        """Return by how much the bound rises if one face becomes undecided, (m,), units of λ.
+
+        labels: (m,) True = dry. Each face is taken alone, the others as labelled. The result is 0 or more. It is inf
+        where the other label violates its flow rule, or the present one does. Conflicts are minimised by these costs.
+        """
         own, other = np.where(labels, self.dry, self.inner), np.where(labels, self.inner, self.dry)
         return np.where(np.isfinite(own), np.maximum(other, own) - np.where(np.isfinite(own), own, 0.0), np.inf)
 
 
 @dataclass(frozen=True)
 class FieldStresses:
-    """Lower bound on λ of every labelling whose dry faces are among some, by one stress field.
+    """Lower bound on λ that one stress field proves for labellings with few enough dry faces.
+
+    It holds for every labelling whose dry faces are all among `may_be_dry`, docs/method.md (9.14).
 
     Attributes
     ----------
@@ -113,29 +123,30 @@ class FieldStresses:
         Returns
         -------
         (k,) float array
-            Bounds, −inf where the field does not fit the labelling.
+            `load_factor`, or −inf for a labelling with a dry face that is not in `may_be_dry`.
         """
         return np.where((labellings & ~self.may_be_dry).any(axis=1), -np.inf, self.load_factor)
 
 
 def mechanism_of(upper: UpperBound, field: VelocityField, labels: Bits) -> FieldMechanism | None:
-    """Return what a velocity field proves for all labellings.
+    """Compute what a certified velocity field proves for all labellings.
 
     Faces that stand still up to rounding are opened a little, so that they may have either label.
 
     Parameters
     ----------
     upper : UpperBound
-        The problem.
+        Upper bounds of the problem that the field belongs to.
     field : VelocityField
         Field that `upper` certified.
     labels : (m,) bool array
-        The labelling that it belongs to.
+        The labelling that it belongs to, True = dry.
 
     Returns
     -------
     FieldMechanism or None
-        None where the live load does no work, or the blocks would dissipate without limit.
+        None where the live load does no work, the blocks would dissipate without limit, or opening raises the bound of
+        the labelling too much.
     """
     own = field.factor * upper.problem.units.load
     for share in REPAIRED:
@@ -146,9 +157,11 @@ def mechanism_of(upper: UpperBound, field: VelocityField, labels: Bits) -> Field
 
 
 def weighed(upper: UpperBound, velocity: Floats) -> FieldMechanism | None:
-    """Weigh a velocity field (t, 3, 2) in the blocks, and on each face under both labels.
+    """Compute the dissipation of a velocity field in blocks, and on faces under both labels.
 
-    Returns None where the live load does no work, or the blocks would dissipate without limit.
+    upper: of the problem. velocity: (t, 3, 2) at the corners of triangles, scaled by any factor. No solver is used:
+    this is the check of a proof. Returns None where the live load does no work, or the blocks would dissipate without
+    limit.
     """
     p, e = upper.problem, upper.problem.edges
     rates = upper.rates(velocity)
@@ -175,12 +188,12 @@ def weighed(upper: UpperBound, velocity: Floats) -> FieldMechanism | None:
 
 
 def stresses_of(lower: LowerBound, field: StressField, labels: Bits) -> FieldStresses:
-    """Return what a certified stress field proves for all labellings.
+    """Compute the labellings for which a certified stress field proves its lower bound.
 
     Parameters
     ----------
     lower : LowerBound
-        The problem.
+        Lower bounds of the problem that the field belongs to.
     field : StressField
         Field in equilibrium and within yield of the blocks.
     labels : (m,) bool array
@@ -189,7 +202,7 @@ def stresses_of(lower: LowerBound, field: StressField, labels: Bits) -> FieldStr
     Returns
     -------
     FieldStresses
-        Faces are taken as they may be dry with the room that the field lacks in equilibrium.
+        A face may be dry if its tractions are within the yield of the dry joint by at least `field.charge`.
     """
     p = lower.problem
     rows = p.on_faces

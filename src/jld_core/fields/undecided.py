@@ -1,4 +1,4 @@
-"""Upper bounds of partial labellings: velocity fields for whatever labels undecided faces take.
+"""Upper bounds of partial labellings: velocity fields for any labels of undecided faces.
 
 A face that may have either label dissipates at most the larger of what both labels dissipate, and is subject to the
 flow rules of both. Formulas: docs/method.md (9.15) and (9.16).
@@ -107,11 +107,16 @@ class PartialUpperBound:
         return min((one for one in both if one is not None), key=lambda one: one.bound, default=None)
 
     def weigh(self, velocity: Floats) -> FieldMechanism | None:
-        """Compute what a velocity field (t, 3, 2) dissipates, without a solver; see `transfer.weighed`."""
+        """Compute what a velocity field (t, 3, 2) dissipates, without a solver.
+
+        None where it proves nothing for any labelling; see `transfer.weighed`.
+        """
         return weighed(self._upper, velocity)
 
     def finer(self, mesh: Mesh, velocity: Floats, labels: Bits, undecided: Bools) -> Mesh:
         """Refine the mesh of the problem where a velocity field dissipates most.
+
+        Faces are taken as labelled, undecided ones as inner.
 
         Parameters
         ----------
@@ -125,14 +130,17 @@ class PartialUpperBound:
         Returns
         -------
         Mesh
-            The next mesh.
+            The next mesh, scene units.
         """
         upper = self._upper
         power = upper.power(upper.rates(velocity), labels & ~undecided, upper.allowance(velocity))
         return finer_by_dissipation(mesh, power)
 
     def _least(self, velocity: Floats, labels: Bits, undecided: Bools, enough: float) -> WeighedField | None:
-        """Return a velocity field (t, 3, 2), repaired as far as leads to a bound up to `enough`, else to the least."""
+        """Return a field repaired as far as leads to a bound up to `enough`, else to the least.
+
+        None where no repair gives a finite bound.
+        """
         best: WeighedField | None = None
         for share in REPAIRED:
             moved = self._upper.repaired(velocity, share)
@@ -145,7 +153,10 @@ class PartialUpperBound:
         return best
 
     def _along(self, ray: Floats, labels: Bits, undecided: Bools) -> WeighedField | None:
-        """Return a field of a partial labelling that falls under its dead load alone: a mechanism and much of a ray."""
+        """Return a field of a partial labelling that falls under its dead load alone, or None.
+
+        It is a mechanism of the live load plus a large multiple of a ray.
+        """
         p, size = self._upper.problem, float(abs(ray).max())
         if self._weightless is None:
             self._weightless = PartialUpperBound(replace(p, dead=np.zeros_like(p.dead)))

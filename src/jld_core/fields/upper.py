@@ -38,10 +38,18 @@ _RAY = -1.0
 
 @dataclass(frozen=True)
 class VelocityField:
-    """Certified velocity field.
+    """Certified velocity field of one labelling, scaled (see `Units`).
 
-    factor: λ that it bounds, scaled. velocity: (t, 3, 2) at the corners, live work one. dissipation: (t,) power of each
-    triangle with half of that of its edges, scaled. opened: share of the opening motion that was added.
+    Attributes
+    ----------
+    factor : float
+        Upper bound on λ that the field proves.
+    velocity : (t, 3, 2) float array
+        Velocities at the three corners of each triangle, on which the live load does unit work.
+    dissipation : (t,) float array
+        Power in each triangle with half of its edges.
+    opened : float
+        Multiple of the opening motion that was added to repair flow rules, before scaling to unit work.
     """
 
     factor: float
@@ -52,9 +60,10 @@ class VelocityField:
 
 @dataclass(frozen=True)
 class Rates:
-    """Strain rates and jumps of a velocity field.
+    """Strain rates and jumps of a planar velocity field, scaled.
 
-    trace, shear: (t,) e and g of the triangles. opening, slip: (e, 2) δn and δs at both ends of the edges.
+    trace, shear: (t,) e = εx + εy and g = √((εx − εy)² + γ²) of the triangles. opening, slip: (e, 2) normal jump δn,
+    opening positive, and tangential jump δs at both ends of the edges.
     """
 
     trace: Floats
@@ -64,7 +73,24 @@ class Rates:
 
 
 class UpperBound:
-    """Upper bounds of one problem under many labellings."""
+    """Upper bounds on λ by velocity fields, for many labellings of one problem.
+
+    `bound` returns a certified field. The cone program is set up once; labels switch rows and costs.
+
+    Parameters
+    ----------
+    problem : Problem
+        The scaled problem on one mesh.
+
+    Attributes
+    ----------
+    problem : Problem
+        As the parameter.
+    live, dead : (t, 3, 2) float array
+        Nodal forces at the corners of the triangles, equivalent to the loads, scaled.
+    status : str
+        Status by the solver at the last call of `bound`, "" before.
+    """
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
@@ -92,7 +118,12 @@ class UpperBound:
         return forces
 
     def bound(self, labels: Bits) -> VelocityField | None:
-        """Return a certified velocity field of a labelling (m,), None where none was found."""
+        """Find a velocity field for one labelling, and certify it.
+
+        labels: (m,) True = dry. Where repairs cost much of λ, the program is solved again with room in every flow rule.
+        The factor is below 0 for blocks that collapse under their dead load, whatever λ ≥ 0. None: the solver failed,
+        or no field could be repaired.
+        """
         answer = self.propose(labels)
         self.status = answer.status
         # a ray of an unbounded program is a mechanism too: the blocks are too weak for their dead load
@@ -107,7 +138,7 @@ class UpperBound:
         return found
 
     def _with_margins(self, labels: Bits, found: VelocityField | None, expected: float) -> VelocityField | None:
-        """Return the better of a field and those of programs whose flow rules have room to start with."""
+        """Return the better of a field and those of programs with room in every flow rule."""
         for margin in _MARGINS:
             answer = VelocityProgram(self.problem, self.live, self.dead, margin).solve(self.problem.is_dry(labels))
             if not answer.usable:
@@ -120,18 +151,23 @@ class UpperBound:
         return found
 
     def propose(self, labels: Bits, undecided: Bools | None = None) -> Answer:
-        """Return what the solver proposes for labels (m,), of which some faces (m,) may be undecided."""
+        """Solve the program of a labelling for an uncertified velocity field; see `certify`.
+
+        labels: (m,) True = dry; ignored where undecided. undecided: (m,) True where a face keeps the flow rules of both
+        labels. The first 6t entries of `Answer.point` are velocities (t, 3, 2), scaled. Test `usable` before using it.
+        """
         if self._program is None:
             self._program = VelocityProgram(self.problem, self.live, self.dead)
         either = None if undecided is None else self.problem.is_dry(undecided)
         return self._program.solve(self.problem.is_dry(labels), either)
 
     def certify(self, velocity: Floats, labels: Bits, expected: float = -math.inf) -> VelocityField | None:
-        """Open a proposed field (t, 3, 2) until every flow rule holds, and compute the λ that it bounds.
+        """Repair proposed velocities until every flow rule holds, and compute their upper bound.
 
-        expected: scaled λ that the solver expects of the field. Where opening alone costs next to nothing, the field is
-        not settled before, which takes as long as the program. Settling may lead away from a field whose active flow
-        rules contradict each other; the lower of the bounds of both fields stands.
+        velocity: (t, 3, 2), scaled. labels: (m,) True = dry. expected: scaled λ by the solver. Velocities are opened by
+        `opening_motion`. Where that costs more than next to nothing over `expected`, they are also moved by `Settling`,
+        then opened. The lower of both bounds stands. None: a flow rule stays violated, or the live load does no
+        positive work.
         """
         opened = self._opened(velocity, labels)
         if opened is not None and opened.factor - expected <= _CHEAP * abs(opened.factor):
@@ -166,13 +202,17 @@ class UpperBound:
         return VelocityField(factor, velocity / work, power / work, share) if np.isfinite(factor) else None
 
     def allowance(self, velocity: Floats) -> float:
-        """Return the opening that flow rules may lack and that counts as rounding: zero by construction."""
+        """Return the missing opening that counts as rounding for velocities (t, 3, 2), scaled.
+
+        Flow rules that hold with equality by construction are missed by no more. Pass it to `power`.
+        """
         return tolerances.ROUNDING * float(abs(velocity).max()) * self._steep
 
     def repaired(self, velocity: Floats, share: float) -> Floats:
-        """Return velocities for which no flow rule, of joint or material, lacks a small share of the largest velocity.
+        """Open velocities so far that small violations of flow rules vanish, under either label.
 
-        Rules that lack more stay violated. Without an opening motion velocities are returned as they are.
+        velocity: (t, 3, 2), scaled. share: a violation is small up to this share of the largest velocity; larger ones
+        remain. Velocities return unchanged where nothing small is violated, or no opening motion exists.
         """
         every = np.ones(len(self.problem.supported), dtype=bool)
         rates = self.rates(velocity)
@@ -198,7 +238,7 @@ class UpperBound:
         return self._motion
 
     def rates(self, velocity: Floats) -> Rates:
-        """Return strain rates and jumps of velocities (t, 3, 2)."""
+        """Compute strain rates and jumps of velocities (t, 3, 2); supports stand still."""
         p, e = self.problem, self.problem.edges
         slope = np.einsum("tki,tkj->tij", velocity, p.mesh.gradient)
         shear = np.hypot(slope[:, 0, 0] - slope[:, 1, 1], slope[:, 0, 1] + slope[:, 1, 0])
@@ -210,7 +250,11 @@ class UpperBound:
         return Rates(slope[:, 0, 0] + slope[:, 1, 1], shear, opening, slip)
 
     def lacking(self, rates: Rates, labels: Bits) -> tuple[Floats, Floats, Floats]:
-        """Return what the flow rules lack in opening: of triangles, of edges in the material, of dry edges."""
+        """Return what flow rules lack in opening, scaled velocity; up to 0 where they hold.
+
+        rates: of a velocity field. labels: (m,) True = dry. The arrays are for triangles (t,), edges in the material
+        (k, 2) and dry edges (j, 2), with both ends in columns. −inf stands where crushing allows any rate.
+        """
         p = self.problem
         dry = p.is_dry(labels)
         cut = np.flatnonzero(~dry & ((p.edges.b >= 0) | (p.face >= 0)))
@@ -225,9 +269,10 @@ class UpperBound:
         )
 
     def power(self, rates: Rates, labels: Bits, allowance: float = 0.0) -> Floats:
-        """Return the power (t,) that is dissipated in each triangle with half of its edges; trapezoids of both ends.
+        """Return the power dissipated in each triangle with half of its edges, (t,), scaled.
 
-        allowance: opening that flow rules may lack and that counts as rounding.
+        rates: of a velocity field. labels: (m,) True = dry. allowance: opening that flow rules may lack, as rounding.
+        The power is inf where they lack more. Power along an edge is the mean of both ends, which bounds it from above.
         """
         p, e = self.problem, self.problem.edges
         power = p.mesh.area * p.material.dissipation(rates.trace, rates.shear, allowance)
@@ -242,7 +287,11 @@ class UpperBound:
         return power
 
     def joint_power(self, rates: Rates, rows: Ints, allowance: float = 0.0) -> Floats:
-        """Return the power (k, 2) per area at both ends of edges on faces, as dry joints; inf beyond friction."""
+        """Return the power per area of edges as dry joints, (k, 2), at both ends, scaled.
+
+        rates: of a velocity field. rows: (k,) edges on interfaces. allowance: opening that may be missing, as rounding.
+        The power is inf where friction asks for more opening and the joint cannot crush: docs/method.md (9.11).
+        """
         p = self.problem
         face = p.face[rows]
         slip, opening = abs(rates.slip[rows]), rates.opening[rows]

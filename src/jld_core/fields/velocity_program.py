@@ -13,9 +13,11 @@ Entries = list[tuple[Ints, Floats]]
 
 
 def jump_entries(problem: Problem, rows: Ints, end: int, along: Floats) -> Entries:
-    """Return columns and values of the jump at one end of edges (k,) along directions (k, 2).
+    """Return the coefficients of velocity jumps at one end of edges, for rows of a program.
 
-    Where there is no triangle b, a support stands still.
+    rows: (k,) edges. end: 0 or 1. along: (k, 2) directions of the component. The result is a list of four pairs
+    (columns (k,), values (k,)): two for triangle a, then two for b. Column 6·triangle + 2·corner + axis is a nodal
+    velocity. Without triangle b, at a support, its values are 0.
     """
     e = problem.edges
     a = 6 * e.a[rows] + 2 * e.corner_a[rows, end]
@@ -26,7 +28,11 @@ def jump_entries(problem: Problem, rows: Ints, end: int, along: Floats) -> Entri
 
 
 def strain_entries(problem: Problem, rows: Ints, size: Floats) -> tuple[Entries, Entries, Entries]:
-    """Return columns and values of εx + εy, εx − εy and γ of triangles (k,), times a factor (k,)."""
+    """Return the coefficients of the strain rates of triangles over nodal velocities.
+
+    rows: (k,) triangles. size: (k,) factor on each. The results are εx + εy, εx − εy and γ = ∂u/∂y + ∂v/∂x. Each is a
+    list of six pairs (columns (k,), values (k,)); column 6·triangle + 2·corner + axis.
+    """
     base = 6 * rows
     slope = problem.mesh.gradient[rows] * size[:, None, None]
     places = [(k, axis) for k in range(3) for axis in (0, 1)]
@@ -37,15 +43,24 @@ def strain_entries(problem: Problem, rows: Ints, size: Floats) -> tuple[Entries,
 
 
 class VelocityProgram:
-    """Program over velocities and multipliers of the yield conditions; labels switch rows and costs.
+    """Cone program of the upper bound on one mesh, set up once for all labellings.
 
-    Columns: velocities (6t,), then one multiplier y1 of Mohr–Coulomb, and one y3 of crushing where the material
-    crushes, per triangle and per end of each edge in the material; then slips and crushings of interface ends.
-    With e and g of a triangle or jump, y2 = e − sin φ y1 + y3 ≥ 0 and g ≤ y1 + y2 + y3, docs/method.md (9.3).
+    It minimises dissipation less dead work at live work one, docs/method.md (9.10). Labels switch rows and costs.
+    Columns are the velocities (6t,), the multipliers y1 and y3 of (9.3) for triangles and edge ends, and slips and
+    crushings of interface ends. y2 = e − sin φ y1 + y3 is eliminated.
+
+    Parameters
+    ----------
+    problem : Problem
+        The scaled problem.
+    live, dead : (t, 3, 2) float array
+        Nodal forces of the loads at the corners of triangles, scaled.
+    margin : float
+        Room that all flow rules keep, scaled velocity.
     """
 
     def __init__(self, problem: Problem, live: Floats, dead: Floats, margin: float = 0.0) -> None:
-        """Set up the program; margin: room of all flow rules, scaled velocity, that the solver's residual may use."""
+        """Set up the program; see the class for the parameters."""
         self.problem, self._margin = problem, margin
         self._linear, self._cones = Rows(), Rows()
         self._owner: tuple[list[Ints], list[Ints]] = ([], [])
@@ -75,9 +90,11 @@ class VelocityProgram:
         self._program = ConeProgram(self._fixed, matrix, rhs, sizes)
 
     def solve(self, dry: Bools, undecided: Bools | None = None) -> Answer:
-        """Solve with some edges (e,) dry; undecided ones keep the flow rules of both labels and cost as inner ones.
+        """Solve the program for labels of the edges; the answer is not certified.
 
-        Crushing of undecided joints costs as well; their cohesion does not, as cracks rarely dissipate less.
+        dry: (e,) True for edges on dry interfaces. undecided: (e,) True for edges that keep the flow rules of both
+        labels; `dry` is ignored there. Their cost is that of inner ones and of crushing. Cohesion of undecided joints
+        costs nothing, as cracks rarely dissipate less.
         """
         off = (self._off_owner >= 0) & (dry[self._off_owner] != self._off_dry)
         if undecided is not None:
@@ -97,13 +114,19 @@ class VelocityProgram:
         return columns
 
     def _rows(self, entries: Entries, rhs: float, count: int, owner: Ints | None, when_dry: bool, cone: bool) -> None:
-        """Append rows of one kind; owner: edges (count,) whose labels switch them, None where they always hold."""
+        """Append rows of one kind, which always hold or depend on labels.
+
+        owner: edges (count,) whose labels switch them, None where they always hold.
+        """
         (self._cones if cone else self._linear).add(entries, rhs, count)
         self._owner[cone].append(np.full(count, -1) if owner is None else owner)
         self._when_dry[cone].append(np.full(count, when_dry))
 
     def _power(self, trace: Entries, shear: tuple[Entries, Entries], size: Floats, owner: Ints | None) -> None:
-        """Conditions and costs of the support function: trace e, the two components of g, area or length over two."""
+        """Append conditions and costs of the support function of the material.
+
+        trace: entries of e. shear: those of the two components of g. size: area, or length over two.
+        """
         material, count = self.problem.material, len(size)
         first = self._new(size * (material.intercept - material.tension * material.sine))
         one = np.ones(count)

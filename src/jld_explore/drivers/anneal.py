@@ -105,12 +105,12 @@ class _Chain:
 
 
 class AnnealOptions(DriverOptions):
-    """Options of the anneal driver.
+    """Options of the anneal driver on the command line.
 
     Attributes
     ----------
     chains : int
-        Number of chains.
+        Number of annealing chains, 1 to 100 000.
     """
 
     chains: Annotated[int, Field(ge=1, le=100_000)] = Field(16, description="labellings changed side by side")
@@ -119,7 +119,8 @@ class AnnealOptions(DriverOptions):
 class Anneal(Searcher):
     """Driver that runs simulated annealing in several chains, with a genetic population.
 
-    The batch solver computes the mechanisms, or another solver where there is none.
+    Changes are made at faces that move in the collapse mechanism. The batch solver computes mechanisms, or another
+    solver where it has none.
 
     Parameters
     ----------
@@ -152,11 +153,15 @@ class Anneal(Searcher):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Number of chains, and the settings of the population."""
+        """Number of chains, and the settings of the population; see `Driver.settings`."""
         return {"chains": self._chain_count, **self._population.settings}
 
     def propose(self) -> Bits:
-        """Return new changes of every chain and random labellings for new chains, or a generation."""
+        """Return new canonical labellings (k, m), True = dry, registered as proposed.
+
+        Every chain gives changes of its labelling, chains without one random labellings. In some turns the genetic
+        population gives a generation instead.
+        """
         self._accept_changes()
         self._advance_cycle()
         self._turn += 1

@@ -96,7 +96,7 @@ class Driver(ABC):
 
     @classmethod
     def made(cls, space: SearchSpace, seed: int, given: Mapping[str, Any]) -> Self:
-        """Make a driver with options by name.
+        """Make a driver of this class from options by name, and check these.
 
         Parameters
         ----------
@@ -105,7 +105,12 @@ class Driver(ABC):
         seed : int
             Seed of the random choices.
         given : mapping of str to object
-            Values of the options.
+            Values of fields of `Options`; the others keep their defaults.
+
+        Returns
+        -------
+        Driver
+            A new driver.
 
         Raises
         ------
@@ -122,9 +127,9 @@ class Driver(ABC):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Values that the proposals depend on besides space, seed and evaluations.
+        """Values that the proposals depend on besides space, seed and evaluations, by name.
 
-        A resumed study must have the same values.
+        They are recorded with a study; a resumed study must have the same values.
         """
         return {}
 
@@ -135,7 +140,7 @@ class Driver(ABC):
 
     @property
     def finished(self) -> bool:
-        """True if everything is proven although not every labelling was evaluated."""
+        """True if the aim is proven although not every labelling was evaluated."""
         return False
 
     @property
@@ -162,11 +167,13 @@ class Driver(ABC):
 
     @property
     def complaints(self) -> list[str]:
-        """Problems of the proof, one line each; the summary lists them as warnings."""
+        """Problems of the proof, one line each, for the warnings of the summary; may be empty."""
         return []
 
     def withdraw(self, reason: str) -> None:  # noqa: B027
         """Forget every bound on labellings that were not evaluated, because one is contradicted.
+
+        Called where an evaluation exceeds a proven bound. Without such bounds nothing happens.
 
         Parameters
         ----------
@@ -175,7 +182,7 @@ class Driver(ABC):
         """
 
     def set_workers(self, jobs: int) -> None:  # noqa: B027 – most leave that to whoever evaluates
-        """Set the number of processes that may help the driver; called once before `start`."""
+        """Set the number of processes that the driver may use; called once before `start`."""
 
     def start(  # noqa: B027 – most ask in no time
         self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None

@@ -11,7 +11,11 @@ from jld_explore.space import SearchSpace
 
 
 def breadth_first(space: SearchSpace) -> Ints:
-    """Return the free elements in breadth-first order, each component from a far end."""
+    """Return the indices of the free elements in breadth-first order, (free,).
+
+    Neighbours are elements that share a candidate face. Each component starts at a far end, so that few elements are
+    half decided at a time in an enumeration.
+    """
     assembly, graph = space.assembly, space.graph
     count = len(assembly.elements)
     links: list[list[int]] = [[] for _ in range(count)]

@@ -112,7 +112,7 @@ class Enumeration(Driver):
     seed : int
         Ignored.
     rows : int, optional
-        Largest number of rows of a frontier, which changes memory and speed but not the order.
+        Largest number of partial labellings extended at once, which changes memory and speed but not the order.
     """
 
     name = "enumeration"
@@ -164,7 +164,10 @@ class Enumeration(Driver):
         return True
 
     def ask(self, limit: int | None = None) -> Bits:
-        """Return the next classes (k, m), at most `PORTION` so that evaluation can begin early."""
+        """Return the next classes (k, m), at most `limit` or `PORTION`; k = 0 at the end.
+
+        Raises DeadlinePassed if the time passed before any was found.
+        """
         wanted = PORTION if limit is None else min(limit, PORTION)
         while len(self._unreturned) < wanted and not self._interrupted:
             try:
@@ -190,7 +193,7 @@ class Enumeration(Driver):
 
     @property
     def working(self) -> bool:
-        """True if symmetry classes of labellings are left to propose; see `Driver.working`."""
+        """True if classes are left to propose; see `Driver.working`."""
         return not self._ended
 
     @property
@@ -202,7 +205,10 @@ class Enumeration(Driver):
         """Do nothing: the order of the classes does not depend on evaluations."""
 
     def batches(self) -> Iterator[tuple[Bits, Ints]]:
-        """Yield canonical labellings (k, m) with their multiplicities (k,), from the start."""
+        """Yield canonical labellings (k, m), True = dry, and how many labellings each stands for.
+
+        The numbers are (k,). Each call starts anew. Raises DeadlinePassed after an enforced deadline.
+        """
         for rows in self._walk():
             if rows is not None:
                 kept, multiplicity = representatives(rows, self.space.group)
@@ -229,13 +235,13 @@ class Enumeration(Driver):
         limit : int
             Largest number of classes of interest.
         work : int
-            Number of frontiers examined before the count is given up; fewer for many elements.
+            Number of sets of partial labellings examined before the count is given up; fewer for many elements.
 
         Returns
         -------
         int or None
-            Number of classes; None above `limit` or if the count was given up. A space with few labellings behind
-            many dead ends does not count as small.
+            Number of classes; None above `limit` or if the count was given up. A space with few labellings behind many
+            dead ends does not count as small.
         """
         # the time per frontier grows with the number of elements
         work = min(work, _MOST_ELEMENTS_EXAMINED // max(len(self._start), 1))
@@ -378,8 +384,8 @@ def size_up_to(space: SearchSpace, limit: int, *, quick: bool = False) -> int | 
     limit : int
         Largest number of classes of interest.
     quick : bool
-        Examine few and narrow frontiers only, which takes some hundredths of a second. A space that is empty for an
-        obvious reason is still found to be empty.
+        Give up after few steps, which take some hundredths of a second. A space that is empty for an obvious reason is
+        still found to be empty.
 
     Returns
     -------

@@ -1,7 +1,7 @@
-"""What a proof by fields finds out: the strongest layout, that of every count, or the best count above a factor.
+"""What a proof by fields finds out: the best layout, the front, or the best count.
 
 A proof has one **target** after the other: labellings whose count lies in some range, and the governing factor above
-which no mechanism may leave one of them.
+which no labelling of the target may be left unrefuted.
 """
 
 from __future__ import annotations
@@ -24,7 +24,11 @@ _BELOW: Final = 1e-9
 
 
 class ProofAim(Protocol):
-    """Aim of a proof; `best` maps counts to the largest factor that a layout of that count is proven to carry.
+    """Aim of a proof by fields: which labellings to refute, above which governing factor.
+
+    The proof asks for `target` and `goal`, refutes, and calls `next` with the bound it reached. When `next` returns
+    None, the `claims` are checked. `best` maps each count to the largest governing factor that a layout of that count
+    is proven to carry.
 
     Attributes
     ----------
@@ -41,7 +45,10 @@ class ProofAim(Protocol):
     in_steps: bool
 
     def target(self, best: Mapping[int, float]) -> int | Range | None:
-        """Return the count of the labellings to refute now, bounds on it, or None for all labellings."""
+        """Return the count of the labellings to refute now.
+
+        A Range stands for all counts within it, None for all labellings.
+        """
         ...
 
     def goal(self, best: Mapping[int, float]) -> float:
@@ -49,15 +56,27 @@ class ProofAim(Protocol):
         ...
 
     def enough(self, best: Mapping[int, float]) -> float:
-        """Return the governing factor below which a lower bound of a labelling of the target is of no use."""
+        """Return the governing factor that a lower bound must exceed to be of use.
+
+        The lower bound is that of a labelling of the target; the proof does not compute smaller ones.
+        """
         ...
 
     def restart(self) -> None:
-        """Return to the first target."""
+        """Forget all bounds and return to the first target."""
         ...
 
     def next(self, bound: float, best: Mapping[int, float], left: Floats) -> float | None:
-        """Take the bound of the target, and the counts (k,) of its labellings that stay open, and go to the next.
+        """Record the bound on the current target, and go to the next target.
+
+        Parameters
+        ----------
+        bound : float
+            Governing factor that no labelling of the target exceeds.
+        best : mapping of int to float
+            See the class.
+        left : (k,) float array
+            Counts of labellings of the target that are neither refuted nor refined any more.
 
         Returns
         -------
@@ -67,30 +86,49 @@ class ProofAim(Protocol):
         ...
 
     def claims(self) -> list[Claim]:
-        """Return what is to be checked at the end."""
+        """Return the bounds that the check has to confirm after the last target."""
         ...
 
     def facts(self, best: Mapping[int, float], sure: bool) -> dict[str, Any]:
-        """Return entries of the summary; `sure` is False where the proof did not pass its check."""
+        """Return entries of the summary of the study.
+
+        best: see the class. sure: False where the proof was contradicted or failed its check; its bounds are then left
+        out.
+        """
         ...
 
 
 def goal_of(best: float, gap: float) -> float:
-    """Return the factor above which labellings are refuted for a best known one, 0 where none stands."""
+    """Return the factor above which labellings must be refuted: best / (1 − gap).
+
+    best: largest proven governing factor. gap: relative. The result is slightly less, for rounding; 0 for best ≤ 0, inf
+    for gap ≥ 1.
+    """
     if best <= 0.0:
         return 0.0
     return best / (1.0 - gap) * (1.0 - _BELOW) if gap < 1.0 else math.inf
 
 
 def holds(target: int | Range | None, counts: Floats) -> Bools:
-    """Return (k,) which counts (k,) belong to a target."""
+    """Return True for each count that belongs to a target, (k,).
+
+    target: as `ProofAim.target` returns it. counts: (k,).
+    """
     if target is None:
         return np.ones(len(counts), dtype=bool)
     return ~target.outside(counts) if isinstance(target, Range) else np.asarray(counts == target)
 
 
 class StrongestAim:
-    """Prove the strongest layout; parameters and attributes are those of `ProofAim`."""
+    """Aim: prove the strongest layout to a gap. The only target is all labellings.
+
+    Attributes are those of `ProofAim`.
+
+    Parameters
+    ----------
+    gap : float
+        Relative gap at which the proof ends.
+    """
 
     count: Count | None = None
     in_steps = True
@@ -100,52 +138,52 @@ class StrongestAim:
         self.restart()
 
     def restart(self) -> None:
-        """Forget the bound; see `ProofAim`."""
+        """Forget the bound that `next` recorded; see `ProofAim.restart`."""
         self._bound = math.inf
 
     def target(self, best: Mapping[int, float]) -> int | Range | None:
-        """Return None: all labellings; see `ProofAim`."""
+        """Return None for all labellings; see `ProofAim.target`."""
         return None
 
     def goal(self, best: Mapping[int, float]) -> float:
-        """Return the best factor over one minus the gap; see `ProofAim`."""
+        """Return the best factor / (1 − gap), 0 where no layout stands; see `ProofAim.goal`."""
         return goal_of(self.enough(best), self.gap)
 
     def enough(self, best: Mapping[int, float]) -> float:
-        """Return the best factor; see `ProofAim`."""
+        """Return the largest factor in `best`, −inf without any; see `ProofAim.enough`."""
         return max(best.values(), default=-math.inf)
 
     def next(self, bound: float, best: Mapping[int, float], left: Floats) -> float | None:
-        """End the proof; see `ProofAim`."""
+        """Record the bound and return None, which ends the proof; see `ProofAim.next`."""
         self._bound = bound
         return None
 
     def claims(self) -> list[Claim]:
-        """Return the bound on all labellings; see `ProofAim`."""
+        """Return one claim: no labelling exceeds the recorded bound; see `ProofAim.claims`."""
         return [Claim(None, max(self._bound, 0.0))]
 
     def facts(self, best: Mapping[int, float], sure: bool) -> dict[str, Any]:
-        """Return nothing beside bound and gap; see `ProofAim`."""
+        """Return no entries: the driver reports the bound itself; see `ProofAim.facts`."""
         return {}
 
 
 class FrontAim:
-    """Prove the strongest layout of every count of the front; attributes are those of `ProofAim`.
+    """Aim: prove to a gap the strongest layout of every count of the front.
 
     All labellings are bounded first. Those of one count must then be refuted above what layouts of this count or better
-    ones carry, since a weaker one is not on the front.
+    ones carry, since a weaker one is not on the front. Attributes are those of `ProofAim`.
 
     Parameters
     ----------
     space : SearchSpace
         The search space.
     gap : float
-        As for `ProofAim`.
+        Relative gap at which a target is reached.
 
     Raises
     ------
     InputError
-        As `front_count`.
+        If the scene asks for two counts, or for a count that is no sum of binary terms.
     """
 
     in_steps = True
@@ -158,21 +196,31 @@ class FrontAim:
         self.restart()
 
     def restart(self) -> None:
-        """Return to all labellings; see `ProofAim`."""
+        """Forget the bounds of all counts; all labellings are the target again."""
         self._left = list(self._all)
         self._now: int | None = None
         self.bounds: dict[int | None, float] = {}
 
     def target(self, best: Mapping[int, float]) -> int | Range | None:
-        """Return the count, best ones first, after all labellings; see `ProofAim`."""
+        """Return the count whose labellings are refuted now; None for all labellings at first.
+
+        Counts follow each other from the best to the worst.
+        """
         return self._now
 
     def goal(self, best: Mapping[int, float]) -> float:
-        """Return what counts no worse carry over one minus the gap; see `ProofAim`."""
+        """Return `enough` / (1 − gap): what the labellings of the target must be refuted above.
+
+        It is 0 where no layout of these counts stands.
+        """
         return goal_of(self.enough(best), self.gap)
 
     def enough(self, best: Mapping[int, float]) -> float:
-        """Return the best factor of counts no worse; see `ProofAim`."""
+        """Return the best proven factor among counts at least as good as the target's.
+
+        best: largest proven governing factor of each count. All counts qualify while the target is all labellings. The
+        result is −inf where no such count is in `best`.
+        """
         return self._no_worse(self._now, best)
 
     def _no_worse(self, value: int | None, best: Mapping[int, float]) -> float:
@@ -181,17 +229,26 @@ class FrontAim:
         return max(known, default=-math.inf)
 
     def next(self, bound: float, best: Mapping[int, float], left: Floats) -> float | None:
-        """Keep the bound of this count, which the bound on all labellings starts; see `ProofAim`."""
+        """Record the bound of the current target and go to the next count; see `ProofAim`.
+
+        The first target is all labellings; counts follow, best first. bound: upper bound on the governing factor of the
+        target. best, left: not used. The result is the bound on all labellings, which every count starts from. None: no
+        count is left.
+        """
         self.bounds[self._now] = bound
         self._now = self._left.pop(0) if self._left else None
         return None if self._now is None else self.bounds[None]
 
     def claims(self) -> list[Claim]:
-        """Return the bound of every count; see `ProofAim`."""
+        """Return one claim per recorded bound: of all labellings, then of each count."""
         return [Claim(count, max(bound, 0.0)) for count, bound in self.bounds.items()]
 
     def facts(self, best: Mapping[int, float], sure: bool) -> dict[str, Any]:
-        """Return the front: count, load factor, bound, and whether it is proven to the gap; see `ProofAim`."""
+        """Return the front as entry "front", one row for each count.
+
+        A row has the count, the best load factor, the bound (None unless `sure`), and whether it is proven to the gap.
+        Counts of which no layout stands are left out once that is proven.
+        """
         rows: list[dict[str, Any]] = []
         for count in sorted({*best, *(count for count in self.bounds if count is not None)}):
             low, bound = best.get(count, -math.inf), self.bounds.get(count, self.bounds.get(None, math.inf))
@@ -208,14 +265,16 @@ class FrontAim:
 
 
 class RequirementAim:
-    """Prove the best count of the front among layouts that carry a required factor; attributes as `ProofAim`.
+    """Aim: prove the best count of the front among layouts that carry a required factor.
+
+    Only better counts than that of the best such layout are refuted. Attributes are those of `ProofAim`.
 
     Parameters
     ----------
     space : SearchSpace
         The search space, with `search.require`.
     gap : float
-        As for `ProofAim`; the proof has none.
+        Kept as attribute; this proof needs no gap.
 
     Raises
     ------
@@ -237,17 +296,17 @@ class RequirementAim:
         self.restart()
 
     def restart(self) -> None:
-        """Forget the claim; see `ProofAim`."""
+        """Forget the claim and the counts left open; see `ProofAim.restart`."""
         self._claim: Claim | None = None
         self.open_counts: Floats = np.empty(0)
 
     def met(self, best: Mapping[int, float]) -> int | None:
-        """Return the best count of a layout that is proven to carry the factor, None without any."""
+        """Return the best count in `best` whose factor is at least the required one, or None."""
         found = [count for count, low in best.items() if low >= self._threshold]
         return None if not found else min(found) if self._sense == "min" else max(found)
 
     def target(self, best: Mapping[int, float]) -> int | Range | None:
-        """Return the counts better than the best that is met; see `ProofAim`."""
+        """Return the range of counts better than `met`; None for all while none is met."""
         return self._better(self.met(best))
 
     def _better(self, value: int | None) -> Range | None:
@@ -257,15 +316,19 @@ class RequirementAim:
         return Range.of((None, value - 1) if self._sense == "min" else (value + 1, None), whole=True)
 
     def goal(self, best: Mapping[int, float]) -> float:
-        """Return the required factor, less rounding; see `ProofAim`."""
+        """Return the required factor, less rounding; `best` is not used."""
         return self._goal
 
     def enough(self, best: Mapping[int, float]) -> float:
-        """Return the required factor; see `ProofAim`."""
+        """Return the required factor; `best` is not used."""
         return self._threshold
 
     def next(self, bound: float, best: Mapping[int, float], left: Floats) -> float | None:
-        """End the proof; counts of labellings that stay open limit what is claimed; see `ProofAim`."""
+        """Record what is proven and return None, which ends the proof; see `ProofAim.next`.
+
+        Without open labellings no count better than `met` carries the factor. Otherwise the best count in `left` takes
+        the place of `met`. bound: not used.
+        """
         value = self.met(best)
         self.open_counts = left
         if len(left):
@@ -274,13 +337,14 @@ class RequirementAim:
         return None
 
     def claims(self) -> list[Claim]:
-        """Return that no better count carries the required factor; see `ProofAim`."""
+        """Return the claim that no better count carries the factor; none before `next`."""
         return [] if self._claim is None else [self._claim]
 
     def facts(self, best: Mapping[int, float], sure: bool) -> dict[str, Any]:
-        """Return the count that no layout which carries the factor betters, None for none, and how many stay open.
+        """Return the proven bound on the count, and the number of labellings left open.
 
-        See `ProofAim`.
+        "count_bound": best count that may still carry the factor; None where none does, or where nothing is proven.
+        "open_layouts": number of labellings that no mesh decided.
         """
         value = self.met(best)
         if len(self.open_counts):
@@ -292,7 +356,7 @@ class RequirementAim:
 
 
 def aim_of(space: SearchSpace, aim: str, gap: float) -> ProofAim:
-    """Return the aim of a proof.
+    """Make the aim of a proof from the option of the driver and the scene.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Keep the conflicts of a proof by fields on disk, with the velocity fields that prove them.
+"""Keep the conflicts of a proof by fields on disk, with their velocity fields.
 
 What is loaded is weighed again, and its bound is what the weighing gives: nothing on disk is believed.
 """
@@ -30,7 +30,10 @@ _MESH: Final = [one.name for one in fields(Mesh)]
 
 
 def save_conflicts(folder: Path, proof: FieldProof) -> None:
-    """Write the conflicts of a proof, with their velocity fields and the meshes that these belong to.
+    """Write the conflicts of a proof with their velocity fields and meshes to one file.
+
+    The file `CONFLICTS_FILE` is replaced as a whole. Conflicts without a velocity field in memory are left out. Without
+    any conflict nothing is written.
 
     Parameters
     ----------
@@ -64,6 +67,8 @@ def save_conflicts(folder: Path, proof: FieldProof) -> None:
 def load_conflicts(folder: Path, proof: FieldProof) -> list[Conflict]:
     """Read the conflicts that an earlier run of a study kept, and weigh each of them again.
 
+    The meshes of the file are added to the proof. The caller adds the conflicts.
+
     Parameters
     ----------
     folder : Path
@@ -74,7 +79,8 @@ def load_conflicts(folder: Path, proof: FieldProof) -> list[Conflict]:
     Returns
     -------
     list of Conflict
-        Conflicts with the bounds that weighing gives; none without a file.
+        Conflicts with the bounds that weighing gives; those without a finite bound are left out. Empty without a file,
+        or where it has another number of load cases.
 
     Raises
     ------
@@ -95,7 +101,7 @@ def load_conflicts(folder: Path, proof: FieldProof) -> list[Conflict]:
 
 
 def _conflicts_in(content: dict[str, Any], proof: FieldProof) -> list[Conflict]:
-    """Return the conflicts of a file, weighed again; those without a finite bound are left out."""
+    """Return the conflicts of a file, weighed again, as far as their bounds are finite."""
     if int(content["shared"]) != proof.refuter.cases:
         return []
     cases = content["case"].tolist()

@@ -1,4 +1,4 @@
-"""Prove the strongest layout of blocks that crack anywhere, to a gap, where a space cannot be enumerated.
+"""Prove the strongest layout of blocks that crack anywhere, to a gap, without enumeration.
 
 A velocity field bounds λ of every labelling by a sum over faces. A labelling that is proven too weak is therefore
 minimised to a conflict, as by rigid blocks (`drivers.exact`), and a formula is asked for labellings that no conflict
@@ -45,7 +45,7 @@ _ANNEALED: Final = 0.25
 
 
 class FieldExact(Driver):
-    """Driver that proves the largest λ of a search space whose blocks crack anywhere, to a gap.
+    """Driver that proves, to a gap, the largest λ of a space whose blocks crack anywhere.
 
     Parameters
     ----------
@@ -126,44 +126,54 @@ class FieldExact(Driver):
 
     @property
     def pool(self) -> FieldPool:
-        """Labellings whose meshes were refined, with their bounds."""
+        """Labellings that are refined one by one, with their bounds; see `FieldPool`."""
         return self._proof.pool
 
     @property
     def best(self) -> float:
-        """Largest governing factor that a layout is proven to carry, −inf without any."""
+        """Largest governing factor that a layout is proven to carry; −inf without a layout."""
         return self._proof.best
 
     def bounds_above(self, labellings: Bits) -> Floats:
-        """Return upper bounds (k,) on the governing factor of labellings (k, m) that the conflicts prove."""
+        """Return upper bounds on the governing factor of labellings that conflicts prove, (k,).
+
+        labellings: (k, m), True = dry. inf where nothing is proven, and for all where the proof was contradicted or
+        failed its check.
+        """
         if self.complaints:
             return np.full(len(labellings), np.inf)
         return self._proof.bounds_above(labellings)
 
     @property
     def bound(self) -> float | None:
-        """Upper bound on the governing factor of all labellings; see `Driver.bound`."""
+        """Proven upper bound on the governing factor of all labellings, scene units.
+
+        None before there is one, after a failed check, and after a second contradiction.
+        """
         failed = self._proof.check is not None and not self._proof.check.passed
         return None if failed or self._given_up or not math.isfinite(self._proof.bound) else self._proof.bound
 
     @property
     def finished(self) -> bool:
-        """Whether the proof ended and passed its check; see `Driver.finished`."""
+        """True if the proof ended and passed its check; see `Driver.finished`."""
         return self._proof.check is not None and self._proof.check.passed
 
     @property
     def open_layouts(self) -> int:
-        """Layouts of better count that may carry the required factor, and that no finer mesh decides."""
+        """Number of layouts of better count whose refinement ended without a decision.
+
+        They may carry the required factor, so the best count is not proven. 0 for other aims.
+        """
         return int(self._proof.aim.facts({}, False).get("open_layouts", 0))
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Aim of the proof; see `Driver.settings`."""
+        """{"aim": "front"} where a front is proven, else empty; see `Driver.settings`."""
         return {"aim": self._aim} if self._aim == "front" else {}
 
     @property
     def working(self) -> bool:
-        """Whether the proof goes on; see `Driver.working`."""
+        """True until the proof has ended or was contradicted twice; see `Driver.working`."""
         return not self._proof.settled and not self._given_up
 
     @property
@@ -173,12 +183,16 @@ class FieldExact(Driver):
 
     @property
     def complaints(self) -> list[str]:
-        """Contradictions found, and a failed check of the proof; see `Driver.complaints`."""
+        """Contradictions, then the problem of a failed check, a line each; empty for none."""
         check = self._proof.check
         return [*self._contradictions, *([] if check is None or check.passed else [f"not proven: {check.problem}"])]
 
     def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
-        """Return the cost of the proof and the result of its check; see `Driver.facts`."""
+        """Return entries of the summary: cost of the proof, facts of its aim, and its check.
+
+        "conflicts": number of conflicts. "relaxations": number of programs solved. "proof_check": result of the check,
+        only after the proof has ended. results, complete: not used. See `Driver.facts`.
+        """
         proof = self._proof
         found: dict[str, Any] = {
             "conflicts": len(proof.state.conflicts),
@@ -189,7 +203,11 @@ class FieldExact(Driver):
         return found if proof.check is None else {**found, "proof_check": proof.check.to_dict()}
 
     def withdraw(self, reason: str) -> None:
-        """Forget all conflicts and start the proof again; see `Driver.withdraw`."""
+        """Note a contradiction, forget all conflicts and start the proof again.
+
+        Evaluations are kept. After a second contradiction the proof is given up. reason: one line; see
+        `Driver.withdraw`.
+        """
         self._contradictions.append(reason)
         self._proof.restart()
 
@@ -198,7 +216,11 @@ class FieldExact(Driver):
         self._proof.pool.tasks.jobs = jobs
 
     def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
-        """Set deadline and heartbeat, and take over the conflicts of a resumed study; see `Driver.start`."""
+        """Set deadline and heartbeat, and load the conflicts of a resumed study.
+
+        The driver stops a little before the deadline. Raises InputError for a damaged file of conflicts; see
+        `Driver.start`.
+        """
         own = Deadline() if deadline is None else deadline.earlier(0.3)
         self._proof.deadline = self._proof.pool.deadline = own
         self._before = own.within(_ANNEALED * own.remaining())
@@ -208,19 +230,23 @@ class FieldExact(Driver):
             self._proof.take(load_conflicts(self._folder, self._proof))
 
     def close(self) -> None:
-        """Stop the processes and save the conflicts; see `Driver.close`."""
+        """Stop the worker processes, and save the conflicts in the folder of the study."""
         self._proof.pool.tasks.close()
         if self._folder is not None and self._folder.is_dir():
             save_conflicts(self._folder, self._proof)
 
     def restore(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Take over the evaluations of a resumed study; see `Driver.restore`."""
+        """Take over the bounds of evaluations of a resumed study; see `Driver.restore`."""
         self._learn(labellings, evaluations)
 
     # --- ask and tell -----------------------------------------------------------------------------------
 
     def ask(self, limit: int | None = None) -> Bits:
-        """Return the next labellings (k, m) to evaluate, working on the proof until there are any; see `Driver.ask`."""
+        """Return the next labellings to evaluate, (k, m), True = dry.
+
+        The first ones come from a search. Later calls work on the proof until it needs labellings evaluated. Empty: the
+        proof ended, was given up, or has no time left.
+        """
         if not self._asked:
             self._asked = True
             self._proof.bound_all()
@@ -243,7 +269,10 @@ class FieldExact(Driver):
         return np.array(given, dtype=bool).reshape(len(given), len(self.space.fixed))
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Take in evaluations of labellings (k, m) on the coarsest mesh; see `Driver.tell`."""
+        """Take in evaluations of labellings (k, m), for the search and as bounds for the proof.
+
+        The evaluations hold both bounds on the coarsest mesh; see `Driver.tell`.
+        """
         self._search.tell(labellings, evaluations)
         self._learn(labellings, evaluations)
 
@@ -255,7 +284,7 @@ class FieldExact(Driver):
 
 
 def _listed(space: SearchSpace) -> PossibleBlocks | None:
-    """List the possible blocks of a space; None also if that takes too large a share of the time left."""
+    """List the possible blocks of a space; None also if that takes too much of the time."""
     try:
         with Deadline(_LISTING * time_left()).enforced():
             return possible_blocks(space)

@@ -16,13 +16,18 @@ from jld_explore.space.measures import Range
 
 
 def has_conflict(conflict: Conflict, labellings: Bits, group: Ints) -> Bools:
-    """Return (k,) which labellings (k, m) have a conflict, or are mirror images of one that has, by a group (g, m)."""
+    """Return True for labellings that a conflict, or its mirror image, rules out, (k,).
+
+    labellings: (k, m), True = dry. group: (g, m) permutations of faces, the symmetries of the scene.
+    """
     images = labellings[:, group[:, conflict.faces]]
     return np.asarray((images == conflict.labels).all(axis=2).any(axis=1))
 
 
 class FieldIncumbents:
-    """Bounds of evaluated labellings, and a pool of those that are refined.
+    """Bounds of all evaluated labellings, and a pool of those that are refined.
+
+    A proof by fields asks it for the best lower bounds, and for labellings to refine.
 
     Parameters
     ----------
@@ -47,27 +52,38 @@ class FieldIncumbents:
         self._rows: dict[bytes, int] = {}
 
     def counts_of(self, labellings: Bits) -> Floats:
-        """Return the counts (k,) of labellings (k, m), 0 where the aim has none."""
+        """Return the count of each labelling, (k,), by which the aim tells labellings apart.
+
+        labellings: (k, m), True = dry. All are 0 where the aim has no count.
+        """
         count = self._aim.count
         if count is None or not len(labellings):
             return np.zeros(len(labellings))
         return np.asarray(values_of(count, self._space.assembly, labellings, self._space.graph), dtype=float)
 
     def learn(self, labellings: Bits, low: Sequence[float], high: Sequence[float]) -> None:
-        """Take bounds (k,) of evaluated labellings (k, m), infinite where there is none."""
+        """Store the bounds on the governing factor of evaluated labellings.
+
+        labellings: (k, m), canonical, True = dry. low, high: k bounds each, −inf and inf where there is none. They
+        replace those of an earlier call.
+        """
         for labels, *bounds, count in zip(labellings, low, high, self.counts_of(labellings).tolist(), strict=True):
             self._known[labels.tobytes()] = bounds[0], bounds[1], int(count)
 
     def is_known(self, labels: Bits) -> bool:
-        """Return whether a labelling (m,) was evaluated."""
+        """Return True if `learn` has stored bounds of exactly this labelling (m,)."""
         return labels.tobytes() in self._known
 
     def in_pool(self, labels: Bits) -> bool:
-        """Return whether a labelling (m,) is in the pool."""
+        """Return True if exactly this labelling (m,) is in the pool."""
         return labels.tobytes() in self._rows
 
     def join(self, labellings: Sequence[Bits]) -> Bits:
-        """Add evaluated labellings (m,) to the pool; return those (k, m) that were not in it."""
+        """Add labellings to the pool with their stored bounds, and return the new ones (k, m).
+
+        labellings: (m,) each, distinct; those in the pool already are skipped. Raises KeyError for one without bounds
+        from `learn`.
+        """
         new = [labels for labels in labellings if not self.in_pool(labels)]
         added = np.array(new, dtype=bool).reshape(len(new), len(self._space.fixed))
         known = np.array([self._known[labels.tobytes()] for labels in new]).reshape(-1, 3)
@@ -78,7 +94,10 @@ class FieldIncumbents:
         return added
 
     def best(self) -> dict[int, float]:
-        """Return the largest proven lower bound for each count, −inf where none stands."""
+        """Return the largest proven governing factor of a layout of each count.
+
+        Counts of evaluated labellings are the keys. −inf: no such layout is proven to stand.
+        """
         found: dict[int, float] = {}
         for low, _, count in self._known.values():
             found[count] = max(low, found.get(count, -math.inf))
@@ -87,18 +106,25 @@ class FieldIncumbents:
         return found
 
     def promising(self, target: int | Range | None, over: float, number: int, alike: float) -> list[Bits]:
-        """Return evaluated labellings (m,) of a target that may carry a factor, of greatest lower bounds first.
+        """Choose evaluated labellings of a target to refine, greatest lower bounds first.
+
+        Only those with a lower bound above 0 are taken.
 
         Parameters
         ----------
         target : int, Range or None
-            Counts of the target.
+            As `ProofAim.target` returns it.
         over : float
-            Factor that the upper bounds exceed.
+            Governing factor that the upper bound of each must exceed.
         number : int
-            Most labellings.
+            Largest number of labellings.
         alike : float
-            Relative difference of lower bounds below which one of two labellings is taken.
+            Relative difference of lower bounds below which only the first of two is taken.
+
+        Returns
+        -------
+        list of (m,) bool array
+            Labellings, True = dry; empty without any.
         """
         rows = [(-low, key, count) for key, (low, high, count) in self._known.items() if low > 0.0 and high > over]
         rows.sort()
@@ -112,7 +138,11 @@ class FieldIncumbents:
         return chosen[:number]
 
     def strongest(self, number: int) -> tuple[Bits, Floats]:
-        """Return the labellings (k, m) of greatest lower bounds (k,)."""
+        """Return at most `number` labellings (k, m) of greatest lower bounds, with these (k,).
+
+        Only finite bounds count, those of the pool included; the greatest is first. The check of a proof compares its
+        claims with them.
+        """
         lows = {key: low for key, (low, *_) in self._known.items()}
         for key, low in zip(self._rows, self.pool.low().tolist(), strict=True):
             lows[key] = max(low, lows.get(key, -math.inf))

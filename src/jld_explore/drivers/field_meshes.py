@@ -1,4 +1,4 @@
-"""Meshes that all labellings share, refined where the velocity field of all labellings at once dissipates most.
+"""Meshes that all labellings share, refined where the field of all dissipates most.
 
 One program in which every face is undecided bounds all labellings. Its velocity field shows where they fail alike, and
 meshes refined there refute many of them by conflicts of few faces. On the 4 × 6 wall of
@@ -52,14 +52,16 @@ class CommonBound:
 
 
 class CommonMeshes:
-    """Meshes of one load case, from the coarsest on, each refined from the one before.
+    """Sequence of meshes of one load case, each refined where all labellings dissipate most.
+
+    `step` bounds all labellings on one mesh; `shared` chooses those on which single labellings are refuted.
 
     Parameters
     ----------
     setting : FieldSetting
         Setting of the load case.
     required : float
-        Required factor of the load case.
+        Required factor of the load case; a governing factor is λ over it.
     labels, undecided : (m,) bool arrays
         Labels, True = dry, and the faces that may have either.
 
@@ -78,11 +80,17 @@ class CommonMeshes:
 
     @property
     def ended(self) -> bool:
-        """Whether no further mesh follows."""
+        """True if `step` has no further mesh.
+
+        No finite bound was found, or the next mesh would be no finer or too large.
+        """
         return self._next is None
 
     def step(self) -> CommonBound | None:
-        """Bound all labellings on the next mesh, and refine it; None where no field with a finite bound was found."""
+        """Bound all labellings on the next mesh, and refine it for another step.
+
+        None: no mesh is left, or no field with a finite bound was found; the sequence then ends.
+        """
         mesh, self._next = self._next, None
         if mesh is None:
             return None
@@ -99,9 +107,10 @@ class CommonMeshes:
 
     @property
     def shared(self) -> tuple[int, ...]:
-        """Positions of the meshes on which labellings are refuted, the coarsest first.
+        """Positions in `meshes` of those on which labellings are refuted, the coarsest first.
 
-        Where refinement ended earlier the last mesh stands for finer ones, so that load cases have as many.
+        They are chosen by their numbers of triangles. Where refinement ended earlier, the last mesh stands for finer
+        ones, so that all load cases have as many. Positions may repeat.
         """
         sizes = np.array([len(mesh) for mesh in self.meshes])
         least = [int(np.searchsorted(sizes, times * len(self._setting.coarse))) for times in _SHARED]

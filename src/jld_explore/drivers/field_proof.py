@@ -1,4 +1,4 @@
-"""Proof by fields that no layout carries more than the best by a gap: conflicts, and a pool of layouts to refine."""
+"""Proof by fields that no layout carries more than the best by a gap."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ _CAUTION: Final = 1.5
 
 
 class FieldProof:
-    """Proof of upper bounds on the governing factor of all labellings, of one target after the other.
+    """Proof of upper bounds on the governing factor of labellings, one target after another.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ class FieldProof:
         self.restart()
 
     def restart(self) -> None:
-        """Begin anew, with what was evaluated."""
+        """Forget all conflicts and bounds on targets; keep evaluations and the pool."""
         self.aim.restart()
         self.state = ProofState(self.space)
         self.refuter.restart()
@@ -125,16 +125,16 @@ class FieldProof:
 
     @property
     def pool(self) -> FieldPool:
-        """Labellings that are refined."""
+        """Labellings that are refined one by one, with their bounds."""
         return self.incumbents.pool
 
     @property
     def best(self) -> float:
-        """Largest proven lower bound on the governing factor, −inf without any."""
+        """Largest proven lower bound on the governing factor; −inf without a layout."""
         return max(self.incumbents.best().values(), default=-math.inf)
 
     def bounds_above(self, labellings: Bits) -> Floats:
-        """Return upper bounds (k,) on the governing factor of labellings (k, m) by all conflicts, inf without any."""
+        """Return proven upper bounds (k,) on the governing factor of labellings (k, m)."""
         found = np.full(len(labellings), self.bound)
         for one in self.state.conflicts:
             matching = has_conflict(one, labellings, self.space.group)
@@ -142,9 +142,9 @@ class FieldProof:
         return found
 
     def learn(self, labellings: Bits, low: Sequence[float], high: Sequence[float]) -> None:
-        """Take the bounds (k,) of evaluated labellings (k, m), infinite where there is none.
+        """Store bounds on the governing factor of evaluated labellings (k, m), True = dry.
 
-        Those that the proof asked for join the pool.
+        low, high: k each, −inf and inf for none. Once `work` has begun, all of them join the pool.
         """
         self.incumbents.learn(labellings, low, high)
         if self._begun:
@@ -155,7 +155,7 @@ class FieldProof:
         self._refuted = np.concatenate([self._refuted, self.bounds_above(self.incumbents.join(labellings))])
 
     def take(self, conflicts: Sequence[Conflict]) -> None:
-        """Take over conflicts that were weighed again."""
+        """Add conflicts of an earlier run, weighed again, to the proof; see `load_conflicts`."""
         self._add(conflicts)
 
     # --- the proof --------------------------------------------------------------------------------------
@@ -166,7 +166,10 @@ class FieldProof:
         return self.aim.goal(self.incumbents.best())
 
     def work(self) -> None:
-        """Take one step: begin, refine labellings of the pool, draw others, or lower the bound."""
+        """Take one step of the proof: begin, refine, draw labellings, or lower the bound.
+
+        The caller repeats it, and evaluates `waiting` labellings, until `settled` or `stopped`.
+        """
         best = self.incumbents.best() if self._begun else {}
         if not self._begun:
             self._begin()
@@ -199,7 +202,7 @@ class FieldProof:
         self._join(self.incumbents.promising(target, goal, number, _ALIKE))
 
     def bound_all(self) -> None:
-        """Bound all labellings by one program for each load case, on the coarsest meshes."""
+        """Lower `bound` by one program for each load case, on the coarsest meshes."""
         for case in range(self.refuter.cases):
             self._bound_by(self.refuter.common(case), case)
 
@@ -214,7 +217,7 @@ class FieldProof:
         self._batch_seconds = time.perf_counter() - start
 
     def _bound_finer(self) -> None:
-        """Bound all labellings on finer and finer meshes, and take some of them to refute labellings on."""
+        """Bound all labellings on finer and finer meshes; take some to refute labellings."""
         cases = [self.refuter.common(case) for case in range(self.refuter.cases)]
         while not self.reached and self.deadline.remaining() > _ROOT_CAUTION * self._batch_seconds:
             left = [case for case, meshes in enumerate(cases) if not meshes.ended]
@@ -226,11 +229,11 @@ class FieldProof:
 
     @property
     def reached(self) -> bool:
-        """Whether the bound on all labellings is what the first target asks for, or no layout stands."""
+        """True if `bound` meets the goal of the target, or proves that no layout stands."""
         return self.bound <= max(self._goal, 0.0)
 
     def _aim(self) -> None:
-        """Aim the formula at the next factor to refute, or at the next target where the goal is reached."""
+        """Aim the formula at the next factor to refute, or go to the next target."""
         best = self.incumbents.best()
         goal = self.aim.goal(best)
         if self._left_open <= max(goal, 0.0):
@@ -255,7 +258,7 @@ class FieldProof:
         return holds(self._target, self.incumbents.counts)
 
     def _open(self) -> Ints:
-        """Return the rows of the pool to refine next: not refuted by a conflict, in turns by either bound."""
+        """Return rows of the pool to refine next: not refuted, in turns by either bound."""
         low, high = self.pool.low(), self.pool.high()
         rows = np.flatnonzero((self._refuted > self._aimed) & ~self.pool.given_up & self._in_target())
         by_high, by_low = rows[np.lexsort((-low[rows], -high[rows]))], rows[np.argsort(-low[rows], kind="stable")]
@@ -263,7 +266,7 @@ class FieldProof:
         return np.array(list(dict.fromkeys(turns)), dtype=np.int64)[:TOGETHER]
 
     def _blurred(self) -> Ints:
-        """Return the rows of the pool whose refinement may raise the best lower bound, where the proof is long."""
+        """Return rows of the pool that may raise the best lower bound of a long proof."""
         low, high = self.pool.low(), self.pool.high()
         best = self.aim.enough(self.incumbents.best())
         if len(self.state.conflicts) < _LONG or not best > 0.0 or not self.aim.in_steps:
@@ -283,7 +286,7 @@ class FieldProof:
         return np.full(len(self.pool), self.aim.enough(self.incumbents.best()))
 
     def _refine(self, rows: Ints) -> None:
-        """Take labellings of the pool one mesh further, and learn what their velocity fields prove."""
+        """Refine labellings of the pool by one mesh; learn what their fields prove."""
         steps = self.pool.refine(rows.tolist(), self._enough(), refuting_step, (self.refuter.free, self._aimed))
         for _, case, mesh, step in steps:
             conflict: Conflict | None = step.more
@@ -293,7 +296,7 @@ class FieldProof:
             self._add([replace(conflict, mechanism=mechanism), *self._of_others(mechanism)])
 
     def _of_others(self, mechanism: Mechanism) -> list[Conflict]:
-        """Return conflicts of whole labellings of the pool that the velocity field of another one refutes."""
+        """Return conflicts of other labellings of the pool that a mechanism refutes."""
         rows = np.flatnonzero(self._refuted > self._aimed)
         count, faces = len(rows), np.flatnonzero(self.refuter.free)
         if not count:
@@ -307,7 +310,7 @@ class FieldProof:
         return [Conflict(faces, own[faces], bound, mechanism=mechanism) for own, bound in pairs if bound <= self._aimed]
 
     def _draw(self) -> bool:
-        """Draw labellings that no conflict rules out and minimise them; return False where none is left."""
+        """Draw labellings that no conflict rules out, and minimise them; False if none is left."""
         formula = self._formula
         if formula is None:
             raise RuntimeError("the proof has no formula before its first aim")
@@ -340,7 +343,7 @@ class FieldProof:
             self.waiting.append(labels)
 
     def _add(self, conflicts: Sequence[Conflict]) -> None:
-        """Add conflicts to the proof, the formula, and what is known of the labellings of the pool."""
+        """Add conflicts to the proof, the formula, and the bounds of the pool."""
         self.state.add_conflicts(conflicts)
         if self._formula is not None:
             self._formula.learn(conflicts)
@@ -349,7 +352,7 @@ class FieldProof:
             self._refuted[matching] = np.minimum(self._refuted[matching], one.bound)
 
     def _lower(self) -> None:
-        """Lower the bound to the factor aimed at, or to what labellings that are refined no more leave open."""
+        """Lower the bound to the factor aimed at, or to what unrefined labellings leave open."""
         rest = float(self._refuted[self._in_target()].max(initial=-math.inf))
         self._left_open = min(self._left_open, max(self._aimed, rest))
         if self._target is None:

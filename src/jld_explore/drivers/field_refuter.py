@@ -1,4 +1,4 @@
-"""Refute labellings by velocity fields on meshes that all of them share, and weigh the fields of any mesh."""
+"""Refute labellings by velocity fields on meshes that all of them share."""
 
 from __future__ import annotations
 
@@ -32,7 +32,10 @@ _AGAIN: Final = 8
 
 
 class FieldRefuter:
-    """Meshes on which labellings of one space are refuted, and the problems whose mechanisms are weighed.
+    """Refutation of labellings of one space on common meshes, with the check of mechanisms.
+
+    A **problem** is a mesh of a load case. Labellings are refuted on the coarsest meshes, and on those given to
+    `refute_on`. Mechanisms of any problem can be weighed.
 
     Parameters
     ----------
@@ -68,7 +71,7 @@ class FieldRefuter:
         self.restart()
 
     def restart(self) -> None:
-        """Forget all problems but those of the coarsest meshes."""
+        """Forget all problems but those on the coarsest mesh of each load case."""
         # the problems of each level follow each other; the finer levels are added as the proof begins
         self._setup = replace(self._setup, name=uuid.uuid4().hex, levels=self._setup.levels[:1])
         self.relaxation, self._first = FieldRelaxation(self._setup.problems(0)), [0]
@@ -76,19 +79,29 @@ class FieldRefuter:
 
     @property
     def cases(self) -> int:
-        """Number of load cases, and of problems that every proof of the space has."""
+        """Number of load cases, which is that of the problems on coarsest meshes."""
         return len(self._setup.settings)
 
     def load_case(self, problem: FieldProblem) -> int:
-        """Return the load case of a problem."""
+        """Return the index of the load case of a problem.
+
+        The setting of the problem must be one of this object; else StopIteration is raised.
+        """
         return next(case for case, setting in enumerate(self._setup.settings) if setting is problem.setting)
 
     def add_problem(self, case: int, mesh: Mesh) -> int:
-        """Add a mesh of a load case, on which mechanisms are weighed; return the position of the problem."""
+        """Add a mesh (scene units) of load case number `case`, to weigh mechanisms on it.
+
+        Returns the position of the problem, for `Mechanism.case`. No labelling is refuted on it.
+        """
         return self.relaxation.add(FieldProblem(self._setup.settings[case], mesh, self._setup.required[case]))
 
     def weigh(self, conflict: Conflict) -> float:
-        """Return the bound that the mechanism of a conflict proves, inf without any."""
+        """Compute the bound that the mechanism of a conflict proves, without a solver.
+
+        It is the governing factor that no labelling with the labels of the conflict exceeds; inf without a mechanism,
+        or where it proves none.
+        """
         if conflict.mechanism is None:
             return math.inf
         labels, undecided = self._labels.copy(), self.free.copy()
@@ -99,11 +112,14 @@ class FieldRefuter:
         )
 
     def common(self, case: int) -> CommonMeshes:
-        """Return meshes of a load case for a bound on all labellings."""
+        """Make new meshes of load case number `case`, to bound all labellings on."""
         return CommonMeshes(self._setup.settings[case], self._setup.required[case], self._labels, self.free)
 
     def refute_on(self, meshes: Sequence[CommonMeshes]) -> None:
-        """Refute labellings on some of the meshes of every load case from now on, beside the coarsest."""
+        """Refute labellings on some finer meshes too from now on, beside the coarsest.
+
+        meshes: one for each load case, whose `CommonMeshes.shared` are taken.
+        """
         places = dict.fromkeys(zip(*(one.shared for one in meshes), strict=True))
         levels = tuple(tuple(one.meshes[k] for one, k in zip(meshes, row, strict=True)) for row in places)
         self._setup = replace(self._setup, levels=levels)
@@ -114,7 +130,7 @@ class FieldRefuter:
                 self.relaxation.add(problem)
 
     def refute(self, labellings: Sequence[Bits], threshold: float, tasks: TaskPool) -> list[Conflict | None]:
-        """Minimise labellings (m,) that a factor refutes.
+        """Refute a factor for labellings, and minimise each refuted one to a conflict.
 
         Parameters
         ----------
@@ -151,6 +167,9 @@ class FieldRefuter:
         return tuple(level for level, share in enumerate(self._share) if share >= _RARELY or again)
 
     def context(self) -> FieldProofContext:
-        """Return what a check needs; all mechanisms are weighed again after it."""
+        """Return what the check of a proof needs, and forget what was weighed.
+
+        All mechanisms are therefore weighed again by the check.
+        """
         self.relaxation.forget()
         return FieldProofContext(self.relaxation, self._space, self._blocks, self.free)

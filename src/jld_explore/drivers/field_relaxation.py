@@ -1,4 +1,4 @@
-"""Refute load factors of partial labellings by velocity fields, as the exact driver does by rigid blocks.
+"""Refute load factors of partial labellings by velocity fields.
 
 A velocity field bounds λ of every labelling by a sum over faces, as mechanisms of rigid blocks do (docs/method.md
 (9.13), (9.15) and (9.16)). Conflicts, their minimisation and the check of a proof are therefore those of
@@ -88,16 +88,22 @@ class FieldRelaxation:
         return sum(one.solves for one in self._asked)
 
     def restart(self) -> None:
-        """Ask the problems in their first order again, so that answers do not depend on earlier ones."""
+        """Ask the problems in their first order again.
+
+        `refute` moves successful problems to the front; after a restart its answers do not depend on earlier calls.
+        """
         self._order = list(range(len(self._asked)))
 
     def add(self, problem: FieldProblem) -> int:
-        """Add a problem whose mechanisms are to be weighed; return its position."""
+        """Add a problem to weigh mechanisms on, not to refute; return its position."""
         self.problems.append(problem)
         return len(self.problems) - 1
 
     def refute(self, labels: Bits, undecided: Bools, threshold: float = math.inf) -> DualBound | None:
         """Refute a governing factor for all labellings that agree on the decided faces.
+
+        A factor is refuted where a velocity field proves a smaller bound. Problems are asked one by one; one that
+        succeeds is asked first the next time.
 
         Parameters
         ----------
@@ -112,6 +118,11 @@ class FieldRelaxation:
         -------
         DualBound or None
             Mechanism of the first problem that proves it; None where no proof is found.
+
+        Raises
+        ------
+        DeadlinePassed
+            After an enforced deadline.
         """
         for place, number in enumerate(self._order):
             checkpoint()
@@ -150,7 +161,11 @@ class FieldRelaxation:
         return [self.refute(*one) for one in zip(labellings, undecided, thresholds.tolist(), strict=True)]
 
     def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
-        """Return the mechanism of any problem with the least bound for a partial labelling (m,), None without any."""
+        """Find the least bound for a partial labelling over the problems that are asked.
+
+        labels: (m,) True = dry, ignored where undecided. undecided: (m,). The result has an infinite excess, as no
+        threshold is given. None: no problem has a finite bound.
+        """
         best: DualBound | None = None
         for number, partial in enumerate(self._asked):
             found = partial.field(labels, undecided)
@@ -191,18 +206,22 @@ class FieldRelaxation:
         return np.array([math.inf if m is None else raised(m.bound_of(*part) / required) for m, *part in rows])
 
     def weighed(self, number: int, velocity: Floats) -> FieldMechanism | None:
-        """Return what a mechanism of a problem dissipates; several conflicts rest on one, which is weighed once."""
+        """Compute what a mechanism dissipates in blocks and on faces, or return the stored result.
+
+        number: position of the problem. velocity: (t, 3, 2), scaled. None where it proves nothing; see
+        `transfer.weighed`. Results are stored, since several conflicts rest on one mechanism.
+        """
         key = number, hashlib.sha256(np.ascontiguousarray(velocity).tobytes()).digest()
         if key not in self._known:
             self._known[key] = self._of(number).weigh(velocity)
         return self._known[key]
 
     def forget(self) -> None:
-        """Forget what was weighed, so that all is weighed again."""
+        """Forget the stored results of `weighed`, so that a check computes them again."""
         self._known.clear()
 
     def _of(self, number: int) -> PartialUpperBound:
-        """Return the bounds of a problem; those that are only weighed are set up anew where they were dropped."""
+        """Return the bounds of a problem; those only weighed are set up anew once dropped."""
         if number < len(self._asked):
             return self._asked[number]
         if number not in self._others:
@@ -214,7 +233,7 @@ class FieldRelaxation:
 
 
 def raised(bound: float) -> float:
-    """Raise a bound by the rounding of a change of units."""
+    """Return a bound raised by the rounding that a change of units may cause."""
     return bound + abs(bound) * _ROUNDING if math.isfinite(bound) else bound
 
 
@@ -241,5 +260,5 @@ class FieldProofContext:
 
     @property
     def labels(self) -> Bits:
-        """Labels (m,) in which all free faces are undecided, True = dry."""
+        """Labels (m,), True = dry, of all faces that are not free; free ones are undecided."""
         return np.asarray(self.space.fixed | (self.space.candidates & ~self.free))

@@ -1,6 +1,7 @@
-"""Tasks of a proof by fields that processes share: conflicts on the coarsest mesh, and on a mesh refined for a layout.
+"""Tasks of a proof by fields that worker processes carry out.
 
-What a task returns depends on its arguments alone, so that a proof does not depend on the number of processes.
+They find conflicts on the meshes of all labellings, and on meshes refined for one labelling. What a task returns
+depends on its arguments alone, so that a proof does not depend on the number of processes.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ class ProofSetup:
     Attributes
     ----------
     name : str
-        Name of the proof, unlike that of any other.
+        Name of the proof, unlike that of any other; each process keeps relaxations by it.
     settings : tuple of FieldSetting
         Setting of each load case.
     required : tuple of float
@@ -61,7 +62,7 @@ class ProofSetup:
     free : (m,) bool array
         Faces that may take either label.
     levels : tuple of tuples of Mesh
-        Meshes that all labellings share, of each load case; the coarsest ones are first.
+        Meshes that all labellings share, from coarse to fine: each level has one mesh for each load case.
     """
 
     name: str
@@ -71,23 +72,23 @@ class ProofSetup:
     levels: tuple[tuple[Mesh, ...], ...]
 
     def problems(self, level: int) -> list[FieldProblem]:
-        """Return the problems of all load cases on one of the meshes that all labellings share."""
+        """Return one problem for each load case, on the meshes of `levels[level]`."""
         triples = zip(self.settings, self.levels[level], self.required, strict=True)
         return [FieldProblem(*one) for one in triples]
 
 
 @dataclass(frozen=True)
 class LevelConflict:
-    """Result of minimising a labelling on the meshes that all labellings share.
+    """Result of refuting one labelling on the meshes that all labellings share.
 
     Attributes
     ----------
     first : int
-        Position of the first mesh that refutes it, −1 where none does.
+        Level (position in `ProofSetup.levels`) that refutes the labelling first, −1 for none.
     level : int
-        Position of the mesh of the conflict.
+        Level whose meshes the mechanism of the conflict belongs to, −1 for none.
     conflict : Conflict or None
-        The conflict, with a mechanism of that mesh.
+        The conflict; `Mechanism.case` is the load case. None where no level refutes the labelling.
     solves : int
         Programs solved.
     """
@@ -100,7 +101,9 @@ class LevelConflict:
 
 @one_thread()
 def level_conflict(setup: ProofSetup, labels: Bits, threshold: float, levels: tuple[int, ...]) -> LevelConflict:
-    """Minimise a labelling on the first mesh that refutes a factor, and what is left of it on finer ones.
+    """Refute a factor for a labelling, and minimise the labelling to a conflict.
+
+    The first level that refutes it gives a conflict; finer levels then try to shorten it.
 
     Parameters
     ----------
@@ -111,12 +114,12 @@ def level_conflict(setup: ProofSetup, labels: Bits, threshold: float, levels: tu
     threshold : float
         Governing factor to refute.
     levels : tuple of int
-        Meshes to try first, by their positions in `setup.levels`, in this order.
+        Levels of `setup.levels` to try until one refutes the labelling, from coarse to fine.
 
     Returns
     -------
     LevelConflict
-        Conflict of the finest of these meshes that makes do with fewer faces.
+        The last conflict that has fewer faces than the one before.
     """
     solves, last = 0, len(setup.levels) - 1
     first, level, found = -1, -1, None
@@ -149,7 +152,7 @@ def _relaxation(setup: ProofSetup, level: int) -> FieldRelaxation:
 def refuting_step(
     setting: FieldSetting, labels: Bits, mesh: Mesh, required: float, enough: float, free: Bools, over: float
 ) -> FieldStep:
-    """Solve on one mesh as `refined_step`, and minimise the labelling if its velocity field refutes a factor.
+    """Bound a labelling on one mesh, and minimise it if its velocity field refutes a factor.
 
     Parameters
     ----------
@@ -158,11 +161,11 @@ def refuting_step(
     labels : (m,) bool array
         Labels, True = dry.
     mesh : Mesh
-        The mesh.
+        The mesh, scene units.
     required : float
         Required factor of the load case.
     enough : float
-        Governing factor below which no lower bound is asked for.
+        Governing factor: where the upper bound is below it, no lower bound is computed.
     free : (m,) bool array
         Faces that may take either label.
     over : float
@@ -171,7 +174,8 @@ def refuting_step(
     Returns
     -------
     FieldStep
-        With a conflict as what it adds: that of a refuted labelling, else the bound of the labelling alone, or None.
+        As of `refined_step`, with a conflict in `more`: that of a refuted labelling, else the bound of the labelling
+        alone, or None.
     """
     start = time.perf_counter()
     fields = Fields.on(setting, mesh, labels, enough * required)
@@ -183,7 +187,7 @@ def refuting_step(
 
 
 def _whole(fields: Fields, required: float, free: Bools) -> Conflict | None:
-    """Return what a velocity field proves of its own labelling alone, as a conflict of all its labels."""
+    """Return what a velocity field proves of its own labelling, as a conflict of all labels."""
     if fields.velocity is None:
         return None
     found = weighed(fields.upper, fields.velocity.velocity)

@@ -136,11 +136,15 @@ class Genetic(Searcher):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Population size and aim."""
+        """Population size and aim by name; see `Driver.settings`."""
         return {"population": self.population, "aim": self.aim}
 
     def propose(self) -> Bits:
-        """Return the next generation; draw it at random while the population is empty."""
+        """Return the next generation: new canonical labellings (k, m), registered as proposed.
+
+        They are random while the population has fewer than two labellings. A population without progress is given up
+        first, and another one started.
+        """
         self._learn()
         if self._idle > PATIENCE * self.operators.keys:
             self._forget(np.arange(len(self._pool)))
@@ -171,7 +175,10 @@ class Genetic(Searcher):
         return given
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Store evaluations of labellings (k, m) for the next generation."""
+        """Store evaluations of labellings (k, m), True = dry, until the next call of `propose`.
+
+        Nothing is stored once the remaining classes are enumerated.
+        """
         if len(labellings) and self._enumeration is None:
             self._pending.append(
                 (labellings, objectives(self.space, labellings, evaluations), status_ranks(evaluations))

@@ -107,11 +107,14 @@ class HillClimb(Searcher):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Labelling at which all runs start, if one is given."""
+        """Letters of the labelling at which all runs start; empty where none is given."""
         return {} if self.begin_at is None else {"start": self.begin_at}
 
     def propose(self) -> Bits:
-        """Return neighbours of every run and random starts; at first the given start."""
+        """Return new changes of the labelling of every run, (k, m), registered as proposed.
+
+        Runs that restart give one random labelling. The first call has the given start, if any, and changes of it.
+        """
         if self._first is not None:
             return self._beginning(self._first)
         batches = []
@@ -145,7 +148,11 @@ class HillClimb(Searcher):
         return np.concatenate([start, near])
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Move each run to a labelling that is better than its current one."""
+        """Move each run to the best evaluated change, if that is better than its labelling.
+
+        labellings: (k, m), True = dry. Those of no run are ignored. A move resets the count of rounds without
+        improvement.
+        """
         values = objective_values(self.space, labellings, evaluations).tolist()
         for key, labels, found, aim in zip(keys(labellings), labellings, evaluations, values, strict=True):
             number = self._owner.pop(key, None)

@@ -1,4 +1,7 @@
-"""Sort labellings into non-dominated fronts and measure crowding on them, as in NSGA-II (Deb et al. 2002)."""
+"""Non-dominated fronts of labellings, and crowding on them, as in NSGA-II.
+
+Source: Deb et al. 2002.
+"""
 
 from __future__ import annotations
 
@@ -88,7 +91,8 @@ def _dominators(values: Floats, rivals: Ints) -> Ints:
 def crowding_of(values: Floats, front: Floats) -> Floats:
     """Return the crowding distance of each labelling on its front.
 
-    The distance is infinite at the ends of a front, and 0 for labellings of equal values between others.
+    Selection prefers labellings of large distance. It is infinite at the ends of a front, and 0 for labellings of equal
+    values between others.
 
     Parameters
     ----------

@@ -64,7 +64,7 @@ _NOT_FOR_KEYS: Final = ("Base", "BaseGA", "BruteForce", "Grid", "PartialFixed")
 
 
 def sampler_names() -> list[str]:
-    """Return the names that `--sampler` accepts."""
+    """Return the sorted names of Optuna's samplers that the driver accepts."""
     import optuna  # imported in functions because the import is slow and few users need it
 
     names = [name.removesuffix("Sampler") for name in dir(optuna.samplers) if name.endswith("Sampler")]
@@ -72,7 +72,7 @@ def sampler_names() -> list[str]:
 
 
 def make_sampler(name: str, seed: int) -> tuple[str, optuna.samplers.BaseSampler]:
-    """Make a sampler by name, and return its proper name with it.
+    """Make an Optuna sampler by name.
 
     Parameters
     ----------
@@ -80,6 +80,13 @@ def make_sampler(name: str, seed: int) -> tuple[str, optuna.samplers.BaseSampler
         Name with or without "Sampler", in any case, with or without hyphens.
     seed : int
         Seed of the sampler.
+
+    Returns
+    -------
+    str
+        Proper name, one of `sampler_names`.
+    BaseSampler
+        The sampler.
 
     Raises
     ------
@@ -170,7 +177,10 @@ class Optuna(Searcher):
         self._waiting: dict[bytes, list[Trial]] = {}
 
     def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
-        """Open the storage for finished trials; see `Driver.start`."""
+        """Open the storage for finished trials, if the study has records; see `Driver.start`.
+
+        Raises InputError if the storage cannot be used.
+        """
         if records is not None:
             known = records.header
             scene, objective = str(known.get("scene"))[:12], known.get("objective")
@@ -183,7 +193,11 @@ class Optuna(Searcher):
         return {"sampler": self.sampler, "size": self.size, "optuna": version("optuna")}
 
     def propose(self) -> Bits:
-        """Return the labellings of new trials, and random ones where trials give known classes."""
+        """Ask the sampler for trials, and return their new labellings (k, m).
+
+        Trials of known classes are finished at once; random labellings fill their places. Labellings are registered as
+        proposed.
+        """
         from optuna.trial import TrialState
 
         rows: list[Bits] = []
@@ -206,7 +220,10 @@ class Optuna(Searcher):
         return np.concatenate(rows)
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Finish all waiting trials of each labelling, or add a trial if none waits."""
+        """Finish all trials of each evaluated labelling (k, m), and write them to the storage.
+
+        A labelling that no trial proposed is added to the study as a finished trial.
+        """
         if not len(labellings):
             return
         values = objectives(self.space, labellings, evaluations)[:, : self.objective_count].tolist()
@@ -317,13 +334,16 @@ class StorageCopy:
         self._already_stored = len(self._study.get_trials(deepcopy=False))
 
     def add(self, trial: FrozenTrial, attributes: dict[str, Any]) -> None:
-        """Queue a finished trial, with attributes, for writing."""
+        """Queue a finished trial with user attributes for `write`; ignored before `open`."""
         if self._study is not None:
             trial.user_attrs = {**trial.user_attrs, **attributes}
             self._waiting.append(trial)
 
     def write(self) -> None:
-        """Write the queued trials that the storage lacks."""
+        """Write the queued trials to the storage, and empty the queue; ignored before `open`.
+
+        As many first trials are skipped as the storage held when it was opened.
+        """
         if self._study is None:
             return
         for trial in self._waiting:

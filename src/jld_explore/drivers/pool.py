@@ -52,7 +52,7 @@ class Pool:
         return len(self.rows)
 
     def add(self, rows: Bits, names: list[bytes]) -> None:
-        """Add labellings (k, m) with their keys."""
+        """Add labellings (k, m), True = dry, with their keys (k of bytes), at the end."""
         own = np.empty(len(names), dtype=object)
         own[:] = names
         self._refresh()
@@ -67,12 +67,15 @@ class Pool:
         self._covariances = np.concatenate([self._covariances, covariance])
 
     def keep(self, places: Ints) -> None:
-        """Remove all labellings except those at the given positions."""
+        """Remove all labellings except those at the positions `places` (k,), in this order."""
         self.rows, self.counts, self.names = self.rows[places], self.counts[places], self.names[places]
         self._signs, self._covariances = self._signs[places], self._covariances[places]
 
     def predict(self) -> Floats:
-        """Return the prediction of the surrogate for each labelling, (k,)."""
+        """Predict the rank of each labelling of the pool, (k,); see `Surrogate.predict`.
+
+        Covariances with labellings learned since the last call are computed first.
+        """
         self._refresh()
         return self._surrogate.predict_from(self._covariances)
 

@@ -34,7 +34,7 @@ class Random(Searcher):
         super().__init__(space, seed, min(size, max(1, _MOST_LABELS // max(1, len(space.candidates)))))
 
     def propose(self) -> Bits:
-        """Return new random labellings."""
+        """Return at most `size` new random labellings (k, m), canonical and registered."""
         return self.fresh(self.draw, self.size)
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:

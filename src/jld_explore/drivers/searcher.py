@@ -104,9 +104,9 @@ class Register:
         return rows[places], named, places
 
     def forget(self, names: Iterable[bytes]) -> None:
-        """Remove classes, by their keys, that no caller has received.
+        """Remove classes by their keys, so that they may be proposed again.
 
-        The same classes may then be proposed again.
+        names: keys of canonical labellings that `ask` has not returned. Unknown keys are ignored.
         """
         self.seen.difference_update(names)
 
@@ -146,7 +146,11 @@ class Searcher(Driver):
         return np.empty((0, len(self.space.fixed)), dtype=bool)
 
     def ask(self, limit: int | None = None) -> Bits:
-        """Return the next labellings (k, m): the rest of the last batch, or a new one."""
+        """Return the next labellings (k, m), True = dry: the rest of the last batch, or a new one.
+
+        limit: largest number; None for the whole batch. Once `propose` returns few, the remaining classes are
+        enumerated. k = 0: none is left, or the limit is 0.
+        """
         if limit is not None and limit <= 0:
             return self._none
         if not len(self._unreturned):
@@ -169,20 +173,31 @@ class Searcher(Driver):
 
     @abstractmethod
     def propose(self) -> Bits:
-        """Propose up to `size` new labellings, canonical and registered.
+        """Propose up to `size` new labellings, (k, m) bool array, True = dry.
 
-        A driver returns fewer where new labellings have become rare.
+        They are canonical and in `register`. A driver returns fewer where new labellings have become rare; below an
+        eighth of `size`, enumeration follows.
         """
 
     def fresh(self, make: Callable[[int], Bits], count: int) -> Bits:
-        """Return up to `count` new classes, canonical and registered.
+        """Collect up to `count` new classes from proposals, and register them as proposed.
 
         Parameters
         ----------
         make : callable
-            Proposes a given number of labellings by the operators.
+            Called with a number n; returns at most n labellings, (j, m) bool array, True = dry.
         count : int
             Number of classes wanted.
+
+        Returns
+        -------
+        (k, m) bool array
+            Canonical labellings. k < count if about `PATIENCE` × max(count, 16) proposals give no more.
+
+        Raises
+        ------
+        DeadlinePassed
+            After an enforced deadline.
         """
         found = self._none
         tries = PATIENCE * max(count, _ROUND)
@@ -197,7 +212,7 @@ class Searcher(Driver):
         return found
 
     def draw(self, count: int) -> Bits:
-        """Draw random labellings, in the form that `fresh` takes."""
+        """Draw at most `count` random labellings (j, m), True = dry; pass this method to `fresh`."""
         return self.operators.draw(count, self.rng)
 
     def _remaining(self) -> Iterator[Bits]:

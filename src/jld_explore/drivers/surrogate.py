@@ -47,8 +47,8 @@ class Surrogate:
 
     Attributes
     ----------
-    since : (MEMORY,) int array
-        Value of `batches_learned` when each slot was filled.
+    filled_at : (SLOTS,) int array
+        Value of `batches_learned` when each slot was filled, 0 for empty slots.
     batches_learned : int
         Number of batches learned.
     """
@@ -66,7 +66,9 @@ class Surrogate:
         self.batches_learned = 0
 
     def learn(self, labellings: Bits, values: Floats) -> None:
-        """Learn labellings with their objective values.
+        """Remember labellings with their objective values, for later predictions.
+
+        Where the `SLOTS` slots are full, the worst of the older labellings are replaced.
 
         Parameters
         ----------
@@ -111,7 +113,7 @@ class Surrogate:
     def share_below(self, values: Floats) -> Floats:
         """Return the share of remembered labellings below given objective values.
 
-        Ties count half.
+        Ties count half. All shares are 0 where nothing is remembered.
 
         Parameters
         ----------
@@ -143,12 +145,22 @@ class Surrogate:
         return self.predict_from(self.covariance(self.signs(labellings), np.arange(len(self))))
 
     def predict_from(self, covariance: Single) -> Floats:
-        """Predict from the covariances with the n remembered labellings; see `predict`.
+        """Predict from stored covariances, without computing them again; see `predict`.
 
         Parameters
         ----------
         covariance : (k, ≥ n) float32 array
-            Covariances, from `covariance`.
+            Covariances with the n remembered labellings by slot, from `covariance`; further columns are ignored.
+
+        Returns
+        -------
+        (k,) float array
+            Predictions, not limited to [0, 1]; 0 where nothing is remembered.
+
+        Raises
+        ------
+        ArithmeticError
+            If the matrix of covariances is not positive definite.
         """
         if not len(self):
             return np.zeros(len(covariance))
@@ -171,14 +183,17 @@ class Surrogate:
         return self._weights
 
     def signs(self, labellings: Bits) -> Single:
-        """Return labels (k, m) of the candidate faces as ±1, (k, f)."""
+        """Convert labels (k, m) to signs (k, f) of the f candidate faces: 1 for dry, −1 for inner.
+
+        The result is the input of `covariance`.
+        """
         found: Single = labellings[:, self._faces].astype(np.float32)
         found *= np.float32(2.0)
         found -= np.float32(1.0)
         return found
 
     def covariance(self, signs: Single, slots: Ints) -> Single:
-        """Return the covariances (k, n) of labellings with remembered ones.
+        """Compute the covariances of labellings with remembered ones.
 
         Parameters
         ----------
@@ -186,6 +201,11 @@ class Surrogate:
             Labellings, from `signs`.
         slots : (n,) int array
             Slots of the remembered labellings.
+
+        Returns
+        -------
+        (k, n) float32 array
+            Covariances, summed over the symmetric images of the remembered labellings.
         """
         total: Single | None = None
         faces = signs.shape[1]
