@@ -52,7 +52,7 @@ def main(wanted: Sequence[str] = ()) -> None:
     chosen = [(kind, edge) for kind, edge in SIZES if not wanted or f"{kind}-{edge}" in wanted]
     rows = [row(kind, edge, run(kind, edge, seconds=900)) for kind, edge in chosen]
     head = ["kind", "cells", "contacts, s", "first layout, s", "λ, s", "MB", "relative width", "status"]
-    text = "Times before and after were measured on machines of one type; others were at work on it after."
+    text = "Times before and after were measured on machines of one type; it was idle after."
     write("large", "\n\n".join(["# Large scenes", about(__doc__), text, table(head, rows)]))
 
 
