@@ -101,6 +101,11 @@ class Elements:
         """Upper corner (n, d) of each element's bounding box."""
         return np.array([shape.max(axis=0) for shape in self.shape])
 
+    @cached_property
+    def size(self) -> float:
+        """Largest side of the bounding box of all elements, the length that geometric tolerances refer to."""
+        return float(np.max(self.upper.max(axis=0) - self.lower.min(axis=0)))
+
 
 @dataclass(frozen=True)
 class Interfaces:
@@ -341,8 +346,8 @@ class Assembly(NotebookRepr):
 
     @cached_property
     def size(self) -> float:
-        """Largest side of the bounding box, the length that geometric tolerances refer to."""
-        return float(np.max(self.elements.upper.max(axis=0) - self.elements.lower.min(axis=0)))
+        """Largest side of the bounding box of all elements, see `Elements.size`."""
+        return self.elements.size
 
     @cached_property
     def total_dead(self) -> float:

@@ -65,6 +65,9 @@ relative to the forces or velocities at its face: a hundred last digits. Frictio
 CONTACT: Final = 1e-7
 """Largest gap, offset and misalignment of two faces that touch, relative to the shorter edge."""
 
+ON_OUTLINE: Final = 10.0 * CONTACT
+"""Largest distance from an outline, relative to the size of the structure, at which a point lies on it."""
+
 SNAP: Final = 1e-4
 """Default of a scene's "tolerance": gaps and overlaps up to it are closed, relative to the shortest edge."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Final
 
 import numpy as np
 import shapely
@@ -14,9 +13,6 @@ from jld_core.assembly import Elements
 from jld_core.errors import InputError
 from jld_core.scene import PointLoad
 from jld_core.scene.loads import BodyLoad, Case, FaceLoad, MovingLoad
-
-_REACH: Final = 10.0 * tolerances.CONTACT
-"""Distance from an element, relative to the size of the structure, up to which an axle stands on it."""
 
 
 def cases_of(moving: MovingLoad, elements: Elements, downwards: Floats, where: str) -> list[Case]:
@@ -82,7 +78,7 @@ def _positions(
     for first in np.linspace(0.0, whole + float(behind[-1]), moving.steps).tolist():
         forces = []
         for place, axle in zip((first - behind).tolist(), moving.axles, strict=True):
-            if -_REACH * whole <= place <= (1.0 + _REACH) * whole:
+            if -tolerances.ON_OUTLINE * whole <= place <= (1.0 + tolerances.ON_OUTLINE) * whole:
                 leg = min(int(np.searchsorted(ends, place, side="right")) - 1, len(legs) - 1)
                 leg = max(leg, 0)
                 unit = (points[leg + 1] - points[leg]) / legs[leg]
@@ -92,8 +88,7 @@ def _positions(
 
 def _element_under(elements: Elements, at: Floats, unit: Floats) -> int | None:
     """Return the element that a point touches, of several the one farthest along the path; None without one."""
-    size = float((elements.upper.max(axis=0) - elements.lower.min(axis=0)).max())
-    reach = _REACH * size
+    reach = tolerances.ON_OUTLINE * elements.size
     near: Ints = np.flatnonzero(((elements.lower - reach <= at) & (at <= elements.upper + reach)).all(axis=1))
     point = shapely.Point(*at)
     touching = [k for k in near.tolist() if shapely.Polygon(elements.shape[k]).distance(point) <= reach]

@@ -33,7 +33,7 @@ def planar_geometry(scene: Scene) -> Geometry:
     Interfaces between two supports are dropped. Raises InputError for invalid polygons or interfaces.
     """
     entries = _cells(scene.grid) if scene.grid is not None else list(scene.elements or [])
-    thickness = scene.grid.thickness if scene.grid is not None else (scene.thickness or 1.0)
+    thickness = scene.plane_thickness
     ids = [entry.id for entry in entries]
     refuse_twins(ids)
     outlines = without_repeats([np.array(entry.polygon, dtype=float) for entry in entries])

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
@@ -18,9 +17,6 @@ from jld_core.build.loads import PlacedLoad
 from jld_core.errors import InputError
 from jld_core.scene import PointLoad
 from jld_core.scene.loads import OUTSIDE, BodyLoad, FaceLoad
-
-_REACH: Final = 10.0 * tolerances.CONTACT
-"""Distance from a line, relative to the size of the structure, up to which an edge lies on it."""
 
 
 @dataclass(frozen=True)
@@ -75,9 +71,9 @@ class Boundary:
         return found
 
     @property
-    def _size(self) -> float:
-        """Largest side of the bounding box of all elements."""
-        return float((self.elements.upper.max(axis=0) - self.elements.lower.min(axis=0)).max())
+    def _reach(self) -> float:
+        """Distance up to which a point lies on an outline, length."""
+        return tolerances.ON_OUTLINE * self.elements.size
 
     def _around(self, entry: FaceLoad, where: str) -> list[PointLoad]:
         """Return the loads of a uniform pressure on the whole free boundary of one element."""
@@ -123,7 +119,7 @@ class Boundary:
             raise InputError(f"{where}.face.along", "it is for planar scenes", f'"between": [element, "{OUTSIDE}"]')
         points = np.array(along, dtype=float)
         legs = np.linalg.norm(np.diff(points, axis=0), axis=1)
-        if not (legs > _REACH * self._size).all():
+        if not (legs > self._reach).all():
             raise InputError(f"{where}.face.along", "two of its points coincide", "points apart from each other")
         place = np.append(0.0, np.cumsum(legs)) / legs.sum()
         first, last = entry.ends
@@ -132,7 +128,7 @@ class Boundary:
             ends = [first + (last - first) * share for share in (place[k], place[k + 1])]
             pieces = list(self._on_leg(points[k], (points[k + 1] - points[k]) / leg, leg))
             covered = sum(high - low for _, low, high, _ in pieces)
-            if abs(covered - leg) > _REACH * self._size * (1 + len(pieces)):
+            if abs(covered - leg) > self._reach * (1 + len(pieces)):
                 problem = f"of its {leg:.6g} from point {k + 1} to {k + 2}, {covered:.6g} is free boundary"
                 raise InputError(f"{where}.face.along", problem, "points on the outline of the structure")
             for index, low, high, forward in pieces:
@@ -148,22 +144,25 @@ class Boundary:
 
     def _on_leg(self, start: Floats, unit: Floats, length: float) -> Iterator[tuple[int, float, float, bool]]:
         """Yield element, first and last distance along a leg, and whether its edge has the direction of the leg."""
-        reach = _REACH * self._size
-        for index in range(len(self.elements)):
+        reach = self._reach
+        ends = np.array([start, start + length * unit])
+        low, high = ends.min(axis=0) - reach, ends.max(axis=0) + reach
+        near = ((self.elements.lower <= high) & (low <= self.elements.upper)).all(axis=1)
+        for index in np.flatnonzero(near).tolist():
             for first, last, pieces in self._edges(index):
                 sideways = [abs((p - start)[0] * unit[1] - (p - start)[1] * unit[0]) for p in (first, last)]
                 if max(sideways) > reach:
                     continue
                 forward = bool((last - first) @ unit > 0.0)
                 for one, other in pieces:
-                    low, high = sorted((float((one - start) @ unit), float((other - start) @ unit)))
-                    low, high = max(low, 0.0), min(high, length)
-                    if high - low > reach:
-                        yield index, low, high, forward
+                    least, most = sorted((float((one - start) @ unit), float((other - start) @ unit)))
+                    least, most = max(least, 0.0), min(most, length)
+                    if most - least > reach:
+                        yield index, least, most, forward
 
     def _edges(self, index: int) -> Iterator[tuple[Floats, Floats, list[tuple[Floats, Floats]]]]:
         """Yield both ends of each edge of a planar element, and its free pieces: pairs of points in its direction."""
-        reach = _REACH * self._size
+        reach = self._reach
         outline = self.elements.shape[index]
         mine = np.flatnonzero((self.interfaces.a == index) | (self.interfaces.b == index))
         for first, last in zip(outline, np.roll(outline, -1, axis=0), strict=True):

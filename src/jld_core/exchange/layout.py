@@ -119,8 +119,7 @@ class Layout:
     @property
     def thickness(self) -> float:
         """Out-of-plane depth of a planar scene, scene units."""
-        scene = self.scene
-        return scene.grid.thickness if scene.grid is not None else (scene.thickness or 1.0)
+        return self.scene.plane_thickness
 
     @cached_property
     def blocks(self) -> tuple[Block, ...]:

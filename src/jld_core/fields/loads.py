@@ -197,7 +197,7 @@ def _face_of(assembly: Assembly, faces: list[_FreeFace], place: Floats, vector: 
 
     None means a force inside its cell or beside all free faces.
     """
-    reach = 10.0 * tolerances.CONTACT * assembly.size
+    reach = tolerances.ON_OUTLINE * assembly.size
     loaded = [int(cell) for cell in assembly.elements.free if assembly.live[cell].any()]
     point = shapely.Point(*place)
     near = [cell for cell in loaded if shapely.Polygon(assembly.elements.shape[cell]).distance(point) <= reach]
@@ -238,7 +238,7 @@ def _segments(assembly: Assembly, face: _FreeFace, forces: list[_Force]) -> list
     if len(pieces) == 1:
         low, high, ends = pieces[0]
         return [_segment(face, low, high, ends)]
-    reach = 10.0 * tolerances.CONTACT * assembly.size
+    reach = tolerances.ON_OUTLINE * assembly.size
     cuts = sorted(end for piece in pieces for end in piece[:2])
     segments = []
     for low, high in pairwise(cuts):
@@ -283,7 +283,7 @@ def _spread(assembly: Assembly, face: _FreeFace, forces: list[_Force]) -> _Piece
 
 def _stated(assembly: Assembly, face: _FreeFace, force: _Force, width: float) -> _Piece:
     """Return a uniform patch of stated width about one force."""
-    reach = 10.0 * tolerances.CONTACT * assembly.size
+    reach = tolerances.ON_OUTLINE * assembly.size
     low, high = force.at - 0.5 * width, force.at + 0.5 * width
     if low < -reach or high > face.length + reach:
         raise _no_room(assembly, face, force.at)

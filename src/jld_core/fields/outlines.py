@@ -50,7 +50,7 @@ def outlines_of(assembly: Assembly, extra: Floats | None = None) -> Outlines:
     ends = np.concatenate([np.asarray(ends, dtype=float) for ends in assembly.interfaces.polygon])
     corners = np.concatenate(shapes)
     every = np.concatenate([ends, corners, np.zeros((0, 2)) if extra is None else extra])
-    reach = 10.0 * tolerances.CONTACT * assembly.size
+    reach = tolerances.ON_OUTLINE * assembly.size
     pairs = cKDTree(every).query_pairs(reach, output_type="ndarray")
     group = components(len(every), pairs[:, 0], pairs[:, 1])
     _, first, number = np.unique(group, return_index=True, return_inverse=True)

@@ -134,7 +134,7 @@ def loaded_solids(
 
 def _region_of(assembly: Assembly, surface: Surface, force: _Force, taken: Floats) -> tuple[int, int] | None:
     """Return the facet and free region that a live force acts on, None for a force on none."""
-    reach = max(surface.reach, 10.0 * tolerances.CONTACT * assembly.size)
+    reach = max(surface.reach, tolerances.ON_OUTLINE * assembly.size)
     height: dict[int, float] = {}
     for facet in surface.facets:
         off = float((force.place - facet.origin) @ facet.normal)

@@ -260,6 +260,11 @@ class Scene(Part):
         return 3 if self.elements is not None and self.elements[0].polygon is None else 2
 
     @property
+    def plane_thickness(self) -> float:
+        """Out-of-plane thickness of a planar scene, length: that of the grid or of the scene, else 1."""
+        return self.grid.thickness if self.grid is not None else (self.thickness or 1.0)
+
+    @property
     def fingerprint(self) -> str:
         """Hex digest of all keys that results depend on, by which records of a search are found.
 

@@ -71,7 +71,7 @@ def with_numbers(document: dict[str, Any]) -> dict[str, Any]:
     Returns
     -------
     dict
-        The same document where it holds no such text, else a copy.
+        Document with numbers in place of the texts. Lists without objects and texts are those of the given one.
 
     Raises
     ------
@@ -95,6 +95,8 @@ def _converted(value: Any, own: tuple[str, str], where: str, powers: _Powers | N
     """
     if isinstance(value, str) and powers is not None:
         return _number(value, own, where, powers)
+    if isinstance(value, list) and powers is None and not any(isinstance(inner, dict) for inner in value):
+        return value  # coordinates: most of a large scene
     if isinstance(value, list):
         return [_converted(inner, own, f"{where}[{index}]", powers) for index, inner in enumerate(value)]
     if isinstance(value, dict):
