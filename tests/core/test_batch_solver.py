@@ -37,7 +37,7 @@ EXTRA = {"crushable inner": (["aaaa", "aaaa", "####"], {"crush_inner": 3e4, "ten
 
 @pytest.fixture(scope="session")
 def kernels() -> dict[str, str]:
-    """The libraries of this processor that are built, the fastest first; where none is, one compiled as first use would.
+    """The built libraries of this processor, the fastest first; where none is, one compiled as first use would.
 
     `make setup` builds the fastest and the base, `make bench` all."""
     there = library.built()
