@@ -169,7 +169,7 @@ def load_rates(assembly: Assembly, mesh: VertexMesh, load_factor: float) -> sp.c
 
 
 def shape_loads(assembly: Assembly, load_factor: float) -> tuple[Floats, Floats]:
-    """Return forces (n, d) in proportion to the volume, and forces that move with the centroid.
+    """Return forces (n, d) in proportion to volume, and forces that move with the centroid.
 
     These are the loads at λ that change while an element changes its shape, in scene units. Where the assembly states
     none, self-weight is both, and all other loads stay.
