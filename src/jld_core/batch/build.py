@@ -192,6 +192,7 @@ def compile_variant(
     flags = [*compiler, *FLAGS, *VARIANT_FLAGS[variant], mark(), *_SHARED, *extra]
 
     def run(*arguments: str) -> None:
+        """Run the compiler with these arguments; raise subprocess.SubprocessError if it fails."""
         with _RUNNING:
             subprocess.run([*flags, *arguments], check=True, capture_output=True, text=True, timeout=patience)
 

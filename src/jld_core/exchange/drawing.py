@@ -116,7 +116,7 @@ def _moved(mark: Mark, scale: float) -> Mark:
 
 
 def _say_snapped(snapped: Snapped, tolerance: float, notes: Notes) -> None:
-    """Note the number and size of displacements, and the collapsed paths."""
+    """Note the number and largest displacement of moved corners, and the collapsed paths."""
     notes.largest = snapped.largest
     if snapped.moved:
         notes.snapped.append(
@@ -128,9 +128,10 @@ def _say_snapped(snapped: Snapped, tolerance: float, notes: Notes) -> None:
 def _cells(
     paths: list[Path], snapped: Snapped, options: ImportOptions, size: float, tolerance: float, notes: Notes
 ) -> list[Cell]:
-    """Return the cells that become elements.
+    """Return the cells that become elements, without those inside holes.
 
-    They are outlines, cut by lines that cross them; without outlines, the cells of the network of lines.
+    They are outlines, cut by lines that cross them; without outlines of free elements, the cells of the network of
+    lines. size, tolerance: of the drawing, scene units. Raises InputError for no cell, or for too many.
     """
     kept = [k for k in range(len(paths)) if k not in snapped.collapsed]
     holes = [k for k in kept if paths[k].closed and options.role(paths[k].layer) == "hole"]
@@ -175,7 +176,7 @@ def _cells(
 
 
 def _refuse_crossings(segments: list[shapely.LineString]) -> None:
-    """Refuse too many crossings before these are computed.
+    """Raise InputError for too many crossings, before these are computed.
 
     A few thousand lines may have millions of crossings.
     """
@@ -191,7 +192,10 @@ def _refuse_crossings(segments: list[shapely.LineString]) -> None:
 
 
 def _one_outline_each(outlines: list[int], paths: list[Path], snapped: Snapped, notes: Notes) -> list[int]:
-    """Remove outlines drawn twice: the same corners in any order."""
+    """Return the outlines, indices into `paths`, without those drawn twice.
+
+    Two outlines are the same if they have the same corners in any order.
+    """
     seen: dict[bytes, int] = {}
     kept = []
     for k in outlines:
@@ -235,7 +239,10 @@ def _network(
 
 
 def _cut(shape: shapely.Polygon, lines: list[shapely.LineString], size: float) -> list[Floats]:
-    """Cut an outline by the lines that cross it."""
+    """Cut an outline by lines; return corners (k, 2) of the pieces, the lowest first.
+
+    Empty where no line crosses it.
+    """
     inside = [shapely.intersection(shape, line) for line in lines]
     kept = [part for part in inside if part.length > 1e-9 * size]
     if not kept:
@@ -248,7 +255,7 @@ def _cut(shape: shapely.Polygon, lines: list[shapely.LineString], size: float) -
 
 
 def _without_holes(cell: shapely.Polygon) -> list[shapely.Polygon]:
-    """Cut a cell through its holes, since an element has one outline."""
+    """Return a cell without holes, cut through them, since an element has one outline."""
     if not cell.interiors:
         return [cell]
     x0, y0, x1, y1 = cell.bounds
@@ -259,7 +266,10 @@ def _without_holes(cell: shapely.Polygon) -> list[shapely.Polygon]:
 
 
 def _name(cells: list[Cell], marks: list[Mark], options: ImportOptions) -> None:
-    """Name the cells: by a text on a name layer inside, by the outline's name, or by number."""
+    """Name the cells: by a text on a name layer inside, else by the outline, else by number.
+
+    Changes the cells; of equal names the first one stays.
+    """
     named = [mark for mark in marks if mark.text and options.role(mark.layer) == "id"]
     if named:
         tree = shapely.STRtree([shapely.Polygon(cell.points) for cell in cells])
@@ -280,7 +290,11 @@ def _name(cells: list[Cell], marks: list[Mark], options: ImportOptions) -> None:
 def _support(
     cells: list[Cell], marks: list[Mark], options: ImportOptions, size: float, tolerance: float, notes: Notes
 ) -> None:
-    """Set the supports: by layer, by a mark on a support layer inside, or by lowest point."""
+    """Mark the cells that are supports: by layer, by a support mark inside, or as lowest.
+
+    Any of the three suffices; the lowest point counts only with `LOWEST` in `options.support`. size, tolerance: of the
+    drawing, scene units. Raises InputError if no cell, or every cell, is a support.
+    """
     shapes = [shapely.Polygon(cell.points) for cell in cells]
     pins = [mark.at for mark in marks if options.role(mark.layer) == "support"]
     pinned = set()
@@ -319,9 +333,10 @@ def _element(cell: Cell, size: float) -> dict[str, Any]:
 def _labels(
     cells: list[Cell], paths: list[Path], snapped: Snapped, options: ImportOptions, reach: float, notes: Notes
 ) -> dict[str, Any]:
-    """Return labels of faces that lie on lines of joint or crack layers.
+    """Return labels of the interfaces that lie on lines of joint or crack layers.
 
-    The result holds lists of pairs, or all interfaces where two faces of one pair have different labels.
+    The result holds lists of pairs of elements, or all interfaces where two of one pair have different labels. It is
+    empty without such lines. reach: distance within which an interface lies on a line, scene units.
     """
     drawn: dict[str, list[shapely.Geometry]] = {"dry": [], "inner": []}
     for k, path in enumerate(paths):

@@ -56,9 +56,10 @@ def drawn_loads(
 
 
 def _nearest(texts: list[Mark], middle: Floats, start: Floats, end: Floats, taken: set[int]) -> int | None:
-    """Return the number of the text nearest to an arrow, or None.
+    """Return the number of the text nearest to an arrow, None if all are too far.
 
-    The text may be at most the arrow's length away.
+    A text may be at most the arrow's length away. start, end: (2,) of the arrow. taken: numbers of texts that other
+    arrows use. middle: not used.
     """
     arrow = shapely.LineString([start, end])
     away = [(arrow.distance(shapely.Point(mark.at)), k) for k, mark in enumerate(texts) if k not in taken]
@@ -109,7 +110,7 @@ def _written(mark: Mark, unit: str, notes: Notes) -> WrittenForce:
 
 
 def _told(entry: dict[str, Any], unit: str) -> str:
-    """Format a force with its unit, element and place."""
+    """Return a force in words, with its unit, element and place."""
     force, at = (", ".join(f"{value:.9g}" for value in entry[key]) for key in ("force", "at"))
     return f"({force}) {unit} on element {entry['element']!r} at ({at})"
 

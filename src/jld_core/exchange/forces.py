@@ -100,9 +100,9 @@ def parse_force(text: str, unit: str = "N") -> WrittenForce:
 
 
 def _part(found: re.Match[str], text: str, unit: str) -> tuple[str, float, bool]:
-    """Return name, value and presence of a unit of one number.
+    """Return name, value in `unit`, and whether a unit is given, of one number in a text.
 
-    Raises InputError as `parse_force`.
+    The name is "" where none is given. Raises InputError as `parse_force`.
     """
     number, given = found["number"], found["unit"]
     if found["per"]:
@@ -125,7 +125,7 @@ def _part(found: re.Match[str], text: str, unit: str) -> tuple[str, float, bool]
 
 
 def _joined(parts: list[tuple[str, float, bool]], text: str) -> WrittenForce:
-    """Return the force of one or two numbers.
+    """Return the force that one or two numbers, from `_part`, state.
 
     Raises InputError as `parse_force`.
     """

@@ -111,13 +111,13 @@ class Report:
     Attributes
     ----------
     found : tuple of str
-        What the file holds.
+        Content of the file.
     snapped : tuple of str
-        How many corners were moved to close gaps, and by how much.
+        Number of corners moved to close gaps, and how far.
     assumed : tuple of str
         Values that the file does not state.
     skipped : tuple of str
-        What was left out.
+        Content that was left out.
     largest : float
         Largest displacement of a corner, scene units.
     """

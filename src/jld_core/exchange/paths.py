@@ -118,7 +118,7 @@ def flatten(paths: Sequence[Path], facet: float, same: float) -> Chords:
 
 
 def _arcs(number: int, path: Path) -> list[_Arc]:
-    """Return the arcs of a path."""
+    """Return the arcs of a path, without edges that are nearly straight; number: of the path."""
     found = []
     points = path.points
     for edge in range(len(points) if path.closed else len(points) - 1):

@@ -47,7 +47,7 @@ def read_dxf(path: File, options: ImportOptions, notes: Notes) -> Drawing | Soli
 
 
 def _refuse_bombs(document: Any, space: Any) -> None:
-    """Count the entities of nested blocks before these are expanded, and refuse too many."""
+    """Raise InputError if nested blocks hold too many entities; count them without expanding."""
     known: dict[str, int] = {}
 
     def amount(layout: Any, depth: int) -> int:
@@ -114,9 +114,9 @@ class _Reader:
         return {key: found[key] for key in _KEYS if key in found}
 
     def _read(self, entity: Any, layer: str | None, depth: int) -> None:
-        """Read one entity.
+        """Read one entity; count it as unread if there is no reader or nothing usable in it.
 
-        layer: layer of the block reference that contains it, which replaces layer 0.
+        layer: layer of the block reference that contains it, which replaces layer 0; None outside blocks.
         """
         own = str(entity.dxf.get("layer", "0"))
         layer = layer if layer is not None and own == "0" else own
@@ -129,7 +129,10 @@ class _Reader:
             self.unread[kind] = self.unread.get(kind, 0) + 1
 
     def _insert(self, entity: Any, layer: str, depth: int) -> None:
-        """Read a block reference: a load, or its expanded entities, named by its attributes."""
+        """Read a block reference: a mark on a load layer, else the entities of the block.
+
+        An attribute names the outline if the block has only one. depth: of nesting.
+        """
         if depth > _DEPTH:
             raise InputError("", "its blocks are nested too deeply", f"at most {_DEPTH} levels")
         attributes = [(str(a.dxf.tag).casefold(), str(a.dxf.text)) for a in entity.attribs]
@@ -152,7 +155,11 @@ class _Reader:
             self.paths[fresh[0]] = Path(path.points, path.closed, path.layer, names[0], path.holes)
 
     def _add(self, points: Any, closed: bool, layer: str, holes: tuple[Any, ...] = ()) -> bool:
-        """Add a path; return False where it is neither a line nor an area."""
+        """Add a path; return False where it is neither a line nor an area.
+
+        points: (k, 3) x, y and bulge. holes: outlines of this form. Raises InputError for infinite numbers or too many
+        lines.
+        """
         points = np.asarray(points, dtype=float).reshape(-1, 3)
         if not np.isfinite(points).all():
             raise InputError(f"layer {layer!r}", "it holds a coordinate that is no number", "finite numbers only")

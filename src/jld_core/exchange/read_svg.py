@@ -120,7 +120,10 @@ def _points(svg: Any, path: Any, options: ImportOptions) -> tuple[Floats, bool]:
 
 
 def _chords(segment: Any, options: ImportOptions) -> list[tuple[float, float]]:
-    """Return points inside a curve, doubled until all chords meet the facet tolerance."""
+    """Return points inside a curve, doubled until all chords meet the facet tolerance.
+
+    Doubling ends at 2048 chords, even where these do not meet it.
+    """
     number = 8
     while number < 4096:
         points = np.array([[p.x, -p.y] for p in (segment.point(k / (2 * number)) for k in range(2 * number + 1))])

@@ -59,8 +59,8 @@ class Part:
 class Solids:
     """Content of a spatial file before it is converted to elements.
 
-    contacts: (name, name, corners (k, 3)) where the file gives interfaces. facts: keys of a scene that an earlier
-    export stored in the file. name: name of the scene.
+    parts: the solids. contacts: (name, name, corners (k, 3)) where the file gives interfaces. facts: keys of a scene
+    that an earlier export stored in the file. name: name of the scene.
     """
 
     parts: list[Part]
@@ -84,9 +84,10 @@ def _size(vertices: list[Floats]) -> float:
 
 
 def _supports(parts: list[Part], vertices: list[Floats], options: ImportOptions, near: float) -> list[bool]:
-    """Return which solids are supports.
+    """Return True for each solid that is a support: by the file, by its group, or as lowest.
 
-    near: height above the lowest point that counts as lowest.
+    Any of the three suffices; the lowest point counts only with `LOWEST` in `options.support`. near: height above it
+    that still counts as lowest.
     """
     low = min(float(v[:, 2].min()) for v in vertices)
     return [
@@ -163,7 +164,7 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes) -> Import
 
 
 def _names(given: Sequence[str]) -> list[str]:
-    """Return unique names that are not empty."""
+    """Return unique names that are not empty; equal ones get numbers."""
     taken: set[str] = set()
     names = []
     for number, name in enumerate(given):
@@ -178,7 +179,10 @@ def _names(given: Sequence[str]) -> list[str]:
 
 
 def _without_slivers(vertices: Floats, faces: Faces) -> Faces:
-    """Remove faces that snapping collapsed to a line or point, and repeated corners."""
+    """Return faces without those that snapping collapsed, and without repeated corners.
+
+    vertices: (k, 3). Corners at one place get one index.
+    """
     node = merge_points(vertices, 0.0)
     first = np.unique(node, return_index=True)[1]
     kept = []
@@ -191,7 +195,10 @@ def _without_slivers(vertices: Floats, faces: Faces) -> Faces:
 
 
 def _flat(vertices: Floats, faces: Faces) -> Faces:
-    """Split faces that are not plane into triangles, equally in all solids with these corners."""
+    """Split faces that are not plane into triangles.
+
+    A face with the same corners is split in the same way in every solid.
+    """
     found: list[tuple[int, ...]] = []
     for loop in faces:
         corners = vertices[list(loop)]
@@ -222,7 +229,7 @@ def _apex(corners: Floats) -> int:
 
 
 def _merged(vertices: Sequence[Floats], faces: Sequence[Faces]) -> tuple[list[Floats], list[Faces]]:
-    """Merge coplanar faces of solids to one face per plane piece.
+    """Merge coplanar faces of solids to one face per plane piece; return vertices and faces.
 
     Solids with a piece that has holes keep their faces.
     """
@@ -249,7 +256,10 @@ def _merged(vertices: Sequence[Floats], faces: Sequence[Faces]) -> tuple[list[Fl
 def _given(
     contacts: list[tuple[str, str, Floats]], names: dict[str, str], scale: float, size: float
 ) -> list[dict[str, Any]]:
-    """Return interfaces for a scene, with corners projected onto their best-fit planes."""
+    """Return interfaces for a scene, with corners projected onto their best-fit planes.
+
+    contacts: as in `Solids`. names: ids by names in the file. scale: scene units per file unit. size: of the structure.
+    """
     entries = []
     for a, b, corners in contacts:
         points = scale * corners

@@ -94,5 +94,5 @@ def _rubbing(document: dict[str, Any], factor: float) -> dict[str, Any]:
 
 
 def _nominal(value: Any) -> float:
-    """Return the nominal value of a number that may have a low value."""
+    """Return the number itself, or its nominal value if it also has a low value."""
     return float(value["nominal"] if isinstance(value, dict) else value)
