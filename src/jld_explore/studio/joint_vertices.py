@@ -156,7 +156,8 @@ class JointVertices:
         # the mesh of what is shown may number its vertices in another way
         start = done.places - done.moved
         distance, same = cKDTree(start).query(places)
-        ends = np.where((distance <= SAME * assembly.size)[:, None], places + done.moved[same], places)
+        known = np.asarray(distance) <= SAME * assembly.size
+        ends = places + np.where(known[:, None], done.moved[same], 0.0)
         changed = np.flatnonzero(abs(ends - self.mesh.places).max(axis=1) > 0.0).tolist()
         return {
             "vertices": {str(vertex): ends[vertex].tolist() for vertex in changed if vertex in self._movable},
