@@ -344,7 +344,7 @@ class BatchSolver:
         )
 
     def _as_elements(self, velocity: Floats) -> Floats:
-        """Reorder velocities (k, q·free) from the elimination order to that of the elements."""
+        """Reorder velocities (k, q·free) from the order of elimination to that of elements."""
         back = np.empty_like(velocity)
         back[:, self._ends] = velocity
         return back

@@ -69,7 +69,7 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes) -> Impo
     if chords.arcs:
         notes.found.append(f"{several(chords.arcs, 'arc')} as chords, at most {chords.deviation:.3g} off")
     snapped = snap_paths(chords.points, [path.closed for path in paths], tolerance, keep_nodes=True)
-    _say_snapped(snapped, tolerance, notes)
+    _note_snapped(snapped, tolerance, notes)
     cells = _cells(paths, snapped, options, size, tolerance, notes)
     _name(cells, marks, options)
     _support(cells, marks, options, size, tolerance, notes)
@@ -115,7 +115,7 @@ def _moved(mark: Mark, scale: float) -> Mark:
     return Mark((mark.at[0] * scale, mark.at[1] * scale), mark.layer, mark.text, end)
 
 
-def _say_snapped(snapped: Snapped, tolerance: float, notes: Notes) -> None:
+def _note_snapped(snapped: Snapped, tolerance: float, notes: Notes) -> None:
     """Note the number and largest displacement of moved corners, and the collapsed paths."""
     notes.largest = snapped.largest
     if snapped.moved:

@@ -43,7 +43,7 @@ def drawn_loads(
         for at, values, source in drawn:
             entry = structure.entry(at, values)
             entries[key].append(entry)
-            notes.found.append(f"{key} force {_told(entry, unit)}, {source}")
+            notes.found.append(f"{key} force {_force_text(entry, unit)}, {source}")
         for mark in bare:
             notes.skip("loads", 1, f"a point on layer {mark.layer} without a text that says its force")
     loads: dict[str, Any] = dict(entries)
@@ -109,7 +109,7 @@ def _written(mark: Mark, unit: str, notes: Notes) -> WrittenForce:
     return written
 
 
-def _told(entry: dict[str, Any], unit: str) -> str:
+def _force_text(entry: dict[str, Any], unit: str) -> str:
     """Return a force in words, with its unit, element and place."""
     force, at = (", ".join(f"{value:.9g}" for value in entry[key]) for key in ("force", "at"))
     return f"({force}) {unit} on element {entry['element']!r} at ({at})"

@@ -93,7 +93,7 @@ def _named(attributes: dict[str, Any]) -> str:
 
 
 def _points(svg: Any, path: Any, options: ImportOptions) -> tuple[Floats, bool]:
-    """Return the corners of one subpath with y upwards, and whether it is closed.
+    """Return the corners (k, 2) of one subpath with y upwards, and True if it is closed.
 
     Curves become chords within the facet tolerance.
     """

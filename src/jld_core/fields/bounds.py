@@ -174,11 +174,11 @@ def bounds_by_fields(
     assembly : Assembly
         Planar assembly with one load case; blocks are made of its inner strengths.
     labels : (m,) bool array, optional
-        True = dry joint; False = inside a block. By default those of the scene.
+        True = dry joint; False = inside a block. By default the labels of the scene.
     gap : float
         Width of the bracket, relative, at which refinement ends; above 0.
     seconds : float, optional
-        No mesh is begun that is not expected to be done by then; the first one always is.
+        No mesh is begun that is not expected to be done by then; the first one always is. By default no limit, s.
     patch : float, optional
         Length of the patch that each live force on a free face is spread on; by default the whole face (docs/method.md
         (9.5)).
@@ -197,7 +197,8 @@ def bounds_by_fields(
     Raises
     ------
     InputError
-        Scenes in space, load cases, a gap that is not above 0, and what `material_of` and `loaded_mesh` refuse.
+        Scenes in space, several load cases, a gap that is not above 0, and scenes that `material_of` or `loaded_mesh`
+        refuses.
     """
     refinement = FieldRefinement(
         assembly, labels, gap=gap, patch=patch, parts=parts, adaptive=adaptive, most_triangles=most_triangles

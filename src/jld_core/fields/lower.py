@@ -97,10 +97,10 @@ class LowerBound:
         if not answer.usable:
             return None
         proposed = answer.point[: 9 * self._triangles], float(answer.point[-1])
-        found = self.certify(*proposed, labels) or self._again(labels) or self._blend(*proposed, labels)
+        found = self.certify(*proposed, labels) or self._with_larger_margins(labels) or self._blend(*proposed, labels)
         return replace(found, rate=self._rate(answer.dual)) if found is not None else None
 
-    def _again(self, labels: Bits) -> StressField | None:
+    def _with_larger_margins(self, labels: Bits) -> StressField | None:
         """Solve with larger margins, and return the first field that passes the check, else None."""
         for margin in _WIDER:
             answer = self.propose(labels, margin)

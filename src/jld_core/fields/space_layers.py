@@ -57,7 +57,7 @@ class Layers:
     parts: tuple[Part, ...]
 
     def side(self, place: Floats) -> tuple[bool, ...]:
-        """Return for each of the k planes whether a place (3,) lies beyond it.
+        """Return for each of the k planes True if a place (3,) lies beyond it.
 
         For a place inside the cell, the result equals `Part.side` of the part that holds it.
         """

@@ -110,7 +110,7 @@ def loaded_solids(
             if width is not None:
                 raise InputError(
                     "loads.live",
-                    f"the force at {_shown(force.place)} has a width and no free face",
+                    f"the force at {_place_text(force.place)} has a width and no free face",
                     "a place on a free face of the element, or no width",
                 )
             continue
@@ -160,7 +160,7 @@ def _region_of(assembly: Assembly, surface: Surface, force: _Force, taken: Float
     if best is None:
         raise InputError(
             f"element {assembly.elements.ids[near[0]]!r}",
-            f"a live force acts on its surface at {_shown(force.place)}, where it has no free face",
+            f"a live force acts on its surface at {_place_text(force.place)}, where it has no free face",
             "a force on a free face or inside the element",
         )
     return best[2:]
@@ -287,12 +287,12 @@ def _no_room(assembly: Assembly, facet: Facet, place: Floats) -> InputError:
     """Return the error for a force whose patch does not fit its free face."""
     return InputError(
         f"element {assembly.elements.ids[facet.cell]!r}",
-        f"its free face has no room for the patch of the live force at {_shown(place)}",
+        f"its free face has no room for the patch of the live force at {_place_text(place)}",
         "a force farther from the edges of the face, or a smaller patch",
     )
 
 
-def _shown(place: Floats) -> str:
+def _place_text(place: Floats) -> str:
     """Return a place as text, for messages."""
     return "(" + ", ".join(f"{value:g}" for value in place) + ")"
 

@@ -38,7 +38,7 @@ class WeighedField:
     velocity : (t, 3, 2) float array
         Velocities at the corners of the triangles, scaled.
     mechanism : FieldMechanism
-        What the field dissipates, scene units of λ.
+        Dissipation of the field in the blocks and on faces, scene units of λ.
     bound : float
         λ that no labelling exceeds that agrees on the decided faces, scene units.
     """

@@ -138,7 +138,7 @@ class UpperBound:
         return found
 
     def _with_margins(self, labels: Bits, found: VelocityField | None, expected: float) -> VelocityField | None:
-        """Return the best of a field and those of programs with room in every flow rule.
+        """Return the best of `found` and the fields of programs with room in every flow rule.
 
         found: field so far or None. expected: scaled λ by the solver. The first that costs little ends the attempts.
         """
@@ -261,7 +261,7 @@ class UpperBound:
         return Rates(slope[:, 0, 0] + slope[:, 1, 1], shear, opening, slip)
 
     def lacking(self, rates: Rates, labels: Bits) -> tuple[Floats, Floats, Floats]:
-        """Return what flow rules lack in opening, scaled velocity; up to 0 where they hold.
+        """Return the opening that flow rules lack, scaled velocity; 0 or less where they hold.
 
         rates: of a velocity field. labels: (m,) True = dry. The arrays are for triangles (t,), edges in the material
         (k, 2) and dry edges (j, 2), with both ends in columns. −inf stands where crushing allows any rate.

@@ -182,9 +182,9 @@ class BoxProblem:
     def generators(self, low: Floats, high: Floats) -> tuple[Floats, Floats] | None:
         """Return forces at ends of faces whose cone holds all forces of faces in the box.
 
-        The result is the forces (g, 3·free) on free elements, scaled, and (g, 3·free) magnitudes of the terms of each
-        entry, from which rounding errors follow. None where the directions of a face span half a turn. low, high: (p,)
-        bounds on the parameters, lengths.
+        The results are the forces (g, 3·free) on free elements, scaled, and magnitudes of the terms of each entry, of
+        the same shape. Rounding errors follow from these. None where the directions of a face span half a turn. low,
+        high: (p,) bounds on the parameters, lengths.
         """
         places = self.corners(low, high)
         faces, elements = self._assembly.interfaces, self._assembly.elements

@@ -60,7 +60,7 @@ class MovedScene:
             {**entry, "polygon": places[ends].tolist()}
             for entry, ends in zip(self._interfaces, self._mesh.ends, strict=True)
         ]
-        return found if friction == 1.0 else _rubbing(found, friction)
+        return found if friction == 1.0 else _with_friction_factor(found, friction)
 
     def at(self, places: Floats, friction: float = 1.0) -> Scene:
         """Return the validated scene with the vertices at the positions (v, 2).
@@ -70,7 +70,7 @@ class MovedScene:
         return parse_scene(self.document(places, friction), "the moved scene")
 
 
-def _rubbing(document: dict[str, Any], factor: float) -> dict[str, Any]:
+def _with_friction_factor(document: dict[str, Any], factor: float) -> dict[str, Any]:
     """Return a document with the friction of dry joints multiplied by a factor."""
 
     def changed(entry: dict[str, Any]) -> dict[str, Any]:

@@ -179,8 +179,8 @@ class FieldProof:
             self._aim()
         elif (rows := self._open()).size:
             self._refine(rows)
-        elif (rows := self._blurred()).size:
-            self._sharpen(rows)
+        elif (rows := self._wide_rows()).size:
+            self._refine_lower(rows)
         elif not self._draw():
             self._lower()
         elif self._schedule.is_stuck(len(self.state.conflicts) - self._began, self._left_open, self._aimed):
@@ -265,8 +265,8 @@ class FieldProof:
         turns = [int(row) for pair in zip(by_low, by_high, strict=True) for row in pair]
         return np.array(list(dict.fromkeys(turns)), dtype=np.int64)[:TOGETHER]
 
-    def _blurred(self) -> Ints:
-        """Return rows of the pool that may raise the best lower bound of a long proof."""
+    def _wide_rows(self) -> Ints:
+        """Return rows of the pool whose refinement may raise the best lower bound of a long proof."""
         low, high = self.pool.low(), self.pool.high()
         best = self.aim.enough(self.incumbents.best())
         if len(self.state.conflicts) < _LONG or not best > 0.0 or not self.aim.in_steps:
@@ -277,7 +277,7 @@ class FieldProof:
         rows = rows[[self.pool.expected_seconds(row) < allowed for row in rows.tolist()]] if rows.size else rows
         return rows[np.argsort(-low[rows], kind="stable")][:_SHARPENED]
 
-    def _sharpen(self, rows: Ints) -> None:
+    def _refine_lower(self, rows: Ints) -> None:
         """Take labellings of the pool one mesh further for their lower bounds."""
         self.pool.refine(rows.tolist(), self._enough())
 
@@ -293,9 +293,9 @@ class FieldProof:
             if conflict is None or conflict.mechanism is None:
                 continue
             mechanism = replace(conflict.mechanism, case=self.refuter.add_problem(case, mesh))
-            self._add([replace(conflict, mechanism=mechanism), *self._of_others(mechanism)])
+            self._add([replace(conflict, mechanism=mechanism), *self._conflicts_of_others(mechanism)])
 
-    def _of_others(self, mechanism: Mechanism) -> list[Conflict]:
+    def _conflicts_of_others(self, mechanism: Mechanism) -> list[Conflict]:
         """Return conflicts of other labellings of the pool that a mechanism refutes."""
         rows = np.flatnonzero(self._refuted > self._aimed)
         count, faces = len(rows), np.flatnonzero(self.refuter.free)
@@ -352,7 +352,7 @@ class FieldProof:
             self._refuted[matching] = np.minimum(self._refuted[matching], one.bound)
 
     def _lower(self) -> None:
-        """Lower the bound to the factor aimed at, or to that of the worst labelling not refuted."""
+        """Lower the bound to the factor aimed at, or to that of the worst unrefuted labelling."""
         rest = float(self._refuted[self._in_target()].max(initial=-math.inf))
         self._left_open = min(self._left_open, max(self._aimed, rest))
         if self._target is None:
@@ -379,7 +379,7 @@ class FieldProof:
         self._aim()
 
     def _exists(self) -> bool:
-        """Return whether the target has any labelling, however weak."""
+        """Return True if the target has any labelling, however weak."""
         self._formula = self._formula or self._stated()
         self._formula.aim(-math.inf, self.aim.target(self.incumbents.best()))
         return self._formula.next() is not None

@@ -83,7 +83,7 @@ class CheckedProof(Protocol):
 
 @dataclass(frozen=True)
 class ProofContext:
-    """Space of a proof by conflicts, with what is derived from it once.
+    """Space of a proof by conflicts, with its possible blocks, analyses and relaxation.
 
     Attributes
     ----------
