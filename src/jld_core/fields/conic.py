@@ -139,7 +139,7 @@ class ConeProgram:
         return max(float(info.res_primal), float(info.gap_rel))
 
     def _solve(self, off: Bools | None, objective: Floats | None, careful: bool) -> Answer:
-        """Solve once; careful: refine the solutions of linear systems iteratively."""
+        """Solve once; off, objective: as for `solve`; careful: refine linear systems iteratively."""
         data, rhs = self._data, self._rhs
         if off is not None:
             data = np.where(off[self._row], 0.0, data)

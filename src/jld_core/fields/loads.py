@@ -262,7 +262,7 @@ def _segments(assembly: Assembly, face: _FreeFace, forces: list[_Force]) -> list
 
 
 def _between(piece: _Piece, low: float, high: float) -> Floats:
-    """Return the tractions (2, 2) of a piece at two distances from the start of its face."""
+    """Return the tractions (2, 2) of a piece at distances `low` and `high` along the face."""
     start, stop, ends = piece
     shares = (np.array([low, high]) - start) / (stop - start)
     return np.asarray(ends[0] * (1.0 - shares[:, None]) + ends[1] * shares[:, None])
@@ -304,7 +304,7 @@ def _stated(assembly: Assembly, face: _FreeFace, force: _Force, width: float) ->
 
 
 def _segment(face: _FreeFace, low: float, high: float, traction: Floats) -> Segment:
-    """Return the segment of a face between two distances; traction: (2, 2) at both."""
+    """Return the segment of a face from distance `low` to `high`; traction: (2, 2) at both."""
     ends = np.array([face.start + low * face.along, face.start + high * face.along])
     return Segment(face.cell, ends, traction)
 

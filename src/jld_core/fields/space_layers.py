@@ -246,7 +246,7 @@ def _clipped(outline: Floats, normal: Floats, offset: float, reach: float) -> li
     """Cut a convex outline by a plane into pieces before and beyond it.
 
     Returns two pairs of a piece and its points on the plane. Pieces are (c, 3), empty where the outline has nothing on
-    that side. Points within `reach` lie on the plane.
+    that side. normal, offset: of the plane. Points within `reach` lie on it.
     """
     height = outline @ normal - offset
     height = np.where(abs(height) <= reach, 0.0, height)
@@ -268,7 +268,10 @@ def _clipped(outline: Floats, normal: Floats, offset: float, reach: float) -> li
 
 
 def _convex(places: Floats, normal: Floats, reach: float) -> Floats:
-    """Return the convex hull (c, 3) of places (k, 3) on a plane, counter-clockwise."""
+    """Return places in convex position on a plane in counter-clockwise order, (c, 3).
+
+    places: (k, 3). normal: of the plane, about which they turn. reach: distance within which places are one corner.
+    """
     one = np.eye(3)[np.argmin(abs(normal))]
     one = np.cross(normal, one)
     one /= np.linalg.norm(one)

@@ -29,8 +29,8 @@ _LEAST_PATCH = 0.01
 class Traction:
     """Linear live traction on a patch of a free face, for λ = 1, scene units.
 
-    cell: element. origin: (3,) reference point. mean: (3,) stress vector there. slope: (3, 3) its derivatives; column k
-    is that by coordinate k.
+    cell: element. origin: (3,) reference point. mean: (3,) stress vector there. slope: (3, 3) derivatives of the stress
+    vector; column k by coordinate k.
     """
 
     cell: int

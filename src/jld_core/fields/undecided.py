@@ -158,7 +158,7 @@ class PartialUpperBound:
         """Return a field that proves collapse under the dead load alone, or None.
 
         It is a mechanism of the live load plus a large multiple of `ray`, (t, 3, 2), along which the program is
-        unbounded. None: no such mechanism, or no multiple tried leads below 0.
+        unbounded. None: no such mechanism, or no multiple tried leads below 0. labels, undecided: (m,) as for `field`.
         """
         p, size = self._upper.problem, float(abs(ray).max())
         if self._weightless is None:

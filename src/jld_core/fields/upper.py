@@ -183,7 +183,8 @@ class UpperBound:
     def _opened(self, velocity: Floats, labels: Bits) -> VelocityField | None:
         """Open one field until every flow rule holds, and compute its bound on λ.
 
-        None: a flow rule stays violated, or the live load does no positive work.
+        velocity: (t, 3, 2), scaled. labels: (m,) True = dry. None: a flow rule stays violated, or the live load does no
+        positive work.
         """
         rates = self.rates(velocity)
         worst, share, allowance = self._worst(rates, labels), 0.0, 0.0

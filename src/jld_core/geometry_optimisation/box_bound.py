@@ -130,7 +130,8 @@ class BoxProblem:
     def _bernstein_moments(self, low: Floats, high: Floats) -> tuple[Floats, Floats]:
         """Return areas (4^p, n) and first moments (4^p, n, 2) in Bernstein form over a box.
 
-        Moments are about the present centroids. Values in the box lie within the convex hull of the rows.
+        low, high: (p,) bounds on the parameters, lengths. Moments are about the present centroids. Values in the box
+        lie within the convex hull of the rows.
         """
         count = len(low)
         shares = np.array(list(itertools.product(*[(0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)] * count))).reshape(-1, count)

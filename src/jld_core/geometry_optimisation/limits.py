@@ -255,7 +255,8 @@ def _sparse(values: Floats, columns: Ints, size: int) -> sp.csr_array:
 def _mass_rows(assembly: Assembly, labels: Bits, areas: Floats, moving: Bools, mesh: VertexMesh) -> sp.csr_array:
     """Return rows (b, n) whose product with relative areas gives the masses of blocks.
 
-    Only blocks without a support that have a vertex that moves are taken.
+    Only blocks without a support that have a vertex that moves are taken. labels: (m,) True = dry. moving: (v,) True
+    for these vertices.
     """
     elements = assembly.elements
     block = blocks_of(assembly, labels)

@@ -158,7 +158,10 @@ class GeometrySearch:
         return None
 
     def _bounds(self, values: Floats, radius: float) -> tuple[Floats, Floats]:
-        """Return bounds low, high (k,) on a step from variables z, within trust region and box."""
+        """Return bounds low, high (k,) on a step from z, within trust region and box.
+
+        values: (k,) z. radius: of the trust region, length.
+        """
         low, high = np.full(len(values), -radius), np.full(len(values), radius)
         box = self.move.box
         if box is not None:

@@ -130,7 +130,10 @@ def _frame(normal: Floats, beside: Floats) -> Floats:
 
 
 def _face_rates(assembly: Assembly, face: int, forces: Floats, mechanism: Floats) -> Floats:
-    """Return the derivatives (k, 3) of dissipation minus power of one face by its corners."""
+    """Return the derivatives (k, 3) of dissipation minus power of one face by its corners.
+
+    forces: (6,) of the face. mechanism: (n, 6) velocities of all elements, scene units.
+    """
     faces = assembly.interfaces
     polygon, origin = faces.polygon[face], faces.origin[face]
     velocity, spin = np.zeros(3), np.zeros(3)

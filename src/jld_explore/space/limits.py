@@ -249,7 +249,7 @@ class Limits:
         return np.asarray(good & (grounded[rows, parts[:, free]] | gone[:, free]).all(axis=1))
 
     def _exempt(self, blocks: Ints) -> Floats:
-        """Return (k, n) number of exempting elements of each block, at the column of its name."""
+        """Return (k, n) number of exempt elements in each block, at the column of its name."""
         return numbers_of(blocks, np.flatnonzero(self.excepted)).astype(float)
 
     def by_cells(self, sized: Sized) -> dict[str, Range]:
