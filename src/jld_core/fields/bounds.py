@@ -20,10 +20,13 @@ _MOST_TRIANGLES = 20_000
 """Triangles at which refinement ends: programs of more take minutes."""
 
 _GROWTH = 1.3
-"""Power of the number of triangles that the time of a mesh grows with."""
+"""Exponent of the number of triangles in the time of a mesh, to predict the time of the next one."""
 
 _PATIENCE = 8
-"""Meshes after which bounds of which one is missing are given up: the dead load needs fine meshes at few places."""
+"""Number of meshes after which refinement ends if a bound is still missing.
+
+The dead load needs fine meshes at few places.
+"""
 
 
 class FieldStatus(StrEnum):

@@ -21,11 +21,12 @@ from jld_core.fields.mesh import Mesh, coarse_mesh
 from jld_core.fields.outlines import FREE, Outlines, outlines_of
 
 _LEAST_PATCH = 0.02
-"""Shortest patch over the free face it lies on: a shorter one stands at an end of the face."""
+"""Least length of a patch, relative to its free face. A shorter one means a force at an end of the face."""
 
 
 _COVER = 1e-5
-"""Relative difference of the length of an interface and that of its edges, above which it does not fit the mesh."""
+"""Relative difference between the length of an interface and that of its edges, above which the mesh does not fit
+it."""
 
 
 @dataclass(frozen=True)

@@ -15,19 +15,19 @@ from jld_core.arrays import Floats, Ints
 from jld_core.fields.space_surface import Facet, Surface
 
 _TWICE = 2.0 - 1e-6
-"""Width of a cell over that of its end, from which it is cut in the middle."""
+"""Least ratio of the width of a cell to the size of its end at which it is cut in the middle."""
 
 _THRICE = 3.0 - 1e-6
-"""Width of a cell over that of its end, from which it is cut at the width of the end from both of its ends."""
+"""Least ratio of the width of a cell to the size of its end at which it is cut at that size from both ends."""
 
 _SNAP = 0.3
-"""Distance from a node, over the width of the end, within which a plane is moved to the node."""
+"""Distance, relative to the size of the end, within which a plane is moved to a node."""
 
 _OPPOSITE = -0.7
 """Cosine between outward normals of two facets below which they are ends of their cell."""
 
 _DIGITS = 9
-"""Digits to which distances to nodes are compared."""
+"""Decimal digits to which relative positions of nodes are compared."""
 
 
 @dataclass(frozen=True)

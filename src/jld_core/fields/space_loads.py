@@ -22,7 +22,7 @@ from jld_core.fields.space_mesh import SolidMesh
 from jld_core.fields.space_surface import Facet, Patch, Surface, surface_of
 
 _LEAST_PATCH = 0.01
-"""Smallest area of a patch over the free region it lies on: a smaller one stands at an edge of the face."""
+"""Least area of a patch, relative to its free region. A smaller one means a force at an edge of the face."""
 
 
 @dataclass(frozen=True)

@@ -20,13 +20,14 @@ from jld_core.fields.transfer import REPAIRED, FieldMechanism, weighed
 from jld_core.fields.upper import UpperBound
 
 _FAR: Final = (1e2, 1e4, 1e6)
-"""Multiples of a motion under the dead load alone that are added to a mechanism of the live load."""
+"""Multiples of a motion under the dead load alone that are added to a mechanism, in the order tried."""
 
 _COST: Final = 1e-3
-"""Relative distance from the solver's objective up to which a repaired field counts as good."""
+"""Largest distance of the bound of a repaired field from the solver's objective, relative, at which nothing else is
+tried."""
 
 _LEAST: Final = -1.0
-"""Scaled bound below which the size of such a multiple is chance."""
+"""Scaled bound that is stated for collapse under the dead load alone: any larger bound holds too."""
 
 
 @dataclass(frozen=True)

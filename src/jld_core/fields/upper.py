@@ -20,7 +20,8 @@ from jld_core.fields.settled import Settling
 from jld_core.fields.velocity_program import VelocityProgram
 
 _CHEAP = 1e-7
-"""Relative rise of λ above the solver's up to which an opened field is not settled: ten times what is usual."""
+"""Largest relative rise of λ above the solver's at which an opened field is taken without settling: ten times the usual
+rise."""
 
 _COSTLY = 1e-6
 """Relative rise of λ above the solver's from which a program with margins is tried: opening then costs too much.
@@ -33,7 +34,7 @@ _MARGINS = (1e-8, 1e-6)
 """Room of flow rules in such programs, scaled velocity: above residuals of the solver, below what moves λ."""
 
 _RAY = -1.0
-"""Scaled bound that stands for all below it, where the program is unbounded."""
+"""Scaled bound that is stated where the program is unbounded: any larger bound holds too."""
 
 
 @dataclass(frozen=True)

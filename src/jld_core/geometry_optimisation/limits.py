@@ -25,7 +25,7 @@ _AREA: Final = 0.05
 """Least area of an element, relative to its area at the start."""
 
 _KEPT: Final = 0.98
-"""Share of its value at the start to which a limit is relaxed that the start does not keep."""
+"""Share of its value at the start that a limit requires if the start violates the limit."""
 
 _STRAIGHT: Final = 1e-6
 """Deviation from 180°, rad, up to which an angle of an element is straight."""

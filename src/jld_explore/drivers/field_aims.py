@@ -20,7 +20,7 @@ from jld_explore.space import Count, SearchSpace
 from jld_explore.space.measures import Range
 
 _BELOW: Final = 1e-9
-"""Relative distance from best / (1 − gap), below which a bound ends, that covers rounding of the gap."""
+"""Relative amount by which the goal lies below best / (1 − gap), for rounding of the gap."""
 
 
 class ProofAim(Protocol):

@@ -34,7 +34,7 @@ _FIRST: Final = 8
 """Evaluated labellings of greatest lower bound that are refined before the proof begins."""
 
 _FIRST_OF_COUNT: Final = 2
-"""The same for each count of a front."""
+"""Number as `_FIRST`, for each count of a front."""
 
 _ALIKE: Final = 1e-4
 """Relative difference of lower bounds below which two evaluated labellings count as alike; one of them is refined."""
@@ -46,22 +46,22 @@ _COMPARED: Final = 300
 """Number of the strongest labellings compared with all conflicts at the end of a proof."""
 
 _ROOT_CAUTION: Final = 4.0
-"""Time left, over that of the last mesh that bounded all labellings, from which a finer one is begun."""
+"""Least time left for another mesh that bounds all labellings, over the time of the last one."""
 
 _SHARP: Final = 0.4
-"""Share of the gap down to which the bracket of the best labelling is refined where a proof is long."""
+"""Relative gap, over the gap asked for, down to which brackets of the best labellings are refined in a long proof."""
 
 _LONG: Final = 40
 """Conflicts from which a proof counts as long."""
 
 _SHARPENED: Final = 2
-"""Labellings refined together for a larger lower bound, those of the largest ones."""
+"""Number of labellings refined together for a larger lower bound, in order of their lower bounds."""
 
 _SHARPENING: Final = 0.1
-"""Largest share of the time left for one more mesh of the best labelling."""
+"""Largest share of the time left that one more mesh for a larger lower bound may take."""
 
 _CAUTION: Final = 1.5
-"""Multiple of the longest batch of labellings that must be left of the time for another one."""
+"""Least time left for another batch of labellings, over the time of the longest batch."""
 
 
 class FieldProof:

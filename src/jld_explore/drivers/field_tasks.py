@@ -34,7 +34,7 @@ With three on the finest mesh alone the 4 × 6 wall of 20 kPa takes over 168 s o
 """
 
 _SHORT: Final = 5
-"""Faces of a conflict up to which no finer mesh is asked to make do with fewer."""
+"""Number of faces of a conflict up to which finer meshes are not tried to shorten it."""
 
 
 class _Kept(threading.local):
