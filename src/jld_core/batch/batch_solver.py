@@ -194,7 +194,7 @@ class BatchSolver:
         return _Start(forces, jumps, speed[self._ends], _SHARE * float(found.low[good].mean()), _ROOM)
 
     def _lay_out(self, template: Template, a: Ints, b: Ints) -> None:
-        """Store ends, matrix blocks and loads of all faces and elements in elimination order.
+        """Store ends, matrix block and equilibrium entries of each face, in elimination order.
 
         a, b: (m,) free elements of each face, −1 for a support.
         """

@@ -59,14 +59,15 @@ class Part:
 class Solids:
     """Content of a spatial file before it is converted to elements.
 
-    parts: the solids. contacts: (name, name, corners (k, 3)) where the file gives interfaces. facts: keys of a scene
-    that an earlier export stored in the file. name: name of the scene.
+    contacts: (name, name, corners (k, 3)) where the file gives interfaces. facts: keys of a scene that an earlier
+    export stored in the file. name: name of the scene. unit: unit of length of the file, None if unknown.
     """
 
     parts: list[Part]
     contacts: list[tuple[str, str, Floats]] = field(default_factory=list)
     facts: dict[str, Any] = field(default_factory=dict)
     name: str = "solids"
+    unit: str | None = None
 
 
 def _size(vertices: list[Floats]) -> float:
@@ -110,16 +111,17 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes) -> Import
         raise InputError("", "it holds no solid", "closed surfaces, one for each block")
     if sum(len(part.faces) + len(part.vertices) for part in parts) > 4 * MOST:
         raise InputError("", "it holds more faces than a structure has", f"at most {MOST}")
-    scale = METRES[options.unit] if options.unit is not None else 1.0
+    scale, unit, drawn_in = _scale(found, options, notes)
     names = _names([part.name for part in parts])
     vertices = [scale * part.vertices for part in parts]
     size = _size(vertices)
-    tolerance = SNAP * size if options.tolerance is None else options.tolerance
+    tolerance = SNAP * size if options.tolerance is None else scale * options.tolerance
     snapped = snap_solids(vertices, [part.faces for part in parts], tolerance)
     notes.largest = snapped.largest
     if snapped.moved:
         moved = several(snapped.moved, "vertex", "vertices")
-        notes.snapped.append(f"{moved}, by at most {snapped.largest:.3g}; tolerance {tolerance:.3g}")
+        said = f"by at most {snapped.largest / scale:.3g} {drawn_in}; tolerance {tolerance / scale:.3g} {drawn_in}"
+        notes.snapped.append(f"{moved}, {said}")
     kept = [_without_slivers(v, part.faces) for v, part in zip(snapped.vertices, parts, strict=True)]
     bent = sum(map(len, kept))
     kept = [_triangulated(v, loops) for v, loops in zip(snapped.vertices, kept, strict=True)]
@@ -154,13 +156,36 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes) -> Import
         )
         notes.found.append(f"{several(len(found.contacts), 'interface')} as the file gives them")
     else:
+<<<<<<< HEAD
         _note_contacts(whole, faces, notes)
     if options.unit is None and "units" not in document:
         notes.assumed.append("lengths in m: the file names no unit, give --unit")
+=======
+        _say_contacts(whole, faces, notes)
+    if unit is not None:
+        document["units"] = {"force": "N", **document.get("units", {}), "length": unit}
+>>>>>>> main
     free = len(parts) - sum(supports)
     counted = f"{several(free, 'element')} and {several(sum(supports), 'support')}"
     notes.found.insert(0, f"{counted}, volume {volume.sum():.6g}")
-    return Imported(complete(document, options, notes, dimension=3), notes.report())
+    return Imported(complete(document, options, notes, dimension=3), notes.report(), drawn_in, scale)
+
+
+def _scale(found: Solids, options: ImportOptions, notes: Notes) -> tuple[float, str | None, str]:
+    """Return the factor to the scene's unit of length, this unit if to be stated, and the unit of the file."""
+    given = options.unit or found.unit
+    if given is not None and given not in METRES:
+        raise InputError("", f"its lengths are in {given}", "`unit` " + "|".join(METRES))
+    stated = found.facts.get("units", {}).get("length")
+    if stated is not None:
+        own = str(stated)
+        return (METRES[given] / METRES[own] if given and own in METRES else 1.0), None, given or own
+    if given is None:
+        notes.assumed.append("lengths in m: the file names no unit, give --unit")
+        return 1.0, None, "m"
+    if given != "m":
+        notes.found.append(f"lengths in {given}, times {METRES[given]:g} to m")
+    return METRES[given], "m", given
 
 
 def _names(given: Sequence[str]) -> list[str]:

@@ -55,7 +55,7 @@ class _Filler:
                 close = [k for k in near.query_ball_point(place, 4.0 * reach) if high[k] <= 4.0 * reach]
                 if not close:
                     raise self._refusal(facet)
-                nodes.append(min(close, key=lambda k: float(np.hypot(*(facet.flat(fixed[[k]])[0] - place)))))
+                nodes.append(close[int(np.linalg.norm(facet.flat(fixed[close]) - place, axis=1).argmin())])
             named.append(ring_of(fixed, np.array(nodes), reach))
         region = shapely.Polygon(
             *[facet.flat(fixed[nodes]) for nodes in named[:1]], [facet.flat(fixed[n]) for n in named[1:]]

@@ -14,7 +14,7 @@ from jld_core.errors import InputError
 from jld_core.geometry_optimisation.vertex_mesh import VertexMesh
 from jld_core.scene.move import Move, Path
 
-_SAME: Final = 1e-6
+SAME: Final = 1e-6
 """Distance of a stated point from the vertex that it names, and of mirrored vertices, relative to the structure."""
 
 _STRAIGHT: Final = 1e-6
@@ -174,7 +174,7 @@ def variables_of(assembly: Assembly, labels: Bits, mesh: VertexMesh, move: Move,
     return found
 
 
-def _vertex_at(places: Floats, point: list[float], size: float, where: str) -> int:
+def vertex_at(places: Floats, point: list[float], size: float, where: str) -> int:
     """Return the vertex at a stated point; raise InputError if there is none.
 
     places: (v, 2). size: of the structure. where: key of the point, for the message.
@@ -183,7 +183,7 @@ def _vertex_at(places: Floats, point: list[float], size: float, where: str) -> i
         raise InputError(where, f"it has {len(point)} numbers", "2: joints move in planar scenes")
     distance = np.linalg.norm(places - np.array(point, dtype=float), axis=1)
     vertex = int(np.argmin(distance))
-    if distance[vertex] > _SAME * size:
+    if distance[vertex] > SAME * size:
         x, y = places[vertex]
         raise InputError(where, f"no vertex lies at {point}", f"a vertex; the nearest is [{x:.6g}, {y:.6g}]")
     return vertex
@@ -226,7 +226,7 @@ class _Finder:
             if path.at is None or path.direction is None:
                 continue
             where = f"move.along[{position}].at"
-            vertex = _vertex_at(self._mesh.places, path.at, self._size, where)
+            vertex = vertex_at(self._mesh.places, path.at, self._size, where)
             if self._held[vertex]:
                 raise InputError(where, f"{path.at} is a vertex of a support", "a vertex between free elements")
             direction = np.array(path.direction, dtype=float)
@@ -264,7 +264,7 @@ class _Finder:
         for path in circles:
             centre = np.array(path.circle, dtype=float)
             radii = np.linalg.norm(self._mesh.places[[vertex, *around]] - centre, axis=1)
-            like = abs(radii[1:] - radii[0]) <= _SAME * self._size
+            like = abs(radii[1:] - radii[0]) <= SAME * self._size
             if radii[0] > 0.0 and (like.all() or (path.supports and self._held[vertex] and like.any())):
                 return centre, path.supports
         return None
@@ -293,7 +293,7 @@ def _with_thickness(found: Variables, assembly: Assembly, circles: list[Path]) -
     inner, outer = float(radii.min()), float(radii.max())
     rings = np.linalg.norm(found.start - middle, axis=1) - 0.5 * (inner + outer)
     # vertices beyond the arch belong to supports and stay
-    rings = np.where(abs(rings) <= (0.5 + _SAME) * (outer - inner), rings, 0.0)
+    rings = np.where(abs(rings) <= (0.5 + SAME) * (outer - inner), rings, 0.0)
     return Variables(**{**vars(found), "rings": rings, "middle": middle, "thickness": outer - inner})
 
 
@@ -337,7 +337,7 @@ def _ties(found: Variables, assembly: Assembly, move: Move) -> Floats:
         jacobian[:, :, -1] = 0.0  # the thickness is common to all
     rows = []
     if move.ties == "mirror-x":
-        partner = _mirrored(found, assembly)
+        partner = mirrored(found, assembly)
         for vertex in sorted(set(found.vertex.tolist())):
             other = int(partner[vertex])
             free = [bool(jacobian[k].any()) for k in (vertex, other)]
@@ -349,8 +349,7 @@ def _ties(found: Variables, assembly: Assembly, move: Move) -> Floats:
         return np.array(rows)
     for position, group in enumerate(move.ties):
         own = [
-            _vertex_at(found.start, point, assembly.size, f"move.ties[{position}][{k}]")
-            for k, point in enumerate(group)
+            vertex_at(found.start, point, assembly.size, f"move.ties[{position}][{k}]") for k, point in enumerate(group)
         ]
         for other in own[1:]:
             rows += list(jacobian[own[0]] - jacobian[other])
@@ -362,7 +361,7 @@ def _ties(found: Variables, assembly: Assembly, move: Move) -> Floats:
     return np.array(rows)
 
 
-def _mirrored(found: Variables, assembly: Assembly) -> Ints:
+def mirrored(found: Variables, assembly: Assembly) -> Ints:
     """Return the vertex (v,) nearest to the mirror image of each vertex.
 
     The axis is vertical, in the middle of the free elements. Raises InputError for a moving vertex without an image.
@@ -373,7 +372,7 @@ def _mirrored(found: Variables, assembly: Assembly) -> Ints:
     distance = np.linalg.norm(image[:, None] - found.start[None], axis=2)
     nearest = np.argmin(distance, axis=1)
     for vertex in sorted(set(found.vertex.tolist())):
-        if distance[vertex, nearest[vertex]] > _SAME * assembly.size:
+        if distance[vertex, nearest[vertex]] > SAME * assembly.size:
             x, y = found.start[vertex]
             problem = f"nothing mirrors the vertex [{x:.6g}, {y:.6g}] about x = {0.5 * axis:.6g}"
             raise InputError("move.ties", problem, 'a symmetric structure, or "none"')

@@ -278,7 +278,7 @@ class FieldProof:
         return rows[np.argsort(-low[rows], kind="stable")][:_SHARPENED]
 
     def _refine_lower(self, rows: Ints) -> None:
-        """Take labellings of the pool one mesh further for their lower bounds."""
+        """Refine `rows` of the pool by one mesh for their lower bounds."""
         self.pool.refine(rows.tolist(), self._enough())
 
     def _enough(self) -> Floats:

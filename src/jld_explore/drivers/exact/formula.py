@@ -245,7 +245,7 @@ class Formula:
         )
 
     def _new(self) -> int:
-        """Create a variable."""
+        """Create a variable and return its number."""
         self._last_variable += 1
         return self._last_variable
 
