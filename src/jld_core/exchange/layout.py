@@ -123,7 +123,7 @@ class Layout:
 
     @cached_property
     def blocks(self) -> tuple[Block, ...]:
-        """All blocks; those with a free element come first, those of supports alone last."""
+        """All blocks; those with a free element come first, blocks of supports alone last."""
         elements, faces = self.assembly.elements, self.assembly.interfaces
         weight = np.linalg.norm(elements.weight, axis=1)
         extent = self.assembly.face_sizes

@@ -130,7 +130,8 @@ class BoxProblem:
     def _bernstein_moments(self, low: Floats, high: Floats) -> tuple[Floats, Floats]:
         """Return areas (4^p, n) and first moments (4^p, n, 2) in Bernstein form over a box.
 
-        Moments are about the present centroids. Values in the box lie within the convex hull of the rows.
+        low, high: (p,) bounds on the parameters, lengths. Moments are about the present centroids. Values in the box
+        lie within the convex hull of the rows.
         """
         count = len(low)
         shares = np.array(list(itertools.product(*[(0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)] * count))).reshape(-1, count)
@@ -182,9 +183,9 @@ class BoxProblem:
     def generators(self, low: Floats, high: Floats) -> tuple[Floats, Floats] | None:
         """Return forces at ends of faces whose cone holds all forces of faces in the box.
 
-        The result is the forces (g, 3·free) on free elements, scaled, and (g, 3·free) magnitudes of the terms of each
-        entry, from which rounding errors follow. None where the directions of a face span half a turn. low, high: (p,)
-        bounds on the parameters, lengths.
+        The results are the forces (g, 3·free) on free elements, scaled, and magnitudes of the terms of each entry, of
+        the same shape. Rounding errors follow from these. None where the directions of a face span half a turn. low,
+        high: (p,) bounds on the parameters, lengths.
         """
         places = self.corners(low, high)
         faces, elements = self._assembly.interfaces, self._assembly.elements

@@ -261,8 +261,9 @@ def _branch(
 ) -> float:
     """Split the box of largest bound until the gap is closed or time is up.
 
-    Returns a bound on all positions in the box. deadline: time of `time.perf_counter`, s. Boxes below a least width are
-    not split. The middle of each box is tried as a position.
+    Returns a bound on all positions in the box. low, high: (p,) of the whole box, lengths. deadline: time of
+    `time.perf_counter`, s. progress: called with the best λ, the bound and the number of boxes. Boxes below a least
+    width are not split. The middle of each box is tried as a position.
     """
     whole = high - low
     heap = [(-search.bound(low, high).value, 0, low, high)]
