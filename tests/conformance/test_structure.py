@@ -23,7 +23,7 @@ ORDER = [
     ["jld_explore.studio"],
     ["jld_explore"],
     ["jld_explore.moved_tables"],
-    ["jld_explore.moved_search"],
+    ["jld_explore.moved_search", "jld_explore.box_proof"],
     ["jld_explore.explore"],
     ["jld_explore.driver_choice", "jld_explore.refusals"],
     ["jld_explore.experiments", "jld_explore.field_check"],

@@ -48,10 +48,13 @@ class BoxBound:
         where no position stands.
     velocity : (3·free,) array or None
         Mechanism that proves it, scaled as `BoxProblem`.
+    case : int
+        Position of the load case whose mechanism it is.
     """
 
     value: float
     velocity: Floats | None
+    case: int = 0
 
 
 class BoxProblem:
@@ -215,6 +218,16 @@ class BoxProblem:
             rows.append(row)
             sizes.append(size)
         return np.concatenate(rows), np.concatenate(sizes)
+
+    def motion(self, velocity: Floats) -> Floats:
+        """Return the velocities (n, 3) of all elements about their centroids, of a mechanism in scaled units.
+
+        Rows are (ux, uy, ω); only ratios have a meaning. velocity: (3·free,) as in `BoxBound`.
+        """
+        found = np.zeros((len(self._row), 3))
+        found[self._row >= 0] = velocity.reshape(-1, 3)
+        found[:, 2] /= self._length
+        return found
 
     # --- bound ------------------------------------------------------------------------------------------
 
