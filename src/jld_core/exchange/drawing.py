@@ -75,13 +75,8 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes) -> Impo
     if chords.arcs:
         notes.found.append(f"{several(chords.arcs, 'arc')} as chords, at most {chords.deviation:.3g} off")
     snapped = snap_paths(chords.points, [path.closed for path in paths], tolerance, keep_nodes=True)
-<<<<<<< HEAD
-    _note_snapped(snapped, tolerance, notes)
-    cells = _cells(paths, snapped, options, size, tolerance, notes)
-=======
-    _say_snapped(snapped, tolerance, scale, drawn_in, notes)
+    _note_snapped(snapped, tolerance, scale, drawn_in, notes)
     cells = find_cells(paths, snapped, options, size, tolerance, notes)
->>>>>>> main
     _name(cells, marks, options)
     _support(cells, marks, options, size, tolerance, notes)
     say_large(cells, notes)
@@ -134,10 +129,6 @@ def _moved(mark: Mark, scale: float) -> Mark:
     return Mark((mark.at[0] * scale, mark.at[1] * scale), mark.layer, mark.text, end)
 
 
-<<<<<<< HEAD
-def _note_snapped(snapped: Snapped, tolerance: float, notes: Notes) -> None:
-    """Note the number and largest displacement of moved corners, and the collapsed paths."""
-=======
 def _tolerance(paths: list[Path], size: float, options: ImportOptions, drawing: Drawing) -> float:
     """Return the default tolerance, scene units.
 
@@ -153,9 +144,8 @@ def _tolerance(paths: list[Path], size: float, options: ImportOptions, drawing: 
     return max(SNAP * size, min(CLOSED * size, EDGE * float(np.median(lengths[lengths > 0.0]))))
 
 
-def _say_snapped(snapped: Snapped, tolerance: float, scale: float, drawn_in: str, notes: Notes) -> None:
+def _note_snapped(snapped: Snapped, tolerance: float, scale: float, drawn_in: str, notes: Notes) -> None:
     """Note the number and size of displacements in the unit of the drawing, and the collapsed paths."""
->>>>>>> main
     notes.largest = snapped.largest
     said = f"tolerance {tolerance / scale:.3g} {drawn_in}"
     if snapped.moved:

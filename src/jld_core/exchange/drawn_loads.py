@@ -114,27 +114,10 @@ class _Loads:
             if number not in taken:
                 written = self._written(mark, distributed=False)
                 force = written.values if written.components else (0.0, -written.values[0])
-<<<<<<< HEAD
-                drawn.append((np.array(mark.at), force, repr(mark.text)))
-        for at, values, source in drawn:
-            entry = structure.entry(at, values)
-            entries[key].append(entry)
-            notes.found.append(f"{key} force {_force_text(entry, unit)}, {source}")
-        for mark in bare:
-            notes.skip("loads", 1, f"a point on layer {mark.layer} without a text that says its force")
-    loads: dict[str, Any] = dict(entries)
-    bodies = {key: list(drawing.facts.get("loads", {}).get(key, [])) for key in loads}
-    for key in loads:
-        loads[key] += bodies[key]
-    found = {key: value for key, value in loads.items() if value}
-    cases = drawing.facts.get("loads", {}).get("cases")
-    return {**found, "cases": cases} if cases and "live" not in found else found
-=======
                 entries.append(self._force(np.array(mark.at), force, repr(mark.text), kind))
         for mark in (mark for mark in marks if mark.layer in layers and not mark.text):
             self._notes.skip("loads", 1, f"a point on layer {mark.layer} without a text that says its force")
         return entries
->>>>>>> main
 
     def _along(self, path: Path, mark: Mark | None, kind: str) -> dict[str, Any]:
         """Return the entry of a line: an arrow, or the edge under a load per length or area."""
@@ -165,37 +148,8 @@ class _Loads:
             self._notes.assumed.append(f"the text {mark.text!r} is in {self._unit}: it names no unit")
         return written
 
-<<<<<<< HEAD
-    Raises InputError for a text that is no force.
-    """
-    try:
-        written = parse_force(mark.text or "", unit)
-    except InputError as error:
-        raise error.within(f"layer {mark.layer!r}") from None
-    if not written.has_unit:
-        notes.assumed.append(f"the text {mark.text!r} is in {unit}: it names no unit")
-    return written
-
-
-def _force_text(entry: dict[str, Any], unit: str) -> str:
-    """Return a force in words, with its unit, element and place."""
-    force, at = (", ".join(f"{value:.9g}" for value in entry[key]) for key in ("force", "at"))
-    return f"({force}) {unit} on element {entry['element']!r} at ({at})"
-
-
-class _Structure:
-    """Cells with their polygons, for finding the element that a force acts on."""
-
-    def __init__(self, cells: list[Cell], shapes: list[shapely.Polygon]) -> None:
-        self._cells, self._shapes = cells, shapes
-        self._free = [k for k, cell in enumerate(cells) if not cell.support]
-
-    def entry(self, at: Floats, force: tuple[float, ...]) -> dict[str, Any]:
-        """Return the load entry of a force on the free element nearest to its place.
-=======
     def _force(self, at: Floats, force: tuple[float, ...], source: str, kind: str) -> dict[str, Any]:
         """Return the entry of a force on the free element nearest to its place, and note it.
->>>>>>> main
 
         Among equally near elements the first one counts.
         """

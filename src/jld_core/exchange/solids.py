@@ -156,15 +156,9 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes) -> Import
         )
         notes.found.append(f"{several(len(found.contacts), 'interface')} as the file gives them")
     else:
-<<<<<<< HEAD
         _note_contacts(whole, faces, notes)
-    if options.unit is None and "units" not in document:
-        notes.assumed.append("lengths in m: the file names no unit, give --unit")
-=======
-        _say_contacts(whole, faces, notes)
     if unit is not None:
         document["units"] = {"force": "N", **document.get("units", {}), "length": unit}
->>>>>>> main
     free = len(parts) - sum(supports)
     counted = f"{several(free, 'element')} and {several(sum(supports), 'support')}"
     notes.found.insert(0, f"{counted}, volume {volume.sum():.6g}")

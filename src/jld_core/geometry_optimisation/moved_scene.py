@@ -62,13 +62,9 @@ class MovedScene:
             {**entry, "polygon": places[ends].tolist()}
             for entry, ends in zip(self._interfaces, self._mesh.ends, strict=True)
         ]
-<<<<<<< HEAD
-        return found if friction == 1.0 else _with_friction_factor(found, friction)
-=======
         if "move" in found:
             found["move"] = self._named_anew(found["move"], places)
-        return found if friction == 1.0 else _rubbing(found, friction)
->>>>>>> main
+        return found if friction == 1.0 else _with_friction_factor(found, friction)
 
     def _named_anew(self, move: dict[str, Any], places: Floats) -> dict[str, Any]:
         """Return the key "move" with its points of vertices at positions (v, 2); other points stay."""
