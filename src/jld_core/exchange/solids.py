@@ -124,7 +124,7 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes) -> Import
         notes.snapped.append(f"{moved}, {said}")
     kept = [_without_slivers(v, part.faces) for v, part in zip(snapped.vertices, parts, strict=True)]
     bent = sum(map(len, kept))
-    kept = [_flat(v, loops) for v, loops in zip(snapped.vertices, kept, strict=True)]
+    kept = [_triangulated(v, loops) for v, loops in zip(snapped.vertices, kept, strict=True)]
     if sum(map(len, kept)) > bent:
         notes.found.append("faces that are no planes are cut into triangles, the same on both sides")
     whole, faces, volume, _ = closed_solids(names, snapped.vertices, kept)
@@ -151,12 +151,12 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes) -> Import
         for name, v, loops, support, part in zip(names, whole, faces, supports, parts, strict=True)
     ]
     if found.contacts:
-        document["interfaces"] = _given(
+        document["interfaces"] = _scene_interfaces(
             found.contacts, dict(zip((p.name for p in parts), names, strict=True)), scale, size
         )
         notes.found.append(f"{several(len(found.contacts), 'interface')} as the file gives them")
     else:
-        _say_contacts(whole, faces, notes)
+        _note_contacts(whole, faces, notes)
     if unit is not None:
         document["units"] = {"force": "N", **document.get("units", {}), "length": unit}
     free = len(parts) - sum(supports)
@@ -213,7 +213,7 @@ def _without_slivers(vertices: Floats, faces: Faces) -> Faces:
     return tuple(kept)
 
 
-def _flat(vertices: Floats, faces: Faces) -> Faces:
+def _triangulated(vertices: Floats, faces: Faces) -> Faces:
     """Split faces that are not plane into triangles.
 
     A face with the same corners is split in the same way in every solid.
@@ -272,7 +272,7 @@ def _merged(vertices: Sequence[Floats], faces: Sequence[Faces]) -> tuple[list[Fl
     return merged_vertices, merged_faces
 
 
-def _given(
+def _scene_interfaces(
     contacts: list[tuple[str, str, Floats]], names: dict[str, str], scale: float, size: float
 ) -> list[dict[str, Any]]:
     """Return interfaces for a scene, with corners projected onto their best-fit planes.
@@ -289,7 +289,7 @@ def _given(
     return entries
 
 
-def _say_contacts(vertices: list[Floats], faces: list[Faces], notes: Notes) -> None:
+def _note_contacts(vertices: list[Floats], faces: list[Faces], notes: Notes) -> None:
     """Note the number of contacts, and pairs that touch along several facets.
 
     A label given to such a pair holds for all its facets.
