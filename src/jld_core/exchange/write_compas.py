@@ -27,7 +27,7 @@ def compas_text(layout: Layout, *, cells: bool) -> str:
     """
     solids = list(solids_of(layout, cells=cells))
     facts = facts_of(layout, cells=cells, spatial=True)
-    keys = _weights(layout, cells)
+    keys = weights_of(layout, cells)
     if cells:
         facts["interfaces"] = [
             {**entry, "polygon": _in_space(layout, np.array(entry["polygon"])).tolist()}
@@ -129,7 +129,7 @@ def _in_space(layout: Layout, polygon: Floats) -> Floats:
     return np.array([[x0, 0.0, z0], [x1, 0.0, z1], [x1, depth, z1], [x0, depth, z0]])
 
 
-def _weights(layout: Layout, cells: bool) -> dict[str, dict[str, Any]]:
+def weights_of(layout: Layout, cells: bool) -> dict[str, dict[str, Any]]:
     """Return weight and centroid of the written solids by name.
 
     Values are those of the scene, even where the geometry gives others.
