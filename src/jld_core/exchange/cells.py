@@ -112,8 +112,17 @@ def _outlined(
     cells: list[Cell] = []
     cut = pieces_in_all = 0
     tree = shapely.STRtree(segments) if segments else None
-    for k in used:
-        shape = shapely.Polygon(snapped.paths[k])
+    shapes = {k: shapely.Polygon(snapped.paths[k]) for k in used}
+    inside = _inside(shapes)
+    for k, shape in shapes.items():
+        if k in inside:
+            held = shapely.difference(shape, shapely.union_all([shapes[j] for j in inside[k]]))
+            near = [] if tree is None else [segments[i] for i in sorted(tree.query(shape).tolist())]
+            parts = [part for part in shapely.get_parts(held) if part.geom_type == "Polygon"]
+            found = [_cut(part, near, paths[k].layer, size) or _pieces(part, paths[k].layer) for part in parts]
+            cells += [cell for pieces in found for cell in pieces]
+            notes.found.append(f"an outline around {several(len(inside[k]), 'outline')}, without their areas")
+            continue
         uncut = tree is None or options.role(paths[k].layer) == "support"
         near = [] if uncut or tree is None else [segments[i] for i in sorted(tree.query(shape).tolist())]
         pieces = _cut(shape, near, paths[k].layer, size) if shape.is_valid else []
@@ -125,6 +134,19 @@ def _outlined(
     if cut:
         notes.found.append(f"{several(cut, 'outline')} cut into {pieces_in_all} cells by the lines that cross them")
     return cells
+
+
+def _inside(shapes: dict[int, shapely.Polygon]) -> dict[int, list[int]]:
+    """Return the numbers of the outlines that lie wholly in another one, by the number of that."""
+    found: dict[int, list[int]] = {}
+    keys, polygons = list(shapes), list(shapes.values())
+    if not all(polygon.is_valid for polygon in polygons):
+        return {}
+    inner, outer = shapely.STRtree(polygons).query(polygons, predicate="covered_by")
+    for one, other in zip(inner.tolist(), outer.tolist(), strict=True):
+        if one != other:
+            found.setdefault(keys[other], []).append(keys[one])
+    return found
 
 
 def _beside(
@@ -264,7 +286,7 @@ def _cut(shape: shapely.Polygon, lines: list[shapely.LineString], layer: str, si
     kept = [part for part in inside if part.length > 1e-9 * size]
     if not kept:
         return []
-    noded = shapely.union_all([shape.exterior, *kept])
+    noded = shapely.union_all([shape.boundary, *kept])
     pieces = [piece for piece in shapely.polygonize([noded]).geoms if piece.area > 1e-12 * size**2]
     cells = [cell for piece in pieces if shape.covers(piece.representative_point()) for cell in _pieces(piece, layer)]
     return sorted(cells, key=lambda cell: _height(cell, size))

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from jld_core.errors import InputError
 
-EXTRAS: Final = {"ezdxf": "dxf", "meshio": "mesh", "svgelements": "svg"}
+EXTRAS: Final = {"ezdxf": "dxf", "ifcopenshell": "ifc", "meshio": "mesh", "rhino3dm": "rhino", "svgelements": "svg"}
 """Extra of this project that installs each library."""
 
 _LARGEST: Final = 64 * 1024 * 1024

@@ -13,6 +13,7 @@ from jld_core.exchange.read_compas import read_compas
 from jld_core.exchange.read_csv import read_csv
 from jld_core.exchange.read_dxf import read_dxf
 from jld_core.exchange.read_mesh import read_mesh
+from jld_core.exchange.read_rhino import read_rhino
 from jld_core.exchange.read_svg import read_svg
 from jld_core.exchange.solids import Solids, spatial_scene
 from jld_core.scene.reading import DRAWINGS
@@ -52,8 +53,8 @@ def import_file(path: str | Path, options: ImportOptions | None = None) -> Impor
             return spatial_scene(read_compas(path, notes), options, notes)
         if ending in ("obj", "ply", "stl"):
             return spatial_scene(read_mesh(path, notes), options, notes)
-        if ending == "dxf":
-            found = read_dxf(path, options, notes)
+        if ending in ("dxf", "3dm"):
+            found = (read_dxf if ending == "dxf" else read_rhino)(path, options, notes)
             if isinstance(found, Solids):
                 return spatial_scene(found, options, notes)
             drawing = found
