@@ -67,7 +67,7 @@ class MovedScene:
         return found if friction == 1.0 else _with_friction_factor(found, friction)
 
     def _named_anew(self, move: dict[str, Any], places: Floats) -> dict[str, Any]:
-        """Return the key "move" with its points of vertices at positions (v, 2); other points stay."""
+        """Return the key "move" with its points at vertices moved to positions (v, 2)."""
 
         def moved(point: list[float]) -> list[float]:
             """Return where the vertex at a point of the start is now."""
