@@ -59,8 +59,9 @@ class Part:
 class Solids:
     """Content of a spatial file before it is converted to elements.
 
-    parts: the solids. contacts: (name, name, corners (k, 3)) where the file gives interfaces. facts: keys of a scene that an earlier
-    export stored in the file. name: name of the scene. unit: unit of length of the file, None if unknown.
+    parts: the solids. contacts: (name, name, corners (k, 3)) where the file gives interfaces. facts: keys of a scene
+    that an earlier export stored in the file. name: name of the scene. unit: unit of length of the file, None if
+    unknown.
     marks: points, texts and arrows. drawn: role "dry" or "inner", and corners (k, 3), of faces with a label.
     """
 
