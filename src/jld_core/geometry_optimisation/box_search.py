@@ -86,6 +86,7 @@ class _Search:
     """Branch and bound over the positions of one structure."""
 
     def __init__(self, scene: Scene, assembly: Assembly, labels: Bits) -> None:
+        assembly.members.refuse("a bound over positions of joints")
         move = scene.move or Move()
         mesh = vertex_mesh(assembly)
         variables = variables_of(assembly, labels, mesh, move, named=True)

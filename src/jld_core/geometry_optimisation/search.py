@@ -92,6 +92,7 @@ class GeometrySearch:
     def __init__(self, scene: Scene, assembly: Assembly, labels: Bits, trust: TrustRegion | None = None) -> None:
         if assembly.dimension != 2:
             raise InputError("elements", "they are spatial", "a planar scene; joints in space do not move yet")
+        assembly.members.refuse("a move of joints")
         self.move, self.trust = scene.move or Move(), trust or TrustRegion()
         mesh = vertex_mesh(assembly)
         self.variables: Variables = variables_of(assembly, labels, mesh, self.move)

@@ -99,6 +99,8 @@ def refine(
     if assembly.dimension == 2 and thickness is not None:
         document["thickness"] = thickness
     document |= {"elements": entries, "loads": _loads(document["loads"], assembly, cut_up)}
+    if scene.members:
+        document["members"] = [_anchored(one, assembly, cut_up) for one in document["members"]]
     search = document.pop("search", {})
     bare = build_assembly(parse_scene(document, scene.name))
     document["labels"] = _labels(assembly, bare, parent)
@@ -283,6 +285,21 @@ def _loads(loads: dict[str, Any], assembly: Assembly, cut_up: list[list[_Piece]]
             for case in loads["cases"]
         ]
     return found
+
+
+def _anchored(member: dict[str, Any], assembly: Assembly, cut_up: list[list[_Piece]]) -> dict[str, Any]:
+    """Return a member that holds on to the pieces of its elements at its points."""
+
+    def moved(anchor: dict[str, Any]) -> dict[str, Any]:
+        """Return an anchor that refers to a piece."""
+        k = assembly.elements.index[anchor["element"]]
+        if len(cut_up[k]) == 1:
+            return anchor
+        return {**anchor, "element": f"{anchor['element']}.{_nearest(cut_up[k], np.array(anchor['at']))}"}
+
+    ends = {key: moved(member[key]) for key in ("from", "to")}
+    through = {"through": [moved(one) for one in member["through"]]} if "through" in member else {}
+    return {**member, **ends, **through}
 
 
 def _nearest(parts: list[_Piece], at: Floats) -> int:

@@ -20,6 +20,7 @@ from jld_core.errors import InputError
 from jld_core.models.case_analysis import CaseAnalysis
 from jld_core.scene import Scene, parse_scene
 from jld_core.scene.cracks import FieldCracks
+from jld_core.sub_assembly import faces_of, with_members
 from jld_explore.report.page_data import loads_of, solution_of
 from jld_explore.space import LETTERS, SearchSpace, from_string, search_space
 from jld_explore.space.reasons import reasons_against
@@ -110,10 +111,11 @@ class StudioSession:
 
         Raises InputError for anything else.
         """
-        count = len(self.setup({}).assembly.interfaces)
+        assembly = self.setup({}).assembly
+        count = assembly.faces
         if not isinstance(letters, str) or len(letters) != count or letters.strip(LETTERS):
             raise InputError("labelling", f"it is {str(letters)[:40]!r}", f"{count} letters d or i")
-        return from_string(letters)
+        return with_members(assembly, from_string(letters))
 
     def solve(self, letters: object, changes: Mapping[str, Any]) -> dict[str, Any]:
         """Solve a labelling under changed materials and loads, and return JSON data for the page.
@@ -152,9 +154,9 @@ class StudioSession:
         """
         setup, labels = self.setup(changes), self.labels(letters)
         document = setup.scene.model_dump(mode="json", exclude_defaults=True)
-        ids, faces = setup.assembly.elements.ids, setup.assembly.interfaces
+        ids, faces = setup.assembly.elements.ids, faces_of(setup.assembly).interfaces
         pairs: dict[tuple[str, str], set[bool]] = {}
-        for a, b, dry in zip(faces.a, faces.b, labels.tolist(), strict=True):
+        for a, b, dry in zip(faces.a, faces.b, labels[: len(faces)].tolist(), strict=True):
             pairs.setdefault((ids[a], ids[b]), set()).add(dry)
         mixed = [pair for pair, found in pairs.items() if len(found) > 1]
         if mixed:
