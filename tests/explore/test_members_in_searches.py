@@ -14,9 +14,9 @@ import pytest
 from jld_core import build_assembly, parse_scene, solve
 from jld_core.errors import InputError
 from jld_core.exchange import Layout, export
-from jld_core.models.by_fields import solve_by_fields
+from jld_core.models import solve_by_fields
 from jld_explore import explore
-from jld_explore.drivers.registry import DRIVERS
+from jld_explore.drivers import DRIVERS
 from jld_explore.report.page_contract import PageData
 from jld_explore.space import search_space
 from jld_explore.verification import verify
@@ -145,7 +145,7 @@ def test_page_and_pictures_show_members(tmp_path: Path) -> None:
 
 
 def test_refined_scene_keeps_its_members() -> None:
-    from jld_core.refinement.refine import refine
+    from jld_core.refinement import refine
 
     scene = parse_scene(wall([STRAP], labels={"default": "dry"}))
     fine = refine(scene, (0.5, 0.5)).scene
@@ -196,6 +196,12 @@ def _settlement() -> None:
     settle(assembly, settlements_of(scene, assembly)[0])
 
 
+def _thrust() -> None:
+    from jld_core.limit.thrust import thrust_ranges
+
+    thrust_ranges(build_assembly(parse_scene(wall([STRAP]))))
+
+
 def _move() -> None:
     from jld_core.geometry_optimisation.search import GeometrySearch
 
@@ -211,7 +217,9 @@ def _export() -> None:
 
 
 @pytest.mark.parametrize(
-    "use", [_fields, _experiment, _sequence, _wish, _void, _settlement, _move, _export], ids=lambda use: use.__name__
+    "use",
+    [_fields, _experiment, _sequence, _wish, _void, _settlement, _thrust, _move, _export],
+    ids=lambda use: use.__name__,
 )
 def test_one_line_refuses_members(use: Callable[[], None]) -> None:
     words = r"members: .* does not model them \('strap'\); expected a scene without members"

@@ -167,7 +167,7 @@ class BatchSolver:
         self._start = self._starting(template, sampled_start)
 
     def _starting(self, template: Template, sampled: bool) -> _Start:
-        """Return the starting point of the iterations.
+        """Return the starting point of the iterations; store `_start` and `settled_fraction`.
 
         It lies between the least-norm forces in equilibrium and, with `sampled`, the mean solution of a few random
         labellings.
@@ -350,7 +350,10 @@ class BatchSolver:
         return back
 
     def _problem(self) -> library.Problem:
-        """Return the problem description in the layout of the compiled library."""
+        """Return the problem as a structure of the compiled library.
+
+        It points to arrays of this solver, and is valid while the solver exists.
+        """
         start = self._start
         arrays = library.pointers(
             low=self._low,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from jld_core.errors import InputError
-from jld_core.scene.units import NEWTONS
+from jld_core.scene.units import METRES, NEWTONS
 
 _SPELLINGS: Final = {"KN": "kN", "kn": "kN", "n": "N", "DAN": "daN", "KG": "kg", "kips": "kip", "LBF": "lbf"}
 """Alternative spellings of units in drawings with capital letters; mN and T are ambiguous and refused."""
@@ -20,9 +20,12 @@ _DECIMAL: Final = r"[-+]?(?:\d+(?:\.\d*|,\d+)?|[.,]\d+)(?:[eE][-+]?\d+)?"
 """Pattern of a number with decimal point or decimal comma."""
 
 _FORCE: Final = re.compile(
-    rf"(?:(?P<name>[^\W\d][\w.]*)\s*[=:]\s*)?(?P<number>{_DECIMAL})\s*(?P<unit>[^\W\d]+)?(?P<per>\s*/\s*[^\W\d]\w*[²³]?)?"
+    rf"(?:(?P<name>[^\W\d][\w.]*)\s*[=:]\s*)?(?P<number>{_DECIMAL})\s*(?P<unit>[^\W\d]+)?(?P<per>\s*/\s*[^\W\d]\w*(?:[²³]|\^\d)?)?"
 )
 """Pattern of one force: optional name, number, optional unit, optional "per length or area"."""
+
+_PER: Final = re.compile(r"\s*/\s*([^\W\d]+?)(\^?2|²)?")
+"""Pattern of "per length or area": unit of length, and the power 2."""
 
 _THOUSANDS: Final = re.compile(r"[-+]?\d{1,3},\d{3}(?!\d)")
 """Pattern of a number whose comma may separate thousands."""
@@ -46,14 +49,17 @@ class WrittenForce:
         True if the values are components. One value with False is a magnitude without direction.
     has_unit : bool
         True if the text names a unit.
+    per : tuple of float and int, or None
+        For a load per length or area: metres in its unit of length, and 1 or 2. None for a force.
     """
 
     values: tuple[float, ...]
     components: bool
     has_unit: bool
+    per: tuple[float, int] | None = None
 
 
-def parse_force(text: str, unit: str = "N") -> WrittenForce:
+def parse_force(text: str, unit: str = "N", *, distributed: bool = False) -> WrittenForce:
     """Parse a text that states a force.
 
     Parameters
@@ -64,6 +70,9 @@ def parse_force(text: str, unit: str = "N") -> WrittenForce:
         separated by a semicolon, or by a comma with a blank or a sign behind it.
     unit : str
         Force unit of the result, and of numbers without a unit.
+
+    distributed : bool
+        Accept one load per length or area, as ``10 kN/m``, as well.
 
     Returns
     -------
@@ -86,6 +95,12 @@ def parse_force(text: str, unit: str = "N") -> WrittenForce:
     parts: list[tuple[str, float, bool]] = []
     place = 0
     stripped = text.strip()
+    if distributed and (whole := _FORCE.fullmatch(stripped)) and whole["per"] and whole["unit"]:
+        length = _PER.fullmatch(whole["per"])
+        if length is None or length[1] not in METRES:
+            raise _refused(text, f"no unit of length is named {whole['per'].strip(' /')!r}")
+        _, value, _ = _part(whole, text, unit, distributed=True)
+        return WrittenForce((value,), False, True, (METRES[length[1]], 2 if length[2] else 1))
     while place < len(stripped) or not parts:
         if parts:
             gap = _BETWEEN.match(stripped, place)
@@ -99,15 +114,15 @@ def parse_force(text: str, unit: str = "N") -> WrittenForce:
     return _joined(parts, text)
 
 
-def _part(found: re.Match[str], text: str, unit: str) -> tuple[str, float, bool]:
+def _part(found: re.Match[str], text: str, unit: str, *, distributed: bool = False) -> tuple[str, float, bool]:
     """Return name, value and presence of a unit of one number.
 
-    Raises InputError as `parse_force`.
+    The name is "" where none is given. Raises InputError as `parse_force`.
     """
     number, given = found["number"], found["unit"]
-    if found["per"]:
+    if found["per"] and not distributed:
         problem = f"{found['number']} {given or ''}{found['per'].strip()} is a load per length or area"
-        raise _refused(text, problem, "a force: that times its length")
+        raise _refused(text, problem, "a line along the edge that it acts on, or a force")
     if _THOUSANDS.fullmatch(number):
         raise _refused(text, f"the comma in {number!r} may separate thousands or decimals", "a point for decimals")
     value = float(number.replace(",", "."))
@@ -125,7 +140,7 @@ def _part(found: re.Match[str], text: str, unit: str) -> tuple[str, float, bool]
 
 
 def _joined(parts: list[tuple[str, float, bool]], text: str) -> WrittenForce:
-    """Return the force of one or two numbers.
+    """Return the force that one or two numbers, from `_part`, state.
 
     Raises InputError as `parse_force`.
     """

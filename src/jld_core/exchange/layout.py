@@ -155,14 +155,17 @@ class Layout:
         return tuple(found)
 
     def _name(self, members: Ints) -> str:
-        """Return the scene's name of a block equal to it, else the id of its first element."""
+        """Return the scene's name of a block with exactly these elements, else the first id.
+
+        members: (k,) elements.
+        """
         elements = self.assembly.elements
         name = elements.blocks[int(members[0])]
         whole = [k for k, other in enumerate(elements.blocks) if other == name]
         return name if name is not None and whole == members.tolist() else elements.ids[int(members[0])]
 
     def _shapes(self) -> list[int]:
-        """Return the shape number of each block.
+        """Return the shape number of each block, from 1; 0 for supports alone.
 
         Planar blocks may be mirrored (turned over), spatial ones may not.
         """

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -16,8 +15,9 @@ from jld_core.exchange.read_dxf import read_dxf
 from jld_core.exchange.read_mesh import read_mesh
 from jld_core.exchange.read_svg import read_svg
 from jld_core.exchange.solids import Solids, spatial_scene
+from jld_core.scene.reading import DRAWINGS
 
-KINDS: Final = ("dxf", "svg", "csv", "json", "obj", "ply", "stl")
+KINDS: Final = (*DRAWINGS, "json")
 """File endings that can be read; json is that of COMPAS."""
 
 
@@ -54,8 +54,8 @@ def import_file(path: str | Path, options: ImportOptions | None = None) -> Impor
             return spatial_scene(read_mesh(path, notes), options, notes)
         if ending == "dxf":
             found = read_dxf(path, options, notes)
-            if isinstance(found, Solids):  # already in metres
-                return spatial_scene(found, replace(options, unit=None), notes)
+            if isinstance(found, Solids):
+                return spatial_scene(found, options, notes)
             drawing = found
         elif ending == "svg":
             drawing = read_svg(path, options, notes)

@@ -60,13 +60,14 @@ class Solids:
     """Content of a spatial file before it is converted to elements.
 
     contacts: (name, name, corners (k, 3)) where the file gives interfaces. facts: keys of a scene that an earlier
-    export stored in the file. name: name of the scene.
+    export stored in the file. name: name of the scene. unit: unit of length of the file, None if unknown.
     """
 
     parts: list[Part]
     contacts: list[tuple[str, str, Floats]] = field(default_factory=list)
     facts: dict[str, Any] = field(default_factory=dict)
     name: str = "solids"
+    unit: str | None = None
 
 
 def _size(vertices: list[Floats]) -> float:
@@ -84,9 +85,10 @@ def _size(vertices: list[Floats]) -> float:
 
 
 def _supports(parts: list[Part], vertices: list[Floats], options: ImportOptions, near: float) -> list[bool]:
-    """Return which solids are supports.
+    """Return True for each solid that is a support: by the file, by its group, or as lowest.
 
-    near: height above the lowest point that counts as lowest.
+    Any of the three suffices; the lowest point counts only with `LOWEST` in `options.support`. near: height above it
+    that still counts as lowest.
     """
     low = min(float(v[:, 2].min()) for v in vertices)
     return [
@@ -109,16 +111,17 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes) -> Import
         raise InputError("", "it holds no solid", "closed surfaces, one for each block")
     if sum(len(part.faces) + len(part.vertices) for part in parts) > 4 * MOST:
         raise InputError("", "it holds more faces than a structure has", f"at most {MOST}")
-    scale = METRES[options.unit] if options.unit is not None else 1.0
+    scale, unit, drawn_in = _scale(found, options, notes)
     names = _names([part.name for part in parts])
     vertices = [scale * part.vertices for part in parts]
     size = _size(vertices)
-    tolerance = SNAP * size if options.tolerance is None else options.tolerance
+    tolerance = SNAP * size if options.tolerance is None else scale * options.tolerance
     snapped = snap_solids(vertices, [part.faces for part in parts], tolerance)
     notes.largest = snapped.largest
     if snapped.moved:
         moved = several(snapped.moved, "vertex", "vertices")
-        notes.snapped.append(f"{moved}, by at most {snapped.largest:.3g}; tolerance {tolerance:.3g}")
+        said = f"by at most {snapped.largest / scale:.3g} {drawn_in}; tolerance {tolerance / scale:.3g} {drawn_in}"
+        notes.snapped.append(f"{moved}, {said}")
     kept = [_without_slivers(v, part.faces) for v, part in zip(snapped.vertices, parts, strict=True)]
     bent = sum(map(len, kept))
     kept = [_flat(v, loops) for v, loops in zip(snapped.vertices, kept, strict=True)]
@@ -154,16 +157,33 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes) -> Import
         notes.found.append(f"{several(len(found.contacts), 'interface')} as the file gives them")
     else:
         _say_contacts(whole, faces, notes)
-    if options.unit is None and "units" not in document:
-        notes.assumed.append("lengths in m: the file names no unit, give --unit")
+    if unit is not None:
+        document["units"] = {"force": "N", **document.get("units", {}), "length": unit}
     free = len(parts) - sum(supports)
     counted = f"{several(free, 'element')} and {several(sum(supports), 'support')}"
     notes.found.insert(0, f"{counted}, volume {volume.sum():.6g}")
-    return Imported(complete(document, options, notes, dimension=3), notes.report())
+    return Imported(complete(document, options, notes, dimension=3), notes.report(), drawn_in, scale)
+
+
+def _scale(found: Solids, options: ImportOptions, notes: Notes) -> tuple[float, str | None, str]:
+    """Return the factor to the scene's unit of length, this unit if to be stated, and the unit of the file."""
+    given = options.unit or found.unit
+    if given is not None and given not in METRES:
+        raise InputError("", f"its lengths are in {given}", "`unit` " + "|".join(METRES))
+    stated = found.facts.get("units", {}).get("length")
+    if stated is not None:
+        own = str(stated)
+        return (METRES[given] / METRES[own] if given and own in METRES else 1.0), None, given or own
+    if given is None:
+        notes.assumed.append("lengths in m: the file names no unit, give --unit")
+        return 1.0, None, "m"
+    if given != "m":
+        notes.found.append(f"lengths in {given}, times {METRES[given]:g} to m")
+    return METRES[given], "m", given
 
 
 def _names(given: Sequence[str]) -> list[str]:
-    """Return unique names that are not empty."""
+    """Return unique names that are not empty; equal ones get numbers."""
     taken: set[str] = set()
     names = []
     for number, name in enumerate(given):
@@ -178,7 +198,10 @@ def _names(given: Sequence[str]) -> list[str]:
 
 
 def _without_slivers(vertices: Floats, faces: Faces) -> Faces:
-    """Remove faces that snapping collapsed to a line or point, and repeated corners."""
+    """Return faces without those that snapping collapsed, and without repeated corners.
+
+    vertices: (k, 3). Corners at one place get one index.
+    """
     node = merge_points(vertices, 0.0)
     first = np.unique(node, return_index=True)[1]
     kept = []
@@ -191,7 +214,10 @@ def _without_slivers(vertices: Floats, faces: Faces) -> Faces:
 
 
 def _flat(vertices: Floats, faces: Faces) -> Faces:
-    """Split faces that are not plane into triangles, equally in all solids with these corners."""
+    """Split faces that are not plane into triangles.
+
+    A face with the same corners is split in the same way in every solid.
+    """
     found: list[tuple[int, ...]] = []
     for loop in faces:
         corners = vertices[list(loop)]
@@ -222,7 +248,7 @@ def _apex(corners: Floats) -> int:
 
 
 def _merged(vertices: Sequence[Floats], faces: Sequence[Faces]) -> tuple[list[Floats], list[Faces]]:
-    """Merge coplanar faces of solids to one face per plane piece.
+    """Merge coplanar faces of solids to one face per plane piece; return vertices and faces.
 
     Solids with a piece that has holes keep their faces.
     """
@@ -249,7 +275,10 @@ def _merged(vertices: Sequence[Floats], faces: Sequence[Faces]) -> tuple[list[Fl
 def _given(
     contacts: list[tuple[str, str, Floats]], names: dict[str, str], scale: float, size: float
 ) -> list[dict[str, Any]]:
-    """Return interfaces for a scene, with corners projected onto their best-fit planes."""
+    """Return interfaces for a scene, with corners projected onto their best-fit planes.
+
+    contacts: as in `Solids`. names: ids by names in the file. scale: scene units per file unit. size: of the structure.
+    """
     entries = []
     for a, b, corners in contacts:
         points = scale * corners

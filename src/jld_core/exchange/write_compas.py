@@ -102,7 +102,10 @@ def _envelope(kind: str, data: Any, name: str) -> dict[str, Any]:
 
 
 def _faces(layout: Layout, cells: bool) -> list[tuple[str, str, Floats]]:
-    """Return the interfaces between the written solids, with their corners in space."""
+    """Return two names and corners (k, 3) of each interface between the written solids.
+
+    cells: the solids are elements, not blocks; interfaces inside a block are then written too.
+    """
     assembly = layout.assembly
     faces = assembly.interfaces
     found = []
@@ -130,9 +133,9 @@ def _in_space(layout: Layout, polygon: Floats) -> Floats:
 
 
 def _weights(layout: Layout, cells: bool) -> dict[str, dict[str, Any]]:
-    """Return weight and centroid of the written solids by name.
+    """Return weight and centroid of the written free solids by name, as the scene has them.
 
-    Values are those of the scene, even where the geometry gives others.
+    For elements of a spatial scene only the values that the scene states are given.
     """
     elements = layout.assembly.elements
     weight = np.linalg.norm(elements.weight, axis=1)

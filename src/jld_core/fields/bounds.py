@@ -249,8 +249,8 @@ class FieldRefinement:
     def ended(self) -> bool:
         """True if `step` has nothing left to solve.
 
-        The gap was reached, the upper bound is below 0, a bound is missing after eight meshes, or the next mesh would
-        exceed `most_triangles`.
+        Any of these ends refinement: the gap is reached, the upper bound is below 0, a bound is missing after eight
+        meshes, the next mesh would exceed `most_triangles`.
         """
         return self._mesh is None
 
@@ -303,7 +303,10 @@ class FieldRefinement:
 
 
 def _require(assembly: Assembly, labels: Bits | None, gap: float, parts: int, patch: float | None) -> Bits:
-    """Return the labels; raise InputError for what cannot be bounded."""
+    """Check the arguments of `bounds_by_fields`, and return the labels (m,).
+
+    Raises InputError for a spatial assembly, `parts` below 1, and all that `require_refinement` refuses.
+    """
     require_planar(assembly)
     known = require_refinement(assembly, labels, gap, patch)
     if parts < 1:
@@ -320,7 +323,7 @@ class _Best:
         self.velocities: Velocities | None = None
 
     def take(self, fields: Fields) -> None:
-        """Keep the bounds of a mesh, each with its field, where they improve."""
+        """Take over each bound of a mesh, with its field, that is better than the one held."""
         units, mesh, (lower, upper) = fields.problem.units, fields.mesh, fields.bounds
         if fields.stress is not None and lower > self.lower:
             m, d, s = np.moveaxis(fields.stress.stress, -1, 0)

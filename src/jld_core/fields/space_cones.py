@@ -109,6 +109,7 @@ def solve_cones(objective: Floats, matrix: sp.csr_array, rhs: Floats, sizes: Con
 
 
 def _settings() -> Any:
+    """Return the settings of Clarabel."""
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.max_threads = 1

@@ -189,7 +189,7 @@ def _wrenches(at: Floats) -> Floats:
 
 
 def _resultants(problem: SpatialProblem, blocks: RigidBlocks, body: Floats) -> Floats:
-    """Return the forces and moments (b, 6) on blocks of forces per volume (t, 3)."""
+    """Return forces and moments about the origin (b, 6) on blocks; body: (t, 3) per volume."""
     mesh = problem.mesh
     total = np.zeros((len(blocks.free), 6))
     force = body * mesh.volume[:, None]
@@ -198,9 +198,10 @@ def _resultants(problem: SpatialProblem, blocks: RigidBlocks, body: Floats) -> F
 
 
 def _joint_cones(problem: SpatialProblem) -> tuple[Rows, Rows]:
-    """Non-negative rows and cones of 3 of (10.5) over tractions (9k,) of the dry joints.
+    """Return rows of s ≥ 0 and of cones of size 3 over tractions (9k,) of the dry joints.
 
-    They press no harder than the joints can carry, and than a share of what the blocks can carry in one direction.
+    They are docs/method.md (10.5). Pressure is limited by crushing of the joint, and by a share of the strength of the
+    blocks in one direction.
     """
     p, rows = problem, problem.dry
     face, normal = p.face[rows], p.sides.normal[rows]
@@ -223,10 +224,11 @@ def _joint_cones(problem: SpatialProblem) -> tuple[Rows, Rows]:
 
 
 def _edges_of_loss(problem: SpatialProblem, blocks: RigidBlocks, traction: Floats, velocity: Floats) -> Ints:
-    """Edges (e, 2) of the joints where tractions lose most, the longest first.
+    """Return the edges (e, 2) of joints to be halved, the longest first.
 
-    A traction loses its power on the jump of the velocities, which is 0 where it presses at a hinge. The edge of a
-    triangle is the one along which the loss changes most.
+    Nodes are in ascending order. traction: (k, 3, 3) on dry triangles. velocity: (b, 6) of blocks. Marked are the
+    triangles whose tractions lose most power on jumps; the loss is 0 where a traction presses at a hinge. Of each
+    triangle the edge along which the loss changes most is taken, long ones first.
     """
     s, rows, mesh = problem.sides, problem.dry, problem.mesh
     nodes = mesh.tetrahedra[s.a[rows][:, None], s.corner_a[rows]]

@@ -123,7 +123,10 @@ class SolidMesh:
         return Sides(a, b, corner_a, corner_b, outward / double[:, None], 0.5 * double, tags)
 
     def _tags(self, whole: Ints) -> Ints:
-        """Tags (u,) of triangles by their nodes (u, 3) in ascending order, sorted by rows."""
+        """Return the tag (u,) of triangles, FREE without one.
+
+        whole: (u, 3) nodes in ascending order, rows sorted.
+        """
         tags = np.full(len(whole), FREE, dtype=np.int64)
         if len(self.tagged):
             _, number = np.unique(np.concatenate([whole, self.tagged]), axis=0, return_inverse=True)

@@ -129,7 +129,7 @@ class FieldStresses:
 
 
 def mechanism_of(upper: UpperBound, field: VelocityField, labels: Bits) -> FieldMechanism | None:
-    """Compute what a certified velocity field proves for all labellings.
+    """Compute the upper bounds that a certified velocity field proves for all labellings.
 
     Faces that stand still up to rounding are opened a little, so that they may have either label.
 

@@ -107,9 +107,9 @@ class PartialUpperBound:
         return min((one for one in both if one is not None), key=lambda one: one.bound, default=None)
 
     def weigh(self, velocity: Floats) -> FieldMechanism | None:
-        """Compute what a velocity field (t, 3, 2) dissipates, without a solver.
+        """Compute the bounds on λ that a velocity field proves, without a solver.
 
-        None where it proves nothing for any labelling; see `transfer.weighed`.
+        velocity: (t, 3, 2), scaled. None where it proves nothing for any labelling; see `transfer.weighed`.
         """
         return weighed(self._upper, velocity)
 
@@ -137,9 +137,11 @@ class PartialUpperBound:
         return finer_by_dissipation(mesh, power)
 
     def _least(self, velocity: Floats, labels: Bits, undecided: Bools, enough: float) -> WeighedField | None:
-        """Return a field repaired as far as leads to a bound up to `enough`, else to the least.
+        """Repair a velocity field by each of `REPAIRED` and return the one with the least bound.
 
-        None where no repair gives a finite bound.
+        The first with a bound of at most `enough` (λ, scene units) ends the attempts. velocity: (t, 3, 2), scaled.
+        labels: (m,) True = dry. undecided: (m,) faces that may have either label. None if no repair gives a finite
+        bound.
         """
         best: WeighedField | None = None
         for share in REPAIRED:
@@ -153,9 +155,10 @@ class PartialUpperBound:
         return best
 
     def _along(self, ray: Floats, labels: Bits, undecided: Bools) -> WeighedField | None:
-        """Return a field of a partial labelling that falls under its dead load alone, or None.
+        """Return a field that proves collapse under the dead load alone, or None.
 
-        It is a mechanism of the live load plus a large multiple of a ray.
+        It is a mechanism of the live load plus a large multiple of `ray`, (t, 3, 2), along which the program is
+        unbounded. None: no such mechanism, or no multiple tried leads below 0.
         """
         p, size = self._upper.problem, float(abs(ray).max())
         if self._weightless is None:

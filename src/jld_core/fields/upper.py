@@ -138,7 +138,10 @@ class UpperBound:
         return found
 
     def _with_margins(self, labels: Bits, found: VelocityField | None, expected: float) -> VelocityField | None:
-        """Return the better of a field and those of programs with room in every flow rule."""
+        """Return the best of a field and those of programs with room in every flow rule.
+
+        found: field so far or None. expected: scaled λ by the solver. The first that costs little ends the attempts.
+        """
         for margin in _MARGINS:
             answer = VelocityProgram(self.problem, self.live, self.dead, margin).solve(self.problem.is_dry(labels))
             if not answer.usable:
@@ -178,7 +181,10 @@ class UpperBound:
         return min((one for one in (near, opened) if one is not None), key=lambda one: one.factor, default=None)
 
     def _opened(self, velocity: Floats, labels: Bits) -> VelocityField | None:
-        """Open one field until every flow rule holds, and compute the λ that it bounds."""
+        """Open one field until every flow rule holds, and compute its bound on λ.
+
+        None: a flow rule stays violated, or the live load does no positive work.
+        """
         rates = self.rates(velocity)
         worst, share, allowance = self._worst(rates, labels), 0.0, 0.0
         if worst > 0.0:
@@ -212,7 +218,7 @@ class UpperBound:
         """Open velocities so far that small violations of flow rules vanish, under either label.
 
         velocity: (t, 3, 2), scaled. share: a violation is small up to this share of the largest velocity; larger ones
-        remain. Velocities return unchanged where nothing small is violated, or no opening motion exists.
+        remain. Without small violations, or without an opening motion, velocities return unchanged.
         """
         every = np.ones(len(self.problem.supported), dtype=bool)
         rates = self.rates(velocity)
@@ -223,9 +229,14 @@ class UpperBound:
         return velocity if motion is None else velocity + worst * (1.0 + 1e-9) * motion
 
     def _worst(self, rates: Rates, labels: Bits) -> float:
+        """Return the largest opening that any flow rule lacks, scaled; up to 0 where all hold."""
         return max(float(part.max(initial=-np.inf)) for part in self.lacking(rates, labels))
 
     def _opening(self) -> Floats | None:
+        """Return the opening motion (t, 3, 2) with room of one or more in every flow rule.
+
+        None without such a motion. It is computed at the first call and kept.
+        """
         if not self._tried:
             self._tried = True
             motion = opening_motion(self.problem)

@@ -83,10 +83,9 @@ class ProvenBox:
 
 
 class _Search:
-    """Branch and bound over the positions of one structure."""
+    """Branch and bound over the positions of one structure; keeps the best position tried."""
 
     def __init__(self, scene: Scene, assembly: Assembly, labels: Bits) -> None:
-        assembly.members.refuse("a bound over positions of joints")
         move = scene.move or Move()
         mesh = vertex_mesh(assembly)
         variables = variables_of(assembly, labels, mesh, move, named=True)
@@ -109,7 +108,10 @@ class _Search:
         self.best: tuple[float, Floats, LimitAnalysisResult] | None = None
 
     def bound(self, low: Floats, high: Floats) -> BoxBound:
-        """Return the least bound of all load cases over a box."""
+        """Return the least bound on the governing factor over a box, of all load cases.
+
+        low, high: (p,) lengths.
+        """
         self.boxes += 1
         found = [one.bound(low, high) for one in self.problems]
         values = [one.value / factor for one, factor in zip(found, self.required, strict=True)]
@@ -121,7 +123,7 @@ class _Search:
         return np.asarray(self.mesh.places + np.einsum("p,pvd->vd", parameters, self.directions))
 
     def try_position(self, parameters: Floats) -> LimitAnalysisResult | None:
-        """Solve one position and keep it if it is the best; None where it cannot be built."""
+        """Solve one position (p,) and keep it if it is the best; None where it cannot be built."""
         try:
             assembly = build_assembly(self.moved.at(self.places(parameters)))
         except InputError:
@@ -133,7 +135,10 @@ class _Search:
         return result
 
     def split(self, low: Floats, high: Floats, whole: Floats) -> list[tuple[BoxBound, Floats, Floats]]:
-        """Return both halves of a box with their bounds, along the axis that lowers the larger one most."""
+        """Return both halves of a box, each with bound, low and high (p,), along the best axis.
+
+        That axis gives the least larger bound. Narrow axes are not tried. whole: (p,) size of the first box.
+        """
         choices = []
         wide = np.flatnonzero((high - low) / whole >= 0.25 * ((high - low) / whole).max())
         for axis in wide.tolist():
@@ -226,7 +231,7 @@ def prove_box(
 
 
 def _ends(box: tuple[Floats, Floats] | float, count: int) -> tuple[Floats, Floats]:
-    """Return the ends (p,) of a box; raise InputError for a wrong one."""
+    """Return the ends low and high (p,) of a box; raise ParameterError for a wrong box."""
     if isinstance(box, tuple):
         low, high = (np.asarray(end, dtype=float) for end in box)
         if len(low) != count or len(high) != count:
@@ -240,7 +245,7 @@ def _ends(box: tuple[Floats, Floats] | float, count: int) -> tuple[Floats, Float
 
 
 def _gap(value: float, bound: float) -> float:
-    """Return the relative distance of both bounds."""
+    """Return the distance of `bound` from `value`, relative to the larger; 0 if not above."""
     if bound <= value:
         return 0.0
     return math.inf if not math.isfinite(bound) else (bound - value) / max(abs(value), abs(bound))
@@ -254,7 +259,11 @@ def _branch(
     deadline: float,
     progress: Callable[[float, float, int], None] | None,
 ) -> float:
-    """Split boxes, the one of the largest bound first, until the gap is closed; return the largest bound left."""
+    """Split the box of largest bound until the gap is closed or time is up.
+
+    Returns a bound on all positions in the box. deadline: time of `time.perf_counter`, s. Boxes below a least width are
+    not split. The middle of each box is tried as a position.
+    """
     whole = high - low
     heap = [(-search.bound(low, high).value, 0, low, high)]
     number, closed = 0, -math.inf

@@ -164,7 +164,10 @@ class Evaluator:
         return replace(point, states=states)
 
     def _dead_states(self, values: Floats, assembly: Assembly, near: list[CaseState]) -> list[CaseState]:
-        """Return a state for every dead load of the cases, with the forces of a point nearby or any admissible ones."""
+        """Return a state for every different dead load of the cases, with admissible forces.
+
+        near: states of a point nearby, whose forces are taken if they fit. Empty where no forces are found.
+        """
         known = [state for state in near if state.dead]
         different: list[Assembly] = []
         for case in assembly.by_case:
@@ -285,7 +288,7 @@ class Evaluator:
 
 
 def _rubbing(assembly: Assembly, factor: float) -> Assembly:
-    """Return an assembly with the friction of dry faces multiplied by a factor."""
+    """Return an assembly with all friction coefficients multiplied by a factor."""
     strengths = replace(assembly.strengths, friction=assembly.strengths.friction * factor)
     return replace(assembly, strengths=strengths)
 

@@ -92,7 +92,6 @@ class GeometrySearch:
     def __init__(self, scene: Scene, assembly: Assembly, labels: Bits, trust: TrustRegion | None = None) -> None:
         if assembly.dimension != 2:
             raise InputError("elements", "they are spatial", "a planar scene; joints in space do not move yet")
-        assembly.members.refuse("a move of joints")
         self.move, self.trust = scene.move or Move(), trust or TrustRegion()
         mesh = vertex_mesh(assembly)
         self.variables: Variables = variables_of(assembly, labels, mesh, self.move)
@@ -113,7 +112,7 @@ class GeometrySearch:
 
     @property
     def goal(self) -> Goal:
-        """What the programs of steps optimise, from the key "maximise" of the scene."""
+        """Objective of the programs of steps, from the key "maximise" of the scene."""
         goals: dict[str, Goal] = {"least_friction": "friction", "least_thickness": "thickness"}
         return goals.get(self.move.maximise, "load_factor")
 
@@ -159,7 +158,7 @@ class GeometrySearch:
         return None
 
     def _bounds(self, values: Floats, radius: float) -> tuple[Floats, Floats]:
-        """Return bounds (k,) of a step within the trust region and the box."""
+        """Return bounds low, high (k,) on a step from variables z, within trust region and box."""
         low, high = np.full(len(values), -radius), np.full(len(values), radius)
         box = self.move.box
         if box is not None:
@@ -231,10 +230,10 @@ class GeometrySearch:
         return point, "points"
 
     def _try(self, point: Evaluated, radius: float) -> tuple[Evaluated | None, float]:
-        """Return the point that one step leads to, if any, and the objective that its program promised.
+        """Return the best point that one step leads to, if any, and the predicted objective.
 
-        Where the point keeps too little of the promise, its program is stated again at that point and with its forces,
-        within the same trust region: a correction of second order.
+        With corrections allowed and λ as goal, a program is solved again from a new point that gains too little. It
+        uses the forces of the step, within the same trust region: a correction of second order.
         """
         low, high = self._bounds(point.values, radius)
         answer = self.evaluator.step(point, low, high, self.goal)
@@ -264,7 +263,7 @@ class GeometrySearch:
         return best, predicted
 
     def _promised(self, point: Evaluated, answer: StepAnswer) -> float:
-        """Return the objective that the program of a step promises."""
+        """Return the objective that the program of a step predicts."""
         if self.goal == "friction":
             return -point.friction * (1.0 + answer.value)
         if self.goal == "thickness":
@@ -272,7 +271,10 @@ class GeometrySearch:
         return answer.value
 
     def _kicked(self, point: Evaluated, random: np.random.Generator) -> Evaluated:
-        """Return a point with other optimal forces, which may see an ascent that the present ones do not."""
+        """Return a point with other optimal forces, from which a step may find an ascent.
+
+        It is the point itself where the program fails.
+        """
         still = np.zeros(self.variables.count)
         objective = random.normal(size=point.states[0].forces.size)
         answer = self.evaluator.step(point, still, still, self.goal, objective)

@@ -64,7 +64,10 @@ def _shortest(assembly: Assembly) -> float:
 
 
 def _of_element(assembly: Assembly, element: int, motion: Floats, load_factor: float) -> Floats:
-    """Return −d(power of the loads of an element) by its vertices (k, 3)."""
+    """Return −d(power of the loads of an element) by its vertices (k, 3), scene units.
+
+    motion: (6,) velocity of the centroid, then rotation.
+    """
     growing, riding = (load[element] for load in shape_loads(assembly, load_factor))
     corner = assembly.elements.shape[element] - assembly.elements.centroid[element]
     volume, by_volume, by_moment = 0.0, np.zeros_like(corner), np.zeros((len(corner), 3, 3))
@@ -116,7 +119,10 @@ class _Contact:
 
 
 def _frame(normal: Floats, beside: Floats) -> Floats:
-    """Return two axes (2, 3) of a plane, which change smoothly with its normal near `beside`."""
+    """Return two axes (2, 3) of the plane of a normal; they change smoothly with the normal.
+
+    beside: unit normal nearby, which chooses the first axis.
+    """
     first = np.eye(3)[int(np.argmin(abs(beside)))]
     first = first - (first @ normal) * normal
     first = first / np.linalg.norm(first)
@@ -160,7 +166,11 @@ def _of_face(assembly: Assembly, face: int, forces: Floats, mechanism: Floats) -
 
 
 def _corner_forces(corner: Floats, forces: Floats, gaps: Floats) -> Floats:
-    """Return normal forces (k,) at the corners (k, 2) with the resultants of a face, at the least power on the gaps."""
+    """Return normal forces (k,) at the corners with the resultants of a face.
+
+    Of all such forces they have the least power on the gaps. corner: (k, 2) about the centroid. forces: (6,) of the
+    face. gaps: (k,) opening rates.
+    """
     size = float(abs(corner).max())
     rows = np.vstack([np.ones(len(corner)), corner[:, 0] / size, corner[:, 1] / size])
     total = np.array([forces[0], -forces[4] / size, forces[3] / size])

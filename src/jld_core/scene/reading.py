@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from pydantic import ValidationError
 
@@ -13,6 +13,9 @@ from jld_core.scene.complaints import first_complaint, plain, shown
 from jld_core.scene.schema import Scene
 from jld_core.scene.spread import lowered
 from jld_core.scene.units import with_numbers
+
+DRAWINGS: Final = ("dxf", "svg", "csv", "obj", "ply", "stl")
+"""Endings of files that `jld import` makes a scene of, COMPAS JSON apart."""
 
 
 def load_scene(path: str | Path) -> Scene:
@@ -34,6 +37,8 @@ def load_scene(path: str | Path) -> Scene:
         The file is missing, is not UTF-8 or not JSON, or has an unknown, missing or wrong key.
     """
     path = Path(path)
+    if path.suffix.lower().lstrip(".") in DRAWINGS and path.is_file():
+        raise _not_imported(path, "it is a drawing or a file of solids, not a scene")
     try:
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
@@ -56,7 +61,14 @@ def load_scene(path: str | Path) -> Scene:
         raise error.within(str(path)) from None
     except ValueError:  # Python limits the number of digits of an integer
         raise InputError(str(path), "it holds a number of thousands of digits", _NUMBERS) from None
+    if isinstance(document, dict) and "dtype" in document:
+        raise _not_imported(path, "it is a file of COMPAS, not a scene")
     return parse_scene(document, str(path))
+
+
+def _not_imported(path: Path, problem: str) -> InputError:
+    """Return the error for a file that has to be imported first."""
+    return InputError(str(path), problem, f"a scene: jld import {path.name} -o {path.stem}_scene.json")
 
 
 def parse_scene(document: object, file: str = "scene") -> Scene:

@@ -18,6 +18,7 @@ COMMANDS: Final = {
     "experiment": "load a layout in a virtual experiment until it comes down",
     "assembly": "an order in which the blocks can be laid",
     "settlement": "the thrust that is left where supports give way",
+    "thrust": "least and greatest reaction of supports, and forces across joints",
     "export": "write the blocks of a layout for another program",
 }
 """Description of each command, in the order of use."""

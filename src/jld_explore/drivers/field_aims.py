@@ -1,4 +1,4 @@
-"""What a proof by fields finds out: the best layout, the front, or the best count.
+"""Aims of a proof by fields: the best layout, the front, or the best count.
 
 A proof has one **target** after the other: labellings whose count lies in some range, and the governing factor above
 which no labelling of the target may be left unrefuted.
@@ -209,7 +209,7 @@ class FrontAim:
         return self._now
 
     def goal(self, best: Mapping[int, float]) -> float:
-        """Return `enough` / (1 − gap): what the labellings of the target must be refuted above.
+        """Return `enough` / (1 − gap), above which labellings of the target must be refuted.
 
         It is 0 where no layout of these counts stands.
         """
@@ -224,7 +224,7 @@ class FrontAim:
         return self._no_worse(self._now, best)
 
     def _no_worse(self, value: int | None, best: Mapping[int, float]) -> float:
-        """Return the best factor of layouts whose count is a value or a better one."""
+        """Return the best factor of layouts whose count is `value` or a better one, else −inf."""
         known = (low for count, low in best.items() if value is None or self._sign * (count - value) <= 0.0)
         return max(known, default=-math.inf)
 
@@ -324,7 +324,7 @@ class RequirementAim:
         return self._threshold
 
     def next(self, bound: float, best: Mapping[int, float], left: Floats) -> float | None:
-        """Record what is proven and return None, which ends the proof; see `ProofAim.next`.
+        """Record the proven count and return None, which ends the proof; see `ProofAim.next`.
 
         Without open labellings no count better than `met` carries the factor. Otherwise the best count in `left` takes
         the place of `met`. bound: not used.

@@ -40,7 +40,7 @@ class FieldProblem:
     Attributes
     ----------
     setting : FieldSetting
-        What all meshes of the load case have in common.
+        Data that all meshes of the load case share.
     mesh : Mesh
         The mesh, scene units.
     required : float
@@ -221,7 +221,10 @@ class FieldRelaxation:
         self._known.clear()
 
     def _of(self, number: int) -> PartialUpperBound:
-        """Return the bounds of a problem; those only weighed are set up anew once dropped."""
+        """Return the upper bounds of problem `number`.
+
+        Those of problems added to weigh are kept only for a while, and then set up anew.
+        """
         if number < len(self._asked):
             return self._asked[number]
         if number not in self._others:
@@ -239,7 +242,7 @@ def raised(bound: float) -> float:
 
 @dataclass(frozen=True)
 class FieldProofContext:
-    """What never changes during a proof by fields, for its check.
+    """Data that stay fixed during a proof by fields, for its check.
 
     Attributes
     ----------

@@ -128,6 +128,7 @@ class HillClimb(Searcher):
                 labelling = run.labelling
 
                 def near(count: int, labelling: Bits = labelling) -> Bits:
+                    """Return at most `count` changes of the labelling of the run."""
                     return self.operators.vary(np.repeat(labelling[None], count, axis=0), self.rng)
 
                 rows = self.fresh(near, self.neighbours)

@@ -88,10 +88,10 @@ class SearchSpace:
         return SequenceConstraint(self.assembly, self.search.assemble, self.candidates | ~self.fixed, sideways=sideways)
 
     def part_of_blocks(self, cells: int | None = None) -> SearchSpace:
-        """Return the part of the space without slits, omitted cells, blocks joined to a support, and large blocks.
+        """Return the part of the space without slits and large blocks, and with all cells.
 
-        Possible blocks can be listed there more often than in the whole space. The part shares the results on
-        assembly sequences.
+        It also excludes labellings whose blocks are joined to a support. Possible blocks can be listed there more often
+        than in the whole space. The part shares the results on assembly sequences.
 
         Parameters
         ----------
@@ -123,7 +123,7 @@ class SearchSpace:
 
 
 def feasible(space: SearchSpace, labellings: Bits) -> Bools:
-    """Return which labellings are in the search space.
+    """Return True for the labellings that are in the search space.
 
     A labelling must have the fixed labels, no slits unless allowed, and satisfy all limits and the assembly sequence.
 
@@ -261,7 +261,10 @@ def _require_materials(limits: Limits, candidates: Bools, fixed: Bits, least: In
 
 
 def _may_join(limits: Limits, least: Ints, graph: Connectivity) -> Bools:
-    """Return (m,) False where the two blocks beside a face are too large to be joined."""
+    """Return (m,) False where the union of the two blocks beside a face exceeds a limit.
+
+    least: (n,) block of each element through fixed inner faces.
+    """
     p, q = least[graph.a], least[graph.b]
     joined = np.ones(len(p), dtype=bool)
     if limits.excepted.any():
@@ -321,16 +324,17 @@ def _refuse_impossible(limits: Limits, candidates: Bools, fixed: Bits, least: In
 
 
 def _reach(terms: Terms, candidates: Bools, fixed: Bits) -> tuple[int, int]:
-    """Return the smallest and largest number of faces that a count can include."""
+    """Return the least and largest number of faces that a count of dry faces can include."""
     if terms.faces is None:
         return 0, 0
     return int((terms.faces & ~candidates & fixed).sum()), int((terms.faces & (candidates | fixed)).sum())
 
 
 def _most_inner(limits: Limits, faces: Bools) -> int:
-    """Return an upper bound on the number of faces (m,) between free elements that can be inner at the same time.
+    """Return an upper bound on the number of faces that can be inner at the same time.
 
-    An element in a block of c cells shares faces with at most c − 1 others of the block.
+    faces: (m,) those counted; only faces between free elements are. An element in a block of c cells shares faces with
+    at most c − 1 others of the block.
     """
     assembly, most = limits.assembly, limits.bounds(CELLS).high
     faces = faces & assembly.free_faces

@@ -66,9 +66,9 @@ def symmetry_group(assembly: Assembly, search: Search, candidates: Bools, fixed:
 
 
 def _possible_matrices(assembly: Assembly) -> list[Floats]:
-    """Return orthogonal matrices that may map the assembly onto itself.
+    """Return orthogonal matrices (d, d) that may map the assembly onto itself.
 
-    They follow from the possible images of the rarest elements.
+    They follow from the possible images of the rarest elements. The identity is left out.
     """
     elements, d = assembly.elements, assembly.dimension
     reach = tolerances.SYMMETRY * assembly.size
@@ -125,7 +125,7 @@ def _kinds(assembly: Assembly) -> Ints:
 def _image(
     assembly: Assembly, search: Search, candidates: Bools, fixed: Bits, matrix: Floats
 ) -> tuple[Ints, Ints] | str:
-    """Return the images of elements (n,) and faces (m,) under a matrix, or why there are none.
+    """Return the images of elements (n,) and faces (m,) under a matrix, or a reason.
 
     The reason is a text that names the first property that is not mapped onto itself.
     """
@@ -218,10 +218,10 @@ def _image_of_members(assembly: Assembly, to: Ints, matrix: Floats, centre: Floa
 
 
 def _nearest(moved: Floats, points: Floats, kind_to: Ints, kind: Ints, reach: float) -> Ints | None:
-    """Return (n,) point of the wanted kind onto which each moved point falls, else None.
+    """Return (n,) point of the wanted kind within `reach` of each moved point, or None.
 
-    None means that the map is not one to one.
-    `moved` and `points` are (n, d), `kind_to` is the wanted kind of each moved point, `kind` that of each point.
+    None means that the map is not one to one. moved, points: (n, d). kind_to: wanted kind of each moved point. kind:
+    that of each point.
     """
     if not len(points):
         return np.zeros(0, dtype=np.int64)
@@ -236,7 +236,10 @@ def _nearest(moved: Floats, points: Floats, kind_to: Ints, kind: Ints, reach: fl
 
 
 def _same_corners(shapes: tuple[Floats, ...], to: Ints, matrix: Floats, centre: Floats, reach: float) -> bool:
-    """Return True if each moved shape has the corners of its image, in any order."""
+    """Return True if each moved shape has the corners of its image, in any order.
+
+    to: (n,) image of each shape. matrix: (d, d) about `centre`. Corners may differ by twice `reach`.
+    """
     corners = np.array([len(s) for s in shapes])
     if np.any(corners != corners[to]):
         return False

@@ -133,7 +133,7 @@ def omitted(assembly: Assembly, text: str) -> Bools:
     Returns
     -------
     (n,) bool array
-        True for free elements all of whose faces have the letter v.
+        True for free elements all of whose faces have the letter v; all False for a text without v.
     """
     void = beside_nothing(text)
     faces = assembly.interfaces
@@ -224,6 +224,7 @@ def with_sink(void: Void) -> Assembly:
     count = len(cells)
 
     def longer(values: Floats) -> Floats:
+        """Return values (m, ...) with zeros appended for the faces to the sink."""
         return np.concatenate([values, np.zeros((count, *values.shape[1:]), dtype=values.dtype)])
 
     places = elements.centroid[cells]
@@ -238,9 +239,11 @@ def with_sink(void: Void) -> Assembly:
     )
 
     def stretched(strengths: Strengths) -> Strengths:
+        """Return strengths with zeros appended for the faces to the sink."""
         return replace(strengths, **{name: longer(values) for name, values in vars(strengths).items()})
 
     def padded(loads: Floats) -> Floats:
+        """Return loads (n, q) with a row of zeros for the sink."""
         return np.vstack([loads, np.zeros(loads.shape[1])])
 
     cases: tuple[LoadCase, ...] = tuple(

@@ -1,4 +1,4 @@
-"""Define what never changes during a proof: the space, its possible blocks and its relaxation."""
+"""Define the data that stay fixed during a proof: space, possible blocks and relaxation."""
 
 from __future__ import annotations
 

@@ -374,7 +374,7 @@ class Formula:
         return [(lock.faces, lock.labels)]
 
     def _broken_rules(self, labels: Bits) -> list[tuple[Ints, Bits]]:
-        """Return labels (k,) on faces (k,) of a labelling that break rules of the space."""
+        """Return for each rule of the space that a labelling (m,) breaks the labels that break it."""
         blocks = blocks_of(self.space.graph, labels)
         graph, found = self.space.graph, []
         if self.space.search.segmentation:

@@ -179,9 +179,10 @@ class InnerPaths:
         return [face for _, face in previous.values() if face >= 0]
 
     def _reach(self, labels: Bits, start: int, found: Callable[[set[int]], bool]) -> dict[int, tuple[int, int]]:
-        """Search breadth first through inner faces until `found`; return the search tree.
+        """Search breadth first from an element until `found` or to the end; return the tree.
 
-        The tree maps each element to the element before it and the face between them.
+        Steps go through inner faces and contacts without a face. found: gets the elements reached, True ends the
+        search. The tree maps each element to the element before it and the face between them, −1 for none.
         """
         previous = {start: (start, -1)}
         waiting = deque([start])

@@ -207,7 +207,7 @@ class _ConflictCheck:
         return ""
 
     def _partial(self, conflicts: Sequence[Conflict]) -> tuple[Bits, Bools]:
-        """Return labels (k, m) and undecided faces (k, m) of conflicts."""
+        """Return labels (k, m), True = dry, and undecided faces (k, m) of k conflicts."""
         labels = np.tile(self._labels, (len(conflicts), 1))
         undecided = np.tile(self._free, (len(conflicts), 1))
         for k, one in enumerate(conflicts):

@@ -16,6 +16,7 @@ import { arrowPath, markNode, ramp, turnPath } from "./marks.js";
  * @property {Record<string, boolean>} show ids, values, thrust
  * @property {Set<number>} marked faces that differ from another layout, or are no segmentation
  * @property {number} [current] face under the keyboard
+ * @property {{vertex: number, place: Point}[]} [handles] vertices that can be dragged
  */
 
 /** Longest side of the paper, px, before the page scales it. */
@@ -63,9 +64,14 @@ export class PlanarFigure {
     return [(p[0] - this.low[0]) * this.k, (this.high[1] - p[1]) * this.k];
   }
 
-  /** Paper to scene, from a pointer. @param {PointerEvent | MouseEvent} event @returns {Point} */
-  under(event) {
-    const place = new DOMPoint(event.clientX, event.clientY).matrixTransform(this.root.getScreenCTM().inverse());
+  /**
+   * Paper to scene, from a pointer.
+   * @param {PointerEvent | MouseEvent} event
+   * @param {DOMMatrix} [screen] paper to screen when a drag began, since texts above may push the paper on meanwhile
+   * @returns {Point}
+   */
+  under(event, screen) {
+    const place = new DOMPoint(event.clientX, event.clientY).matrixTransform((screen ?? this.root.getScreenCTM()).inverse());
     return [place.x / this.k + this.low[0], this.high[1] - place.y / this.k];
   }
 
@@ -142,6 +148,10 @@ export class PlanarFigure {
       ...[...fills, rest, ...groups, this.members, over, this.movements].filter(Boolean),
     );
     if (show.ids) this.#ids(over);
+    for (const { vertex, place } of what.handles ?? []) {
+      const [cx, cy] = this.at(place);
+      over.append(svg("circle", { cx, cy, r: clamp(0.09 * this.typical, 4, 9), class: "handle", "data-vertex": vertex }));
+    }
     this.#scaleBar();
     this.move(1);
   }
@@ -326,10 +336,11 @@ export class PlanarFigure {
   /**
    * What lies under the pointer.
    * @param {PointerEvent | MouseEvent} event
-   * @returns {{face?: number, element?: number, load?: number} | null}
+   * @returns {{face?: number, element?: number, load?: number, vertex?: number} | null}
    */
   pick(event) {
-    const { face, element, load } = /** @type {SVGElement | null} */ (document.elementFromPoint(event.clientX, event.clientY))?.dataset ?? {};
+    const { face, element, load, vertex } = /** @type {SVGElement | null} */ (document.elementFromPoint(event.clientX, event.clientY))?.dataset ?? {};
+    if (vertex !== undefined) return { vertex: Number(vertex) };
     if (face !== undefined) return { face: Number(face) };
     if (load !== undefined) return { load: Number(load) };
     return element === undefined ? null : { element: Number(element) };
@@ -346,7 +357,7 @@ export class PlanarFigure {
     copy.setAttribute("xmlns", "http://www.w3.org/2000/svg");
     copy.setAttribute("width", this.wide.toFixed(0));
     copy.setAttribute("height", this.high_px.toFixed(0));
-    for (const hidden of copy.querySelectorAll(".touch")) hidden.remove();
+    for (const hidden of copy.querySelectorAll(".touch, .handle")) hidden.remove();
     for (const node of copy.querySelectorAll("text")) {
       node.setAttribute("font-family", "sans-serif");
       node.setAttribute("font-size", "12");
