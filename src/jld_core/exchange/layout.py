@@ -151,7 +151,7 @@ class Layout:
             free = one[~elements.support[one]]
             own = free if len(free) else one
             around = self.labels & ((block_a == k) | (block_b == k))
-            inside = ~self.labels & (block_a == k) & (block_b == k)
+            inside = ~self.labels & ~self.assembly.of_members & (block_a == k) & (block_b == k)
             share = weight[own] if weight[own].sum() > 0.0 else elements.volume[own]
             found.append(
                 Block(

@@ -110,6 +110,8 @@ def export_command(
     with error_context(source, str(out)):
         export(layout, kind, out, cells=cells)
     write_text(table, blocks_csv(layout))
+    if assembly.members:
+        say(f"left out     {len(assembly.members)} members: the file holds blocks alone")
     free = sum(1 for block in layout.blocks if block.cells)
     kinds = len({block.shape for block in layout.blocks if block.cells})
     say(f"{out}\n{table}: {free} block{'s' * (free != 1)} of {kinds} shape{'s' * (kinds != 1)}")
