@@ -18,6 +18,7 @@ from jld_explore.cli.streams import say
 _FUNCTIONS: Final = {
     "assembly": ("assembly", "assembly"),
     "check": ("check", "check"),
+    "design": ("designing", "design"),
     "experiment": ("experiment", "experiment"),
     "explore": ("explore", "explore_command"),
     "export": ("exchange", "export_command"),

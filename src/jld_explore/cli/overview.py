@@ -7,6 +7,7 @@ from typing import Final
 COMMANDS: Final = {
     "new": "write a scene by name: arch, wall, vault, dome, flat-arch, buttress, grid",
     "import": "make a scene of a drawing or of solids",
+    "design": "the blocks of an outline: cells tried, joints searched and moved, the best checked",
     "refine": "split the elements of a scene into smaller candidate cells",
     "check": "what will be modelled, and what looks wrong",
     "solve": "collapse load factor of one layout, with a two-sided bracket",
