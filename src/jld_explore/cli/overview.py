@@ -18,6 +18,7 @@ COMMANDS: Final = {
     "studio": "move joints by hand and see the proven load follow, in a browser",
     "experiment": "load a layout in a virtual experiment until it comes down",
     "assembly": "an order in which the blocks can be laid",
+    "report": "printed pages of a layout: loads, numbered stones, moulds, laying, what is proven",
     "settlement": "the thrust that is left where supports give way",
     "export": "write the blocks of a layout for another program",
 }

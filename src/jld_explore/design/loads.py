@@ -48,7 +48,7 @@ def with_loads(scene: Scene, options: DesignOptions) -> Scene:
     if options.push is not None:
         side = _side(assembly)
         for name, sign in (("push to the right", 1.0), ("push to the left", -1.0)):
-            cases.append({"name": name, "live": [{"body": (sign * options.push * side).tolist()}]})
+            cases.append({"name": name, "live": [{"body": (sign * options.push * side + 0.0).tolist()}]})
     loads = {key: value for key, value in document["loads"].items() if key == "dead"}
     document["loads"] = loads | ({"cases": cases} if len(cases) > 1 else {"live": cases[0]["live"]})
     return parse_scene(document, scene.name)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -20,7 +22,7 @@ from jld_explore.design.outline import read_outline
 from jld_explore.design.page import write_design
 from jld_explore.design.tessellations import Tessellation, tessellations
 from jld_explore.design.trials import NONE, Bounds, Design, Trial, field_bounds, labelled
-from jld_explore.explore import explore
+from jld_explore.explore import BUSY, explore
 from jld_explore.moved_search import MovedLayout, explore_and_move
 from jld_explore.report import Exploration, check_folder
 from jld_explore.settings import ExploreSettings
@@ -42,6 +44,9 @@ _CHECKS: Final = 0.12
 _FIELDS: Final = 0.35
 """Share of the time of a coarse search for the bounds by fields of its best layout."""
 
+_TABLES: Final = 0.85
+"""Share of the time of a search in space for the search itself; its tables take the rest."""
+
 _MOVED: Final = 12.0
 """Shortest time in which the joints of one tessellation are moved, s."""
 
@@ -53,6 +58,9 @@ _PREFERRED: Final = "bond"
 
 _FIRST: Final = 0.75
 """Share of the time for moves that the first tessellation has."""
+
+_REFINED: Final = 3
+"""Number of layouts whose bounds by fields are refined before the checks."""
 
 _BEST: Final = 2
 """Number of tessellations whose joints are moved."""
@@ -77,7 +85,9 @@ def design_outline(
     outline = read_outline(file, options)
     work = Design(options, outline, folder, tessellations(outline.scene, options))
     folder.mkdir(parents=True, exist_ok=True)
-    until = deadline.earlier(_WRITING[0] * options.seconds + _WRITING[1])
+    # writing takes longer on a busy machine, by the ratio of wall-clock to processor time so far
+    busy = min(max(1.0, deadline.elapsed() / time.process_time()), BUSY)
+    until = deadline.earlier(_WRITING[0] * options.seconds + busy * _WRITING[1])
     try:
         for one in work.tessellations:
             say(f"{one.name:<12} {one.words if one.scene is not None else one.problem}")
@@ -86,6 +96,7 @@ def design_outline(
         work.seconds = deadline.elapsed()
         write_design(work, pictures=False)
         _move_best(work, until, say)
+        _refine_promising(work, until, say)
         if work.winner is not None:
             work.checks = check_winner(work, until.within(2.0 * _CHECKS * options.seconds), say)
     except Interrupted as stop:
@@ -152,7 +163,9 @@ def _search(work: Design, tessellation: Tessellation, until: Deadline) -> None:
     if tessellation.scene is None:
         raise ValueError("a tessellation without a scene is not searched")
     options = work.options
-    seconds = (1.0 - _FIELDS) * until.remaining() if tessellation.scene.dimension == 2 else until.remaining()
+    planar = tessellation.scene.dimension == 2
+    # the bounds by fields take the rest; in space the tables of the search do
+    seconds = ((1.0 - _FIELDS) if planar else _TABLES) * until.remaining()
     settings = ExploreSettings(seconds=seconds, jobs=options.jobs, seed=options.seed, pictures=False, check_fields=0)
     done = explore(tessellation.scene, work.folder / "searches" / tessellation.name, settings)
     _keep(work, tessellation, done, until.remaining())
@@ -199,13 +212,29 @@ def _move_best(work: Design, until: Deadline, say: Say) -> None:
         _move(work, name, seconds, say)
 
 
+def _refine_promising(work: Design, until: Deadline, say: Say) -> None:
+    """Refine bounds by fields of layouts that may be the strongest, in the time that the checks leave."""
+    least = work.winner.proven if work.winner is not None else -math.inf
+    open_ones = [one for one in work.allowed if one.scene.dimension == 2 and one.fields[1] > least]
+    promising = sorted(open_ones, key=lambda one: -one.most)[:_REFINED]
+    for k, one in enumerate(promising):
+        seconds = (until.remaining() - _CHECKS * work.options.seconds) / (len(promising) - k)
+        if seconds < 1.0:
+            return
+        assembly = build_assembly(one.scene)
+        low, high = field_bounds(assembly, assembly.labels, seconds)
+        better = replace(one, fields=(max(low, one.fields[0]), min(high, one.fields[1])))
+        work.trials = [better if trial is one else trial for trial in work.trials]
+        say(f"{one.tessellation:<12} {one.kind}: by fields {better.fields[0]:.4g} to {better.fields[1]:.4g}")
+
+
 def _promise(trial: Trial) -> tuple[bool, float]:
     """Return the key by which tessellations are chosen to be moved.
 
     Half bricks come first, since they gained most where joints moved (benchmarks/results/moved_opening.md). The others
     follow by what their best layout may carry.
     """
-    return trial.tessellation != _PREFERRED, -min(trial.load_factor, trial.fields[1])
+    return trial.tessellation != _PREFERRED, -trial.most
 
 
 def _move(work: Design, name: str, seconds: float, say: Say) -> None:

@@ -152,8 +152,8 @@ def _spatial(outline: Scene, assembly: Assembly, options: DesignOptions) -> list
         return _ready(refine(outline, sizes).scene, [])
 
     return [
-        ("courses", "voussoirs in courses in line", vault("stack")),
         ("bond", "voussoirs in shifted courses", vault("running")),
+        ("courses", "voussoirs in courses in line", vault("stack")),
         ("grid", "a grid", grid),
     ]
 

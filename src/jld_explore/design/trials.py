@@ -62,6 +62,11 @@ class Trial:
         """Load factor that is proven: by fields where these apply, else by faces."""
         return self.fields[0] if math.isfinite(self.fields[0]) else self.faces[0]
 
+    @property
+    def most(self) -> float:
+        """Load factor that the layout can carry at most, as far as is known; inf where nothing is."""
+        return min(self.fields[1], self.faces[1] if math.isnan(self.load_factor) else self.load_factor)
+
     def order(self) -> tuple[bool, float]:
         """Return the key by which trials are ranked: those with a bound by fields first, the strongest first."""
         return not math.isfinite(self.fields[0]), -self.proven
