@@ -19,7 +19,7 @@ from jld_explore.cli.command import main
 from jld_explore.drivers import DRIVERS
 from without_pictures import leave_out_pictures
 
-LIMIT = 1.0
+LIMIT = 0.5
 
 
 def options(kind: str, driver: str, folder: Path) -> Sequence[str]:
