@@ -282,7 +282,7 @@ def _refuse(scene: Scene, layouts: int, settings: ExploreSettings) -> None:
         raise InputError("move.maximise", f'"{scene.move.maximise}" ranks no layouts', '"load_factor"')
     assembly = build_assembly(scene)
     if assembly.dimension != 2:
-        raise InputError("elements", "they are spatial", "a planar scene; joints in space do not move yet")
+        raise InputError("elements", "they are spatial", "a planar scene; in space `jld move` moves one layout")
     require_fields(assembly)
     # paths, ties and limits are checked with every candidate dry, where most vertices move
     space = search_space(scene, assembly)

@@ -208,14 +208,6 @@ def test_crackable_blocks_are_checked_by_fields(tmp_path: Path, jld: Command, mo
     assert [("gain nothing" in sentence) for sentence in facts["warnings"]] == ([] if gains else [True])
 
 
-def test_space_is_refused(tmp_path: Path, jld: Command) -> None:
-    file = tmp_path / "vault.json"
-    file.write_text(samples.KINDS["vault"]().model_dump_json(exclude_defaults=True))
-    done = jld("move", file, "-o", tmp_path / "out.json")
-    assert done.code == 2
-    assert "joints in space do not move" in done.err
-
-
 def test_nothing_to_move(tmp_path: Path, jld: Command) -> None:
     file = tmp_path / "block.json"
     file.write_text(json.dumps(block(1.0, 1.0)))

@@ -124,6 +124,8 @@ class _Search:
     """Branch and bound over the positions of one structure."""
 
     def __init__(self, scene: Scene, assembly: Assembly, labels: Bits) -> None:
+        if assembly.dimension != 2:
+            raise ParameterError("prove", "it bounds planar structures alone", "a planar scene")
         move = scene.move or Move()
         mesh = vertex_mesh(assembly)
         variables = variables_of(assembly, labels, mesh, move, named=True)

@@ -73,9 +73,9 @@ class MovedJoints:
         Why the best search ended: "stationary", "locked", "time" or "points".
     points : list of Point
         All accepted points of all starts.
-    places : (v, 2) array
+    places : (v, d) array
         Positions of the vertices at the end.
-    moved : (v, 2) array
+    moved : (v, d) array
         Displacement of each vertex from the start, scene units.
     parameters : int
         Number of independent variables.
@@ -108,14 +108,14 @@ def move_joints(
     trust: TrustRegion | None = None,
     progress: Callable[[Point], None] | None = None,
 ) -> MovedJoints:
-    """Move the joints of a planar structure to optimise what its key "move" asks for.
+    """Move the joints of a structure to optimise what its key "move" asks for.
 
     The objective is the largest λ, or the least friction or thickness at which the dead load stands.
 
     Parameters
     ----------
     scene : Scene
-        Planar scene; its key "move" states variables, limits and objective.
+        Scene; its key "move" states variables, limits and objective. In space λ is the objective, of dry joints.
     assembly : Assembly
         Its assembly.
     labels : (m,) bool array

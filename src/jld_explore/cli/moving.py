@@ -71,7 +71,7 @@ def move(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Move the joints of a planar layout to raise its load factor, with each step proven.
+    """Move the joints of a layout to raise its load factor, with each step proven.
 
     Write the moved scene to --out, with a table and a picture of the same name beside it. --prove bounds λ over a box
     of positions instead.
