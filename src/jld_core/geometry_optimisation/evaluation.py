@@ -10,7 +10,7 @@ import numpy as np
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
-from jld_core.build import build_assembly
+from jld_core.build import build_assembly, build_robust
 from jld_core.errors import InputError
 from jld_core.geometry_optimisation.limits import Limits
 from jld_core.geometry_optimisation.moved_scene import MovedScene
@@ -80,6 +80,8 @@ class Evaluator:
         Limits on shapes.
     unit : float
         Length by which variables are scaled in programs.
+    robust : bool
+        Take the low values of materials.
 
     Attributes
     ----------
@@ -97,16 +99,21 @@ class Evaluator:
         variables: Variables,
         limits: Limits | SpatialLimits,
         unit: float,
+        robust: bool = False,
     ) -> None:
+        self._build = build_robust if robust else build_assembly
         self._moved, self._mesh, self.labels = moved, mesh, labels
         self.variables, self.limits, self.unit = variables, limits, unit
         self.dead_stands: bool | None = None
         self.solves = 0
 
     def assembly(self, values: Floats) -> Assembly | None:
-        """Return the assembly at variables z (k,); None where elements turn over or overlap."""
+        """Return the assembly at variables z (k,); None where elements turn over or overlap.
+
+        It has the low values of materials where the search began with these.
+        """
         try:
-            return build_assembly(self._moved.at(self.variables.places(values)))
+            return self._build(self._moved.at(self.variables.places(values)))
         except InputError:
             return None
 

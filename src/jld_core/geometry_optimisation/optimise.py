@@ -12,6 +12,7 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
+from jld_core.build import build_assembly, build_robust
 from jld_core.errors import InputError
 from jld_core.geometry_optimisation.evaluation import Evaluated
 from jld_core.geometry_optimisation.search import GeometrySearch, TrustRegion
@@ -117,7 +118,7 @@ def move_joints(
     scene : Scene
         Scene; its key "move" states variables, limits and objective. In space λ is the objective, of dry joints.
     assembly : Assembly
-        Its assembly.
+        Its assembly; one of `build_robust` is optimised at the low values of materials.
     labels : (m,) bool array
         Labels, True = dry.
     seconds : float
@@ -221,7 +222,8 @@ def _contacts_found(search: GeometrySearch, scene: Scene, point: Evaluated) -> l
     document = scene.model_dump(mode="json", exclude_defaults=True)
     if any(set(entry) > {"elements", "polygon", "label"} for entry in document.pop("interfaces")):
         return []  # stated strengths of single interfaces would be lost
-    again = solve(parse_scene({**document, "labels": {"default": "dry"}})).load_factor
+    found = parse_scene({**document, "labels": {"default": "dry"}})
+    again = solve(build_assembly(found) if result.assembly.nominal is None else build_robust(found)).load_factor
     if abs(again - result.load_factor) <= tolerances.GAP * abs(result.load_factor):
         return []
     return [f"contacts found anew give λ = {again:.6g}: joints touch where none did before, or no longer do"]

@@ -12,6 +12,7 @@ import numpy as np
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
+from jld_core.errors import InputError
 from jld_core.geometry_optimisation.evaluation import Evaluated, Evaluator
 from jld_core.geometry_optimisation.limits import Limits
 from jld_core.geometry_optimisation.moved_scene import MovedScene
@@ -83,7 +84,7 @@ class GeometrySearch:
     scene : Scene
         Scene; its key "move" states variables, limits and objective.
     assembly : Assembly
-        Its assembly.
+        Its assembly; one of `build_robust` has every point at the low values of materials.
     labels : (m,) bool array
         Labels, True = dry.
     trust : TrustRegion, optional
@@ -92,6 +93,10 @@ class GeometrySearch:
 
     def __init__(self, scene: Scene, assembly: Assembly, labels: Bits, trust: TrustRegion | None = None) -> None:
         self.move, self.trust = scene.move or Move(), trust or TrustRegion()
+        robust = assembly.nominal is not None
+        if robust and self.goal == "friction":
+            problem = '"least_friction" has no low values, since friction is what it seeks'
+            raise InputError("move.maximise", problem, '"load_factor", or nominal values')
         mesh: VertexMesh | SpatialMesh
         if assembly.dimension == 3:
             require_spatial(assembly, labels, self.move)
@@ -114,7 +119,7 @@ class GeometrySearch:
         else:
             limits = Limits(scene, assembly, labels, mesh, moving, self.move)
             self.moved = MovedScene(scene, assembly, labels, mesh)
-        self.evaluator = Evaluator(self.moved, mesh, labels, self.variables, limits, self.unit)
+        self.evaluator = Evaluator(self.moved, mesh, labels, self.variables, limits, self.unit, robust)
         self._friction = float(np.nan_to_num(assembly.strengths.friction[labels]).max(initial=0.0))
 
     # --- points -----------------------------------------------------------------------------------------
