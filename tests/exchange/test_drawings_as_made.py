@@ -358,3 +358,32 @@ def test_hidden_svg_groups_and_arcs_of_one_circle(tmp_path: Path) -> None:
     assert assembly.elements.volume[assembly.elements.free].sum() == pytest.approx(exact, rel=1e-3)
     lengths = assembly.face_sizes.sum()
     assert lengths == pytest.approx(10 * math.radians(60), rel=1e-3)
+
+
+def test_an_outline_within_another_is_an_element_of_its_own(tmp_path: Path) -> None:
+    """A stone let into another: both keep their areas, and the one around is one block."""
+
+    def make(_: Any, space: Any) -> None:
+        square(space, 0, 0, 2, 2, "stones")
+        square(space, 0.5, 0.5, 1, 1, "stones")
+
+    assembly, report = found(drawn(tmp_path / "a.dxf", make))
+    volume = assembly.elements.volume[assembly.elements.free]
+    assert volume.sum() == pytest.approx(4.0)
+    assert volume.min() == pytest.approx(0.25)
+    assert "an outline around 1 outline" in report
+
+
+def test_a_block_in_the_hole_of_another_comes_back(tmp_path: Path) -> None:
+    """Eight cells of one block around a block of one: written as a drawing the hole is no opening."""
+    from cases import grid_document
+    from jld_core.exchange import Layout, export
+
+    for rows in (["aaa", "aba", "aaa", "###"], ["aaa", "a.a", "aaa", "###"]):
+        scene = parse_scene(grid_document(rows))
+        assembly = build_assembly(scene)
+        path = export(Layout(scene, assembly, assembly.labels), "dxf", tmp_path / "a.dxf")
+        back, _ = found(path)
+        assert sorted(back.elements.ids) == sorted(assembly.elements.ids)
+        assert int(back.labels.sum()) == int(assembly.labels.sum())
+        assert len(back.interfaces) == len(assembly.interfaces)

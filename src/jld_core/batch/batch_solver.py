@@ -194,7 +194,7 @@ class BatchSolver:
         return _Start(forces, jumps, speed[self._ends], _SHARE * float(found.low[good].mean()), _ROOM)
 
     def _lay_out(self, template: Template, a: Ints, b: Ints) -> None:
-        """Store ends, matrix blocks and loads of all faces and elements in elimination order.
+        """Store ends, matrix block and equilibrium entries of each face, in elimination order.
 
         a, b: (m,) free elements of each face, −1 for a support.
         """
@@ -344,7 +344,7 @@ class BatchSolver:
         )
 
     def _as_elements(self, velocity: Floats) -> Floats:
-        """Reorder velocities (k, q·free) from the elimination order to that of the elements."""
+        """Reorder velocities (k, q·free) from the order of elimination to that of elements."""
         back = np.empty_like(velocity)
         back[:, self._ends] = velocity
         return back

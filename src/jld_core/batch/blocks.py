@@ -32,7 +32,7 @@ _FINE: Final = 1e-8
 """Relative gap at which iterations end close to the threshold."""
 
 _ROOM: Final = 1e-6
-"""Error of the multipliers at which iterations end; the caller repairs the rest."""
+"""Error of the multipliers at which iterations end; the caller repairs the remaining error."""
 
 _MOST: Final = 50
 """Largest number of iterations of one choice; 15 to 30 were measured from the common starting point."""

@@ -75,7 +75,7 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes) -> Impo
     if chords.arcs:
         notes.found.append(f"{several(chords.arcs, 'arc')} as chords, at most {chords.deviation:.3g} off")
     snapped = snap_paths(chords.points, [path.closed for path in paths], tolerance, keep_nodes=True)
-    _say_snapped(snapped, tolerance, scale, drawn_in, notes)
+    _note_snapped(snapped, tolerance, scale, drawn_in, notes)
     cells = find_cells(paths, snapped, options, size, tolerance, notes)
     _name(cells, marks, options)
     _support(cells, marks, options, size, tolerance, notes)
@@ -144,8 +144,11 @@ def _tolerance(paths: list[Path], size: float, options: ImportOptions, drawing: 
     return max(SNAP * size, min(CLOSED * size, EDGE * float(np.median(lengths[lengths > 0.0]))))
 
 
-def _say_snapped(snapped: Snapped, tolerance: float, scale: float, drawn_in: str, notes: Notes) -> None:
-    """Note the number and size of displacements in the unit of the drawing, and the collapsed paths."""
+def _note_snapped(snapped: Snapped, tolerance: float, scale: float, drawn_in: str, notes: Notes) -> None:
+    """Note number and largest displacement of moved corners, and the collapsed paths.
+
+    tolerance: scene units. scale: scene units per unit of the drawing, `drawn_in`, which the notes use.
+    """
     notes.largest = snapped.largest
     said = f"tolerance {tolerance / scale:.3g} {drawn_in}"
     if snapped.moved:

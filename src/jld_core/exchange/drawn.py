@@ -26,6 +26,23 @@ class Mark:
 
 
 @dataclass(frozen=True)
+class SolidMark:
+    """Point, text or arrow on a layer of a spatial file.
+
+    at: (3,) its place, the tip of an arrow, file units. text: None for a bare point. tail: (3,) start of an arrow.
+    """
+
+    at: Floats
+    layer: str
+    text: str | None = None
+    tail: Floats | None = None
+
+    def scaled(self, factor: float) -> SolidMark:
+        """Return the mark with all coordinates multiplied by a factor."""
+        return SolidMark(factor * self.at, self.layer, self.text, None if self.tail is None else factor * self.tail)
+
+
+@dataclass(frozen=True)
 class Drawing:
     """Content of a planar file before it is converted to elements.
 

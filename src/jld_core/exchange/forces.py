@@ -30,7 +30,7 @@ _PER: Final = re.compile(r"\s*/\s*([^\W\d]+?)(\^?2|²)?")
 _THOUSANDS: Final = re.compile(r"[-+]?\d{1,3},\d{3}(?!\d)")
 """Pattern of a number whose comma may separate thousands."""
 
-_COMPONENT: Final = re.compile(r"[FPQV]?_?([XY])", re.IGNORECASE)
+_COMPONENT: Final = re.compile(r"[FPQV]?_?([XYZ])", re.IGNORECASE)
 """Pattern of names of components, such as Fx or Q_y."""
 
 _BETWEEN: Final = re.compile(r"\s*(?:;|,(?=\s|[-+]|[^\W\d]))\s*")
@@ -59,20 +59,22 @@ class WrittenForce:
     per: tuple[float, int] | None = None
 
 
-def parse_force(text: str, unit: str = "N", *, distributed: bool = False) -> WrittenForce:
+def parse_force(text: str, unit: str = "N", *, distributed: bool = False, dimension: int = 2) -> WrittenForce:
     """Parse a text that states a force.
 
     Parameters
     ----------
     text : str
-        One number with or without a unit, or two for the components along x and y. A name with ``=`` or ``:`` may stand
-        before a number; ``Fx`` and ``Fy`` name components. A comma inside a number is a decimal comma. Two numbers are
+        One number with or without a unit, or one for each component. A name with ``=`` or ``:`` may stand before a
+        number; ``Fx``, ``Fy`` and ``Fz`` name components. A comma inside a number is a decimal comma. Numbers are
         separated by a semicolon, or by a comma with a blank or a sign behind it.
     unit : str
         Force unit of the result, and of numbers without a unit.
 
     distributed : bool
         Accept one load per length or area, as ``10 kN/m``, as well.
+    dimension : int
+        2 or 3: number of components of a force.
 
     Returns
     -------
@@ -111,7 +113,7 @@ def parse_force(text: str, unit: str = "N", *, distributed: bool = False) -> Wri
             raise _refused(text, f"{rest!r} is no part of a force" if parts else "it is no force")
         parts.append(_part(found, text, unit))
         place = found.end()
-    return _joined(parts, text)
+    return _joined(parts, text, dimension)
 
 
 def _part(found: re.Match[str], text: str, unit: str, *, distributed: bool = False) -> tuple[str, float, bool]:
@@ -139,24 +141,27 @@ def _part(found: re.Match[str], text: str, unit: str, *, distributed: bool = Fal
     return found["name"] or "", value if known == target else value * NEWTONS[known] / NEWTONS[target], True
 
 
-def _joined(parts: list[tuple[str, float, bool]], text: str) -> WrittenForce:
-    """Return the force that one or two numbers, from `_part`, state.
+def _joined(parts: list[tuple[str, float, bool]], text: str, dimension: int) -> WrittenForce:
+    """Return the force that one number, or one for each component, from `_part`, states.
 
     Raises InputError as `parse_force`.
     """
-    if len(parts) > 2:
+    if len(parts) > dimension:
         raise _refused(text, f"it has {len(parts)} numbers")
     axes = [match[1].casefold() if (match := _COMPONENT.fullmatch(name)) else "" for name, _, _ in parts]
-    values = [value for _, value, _ in parts]
     if len({has_unit for _, _, has_unit in parts}) > 1:
-        raise _refused(text, "of its two numbers one has a unit")
-    if len(parts) == 1:
-        values = {"x": [values[0], 0.0], "y": [0.0, values[0]]}.get(axes[0], values)
-    elif axes == ["y", "x"]:
-        values.reverse()
-    elif axes not in (["x", "y"], ["", ""]):
-        raise _refused(text, "of its two numbers one is named a component")
-    return WrittenForce(tuple(values), len(values) == 2, parts[0][2])
+        raise _refused(text, "not all of its numbers have a unit")
+    values = [value for _, value, _ in parts]
+    if "z" in axes and dimension == 2:
+        raise _refused(text, "a force in the plane has no component along z")
+    if any(axes):
+        if "" in axes or len(set(axes)) < len(axes):
+            raise _refused(text, "not all of its numbers are named a component of their own")
+        stated = dict(zip(axes, values, strict=True))
+        values = [stated.get(axis, 0.0) for axis in "xyz"[:dimension]]
+    elif len(values) not in (1, dimension):
+        raise _refused(text, f"it has {len(values)} numbers for {dimension} components")
+    return WrittenForce(tuple(values), len(values) > 1, parts[0][2])
 
 
 def _refused(text: str, problem: str, expected: str = _EXPECTED) -> InputError:

@@ -40,7 +40,7 @@ ROLES: Final = {
     "dead": ("*dead*",),
     "id": ("ids", "*names*"),
     "hole": ("*hole*", "*opening*", "*window*", "*door*"),
-    "skip": ("*dimension*", "defpoints", "arrows", "block ids"),
+    "skip": ("*dimension*", "defpoints", "arrows", "block ids", "mechanism", "thrust"),
 }
 """Patterns of layer names by role, for roles without an option; letter case is ignored."""
 

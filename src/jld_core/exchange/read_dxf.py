@@ -42,11 +42,11 @@ def read_dxf(path: File, options: ImportOptions, notes: Notes) -> Drawing | Soli
     with parsing("DXF", "a DXF file, ASCII or binary"):
         document = ezdxf.readfile(path)
         space = document.modelspace()
-        _refuse_bombs(document, space)
+        _refuse_large_blocks(document, space)
         return _Reader(document, options, notes).drawing(space, path.stem)
 
 
-def _refuse_bombs(document: Any, space: Any) -> None:
+def _refuse_large_blocks(document: Any, space: Any) -> None:
     """Raise InputError if nested blocks hold too many entities; count them without expanding."""
     known: dict[str, int] = {}
     open_blocks: list[str] = []
@@ -336,7 +336,7 @@ class _Reader:
 
 
 def _side(entity: Any) -> int:
-    """Return 1 for an entity in the plane seen from above, -1 from below (mirrored), 0 for an inclined one.
+    """Return 1 for an entity in the plane, −1 for one seen from below, 0 for an inclined one.
 
     The coordinates of an entity seen from below have a reversed x axis.
     """

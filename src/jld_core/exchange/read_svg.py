@@ -91,9 +91,9 @@ def _named(attributes: dict[str, Any]) -> str:
 
 
 def _points(svg: Any, path: Any, options: ImportOptions) -> tuple[Floats, bool]:
-    """Return the rows (k, 3) of x, y and bulge of one subpath with y upwards, and whether it is closed.
+    """Return rows (k, 3) of x, y and bulge of one subpath, and True if it is closed.
 
-    Arcs of circles are kept; other curves become chords within the facet tolerance.
+    The y axis points upwards. Arcs of circles are kept; other curves become chords within the facet tolerance.
     """
     found: list[tuple[float, float, float]] = []
     closed = False

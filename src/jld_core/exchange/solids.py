@@ -13,7 +13,7 @@ from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
 from jld_core.errors import InputError
 from jld_core.exchange.drawing import check_supports
-from jld_core.exchange.drawn import MOST
+from jld_core.exchange.drawn import MOST, SolidMark
 from jld_core.exchange.options import (
     LOWEST,
     SNAP,
@@ -25,13 +25,13 @@ from jld_core.exchange.options import (
     rounded,
     several,
 )
+from jld_core.exchange.solid_contacts import contacts_of, given_contacts, labels_of
+from jld_core.exchange.solid_loads import solid_loads
 from jld_core.geometry import (
     Faces,
     area_vector,
     facets_of,
-    find_spatial_contacts,
     merge_points,
-    near_pairs,
     snap_solids,
 )
 from jld_core.geometry import solids as closed_solids
@@ -59,8 +59,10 @@ class Part:
 class Solids:
     """Content of a spatial file before it is converted to elements.
 
-    contacts: (name, name, corners (k, 3)) where the file gives interfaces. facts: keys of a scene that an earlier
-    export stored in the file. name: name of the scene. unit: unit of length of the file, None if unknown.
+    parts: the solids. contacts: (name, name, corners (k, 3)) where the file gives interfaces. facts: keys of a scene
+    that an earlier export stored in the file. name: name of the scene. unit: unit of length of the file, None if
+    unknown.
+    marks: points, texts and arrows. drawn: role "dry" or "inner", and corners (k, 3), of faces with a label.
     """
 
     parts: list[Part]
@@ -68,6 +70,8 @@ class Solids:
     facts: dict[str, Any] = field(default_factory=dict)
     name: str = "solids"
     unit: str | None = None
+    marks: list[SolidMark] = field(default_factory=list)
+    drawn: list[tuple[str, Floats]] = field(default_factory=list)
 
 
 def _size(vertices: list[Floats]) -> float:
@@ -124,7 +128,7 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes) -> Import
         notes.snapped.append(f"{moved}, {said}")
     kept = [_without_slivers(v, part.faces) for v, part in zip(snapped.vertices, parts, strict=True)]
     bent = sum(map(len, kept))
-    kept = [_flat(v, loops) for v, loops in zip(snapped.vertices, kept, strict=True)]
+    kept = [_triangulated(v, loops) for v, loops in zip(snapped.vertices, kept, strict=True)]
     if sum(map(len, kept)) > bent:
         notes.found.append("faces that are no planes are cut into triangles, the same on both sides")
     whole, faces, volume, _ = closed_solids(names, snapped.vertices, kept)
@@ -151,12 +155,17 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes) -> Import
         for name, v, loops, support, part in zip(names, whole, faces, supports, parts, strict=True)
     ]
     if found.contacts:
-        document["interfaces"] = _given(
-            found.contacts, dict(zip((p.name for p in parts), names, strict=True)), scale, size
-        )
+        of_part = dict(zip((part.name for part in parts), names, strict=True))
+        document["interfaces"] = given_contacts(found.contacts, of_part, scale, size)
         notes.found.append(f"{several(len(found.contacts), 'interface')} as the file gives them")
     else:
-        _say_contacts(whole, faces, notes)
+        contacts = contacts_of(whole, faces, notes)
+        if found.drawn and "interfaces" not in document:
+            drawn = [(role, scale * corners) for role, corners in found.drawn]
+            document["labels"] = labels_of(contacts, names, drawn, max(2.0 * tolerance, 1e-4 * size), notes)
+    if found.marks and not found.facts.get("loads"):
+        marks = [mark.scaled(scale) for mark in found.marks]
+        document["loads"] = solid_loads(marks, names, whole, supports, options, notes)
     if unit is not None:
         document["units"] = {"force": "N", **document.get("units", {}), "length": unit}
     free = len(parts) - sum(supports)
@@ -166,7 +175,10 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes) -> Import
 
 
 def _scale(found: Solids, options: ImportOptions, notes: Notes) -> tuple[float, str | None, str]:
-    """Return the factor to the scene's unit of length, this unit if to be stated, and the unit of the file."""
+    """Return the factor to the scene's unit of length, that unit, and the unit of the file.
+
+    The second is None where the document need not state it. Raises InputError for an unknown unit.
+    """
     given = options.unit or found.unit
     if given is not None and given not in METRES:
         raise InputError("", f"its lengths are in {given}", "`unit` " + "|".join(METRES))
@@ -213,7 +225,7 @@ def _without_slivers(vertices: Floats, faces: Faces) -> Faces:
     return tuple(kept)
 
 
-def _flat(vertices: Floats, faces: Faces) -> Faces:
+def _triangulated(vertices: Floats, faces: Faces) -> Faces:
     """Split faces that are not plane into triangles.
 
     A face with the same corners is split in the same way in every solid.
@@ -270,42 +282,6 @@ def _merged(vertices: Sequence[Floats], faces: Sequence[Faces]) -> tuple[list[Fl
         merged_vertices.append(np.array(list(place)))
         merged_faces.append(outlines)
     return merged_vertices, merged_faces
-
-
-def _given(
-    contacts: list[tuple[str, str, Floats]], names: dict[str, str], scale: float, size: float
-) -> list[dict[str, Any]]:
-    """Return interfaces for a scene, with corners projected onto their best-fit planes.
-
-    contacts: as in `Solids`. names: ids by names in the file. scale: scene units per file unit. size: of the structure.
-    """
-    entries = []
-    for a, b, corners in contacts:
-        points = scale * corners
-        middle = points.mean(axis=0)
-        normal = np.linalg.svd(points - middle)[2][2]
-        flat = points - np.outer((points - middle) @ normal, normal)
-        entries.append({"elements": [names[a], names[b]], "polygon": rounded(flat, size)})
-    return entries
-
-
-def _say_contacts(vertices: list[Floats], faces: list[Faces], notes: Notes) -> None:
-    """Note the number of contacts, and pairs that touch along several facets.
-
-    A label given to such a pair holds for all its facets.
-    """
-    lower, upper = np.array([v.min(axis=0) for v in vertices]), np.array([v.max(axis=0) for v in vertices])
-    pairs = near_pairs(lower, upper, 1e-5 * (upper - lower).max(axis=1))
-    contacts = find_spatial_contacts(facets_of(vertices, faces), pairs)
-    of_pair: dict[tuple[int, int], int] = {}
-    for contact in contacts:
-        of_pair[contact.a, contact.b] = of_pair.get((contact.a, contact.b), 0) + 1
-    many = [count for count in of_pair.values() if count > 1]
-    notes.found.append(f"{several(len(contacts), 'contact')} of {several(len(of_pair), 'pair')}")
-    if many:
-        verb = "touches" if len(many) == 1 else "touch"
-        held = "a label given to the pair holds for all of them"
-        notes.found.append(f"{several(len(many), 'pair')} {verb} along {sum(many)} facets: {held}")
 
 
 def split(points: Floats, faces: Faces, tolerance: float) -> list[Ints]:

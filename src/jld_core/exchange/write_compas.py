@@ -27,7 +27,7 @@ def compas_text(layout: Layout, *, cells: bool) -> str:
     """
     solids = list(solids_of(layout, cells=cells))
     facts = facts_of(layout, cells=cells, spatial=True)
-    keys = _weights(layout, cells)
+    keys = weights_of(layout, cells)
     if cells:
         facts["interfaces"] = [
             {**entry, "polygon": _in_space(layout, np.array(entry["polygon"])).tolist()}
@@ -132,7 +132,7 @@ def _in_space(layout: Layout, polygon: Floats) -> Floats:
     return np.array([[x0, 0.0, z0], [x1, 0.0, z1], [x1, depth, z1], [x0, depth, z0]])
 
 
-def _weights(layout: Layout, cells: bool) -> dict[str, dict[str, Any]]:
+def weights_of(layout: Layout, cells: bool) -> dict[str, dict[str, Any]]:
     """Return weight and centroid of the written free solids by name, as the scene has them.
 
     For elements of a spatial scene only the values that the scene states are given.

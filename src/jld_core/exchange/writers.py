@@ -14,6 +14,7 @@ from jld_core.exchange.write_3dec import command_text
 from jld_core.exchange.write_compas import compas_text
 from jld_core.exchange.write_drawing import svg_text, write_dxf
 from jld_core.exchange.write_mesh import obj_text, ply_text, stl_text
+from jld_core.exchange.write_rhino import write_rhino
 from jld_core.exchange.write_vtk import write_vtk
 from jld_core.files import whole_file
 from jld_core.limit.result_of_faces import result_of_faces
@@ -28,8 +29,12 @@ FORMATS: Final = {
     "3dec": ".dat",
     "vtk": ".vtu",
     "svg": ".svg",
+    "3dm": ".3dm",
 }
 """Export formats and their file endings."""
+
+ANALYSED: Final = ("vtk", "3dm")
+"""Formats that hold results of the analysis: forces, mechanism or load factor."""
 
 _SOLIDS: Final = {"obj": obj_text, "stl": stl_text, "ply": ply_text, "compas": compas_text}
 """Functions that return the text of blocks or elements as solids."""
@@ -69,12 +74,15 @@ def export(layout: Layout, kind: str, path: str | Path, *, cells: bool = False) 
     path = Path(path)
     if kind not in FORMATS:
         raise ParameterError("format", f"no format is named {kind!r}", "one of " + ", ".join(FORMATS))
-    if cells and kind not in _SOLIDS:
-        raise ParameterError("cells", f"{kind} draws blocks and the faces inside them", " or ".join(_SOLIDS))
+    solids = (*_SOLIDS, "3dm") if layout.assembly.dimension == 3 else tuple(_SOLIDS)
+    if cells and kind not in solids:
+        raise ParameterError("cells", f"{kind} draws blocks and the faces inside them", " or ".join(solids))
     layout = _of_faces(layout, kind)
     with whole_file(path) as fresh:
         if kind == "dxf":
             write_dxf(layout, fresh)
+        elif kind == "3dm":
+            write_rhino(layout, fresh, cells=cells)
         elif kind == "vtk":
             write_vtk(layout, fresh, legacy=path.suffix == ".vtk")
         else:

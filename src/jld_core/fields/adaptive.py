@@ -25,16 +25,16 @@ With 0.5 the flagship needs 3500 triangles for a bracket of 3.4 %, with 0.25 it 
 """
 
 _SHARE_WITHOUT = 0.5
-"""The same while a bound is missing: what is wanted then is any field, on few meshes."""
+"""Share as `_SHARE` while a bound is missing: larger, since any field will do and each mesh takes time."""
 
 _MOST_MARKED = 0.4
 """Largest share of triangles that one refinement marks."""
 
 _EVERYWHERE = 0.1
-"""Weight of the area in the indicator beside one of disagreement, so that no triangle stays coarse for ever."""
+"""Weight of the area in the indicator, the disagreement having 1, so that no triangle stays coarse for ever."""
 
 _STRESSED = 0.5
-"""Weight of multipliers of stresses in the indicator: by disagreement alone the lower bound stalls."""
+"""Weight of the multipliers of stresses in the indicator. By disagreement alone the lower bound stalls."""
 
 _SINGULAR = 0.7
 """Share of the multipliers of a triangle at one corner above which that corner is taken as singular."""

@@ -20,10 +20,13 @@ _MOST_TRIANGLES = 20_000
 """Triangles at which refinement ends: programs of more take minutes."""
 
 _GROWTH = 1.3
-"""Power of the number of triangles that the time of a mesh grows with."""
+"""Exponent of the number of triangles in the time of a mesh, to predict the time of the next one."""
 
 _PATIENCE = 8
-"""Meshes after which bounds of which one is missing are given up: the dead load needs fine meshes at few places."""
+"""Number of meshes after which refinement ends if a bound is still missing.
+
+The dead load needs fine meshes at few places.
+"""
 
 
 class FieldStatus(StrEnum):
@@ -174,11 +177,11 @@ def bounds_by_fields(
     assembly : Assembly
         Planar assembly with one load case; blocks are made of its inner strengths.
     labels : (m,) bool array, optional
-        True = dry joint; False = inside a block. By default those of the scene.
+        True = dry joint; False = inside a block. By default the labels of the scene.
     gap : float
         Width of the bracket, relative, at which refinement ends; above 0.
     seconds : float, optional
-        No mesh is begun that is not expected to be done by then; the first one always is.
+        No mesh is begun that is not expected to be done by then; the first one always is. By default no limit, s.
     patch : float, optional
         Length of the patch that each live force on a free face is spread on; by default the whole face (docs/method.md
         (9.5)).
@@ -197,7 +200,8 @@ def bounds_by_fields(
     Raises
     ------
     InputError
-        Scenes in space, load cases, a gap that is not above 0, and what `material_of` and `loaded_mesh` refuse.
+        Scenes in space, several load cases, a gap that is not above 0, and scenes that `material_of` or `loaded_mesh`
+        refuses.
     """
     refinement = FieldRefinement(
         assembly, labels, gap=gap, patch=patch, parts=parts, adaptive=adaptive, most_triangles=most_triangles

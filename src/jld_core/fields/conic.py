@@ -13,12 +13,13 @@ import scipy.sparse as sp
 from jld_core.arrays import Bools, Floats, Ints
 
 _RESIDUAL = 1e-9
+"""Residuals and duality gap that the solver is asked to reach, absolute and relative."""
 
 _ENDED = ("Solved", "PrimalInfeasible", "DualInfeasible")
-"""Statuses of the solver that more exact linear systems would not change."""
+"""Statuses after which a second attempt with iterative refinement would change nothing."""
 
 _NEAR = 1e-7
-"""Residuals and relative duality gap up to which an answer that the solver calls almost solved is taken as it is."""
+"""Largest residual or relative gap at which an answer of status AlmostSolved needs no second attempt."""
 
 
 @dataclass
@@ -139,7 +140,7 @@ class ConeProgram:
         return max(float(info.res_primal), float(info.gap_rel))
 
     def _solve(self, off: Bools | None, objective: Floats | None, careful: bool) -> Answer:
-        """Solve once; careful: refine the solutions of linear systems iteratively."""
+        """Solve once; off, objective: as for `solve`; careful: refine linear systems iteratively."""
         data, rhs = self._data, self._rhs
         if off is not None:
             data = np.where(off[self._row], 0.0, data)

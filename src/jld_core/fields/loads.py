@@ -21,11 +21,12 @@ from jld_core.fields.mesh import Mesh, coarse_mesh
 from jld_core.fields.outlines import FREE, Outlines, outlines_of
 
 _LEAST_PATCH = 0.02
-"""Shortest patch over the free face it lies on: a shorter one stands at an end of the face."""
+"""Least length of a patch, relative to its free face. A shorter one means a force at an end of the face."""
 
 
 _COVER = 1e-5
-"""Relative difference of the length of an interface and that of its edges, above which it does not fit the mesh."""
+"""Relative difference between the length of an interface and that of its edges, above which the mesh does not fit
+it."""
 
 
 @dataclass(frozen=True)
@@ -262,7 +263,7 @@ def _segments(assembly: Assembly, face: _FreeFace, forces: list[_Force]) -> list
 
 
 def _between(piece: _Piece, low: float, high: float) -> Floats:
-    """Return the tractions (2, 2) of a piece at two distances from the start of its face."""
+    """Return the tractions (2, 2) of a piece at distances `low` and `high` along the face."""
     start, stop, ends = piece
     shares = (np.array([low, high]) - start) / (stop - start)
     return np.asarray(ends[0] * (1.0 - shares[:, None]) + ends[1] * shares[:, None])
@@ -304,7 +305,7 @@ def _stated(assembly: Assembly, face: _FreeFace, force: _Force, width: float) ->
 
 
 def _segment(face: _FreeFace, low: float, high: float, traction: Floats) -> Segment:
-    """Return the segment of a face between two distances; traction: (2, 2) at both."""
+    """Return the segment of a face from distance `low` to `high`; traction: (2, 2) at both."""
     ends = np.array([face.start + low * face.along, face.start + high * face.along])
     return Segment(face.cell, ends, traction)
 

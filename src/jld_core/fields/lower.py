@@ -22,16 +22,16 @@ _MARGIN = 1e-7
 """Room that the solver keeps to yield, scaled stress: more than its residual, so that the projected field has room."""
 
 _WIDER = (3e-7, 1e-6)
-"""Margins with which a program is solved again whose answer violates yield: the solver often fails by chance."""
+"""Margins with which a program is solved again if its answer violates yield. The solver often fails by chance."""
 
 _INTERIOR = (1e-3, 1e-5)
-"""Room of fields that those are blended with which still violate yield."""
+"""Margins of the interior fields that are blended with a field that still violates yield, in the order tried."""
 
 _REGULAR = 1e-10
-"""Added to the diagonal of E Eᵀ, whose rows depend on each other around nodes; refinement steps undo it."""
+"""Added to the diagonal of E Eᵀ, because rows depend on each other around nodes; correction steps undo its effect."""
 
 _STEPS = 6
-"""Most steps of that refinement."""
+"""Largest number of correction steps of a projection onto equilibrium."""
 
 
 @dataclass(frozen=True)
@@ -97,10 +97,10 @@ class LowerBound:
         if not answer.usable:
             return None
         proposed = answer.point[: 9 * self._triangles], float(answer.point[-1])
-        found = self.certify(*proposed, labels) or self._again(labels) or self._blend(*proposed, labels)
+        found = self.certify(*proposed, labels) or self._with_larger_margins(labels) or self._blend(*proposed, labels)
         return replace(found, rate=self._rate(answer.dual)) if found is not None else None
 
-    def _again(self, labels: Bits) -> StressField | None:
+    def _with_larger_margins(self, labels: Bits) -> StressField | None:
         """Solve with larger margins, and return the first field that passes the check, else None."""
         for margin in _WIDER:
             answer = self.propose(labels, margin)

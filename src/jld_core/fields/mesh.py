@@ -21,9 +21,9 @@ _STRAIGHT = 1e-6
 class Edges:
     """Edges of a triangle mesh, as arrays over e edges.
 
-    a, b: (e,) triangles; b = −1 on an outline or support. corner_a, corner_b: (e, 2) which corner (0 to 2) of a and b
-    is at each end. normal: (e, 2) unit vector from a to b, or outward. length: (e,). tag: (e,) as `Mesh.tag`; edges
-    inside a cell and free ones have FREE.
+    a, b: (e,) triangles; b = −1 on an outline or support. corner_a, corner_b: (e, 2) corners (0 to 2) of a and b at the
+    two ends. normal: (e, 2) unit vector from a to b, or outward. length: (e,). tag: (e,) as `Mesh.tag`; edges inside a
+    cell and free ones have FREE.
     """
 
     a: Ints

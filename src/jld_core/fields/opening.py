@@ -10,7 +10,7 @@ from jld_core.fields.conic import ConeProgram, Rows
 from jld_core.fields.problem import Problem
 
 _LEAST = 1e-9
-"""Room, at velocities of one, below which no motion counts as found."""
+"""Least room in all flow rules, at velocities of one, of a motion that counts as found."""
 
 
 def opening_motion(problem: Problem) -> Floats | None:

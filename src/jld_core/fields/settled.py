@@ -13,10 +13,13 @@ from jld_core.fields.problem import Problem
 from jld_core.fields.velocity_program import Entries, jump_entries, strain_entries
 
 _ACTIVE = 1e-7
-"""Rates over the largest velocity below which they count as zero: far above what the solver leaves."""
+"""Rate, relative to the largest velocity, below which it counts as zero: far above the residual of the solver."""
 
 _ROUNDS = 4
-"""Most linearisations of flow rules with friction: two leave 4e-9 of the velocities where many slide, four 1e-14."""
+"""Largest number of linearisations of flow rules with friction.
+
+Where many slide, two leave errors of 4e-9 of the velocities, four 1e-14.
+"""
 
 
 class Settling:

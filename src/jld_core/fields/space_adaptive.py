@@ -20,19 +20,22 @@ from jld_core.fields.space_problem import SpatialProblem, spatial_problem, spati
 from jld_core.fields.space_upper import SpatialUpperBound, SpatialVelocity
 
 _SHARE = 0.5
-"""Share of the indicator that tetrahedra hold together which are marked at a time (Dörfler marking)."""
+"""Share of the indicator that the tetrahedra marked at a time hold together (Dörfler marking)."""
 
 _MOST_MARKED = 0.3
 """Largest share of tetrahedra that are marked at a time."""
 
 _GROWTH = 1.5
-"""Number of tetrahedra of the next mesh over that of the last: marks are set and halved again until it is reached."""
+"""Ratio of the numbers of tetrahedra of the next and the last mesh.
+
+Tetrahedra are marked and halved until it is reached.
+"""
 
 _EVERYWHERE = 0.02
-"""Share of the volume in the indicator, so that no tetrahedron stays coarse for ever."""
+"""Weight of the volume in the indicator, so that no tetrahedron stays coarse for ever."""
 
 _DEFORMS = 0.1
-"""Share of a cell in the dissipation from which it is cut in layers where it is long or flat."""
+"""Share of the dissipation from which a cell that is long or flat is cut in layers."""
 
 
 @dataclass(frozen=True)

@@ -22,10 +22,10 @@ _MOST_TETRAHEDRA = 12_000
 """Tetrahedra at which refinement ends: programs of more take many minutes and gigabytes."""
 
 _POWER = 1.7
-"""Power of the number of tetrahedra that the time of both programs grows with, for the forecast of the next mesh."""
+"""Exponent of the number of tetrahedra in the time of both programs, to predict the time of the next mesh."""
 
 _PATIENCE = 8
-"""Meshes after which bounds of which one is missing are given up."""
+"""Number of meshes after which refinement ends if a bound is still missing."""
 
 
 @dataclass(frozen=True)
@@ -242,6 +242,7 @@ def _layered(
 
 
 _Case = tuple[SpatialFields, SpatialSetting]
+"""Fields on a mesh, and the setting of that mesh."""
 
 
 def _narrower(one: _Case, other: _Case) -> _Case:

@@ -15,7 +15,8 @@ from jld_core.fields.space_mesh import SolidMesh, patch_tag
 from jld_core.fields.space_surface import Facet, Surface, ring_of
 
 _COVER = 1e-4
-"""Relative difference of the area of an interface and that of its triangles, above which it does not fit the mesh."""
+"""Relative difference between the area of an interface and that of its triangles, above which the mesh does not fit
+it."""
 
 _RING = 0.7
 """Size of the inner part of a dry interface over the whole: tractions of a hinge press on the ring around it. With 0.6,
@@ -23,7 +24,8 @@ _RING = 0.7
 their load have no use for thin rings."""
 
 _CONVEX = 1e-6
-"""Share of its area by which a plane region may differ from its convex hull and is filled by a fan about its centre."""
+"""Relative difference between the areas of a region and of its convex hull up to which a fan about its centre fills
+it."""
 
 
 class _Filler:
@@ -148,6 +150,7 @@ def coarse_solids(
 
 
 _Triangles = list[tuple[int, int, int]]
+"""Nodes of triangles, counter-clockwise from outside."""
 
 
 class _Skins:

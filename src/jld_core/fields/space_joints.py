@@ -21,23 +21,25 @@ from jld_core.fields.space_problem import SpatialProblem
 from jld_core.linalg import components
 
 _SHARE = 0.4
-"""Share of the wanted gap that linear tractions may cost; the rest is left to the fields in the blocks."""
+"""Share of the gap asked for that linear tractions may cost; the fields in the blocks have the rest."""
 
 _MOST = 1.1
-"""Number of tetrahedra of the fitted mesh over that of the given one at which fitting ends."""
+"""Ratio of the numbers of tetrahedra of the fitted and the given mesh at which fitting ends."""
 
 _PRESSED = 0.25
-"""Largest pressure of a joint over the uniaxial strength of the blocks: fields cannot spread more. With 1 the lower
-bound of a corner is 0.431, with 0.25 it is 0.436."""
+"""Largest pressure of a joint, relative to the uniaxial strength of the blocks.
+
+Fields cannot spread more: with 1 the lower bound of a corner is 0.431, with 0.25 it is 0.436.
+"""
 
 _MARKED = 0.5
-"""Share of the loss that triangles hold together which are halved at a time (Dörfler marking)."""
+"""Share of the loss that the triangles halved at a time hold together (Dörfler marking)."""
 
 _EQUAL = 1e-3
-"""Relative difference of losses and of lengths below which they count as equal: symmetric meshes stay symmetric."""
+"""Relative difference below which losses or lengths count as equal, so that symmetric meshes stay symmetric."""
 
 _ASPECT = 0.05
-"""Weight that length has by itself in the choice of an edge, as in `bisect`."""
+"""Weight of the length alone in the choice of an edge, as in `bisect`."""
 
 _EDGES = np.array([[0, 1], [0, 2], [1, 2]])
 """Local corners of the three edges of a triangle."""

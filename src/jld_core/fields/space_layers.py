@@ -15,19 +15,19 @@ from jld_core.arrays import Floats, Ints
 from jld_core.fields.space_surface import Facet, Surface
 
 _TWICE = 2.0 - 1e-6
-"""Width of a cell over that of its end, from which it is cut in the middle."""
+"""Least ratio of the width of a cell to the size of its end at which it is cut in the middle."""
 
 _THRICE = 3.0 - 1e-6
-"""Width of a cell over that of its end, from which it is cut at the width of the end from both of its ends."""
+"""Least ratio of the width of a cell to the size of its end at which it is cut at that size from both ends."""
 
 _SNAP = 0.3
-"""Distance from a node, over the width of the end, within which a plane is moved to the node."""
+"""Distance, relative to the size of the end, within which a plane is moved to a node."""
 
 _OPPOSITE = -0.7
 """Cosine between outward normals of two facets below which they are ends of their cell."""
 
 _DIGITS = 9
-"""Digits to which distances to nodes are compared."""
+"""Decimal digits to which relative positions of nodes are compared."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Layers:
     parts: tuple[Part, ...]
 
     def side(self, place: Floats) -> tuple[bool, ...]:
-        """Return for each of the k planes whether a place (3,) lies beyond it.
+        """Return for each of the k planes True if a place (3,) lies beyond it.
 
         For a place inside the cell, the result equals `Part.side` of the part that holds it.
         """
@@ -246,7 +246,7 @@ def _clipped(outline: Floats, normal: Floats, offset: float, reach: float) -> li
     """Cut a convex outline by a plane into pieces before and beyond it.
 
     Returns two pairs of a piece and its points on the plane. Pieces are (c, 3), empty where the outline has nothing on
-    that side. Points within `reach` lie on the plane.
+    that side. normal, offset: of the plane. Points within `reach` lie on it.
     """
     height = outline @ normal - offset
     height = np.where(abs(height) <= reach, 0.0, height)
@@ -268,7 +268,10 @@ def _clipped(outline: Floats, normal: Floats, offset: float, reach: float) -> li
 
 
 def _convex(places: Floats, normal: Floats, reach: float) -> Floats:
-    """Return the convex hull (c, 3) of places (k, 3) on a plane, counter-clockwise."""
+    """Return places in convex position on a plane in counter-clockwise order, (c, 3).
+
+    places: (k, 3). normal: of the plane, about which they turn. reach: distance within which places are one corner.
+    """
     one = np.eye(3)[np.argmin(abs(normal))]
     one = np.cross(normal, one)
     one /= np.linalg.norm(one)

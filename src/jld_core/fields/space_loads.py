@@ -22,15 +22,15 @@ from jld_core.fields.space_mesh import SolidMesh
 from jld_core.fields.space_surface import Facet, Patch, Surface, surface_of
 
 _LEAST_PATCH = 0.01
-"""Smallest area of a patch over the free region it lies on: a smaller one stands at an edge of the face."""
+"""Least area of a patch, relative to its free region. A smaller one means a force at an edge of the face."""
 
 
 @dataclass(frozen=True)
 class Traction:
     """Linear live traction on a patch of a free face, for λ = 1, scene units.
 
-    cell: element. origin: (3,) reference point. mean: (3,) stress vector there. slope: (3, 3) its derivatives; column k
-    is that by coordinate k.
+    cell: element. origin: (3,) reference point. mean: (3,) stress vector there. slope: (3, 3) derivatives of the stress
+    vector; column k by coordinate k.
     """
 
     cell: int
@@ -110,7 +110,7 @@ def loaded_solids(
             if width is not None:
                 raise InputError(
                     "loads.live",
-                    f"the force at {_shown(force.place)} has a width and no free face",
+                    f"the force at {_place_text(force.place)} has a width and no free face",
                     "a place on a free face of the element, or no width",
                 )
             continue
@@ -160,7 +160,7 @@ def _region_of(assembly: Assembly, surface: Surface, force: _Force, taken: Float
     if best is None:
         raise InputError(
             f"element {assembly.elements.ids[near[0]]!r}",
-            f"a live force acts on its surface at {_shown(force.place)}, where it has no free face",
+            f"a live force acts on its surface at {_place_text(force.place)}, where it has no free face",
             "a force on a free face or inside the element",
         )
     return best[2:]
@@ -287,12 +287,12 @@ def _no_room(assembly: Assembly, facet: Facet, place: Floats) -> InputError:
     """Return the error for a force whose patch does not fit its free face."""
     return InputError(
         f"element {assembly.elements.ids[facet.cell]!r}",
-        f"its free face has no room for the patch of the live force at {_shown(place)}",
+        f"its free face has no room for the patch of the live force at {_place_text(place)}",
         "a force farther from the edges of the face, or a smaller patch",
     )
 
 
-def _shown(place: Floats) -> str:
+def _place_text(place: Floats) -> str:
     """Return a place as text, for messages."""
     return "(" + ", ".join(f"{value:g}" for value in place) + ")"
 

@@ -24,13 +24,13 @@ _MARGINS = (1e-6, 1e-5)
 """Room that the solver keeps to yield, scaled stress: more than its residual, so that the projected field has room."""
 
 _INTERIOR = 1e-3
-"""Room of a field that one is blended with which still violates yield."""
+"""Margin of the interior field that is blended with a field that still violates yield."""
 
 _STEPS = 6
-"""Most corrections of a stress field towards equilibrium."""
+"""Largest number of correction steps of a projection onto equilibrium."""
 
 _REGULAR = 1e-10
-"""Added to the diagonal of E Eᵀ, whose rows depend on each other around edges; further corrections undo it."""
+"""Added to the diagonal of E Eᵀ, because rows depend on each other around edges; correction steps undo its effect."""
 
 
 @dataclass(frozen=True)

@@ -17,10 +17,10 @@ _EDGES = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
 """Local corners of the six edges of a tetrahedron."""
 
 _ASPECT = 0.05
-"""Weight that length has by itself in the choice of an edge: layers end at an aspect ratio of half its inverse."""
+"""Weight of the length alone in the choice of an edge. Layers end at an aspect ratio of half its inverse."""
 
 _DIGITS = 9
-"""Digits to which lengths of edges are compared: edges that are equal but for rounding are told apart by number."""
+"""Decimal digits to which lengths of edges are compared; edges of equal length are ordered by number."""
 
 
 @dataclass(frozen=True)

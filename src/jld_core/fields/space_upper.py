@@ -19,13 +19,16 @@ from jld_core.fields.space_cones import DIAGONAL, ConeSizes, across, normal_map,
 from jld_core.fields.space_problem import SpatialProblem
 
 _MARGINS = (1e-8, 1e-7, 1e-6, 1e-5)
-"""Opening that the solver keeps to every flow rule, at live work one: more than its residual. The first that does."""
+"""Margins of opening to every flow rule, scaled, at live work one, in the order tried.
+
+The first whose answer passes the check is taken.
+"""
 
 _UNBOUNDED = ("DualInfeasible", "AlmostDualInfeasible")
-"""Statuses of programs whose cost has no lower end: the blocks are too weak for their dead load."""
+"""Statuses of unbounded programs: the blocks are too weak for their dead load."""
 
 _RAY = -1.0
-"""Scaled bound that stands for all below it, where the program is unbounded."""
+"""Scaled bound that is stated where the program is unbounded: any larger bound holds too."""
 
 
 @dataclass(frozen=True)

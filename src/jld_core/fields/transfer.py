@@ -23,7 +23,7 @@ The first that costs little is taken: where cells hardly open, their motion diss
 """
 
 _COST = 1e-3
-"""Relative rise of the bound of the field's own labelling up to which a repair costs little."""
+"""Relative rise of the bound of the field's own labelling up to which a repair is accepted."""
 
 
 @dataclass(frozen=True)

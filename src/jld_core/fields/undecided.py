@@ -20,13 +20,14 @@ from jld_core.fields.transfer import REPAIRED, FieldMechanism, weighed
 from jld_core.fields.upper import UpperBound
 
 _FAR: Final = (1e2, 1e4, 1e6)
-"""Multiples of a motion under the dead load alone that are added to a mechanism of the live load."""
+"""Multiples of a motion under the dead load alone that are added to a mechanism, in the order tried."""
 
 _COST: Final = 1e-3
-"""Relative distance from the solver's objective up to which a repaired field counts as good."""
+"""Largest distance of the bound of a repaired field from the solver's objective, relative, at which nothing else is
+tried."""
 
 _LEAST: Final = -1.0
-"""Scaled bound below which the size of such a multiple is chance."""
+"""Scaled bound that is stated for collapse under the dead load alone: any larger bound holds too."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,7 @@ class WeighedField:
     velocity : (t, 3, 2) float array
         Velocities at the corners of the triangles, scaled.
     mechanism : FieldMechanism
-        What the field dissipates, scene units of λ.
+        Dissipation of the field in the blocks and on faces, scene units of λ.
     bound : float
         λ that no labelling exceeds that agrees on the decided faces, scene units.
     """
@@ -158,7 +159,7 @@ class PartialUpperBound:
         """Return a field that proves collapse under the dead load alone, or None.
 
         It is a mechanism of the live load plus a large multiple of `ray`, (t, 3, 2), along which the program is
-        unbounded. None: no such mechanism, or no multiple tried leads below 0.
+        unbounded. None: no such mechanism, or no multiple tried leads below 0. labels, undecided: (m,) as for `field`.
         """
         p, size = self._upper.problem, float(abs(ray).max())
         if self._weightless is None:

@@ -20,7 +20,8 @@ from jld_core.fields.settled import Settling
 from jld_core.fields.velocity_program import VelocityProgram
 
 _CHEAP = 1e-7
-"""Relative rise of λ above the solver's up to which an opened field is not settled: ten times what is usual."""
+"""Largest relative rise of λ above the solver's at which an opened field is taken without settling: ten times the usual
+rise."""
 
 _COSTLY = 1e-6
 """Relative rise of λ above the solver's from which a program with margins is tried: opening then costs too much.
@@ -33,7 +34,7 @@ _MARGINS = (1e-8, 1e-6)
 """Room of flow rules in such programs, scaled velocity: above residuals of the solver, below what moves λ."""
 
 _RAY = -1.0
-"""Scaled bound that stands for all below it, where the program is unbounded."""
+"""Scaled bound that is stated where the program is unbounded: any larger bound holds too."""
 
 
 @dataclass(frozen=True)
@@ -138,7 +139,7 @@ class UpperBound:
         return found
 
     def _with_margins(self, labels: Bits, found: VelocityField | None, expected: float) -> VelocityField | None:
-        """Return the best of a field and those of programs with room in every flow rule.
+        """Return the best of `found` and the fields of programs with room in every flow rule.
 
         found: field so far or None. expected: scaled λ by the solver. The first that costs little ends the attempts.
         """
@@ -183,7 +184,8 @@ class UpperBound:
     def _opened(self, velocity: Floats, labels: Bits) -> VelocityField | None:
         """Open one field until every flow rule holds, and compute its bound on λ.
 
-        None: a flow rule stays violated, or the live load does no positive work.
+        velocity: (t, 3, 2), scaled. labels: (m,) True = dry. None: a flow rule stays violated, or the live load does no
+        positive work.
         """
         rates = self.rates(velocity)
         worst, share, allowance = self._worst(rates, labels), 0.0, 0.0
@@ -261,7 +263,7 @@ class UpperBound:
         return Rates(slope[:, 0, 0] + slope[:, 1, 1], shear, opening, slip)
 
     def lacking(self, rates: Rates, labels: Bits) -> tuple[Floats, Floats, Floats]:
-        """Return what flow rules lack in opening, scaled velocity; up to 0 where they hold.
+        """Return the opening that flow rules lack, scaled velocity; 0 or less where they hold.
 
         rates: of a velocity field. labels: (m,) True = dry. The arrays are for triangles (t,), edges in the material
         (k, 2) and dry edges (j, 2), with both ends in columns. −inf stands where crushing allows any rate.

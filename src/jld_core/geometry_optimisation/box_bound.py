@@ -48,10 +48,13 @@ class BoxBound:
         where no position stands.
     velocity : (3·free,) array or None
         Mechanism that proves it, scaled as `BoxProblem`.
+    case : int
+        Position of the load case whose mechanism it is.
     """
 
     value: float
     velocity: Floats | None
+    case: int = 0
 
 
 class BoxProblem:
@@ -130,7 +133,8 @@ class BoxProblem:
     def _bernstein_moments(self, low: Floats, high: Floats) -> tuple[Floats, Floats]:
         """Return areas (4^p, n) and first moments (4^p, n, 2) in Bernstein form over a box.
 
-        Moments are about the present centroids. Values in the box lie within the convex hull of the rows.
+        low, high: (p,) bounds on the parameters, lengths. Moments are about the present centroids. Values in the box
+        lie within the convex hull of the rows.
         """
         count = len(low)
         shares = np.array(list(itertools.product(*[(0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)] * count))).reshape(-1, count)
@@ -182,9 +186,9 @@ class BoxProblem:
     def generators(self, low: Floats, high: Floats) -> tuple[Floats, Floats] | None:
         """Return forces at ends of faces whose cone holds all forces of faces in the box.
 
-        The result is the forces (g, 3·free) on free elements, scaled, and (g, 3·free) magnitudes of the terms of each
-        entry, from which rounding errors follow. None where the directions of a face span half a turn. low, high: (p,)
-        bounds on the parameters, lengths.
+        The results are the forces (g, 3·free) on free elements, scaled, and magnitudes of the terms of each entry, of
+        the same shape. Rounding errors follow from these. None where the directions of a face span half a turn. low,
+        high: (p,) bounds on the parameters, lengths.
         """
         places = self.corners(low, high)
         faces, elements = self._assembly.interfaces, self._assembly.elements
@@ -214,6 +218,16 @@ class BoxProblem:
             rows.append(row)
             sizes.append(size)
         return np.concatenate(rows), np.concatenate(sizes)
+
+    def motion(self, velocity: Floats) -> Floats:
+        """Return the velocities (n, 3) of all elements about their centroids, of a mechanism in scaled units.
+
+        Rows are (ux, uy, ω); only ratios have a meaning. velocity: (3·free,) as in `BoxBound`.
+        """
+        found = np.zeros((len(self._row), 3))
+        found[self._row >= 0] = velocity.reshape(-1, 3)
+        found[:, 2] /= self._length
+        return found
 
     # --- bound ------------------------------------------------------------------------------------------
 

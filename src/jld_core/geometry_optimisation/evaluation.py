@@ -237,7 +237,7 @@ class Evaluator:
         forces = [state.forces for state in point.states]
         for _ in range(_ROUNDS):
             states = [
-                CaseState(Template(_rubbing(one, factor)), own, 0.0, 1.0)
+                CaseState(Template(_with_friction_factor(one, factor)), own, 0.0, 1.0)
                 for one, own in zip(assembly.by_case, forces, strict=True)
             ]
             answer = self.step(Evaluated(values, 0.0, None, states), still, still, "friction")
@@ -250,7 +250,7 @@ class Evaluator:
         states = [replace(state, forces=own) for state, own in zip(states, forces, strict=True)]
         for margin in _MARGINS:
             self.solves += 1
-            result = solve(_rubbing(assembly, factor * (1.0 + margin)), self.labels)
+            result = solve(_with_friction_factor(assembly, factor * (1.0 + margin)), self.labels)
             if stands(result):
                 return Evaluated(values, -factor * (1.0 + margin), result, states, factor * (1.0 + margin))
         return None
@@ -287,7 +287,7 @@ class Evaluator:
         return None
 
 
-def _rubbing(assembly: Assembly, factor: float) -> Assembly:
+def _with_friction_factor(assembly: Assembly, factor: float) -> Assembly:
     """Return an assembly with all friction coefficients multiplied by a factor."""
     strengths = replace(assembly.strengths, friction=assembly.strengths.friction * factor)
     return replace(assembly, strengths=strengths)

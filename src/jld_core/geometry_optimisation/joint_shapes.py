@@ -54,7 +54,7 @@ class Key:
     def teeth(self) -> list[tuple[Floats, int]]:
         """Return the outline (k, 2) of the key and side 1, along and across a face of length 1.
 
-        Side 1 is that of the second element.
+        A tooth of side 1 reaches into the second element.
         """
         low, high = 0.5 - 0.5 * self.width, 0.5 + 0.5 * self.width
         outline = [[low, 0.0], [high, 0.0], [high - self.flank, self.depth], [low + self.flank, self.depth]]
@@ -85,7 +85,7 @@ class Sine:
     def teeth(self) -> list[tuple[Floats, int]]:
         """Return outline (k, 2) and side of each half wave, along and across a face of length 1.
 
-        Side 1 is that of the second element, −1 that of the first.
+        A tooth of side 1 reaches into the second element, one of side −1 into the first.
         """
         found, count = [], 2 * self.waves
         share = np.linspace(0.0, 1.0, _SEGMENTS + 1)

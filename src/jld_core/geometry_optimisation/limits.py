@@ -25,7 +25,7 @@ _AREA: Final = 0.05
 """Least area of an element, relative to its area at the start."""
 
 _KEPT: Final = 0.98
-"""Share of its value at the start to which a limit is relaxed that the start does not keep."""
+"""Share of its value at the start that a limit requires if the start violates the limit."""
 
 _STRAIGHT: Final = 1e-6
 """Deviation from 180°, rad, up to which an angle of an element is straight."""
@@ -255,7 +255,8 @@ def _sparse(values: Floats, columns: Ints, size: int) -> sp.csr_array:
 def _mass_rows(assembly: Assembly, labels: Bits, areas: Floats, moving: Bools, mesh: VertexMesh) -> sp.csr_array:
     """Return rows (b, n) whose product with relative areas gives the masses of blocks.
 
-    Only blocks without a support that have a vertex that moves are taken.
+    Only blocks without a support that have a vertex that moves are taken. labels: (m,) True = dry. moving: (v,) True
+    for these vertices.
     """
     elements = assembly.elements
     block = blocks_of(assembly, labels)

@@ -64,10 +64,10 @@ class MovedScene:
         ]
         if "move" in found:
             found["move"] = self._named_anew(found["move"], places)
-        return found if friction == 1.0 else _rubbing(found, friction)
+        return found if friction == 1.0 else _with_friction_factor(found, friction)
 
     def _named_anew(self, move: dict[str, Any], places: Floats) -> dict[str, Any]:
-        """Return the key "move" with its points of vertices at positions (v, 2); other points stay."""
+        """Return the key "move" with its points at vertices moved to positions (v, 2)."""
 
         def moved(point: list[float]) -> list[float]:
             """Return where the vertex at a point of the start is now."""
@@ -93,7 +93,7 @@ class MovedScene:
         return parse_scene(self.document(places, friction), "the moved scene")
 
 
-def _rubbing(document: dict[str, Any], factor: float) -> dict[str, Any]:
+def _with_friction_factor(document: dict[str, Any], factor: float) -> dict[str, Any]:
     """Return a document with the friction of dry joints multiplied by a factor."""
 
     def changed(entry: dict[str, Any]) -> dict[str, Any]:

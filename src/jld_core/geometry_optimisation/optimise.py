@@ -161,7 +161,7 @@ def move_joints(
         taken = 0
 
         def report(point: Evaluated, predicted: float, radius: float, number: int = number) -> None:
-            """Record an accepted point."""
+            """Record an accepted point of start `number`, with predicted objective and trust radius."""
             nonlocal taken
             bracket = (math.nan, math.nan) if point.result is None else point.result.bracket
             if search.goal != "load_factor":

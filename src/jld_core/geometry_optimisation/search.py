@@ -158,7 +158,10 @@ class GeometrySearch:
         return None
 
     def _bounds(self, values: Floats, radius: float) -> tuple[Floats, Floats]:
-        """Return bounds low, high (k,) on a step from variables z, within trust region and box."""
+        """Return bounds low, high (k,) on a step from z, within trust region and box.
+
+        values: (k,) z. radius: of the trust region, length.
+        """
         low, high = np.full(len(values), -radius), np.full(len(values), radius)
         box = self.move.box
         if box is not None:
@@ -218,7 +221,7 @@ class GeometrySearch:
                 if kicks == trust.kicks or self.goal != "load_factor":
                     return point, "stationary"
                 kicks += 1
-                point, radius = self._kicked(point, random), trust.first * self.unit
+                point, radius = self._with_other_forces(point, random), trust.first * self.unit
                 continue
             if new is None or not new.objective - point.objective > trust.accepted * promise:
                 radius *= trust.shrinkage
@@ -239,7 +242,7 @@ class GeometrySearch:
         answer = self.evaluator.step(point, low, high, self.goal)
         if answer is None:
             return None, math.inf
-        predicted = self._promised(point, answer)
+        predicted = self._predicted(point, answer)
         needed = point.objective + self.trust.accepted * (predicted - point.objective)
         best: Evaluated | None = None
         trial = point
@@ -262,7 +265,7 @@ class GeometrySearch:
             answer = corrected
         return best, predicted
 
-    def _promised(self, point: Evaluated, answer: StepAnswer) -> float:
+    def _predicted(self, point: Evaluated, answer: StepAnswer) -> float:
         """Return the objective that the program of a step predicts."""
         if self.goal == "friction":
             return -point.friction * (1.0 + answer.value)
@@ -270,7 +273,7 @@ class GeometrySearch:
             return point.objective - float(answer.change[-1])
         return answer.value
 
-    def _kicked(self, point: Evaluated, random: np.random.Generator) -> Evaluated:
+    def _with_other_forces(self, point: Evaluated, random: np.random.Generator) -> Evaluated:
         """Return a point with other optimal forces, from which a step may find an ascent.
 
         It is the point itself where the program fails.

@@ -44,11 +44,11 @@ def spatial_rates(result: LimitAnalysisResult, forces: Floats, mechanism: Floats
     rates = np.zeros_like(places)
     for element in assembly.elements.free.tolist():
         own = number[starts[element] : starts[element + 1]]
-        np.add.at(rates, own, _of_element(assembly, element, mechanism[element], result.load_factor))
+        np.add.at(rates, own, _element_rates(assembly, element, mechanism[element], result.load_factor))
     for face in range(len(polygons)):
         position = len(shapes) + face
         own = number[starts[position] : starts[position + 1]]
-        np.add.at(rates, own, _of_face(assembly, face, forces[face], mechanism))
+        np.add.at(rates, own, _face_rates(assembly, face, forces[face], mechanism))
     return places, rates
 
 
@@ -63,7 +63,7 @@ def _shortest(assembly: Assembly) -> float:
     return min(float(np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1).min()) for loop in loops)
 
 
-def _of_element(assembly: Assembly, element: int, motion: Floats, load_factor: float) -> Floats:
+def _element_rates(assembly: Assembly, element: int, motion: Floats, load_factor: float) -> Floats:
     """Return −d(power of the loads of an element) by its vertices (k, 3), scene units.
 
     motion: (6,) velocity of the centroid, then rotation.
@@ -129,8 +129,11 @@ def _frame(normal: Floats, beside: Floats) -> Floats:
     return np.array([first, np.cross(normal, first)])
 
 
-def _of_face(assembly: Assembly, face: int, forces: Floats, mechanism: Floats) -> Floats:
-    """Return the derivatives (k, 3) of dissipation minus power of one face by its corners."""
+def _face_rates(assembly: Assembly, face: int, forces: Floats, mechanism: Floats) -> Floats:
+    """Return the derivatives (k, 3) of dissipation minus power of one face by its corners.
+
+    forces: (6,) of the face. mechanism: (n, 6) velocities of all elements, scene units.
+    """
     faces = assembly.interfaces
     polygon, origin = faces.polygon[face], faces.origin[face]
     velocity, spin = np.zeros(3), np.zeros(3)

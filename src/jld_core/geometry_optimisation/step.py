@@ -16,7 +16,7 @@ from jld_core.program import ConicProgram, Template, pack
 from jld_core.solvers import ClarabelSolver, RawStatus
 
 Goal = Literal["load_factor", "friction", "thickness", "slack"]
-"""What a step optimises: λ; the least factor on friction or the least thickness at λ = 0; the missing strength."""
+"""Objective of a step: λ; the least factor on friction or the least thickness at λ = 0; the missing strength."""
 
 _TOLERANCE: Final = 1e-9
 """Residual and gap of the programs of steps; accepted points are proven apart."""

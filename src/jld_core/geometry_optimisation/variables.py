@@ -148,8 +148,8 @@ def variables_of(assembly: Assembly, labels: Bits, mesh: VertexMesh, move: Move,
     """Find the variables of a planar structure that the key "move" of its scene asks for.
 
     labels: (m,) True = dry. mesh: vertices at the start. named: take only the vertices that "along" names, where it
-    names any. Raises InputError for a vertex that does not exist or belongs to a support, for ties that contradict one
-    another, and where nothing is left to move.
+    names any. Raises InputError for a vertex that does not exist or belongs to a support. It also does so for ties that
+    contradict one another, and where nothing is left to move.
     """
     finder = _Finder(assembly, labels, mesh, move)
     chosen: list[tuple[int, Floats, Floats]] = finder.named()

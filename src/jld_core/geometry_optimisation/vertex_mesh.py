@@ -121,7 +121,7 @@ def _refined(loop: Ints, ends: Ints, places: Floats, reach: float) -> Ints:
 
 
 def _between(point: Floats, line: Floats, reach: float) -> bool:
-    """Return True if a point lies on a segment (2, 2), ends excluded."""
+    """Return True if a point lies on a segment `line` (2, 2), ends within `reach` excluded."""
     edge, arm = line[1] - line[0], point - line[0]
     length = float(np.hypot(*edge))
     along, off = float(arm @ edge) / length, abs(float(arm[0] * edge[1] - arm[1] * edge[0])) / length

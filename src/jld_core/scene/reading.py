@@ -14,7 +14,7 @@ from jld_core.scene.schema import Scene
 from jld_core.scene.spread import lowered
 from jld_core.scene.units import with_numbers
 
-DRAWINGS: Final = ("dxf", "svg", "csv", "obj", "ply", "stl")
+DRAWINGS: Final = ("dxf", "svg", "csv", "obj", "ply", "stl", "3dm")
 """Endings of files that `jld import` makes a scene of, COMPAS JSON apart."""
 
 

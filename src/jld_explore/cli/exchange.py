@@ -11,6 +11,7 @@ import typer
 from jld_core.build import build_assembly
 from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.exchange import FORMATS, Imported, ImportOptions, Layout, blocks_csv, export, import_file
+from jld_core.exchange.writers import ANALYSED
 from jld_core.files import write_text
 from jld_core.models import solve
 from jld_core.refinement import refine
@@ -24,7 +25,9 @@ from jld_explore.cli.streams import say
 
 
 def import_command(
-    file: Annotated[Path, typer.Argument(help="DXF, SVG, CSV, OBJ, PLY, STL or COMPAS JSON file.", show_default=False)],
+    file: Annotated[
+        Path, typer.Argument(help="DXF, SVG, CSV, 3DM, OBJ, PLY, STL or COMPAS JSON file.", show_default=False)
+    ],
     out: Out,
     support: Annotated[
         list[str] | None, typer.Option(help="Layer of supports, or: lowest. May be given again.")
@@ -90,7 +93,7 @@ def export_command(
     out: Annotated[Path, typer.Option("-o", "--out", help="File to write; blocks.csv beside it.", show_default=False)],
     rank: Rank = None,
     cells: Annotated[
-        bool, typer.Option("--cells", help="Every element as a solid of its own (obj, stl, ply, compas).")
+        bool, typer.Option("--cells", help="Every element as a solid of its own (obj, stl, ply, compas; 3dm in space).")
     ] = False,
 ) -> None:
     """Write the blocks of a layout to a file of another program, and a table of them.
@@ -103,7 +106,7 @@ def export_command(
     for file in (out, table):
         refuse_itself(source, file)
     scene, assembly, labels = layout_of(source, rank)
-    layout = Layout(scene, assembly, labels, solve(assembly, labels) if kind == "vtk" else None)
+    layout = Layout(scene, assembly, labels, solve(assembly, labels) if kind in ANALYSED else None)
     with error_context(source, str(out)):
         export(layout, kind, out, cells=cells)
     write_text(table, blocks_csv(layout))

@@ -347,9 +347,8 @@ class Enumeration(Driver):
     def _prune(self, rows: _Frontier, p: Names, q: Names, apart: Bools, is_dry: Bools) -> _Frontier:
         """Remove rows that no completion can bring within the limits.
 
-        A row is removed if a block beside the face just decided is closed and too small, or if the number of blocks is
-        out of bounds. p, q: (r,) these blocks. apart: (r,) True where they differed before. is_dry: (r,) label of the
-        face.
+        A block beside the face just decided may be closed and too small, or the number of blocks out of bounds. p, q:
+        (r,) these blocks. apart: (r,) True where they differed before. is_dry: (r,) label of the face.
         """
         small, greatest = self._limits.has_least, self._greatest
         good = np.ones(len(apart), dtype=bool)

@@ -20,7 +20,7 @@ from jld_explore.space import Count, SearchSpace
 from jld_explore.space.measures import Range
 
 _BELOW: Final = 1e-9
-"""Relative distance from best / (1 − gap), below which a bound ends, that covers rounding of the gap."""
+"""Relative amount by which the goal lies below best / (1 − gap), for rounding of the gap."""
 
 
 class ProofAim(Protocol):
@@ -170,8 +170,9 @@ class StrongestAim:
 class FrontAim:
     """Aim: prove to a gap the strongest layout of every count of the front.
 
-    All labellings are bounded first. Those of one count must then be refuted above what layouts of this count or better
-    ones carry, since a weaker one is not on the front. Attributes are those of `ProofAim`.
+    All labellings are bounded first. Then labellings of one count after the other are refuted, best count first. The
+    goal is the best λ of layouts with this count or a better one: a weaker layout is not on the front. Attributes are
+    as for `ProofAim`.
 
     Parameters
     ----------

@@ -34,7 +34,7 @@ _FIRST: Final = 8
 """Evaluated labellings of greatest lower bound that are refined before the proof begins."""
 
 _FIRST_OF_COUNT: Final = 2
-"""The same for each count of a front."""
+"""Number as `_FIRST`, for each count of a front."""
 
 _ALIKE: Final = 1e-4
 """Relative difference of lower bounds below which two evaluated labellings count as alike; one of them is refined."""
@@ -46,22 +46,22 @@ _COMPARED: Final = 300
 """Number of the strongest labellings compared with all conflicts at the end of a proof."""
 
 _ROOT_CAUTION: Final = 4.0
-"""Time left, over that of the last mesh that bounded all labellings, from which a finer one is begun."""
+"""Least time left for another mesh that bounds all labellings, over the time of the last one."""
 
 _SHARP: Final = 0.4
-"""Share of the gap down to which the bracket of the best labelling is refined where a proof is long."""
+"""Relative gap, over the gap asked for, down to which brackets of the best labellings are refined in a long proof."""
 
 _LONG: Final = 40
 """Conflicts from which a proof counts as long."""
 
 _SHARPENED: Final = 2
-"""Labellings refined together for a larger lower bound, those of the largest ones."""
+"""Number of labellings refined together for a larger lower bound, in order of their lower bounds."""
 
 _SHARPENING: Final = 0.1
-"""Largest share of the time left for one more mesh of the best labelling."""
+"""Largest share of the time left that one more mesh for a larger lower bound may take."""
 
 _CAUTION: Final = 1.5
-"""Multiple of the longest batch of labellings that must be left of the time for another one."""
+"""Least time left for another batch of labellings, over the time of the longest batch."""
 
 
 class FieldProof:
@@ -179,8 +179,8 @@ class FieldProof:
             self._aim()
         elif (rows := self._open()).size:
             self._refine(rows)
-        elif (rows := self._blurred()).size:
-            self._sharpen(rows)
+        elif (rows := self._wide_rows()).size:
+            self._refine_lower(rows)
         elif not self._draw():
             self._lower()
         elif self._schedule.is_stuck(len(self.state.conflicts) - self._began, self._left_open, self._aimed):
@@ -265,8 +265,8 @@ class FieldProof:
         turns = [int(row) for pair in zip(by_low, by_high, strict=True) for row in pair]
         return np.array(list(dict.fromkeys(turns)), dtype=np.int64)[:TOGETHER]
 
-    def _blurred(self) -> Ints:
-        """Return rows of the pool that may raise the best lower bound of a long proof."""
+    def _wide_rows(self) -> Ints:
+        """Return rows of the pool whose refinement may raise the best lower bound of a long proof."""
         low, high = self.pool.low(), self.pool.high()
         best = self.aim.enough(self.incumbents.best())
         if len(self.state.conflicts) < _LONG or not best > 0.0 or not self.aim.in_steps:
@@ -277,8 +277,8 @@ class FieldProof:
         rows = rows[[self.pool.expected_seconds(row) < allowed for row in rows.tolist()]] if rows.size else rows
         return rows[np.argsort(-low[rows], kind="stable")][:_SHARPENED]
 
-    def _sharpen(self, rows: Ints) -> None:
-        """Take labellings of the pool one mesh further for their lower bounds."""
+    def _refine_lower(self, rows: Ints) -> None:
+        """Refine `rows` of the pool by one mesh for their lower bounds."""
         self.pool.refine(rows.tolist(), self._enough())
 
     def _enough(self) -> Floats:
@@ -293,9 +293,9 @@ class FieldProof:
             if conflict is None or conflict.mechanism is None:
                 continue
             mechanism = replace(conflict.mechanism, case=self.refuter.add_problem(case, mesh))
-            self._add([replace(conflict, mechanism=mechanism), *self._of_others(mechanism)])
+            self._add([replace(conflict, mechanism=mechanism), *self._conflicts_of_others(mechanism)])
 
-    def _of_others(self, mechanism: Mechanism) -> list[Conflict]:
+    def _conflicts_of_others(self, mechanism: Mechanism) -> list[Conflict]:
         """Return conflicts of other labellings of the pool that a mechanism refutes."""
         rows = np.flatnonzero(self._refuted > self._aimed)
         count, faces = len(rows), np.flatnonzero(self.refuter.free)
@@ -352,7 +352,7 @@ class FieldProof:
             self._refuted[matching] = np.minimum(self._refuted[matching], one.bound)
 
     def _lower(self) -> None:
-        """Lower the bound to the factor aimed at, or to that of the worst labelling not refuted."""
+        """Lower the bound to the factor aimed at, or to that of the worst unrefuted labelling."""
         rest = float(self._refuted[self._in_target()].max(initial=-math.inf))
         self._left_open = min(self._left_open, max(self._aimed, rest))
         if self._target is None:
@@ -379,7 +379,7 @@ class FieldProof:
         self._aim()
 
     def _exists(self) -> bool:
-        """Return whether the target has any labelling, however weak."""
+        """Return True if the target has any labelling, however weak."""
         self._formula = self._formula or self._stated()
         self._formula.aim(-math.inf, self.aim.target(self.incumbents.best()))
         return self._formula.next() is not None

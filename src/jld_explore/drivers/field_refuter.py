@@ -79,7 +79,7 @@ class FieldRefuter:
 
     @property
     def cases(self) -> int:
-        """Number of load cases, which is that of the problems on coarsest meshes."""
+        """Number of load cases."""
         return len(self._setup.settings)
 
     def load_case(self, problem: FieldProblem) -> int:

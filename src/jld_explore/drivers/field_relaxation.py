@@ -177,7 +177,7 @@ class FieldRelaxation:
         return best
 
     def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
-        """Compute again, without a solver, what mechanisms of one problem prove.
+        """Compute again, without a solver, the bounds that mechanisms of one problem prove.
 
         Parameters
         ----------
@@ -206,7 +206,7 @@ class FieldRelaxation:
         return np.array([math.inf if m is None else raised(m.bound_of(*part) / required) for m, *part in rows])
 
     def weighed(self, number: int, velocity: Floats) -> FieldMechanism | None:
-        """Compute what a mechanism dissipates in blocks and on faces, or return the stored result.
+        """Compute the dissipation of a mechanism in blocks and on faces, or return the stored one.
 
         number: position of the problem. velocity: (t, 3, 2), scaled. None where it proves nothing; see
         `transfer.weighed`. Results are stored, since several conflicts rest on one mechanism.

@@ -34,7 +34,7 @@ With three on the finest mesh alone the 4 × 6 wall of 20 kPa takes over 168 s o
 """
 
 _SHORT: Final = 5
-"""Faces of a conflict up to which no finer mesh is asked to make do with fewer."""
+"""Number of faces of a conflict up to which finer meshes are not tried to shorten it."""
 
 
 class _Kept(threading.local):
@@ -186,10 +186,10 @@ def refuting_step(
     if fields.bounds[1] < over * required:
         relaxation = FieldRelaxation([FieldProblem(setting, mesh, required)])
         conflict = conflict_of(relaxation, labels, free, over, tries=0)
-    return step_of(fields, start, _whole(fields, required, free) if conflict is None else conflict)
+    return step_of(fields, start, _whole_conflict(fields, required, free) if conflict is None else conflict)
 
 
-def _whole(fields: Fields, required: float, free: Bools) -> Conflict | None:
+def _whole_conflict(fields: Fields, required: float, free: Bools) -> Conflict | None:
     """Return the bound of a velocity field on its labelling, as a conflict of all free faces.
 
     None without a field or a finite bound. required: factor of the load case.

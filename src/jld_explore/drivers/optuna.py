@@ -252,7 +252,7 @@ class Optuna(Searcher):
         self._copy.add(frozen, _attributes(labels, found))
 
     def _add(self, labels: Bits, found: Evaluation, value: list[float]) -> None:
-        """Add a finished trial for a labelling that no trial proposed."""
+        """Add a finished trial for labels (m,) that no trial proposed; value: its objectives."""
         from optuna.trial import TrialState, create_trial
 
         params = dict(zip(self._space, self.operators.write(labels), strict=True))

@@ -162,14 +162,14 @@ class Limits:
             Mask in the shape of the sizes; False for exempt blocks.
         """
         found = [bounds.above(size(measure), slack) for measure, bounds in self.on_blocks if bounds.high is not None]
-        return self._held(found, size)
+        return self._violated(found, size)
 
     def too_small(self, size: SizeOf, slack: float = 0.0) -> Bools:
         """Return True where blocks are below a lower limit; arguments as for `too_large`."""
         found = [bounds.below(size(measure), slack) for measure, bounds in self.on_blocks if bounds.low is not None]
-        return self._held(found, size)
+        return self._violated(found, size)
 
-    def _held(self, broken: list[Bools], size: SizeOf) -> Bools:
+    def _violated(self, broken: list[Bools], size: SizeOf) -> Bools:
         """Return True where any limit is violated and the block is not exempt.
 
         broken: masks of one shape, one per limit; without any the result is False. size: sizes of the blocks.
@@ -249,7 +249,7 @@ class Limits:
         return np.asarray(good & (grounded[rows, parts[:, free]] | gone[:, free]).all(axis=1))
 
     def _exempt(self, blocks: Ints) -> Floats:
-        """Return (k, n) number of exempting elements of each block, at the column of its name."""
+        """Return (k, n) number of exempt elements in each block, at the column of its name."""
         return numbers_of(blocks, np.flatnonzero(self.excepted)).astype(float)
 
     def by_cells(self, sized: Sized) -> dict[str, Range]:

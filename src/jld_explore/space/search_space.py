@@ -252,7 +252,10 @@ def _pair(assembly: Assembly, mask: Bools) -> str:
 
 
 def _require_materials(limits: Limits, candidates: Bools, fixed: Bits, least: Ints, graph: Connectivity) -> None:
-    """Raise InputError if a label that can occur has no material."""
+    """Raise InputError if a label that can occur has no material.
+
+    candidates, fixed: (m,) as in `SearchSpace`. least: (n,) blocks through fixed inner faces.
+    """
     may_be_dry = least[graph.a] != least[graph.b] if limits.search.segmentation else candidates
     may_be_inner = _may_join(limits, least, graph)
     dry, inner = np.where(candidates, may_be_dry, fixed), np.where(candidates, may_be_inner, ~fixed)
@@ -277,7 +280,10 @@ def _may_join(limits: Limits, least: Ints, graph: Connectivity) -> Bools:
 
 
 def _refuse_impossible(limits: Limits, candidates: Bools, fixed: Bits, least: Ints, most: Ints) -> None:
-    """Raise InputError for a limit that no labelling between `least` and `most` can satisfy."""
+    """Raise InputError for a limit that can be shown to leave no labelling.
+
+    candidates, fixed: (m,), least, most: (n,), all as in `SearchSpace`.
+    """
     assembly = limits.assembly
     small, large = block_sizes(assembly, least[None]), block_sizes(assembly, most[None])
     holds, whole = np.flatnonzero(small[CELLS.key][0]), np.flatnonzero(large[CELLS.key][0])
@@ -324,7 +330,10 @@ def _refuse_impossible(limits: Limits, candidates: Bools, fixed: Bits, least: In
 
 
 def _reach(terms: Terms, candidates: Bools, fixed: Bits) -> tuple[int, int]:
-    """Return the least and largest number of faces that a count of dry faces can include."""
+    """Return the least and largest number of faces that a count of dry faces can include.
+
+    candidates, fixed: (m,) as in `SearchSpace`.
+    """
     if terms.faces is None:
         return 0, 0
     return int((terms.faces & ~candidates & fixed).sum()), int((terms.faces & (candidates | fixed)).sum())

@@ -125,9 +125,10 @@ def _kinds(assembly: Assembly) -> Ints:
 def _image(
     assembly: Assembly, search: Search, candidates: Bools, fixed: Bits, matrix: Floats
 ) -> tuple[Ints, Ints] | str:
-    """Return the images of elements (n,) and faces (m,) under a matrix, or a reason.
+    """Return the images of elements (n,) and faces (m,) under a matrix (d, d), or a reason.
 
-    The reason is a text that names the first property that is not mapped onto itself.
+    The reason is a text that names the first property that is not mapped onto itself. candidates, fixed: (m,) as in
+    `SearchSpace`.
     """
     whole, assembly = assembly, faces_of(assembly)
     elements, faces = assembly.elements, assembly.interfaces
@@ -271,7 +272,7 @@ def _same_loads(assembly: Assembly, to: Ints, matrix: Floats) -> bool:
 def _falls_on(one: Assembly, other: Assembly, to: Ints, matrix: Floats) -> bool:
     """Return True if the dead and live loads of one case map onto those of another.
 
-    Moments change sign under reflections.
+    to: (n,) image of each element. matrix: (d, d). Moments change sign under reflections.
     """
     d = one.dimension
     reflect = np.linalg.det(matrix)

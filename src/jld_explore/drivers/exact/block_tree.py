@@ -299,7 +299,7 @@ class BlockTree:
         return found, conflicts
 
     def _branch_together(self, branching: Branching, faces: list[int]) -> list[tuple[int, Branches]]:
-        """Solve the children of a node together with those of the best open node not solved yet.
+        """Solve the children of a node, and of the best open node without children, together.
 
         Two nodes give work for two threads. The children of the second node are stored until the tree takes it. Each
         result is paired with the `id` of its node.

@@ -318,7 +318,10 @@ class Certifier:
         return None
 
     def _rounded(self, case: int, velocity: Floats, decided: Bits, labels: Bits) -> Mechanism | None:
-        """Round velocities to a mechanism that the checker accepts; None if no attempt succeeds."""
+        """Round velocities to a mechanism that the checker accepts; None if no attempt succeeds.
+
+        velocity: (q·free,) of load case `case`, scaled. decided, labels: (m,), see `_mechanism`.
+        """
         size = float(abs(velocity).max(initial=0.0))
         if not 0.0 < size < 1e30:
             return None

@@ -221,7 +221,7 @@ class ConflictDriver(Driver):
         return self._deadline.passed()
 
     def _time_is_up_after_heartbeat(self) -> bool:
-        """Report progress, then return whether time is up."""
+        """Report progress, then return True if time is up."""
         self._heartbeat()
         return self._time_is_up
 
@@ -232,7 +232,7 @@ class ConflictDriver(Driver):
         return given
 
     def _generate(self, sources: ConflictSources, threshold: float) -> bool:
-        """Find and save conflicts for a short time; return whether no labelling is left.
+        """Find and save conflicts for a short time; return True if no labelling is left.
 
         `threshold` is a λ in scene units.
         """

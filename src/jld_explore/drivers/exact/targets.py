@@ -295,7 +295,7 @@ class Targets:
         return Best(target, low if math.isfinite(low) else math.nan, bound, self._load_scale)
 
     def learn(self) -> None:
-        """Raise the best λ of each target to those of the incumbents."""
+        """Raise the best λ of each target to the best one among the incumbents."""
         for target, best in self.found.items():
             low = self._incumbents.best(target)
             if math.isfinite(low) and not best.load_factor >= low:

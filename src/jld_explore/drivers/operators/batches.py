@@ -89,8 +89,8 @@ class Batches:
     def cross(self, first: Bits, second: Bits, rng: np.random.Generator) -> Floats:
         """Return keys (k, pairs) of one child of each couple of parents (k, m), for `read`.
 
-        A child keeps what both parents have. Elsewhere it follows one parent in a patch and the other outside, or
-        either at random.
+        Joints of both parents stay, and so do pairs that both have inside blocks. At other pairs the child follows
+        `first` in a patch and `second` outside, or one of them at random for each pair.
         """
         one, two = first[:, self._face], second[:, self._face]
         count = len(one)

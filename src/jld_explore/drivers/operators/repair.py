@@ -211,9 +211,11 @@ class Groups:
                 self.replace([name], pieces)
 
     def __iter__(self) -> Iterator[int]:
+        """Iterate over the names of the parts."""
         return iter(self._members)
 
     def __getitem__(self, name: int) -> list[int]:
+        """Return the atoms of a part, given by its name."""
         return self._members[name]
 
     def replace(self, old: list[int], new: list[list[int]]) -> None:
