@@ -129,7 +129,8 @@ def sensitivities(result: LimitAnalysisResult) -> dict[str, Sensitivity]:
         }
     model = result.model
     plain = model.supports_bounds_over_labellings and model.inner_bending == "uncoupled"
-    if result.status is not Status.COLLAPSE or not plain:
+    # With bond the strengths of the program depend on one another.
+    if result.status is not Status.COLLAPSE or not plain or result.assembly.members.bond is not None:
         return {}
     analysis = LimitAnalysis(result.assembly)
     if is_large(analysis.template.structure):
