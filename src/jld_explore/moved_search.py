@@ -288,6 +288,7 @@ def _refuse(scene: Scene, layouts: int, settings: ExploreSettings) -> None:
     if scene.move is not None and scene.move.maximise != "load_factor":
         raise InputError("move.maximise", f'"{scene.move.maximise}" ranks no layouts', '"load_factor"')
     assembly = build_assembly(scene)
+    assembly.members.refuse("a move of joints")
     if assembly.dimension != 2:
         raise InputError("elements", "they are spatial", "a planar scene; joints in space do not move yet")
     require_fields(assembly)

@@ -24,7 +24,7 @@ ORDER = [
     ["jld_explore"],
     ["jld_explore.design"],
     ["jld_explore.moved_tables"],
-    ["jld_explore.moved_search"],
+    ["jld_explore.moved_search", "jld_explore.box_proof"],
     ["jld_explore.explore"],
     ["jld_explore.driver_choice", "jld_explore.refusals"],
     ["jld_explore.experiments", "jld_explore.field_check"],
@@ -53,7 +53,7 @@ ORDER = [
     ["jld_core.geometry", "jld_core.samples"],
     ["jld_core.sub_assembly"],
     ["jld_core.scene", "jld_core.assembly"],
-    ["jld_core.linalg", "jld_core.files", "jld_core.shape_loads"],
+    ["jld_core.linalg", "jld_core.files", "jld_core.shape_loads", "jld_core.members"],
     [
         "jld_core.notebook_repr",
         "jld_core.arrays",

@@ -129,6 +129,7 @@ def assembly_order(
     InputError
         `start` is none of these names.
     """
+    assembly.members.refuse("an assembly sequence")
     blocks = blocks_of_labelling(assembly, labels)
     freedom, standing = Freedom(blocks, sideways, bodies), Standing(blocks, labels, parts)
     turn = turn_of(blocks, start)
@@ -174,6 +175,7 @@ def locked_blocks(
     tuple of int
         Element indices, ascending; empty where the labelling can be assembled by translations.
     """
+    assembly.members.refuse("an assembly sequence")
     blocks = blocks_of_labelling(assembly, labels)
     freedom = Freedom(blocks, sideways, bodies)
     there = emptied(freedom, np.ones(len(blocks), dtype=bool), group)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -17,10 +16,12 @@ from jld_core.exchange.read_compas import read_compas
 from jld_core.exchange.read_csv import read_csv
 from jld_core.exchange.read_dxf import read_dxf
 from jld_core.exchange.read_mesh import read_mesh
+from jld_core.exchange.read_rhino import read_rhino
 from jld_core.exchange.read_svg import read_svg
 from jld_core.exchange.solids import Solids, spatial_scene
+from jld_core.scene.reading import DRAWINGS
 
-KINDS: Final = ("dxf", "svg", "csv", "json", "obj", "ply", "stl")
+KINDS: Final = (*DRAWINGS, "json")
 """File endings that can be read; json is that of COMPAS."""
 
 
@@ -48,9 +49,7 @@ def import_file(path: str | Path, options: ImportOptions | None = None) -> Impor
     with reading(path):
         found = read_content(path, options, notes)
         if isinstance(found, Solids):
-            # solids of a drawing are in metres already
-            unit = None if path.suffix.lower() == ".dxf" else options.unit
-            return spatial_scene(found, replace(options, unit=unit), notes)
+            return spatial_scene(found, options, notes)
         return planar_scene(found, options, notes)
 
 
@@ -77,6 +76,6 @@ def read_content(path: Path, options: ImportOptions, notes: Notes) -> Drawing | 
         return read_compas(path, notes)
     if ending in ("obj", "ply", "stl"):
         return read_mesh(path, notes)
-    if ending == "dxf":
-        return read_dxf(path, options, notes)
+    if ending in ("dxf", "3dm"):
+        return (read_dxf if ending == "dxf" else read_rhino)(path, options, notes)
     return read_svg(path, options, notes) if ending == "svg" else read_csv(path, notes)

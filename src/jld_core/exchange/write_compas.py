@@ -27,7 +27,7 @@ def compas_text(layout: Layout, *, cells: bool) -> str:
     """
     solids = list(solids_of(layout, cells=cells))
     facts = facts_of(layout, cells=cells, spatial=True)
-    keys = _weights(layout, cells)
+    keys = weights_of(layout, cells)
     if cells:
         facts["interfaces"] = [
             {**entry, "polygon": _in_space(layout, np.array(entry["polygon"])).tolist()}
@@ -102,7 +102,10 @@ def _envelope(kind: str, data: Any, name: str) -> dict[str, Any]:
 
 
 def _faces(layout: Layout, cells: bool) -> list[tuple[str, str, Floats]]:
-    """Return the interfaces between the written solids, with their corners in space."""
+    """Return two names and corners (k, 3) of each interface between the written solids.
+
+    cells: the solids are elements, not blocks; interfaces inside a block are then written too.
+    """
     assembly = layout.assembly
     faces = assembly.interfaces
     found = []
@@ -129,10 +132,10 @@ def _in_space(layout: Layout, polygon: Floats) -> Floats:
     return np.array([[x0, 0.0, z0], [x1, 0.0, z1], [x1, depth, z1], [x0, depth, z0]])
 
 
-def _weights(layout: Layout, cells: bool) -> dict[str, dict[str, Any]]:
-    """Return weight and centroid of the written solids by name.
+def weights_of(layout: Layout, cells: bool) -> dict[str, dict[str, Any]]:
+    """Return weight and centroid of the written free solids by name, as the scene has them.
 
-    Values are those of the scene, even where the geometry gives others.
+    For elements of a spatial scene only the values that the scene states are given.
     """
     elements = layout.assembly.elements
     weight = np.linalg.norm(elements.weight, axis=1)

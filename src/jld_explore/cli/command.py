@@ -30,6 +30,7 @@ _FUNCTIONS: Final = {
     "settlement": ("settlement", "settlement"),
     "solve": ("solve", "solve"),
     "studio": ("studio", "studio"),
+    "thrust": ("thrust", "thrust"),
     "verify": ("verifying", "verify_command"),
 }
 """Module of this sub-package and function of each command; `new` is a group of commands."""

@@ -20,6 +20,7 @@ COMMANDS: Final = {
     "assembly": "an order in which the blocks can be laid",
     "report": "printed pages of a layout: loads, numbered stones, moulds, laying, what is proven",
     "settlement": "the thrust that is left where supports give way",
+    "thrust": "least and greatest reaction of supports, and forces across joints",
     "export": "write the blocks of a layout for another program",
 }
 """Description of each command, in the order of use."""

@@ -99,8 +99,7 @@ def _imported(file: File, options: DesignOptions) -> tuple[Scene, Notes]:
             _refuse_open(content, how)
             found = planar_scene(_on_feet(content, how, notes), how, notes)
         else:
-            unit = None if file.suffix.lower() == ".dxf" else how.unit
-            found = spatial_scene(_solids_on_feet(content, how, notes), replace(how, unit=unit), notes)
+            found = spatial_scene(_solids_on_feet(content, how, notes), how, notes)
         # the options say what was assumed instead
         said = ("no load was found", "edit materials")
         loadless = any(said[0] in note for note in notes.assumed)

@@ -102,6 +102,10 @@ class Api:
             return {"revision": revision, "superseded": True}
         return {"revision": revision, **self.desk.fields(asked.get("labelling"), _changes(asked))}
 
+    def improve(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """Move joints by some steps from a state of the page, and return the entries of `StudioSession.improve`."""
+        return self.desk.improve(asked.get("labelling"), _changes(asked))
+
     def _note(self, page: str, revision: int) -> int:
         """Record a revision of a page and return the newest one."""
         with self._counting:
@@ -274,6 +278,7 @@ def build_app(answers: Api, token: str, hosts: tuple[str, ...]) -> Guard:
     calls: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
         "solve": answers.solve,
         "fields": answers.fields,
+        "improve": answers.improve,
         "start": answers.start_job,
         "stop": answers.stop_job,
         "resume": answers.resume_job,
