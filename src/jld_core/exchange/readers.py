@@ -12,6 +12,7 @@ from jld_core.exchange.options import Imported, ImportOptions, Notes
 from jld_core.exchange.read_compas import read_compas
 from jld_core.exchange.read_csv import read_csv
 from jld_core.exchange.read_dxf import read_dxf
+from jld_core.exchange.read_ifc import read_ifc
 from jld_core.exchange.read_mesh import read_mesh
 from jld_core.exchange.read_rhino import read_rhino
 from jld_core.exchange.read_svg import read_svg
@@ -53,6 +54,8 @@ def import_file(path: str | Path, options: ImportOptions | None = None) -> Impor
             return spatial_scene(read_compas(path, notes), options, notes)
         if ending in ("obj", "ply", "stl"):
             return spatial_scene(read_mesh(path, notes), options, notes)
+        if ending == "ifc":
+            return spatial_scene(read_ifc(path, options, notes), options, notes)
         if ending in ("dxf", "3dm"):
             found = (read_dxf if ending == "dxf" else read_rhino)(path, options, notes)
             if isinstance(found, Solids):
