@@ -106,6 +106,40 @@ def test_the_keyboard_toggles_faces_and_slits_are_marked_not_refused(visit: Open
     assert found.run("() => studio.solution.cases[0].status") == "collapse"
 
 
+def test_a_dragged_joint_moves_and_is_taken_back(visit: Open, address: str) -> None:
+    """λ follows the vertex, crossing no border of its path; improving is one step; both are taken back."""
+    found = visit(address)
+    answered(found)
+    pull = {"live": [{"element": "c2r0", "force": [100.0, 0.0], "at": [1.2, 0.5]}]}
+    found.run("(loads) => studio.change({ loads, labelling: 'd'.repeat(studio.steps.now.labelling.length) })", pull)
+    first = answered(found)["load_factor"]
+    found.page.locator("[data-tool=joint]").click()
+    handle = found.page.locator("circle.handle[data-vertex='4']")
+    box = handle.bounding_box()
+    assert box is not None
+    x, y = box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"]
+    found.page.mouse.move(x, y)
+    found.page.mouse.down()
+    found.page.mouse.move(x + 12.0, y + 9.0, steps=4)
+    found.page.mouse.up()
+    vertices = state(found)["vertices"]
+    assert isinstance(vertices, dict)
+    assert list(vertices) == ["4"]
+    after = answered(found)["load_factor"]
+    assert after != first
+    looks_like(found, "studio_joints")
+    assert found.run("() => studio.steps.past.length") == 2
+    drawn = found.run("() => studio.data.structure.faces.flatMap((face) => face.polygon)")
+    assert any(np.allclose(point, next(iter(vertices.values()))) for point in drawn)
+    found.page.locator("#improve-joints").click()
+    found.page.wait_for_function("() => studio.steps.past.length === 3")
+    assert float(str(answered(found)["load_factor"])) > float(str(after))
+    found.page.keyboard.press("Control+z")
+    found.page.keyboard.press("Control+z")
+    assert state(found)["vertices"] == {}
+    assert answered(found)["load_factor"] == first
+
+
 def test_a_painted_block_is_a_block_of_its_own(visit: Open, address: str, scene: Path) -> None:
     found = visit(address)
     answered(found)

@@ -388,7 +388,7 @@ def test_what_a_format_cannot_hold_is_said(tmp_path: Path) -> None:
     )
     with pytest.raises(InputError, match="'L': it is not convex"):
         export(layout(bent), "3dec", tmp_path / "no.dat")
-    with pytest.raises(InputError, match="no format is named 'step'"):
-        export(layout(bent), "step", tmp_path / "no.step")
+    with pytest.raises(InputError, match="no format is named 'dwg'"):
+        export(layout(bent), "dwg", tmp_path / "no.dwg")
     assert not list(tmp_path.iterdir())
     assert len(union_outlines([np.array(bent.elements[0].polygon)])[0].shell) == 6  # type: ignore[index]

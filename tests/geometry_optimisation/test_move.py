@@ -40,6 +40,9 @@ def test_flat_arch_against_its_closed_form() -> None:
     assert solve(done.scene).load_factor == pytest.approx(done.value, rel=1e-9)
     found = {key: value for key, value in done.scene.model_dump(mode="json").items() if key != "interfaces"}
     assert solve(parse_scene(found)).load_factor == pytest.approx(done.value, rel=1e-6)
+    # points of the key "move" went with their vertices: the written scene can be moved again
+    again = GeometrySearch(done.scene, build_assembly(done.scene), done.before.labels if done.before else np.empty(0))
+    assert again.variables.basis.shape[1] == 1
 
 
 def test_an_unstable_start_is_made_to_stand() -> None:

@@ -17,6 +17,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from command import command, environment
@@ -107,6 +108,33 @@ def test_changed_materials_are_solved_and_come_back(local: Local) -> None:
     asked = {"page": "b", "revision": 1, "labelling": letters(local), "changes": {"materials": document["materials"]}}
     expected = solve(build_assembly(parse_scene(document))).load_factor
     assert local.api("solve", asked)[1]["solution"]["cases"][0]["load_factor"] == pytest.approx(expected, rel=1e-8)
+
+
+PULLED = {"live": [{"element": "c2r0", "force": [100.0, 0.0], "at": [1.2, 0.5]}]}
+"""A pull on the last cell of the upper course: the slope of its joint counts."""
+
+
+def test_moved_vertices_are_solved_and_improved(local: Local) -> None:
+    """λ of the page is that of the file it saves; an improvement is proven when it is solved; bad ones are refused."""
+    facts = server.first_data(local.desk, local.root, None)["studio"]
+    assert facts is not None
+    name = next(v for v in facts["joints"]["paths"] if np.allclose(facts["joints"]["places"][int(v)], [1.2, 0.4]))
+    drawn = {"loads": PULLED, "vertices": {name: [1.2, 0.43]}}
+    asked = {"labelling": letters(local), "changes": drawn}
+    found = local.api("solve", {"page": "v", "revision": 1, **asked})[1]
+    scene = local.api("scene", asked)[1]
+    assert found["solution"]["load_factor"] == pytest.approx(solve(parse_scene(scene)).load_factor, rel=1e-8)
+    assert len(found["bodies"]["weights"]) == len(scene["elements"])
+    status, better = local.api("improve", asked)
+    assert status == 200
+    assert better["value"] > 1.5 * better["start"] > 0.0
+    moved = {**asked, "changes": {**drawn, "vertices": better["vertices"]}}
+    after = local.api("solve", {"page": "v", "revision": 2, **moved})[1]
+    assert after["solution"]["load_factor"] == pytest.approx(better["value"], rel=1e-8)
+    bad = {**asked, "changes": {"vertices": {"0": "here"}}}
+    for call in ("solve", "improve"):
+        status, said = local.api(call, {"page": "v", "revision": 3, **bad})
+        assert (status, "\n" in said["error"]) == (400, False)
 
 
 def test_an_older_state_is_not_solved(local: Local) -> None:
@@ -301,7 +329,9 @@ def test_wrong_questions_get_one_clear_line(local: Local, name: str, body: Any, 
     assert not local.root.exists()
 
 
-@pytest.mark.parametrize(("kind", "begins"), [("svg", b"<"), ("dxf", b"  0"), ("obj", None), ("vtk", b"<")])
+@pytest.mark.parametrize(
+    ("kind", "begins"), [("svg", b"<"), ("dxf", b"  0"), ("obj", None), ("vtk", b"<"), ("gltf", b"glTF")]
+)
 def test_blocks_go_out_in_every_format(local: Local, kind: str, begins: bytes | None) -> None:
     status, found = local.api("export", {"format": kind, "labelling": letters(local)})
     assert status == 200, found

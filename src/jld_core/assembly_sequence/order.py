@@ -119,6 +119,7 @@ def assembly_order(
     Laying
         Steps with their stages, or the blocks that lock one another.
     """
+    assembly.members.refuse("an assembly sequence")
     blocks = blocks_of_labelling(assembly, labels)
     freedom, standing = Freedom(blocks, sideways, bodies), Standing(blocks, labels, parts)
     taken, there = _apart(freedom, standing, group)
@@ -163,6 +164,7 @@ def locked_blocks(
     tuple of int
         Element indices, ascending; empty where the labelling can be assembled by translations.
     """
+    assembly.members.refuse("an assembly sequence")
     blocks = blocks_of_labelling(assembly, labels)
     freedom = Freedom(blocks, sideways, bodies)
     there = emptied(freedom, np.ones(len(blocks), dtype=bool), group)

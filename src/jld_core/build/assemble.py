@@ -12,6 +12,7 @@ from jld_core.assembly import DRY, INNER, Assembly, Elements, Interfaces, LoadCa
 from jld_core.build import loads, materials
 from jld_core.build.elements import Geometry, faces_of_pairs, weighed
 from jld_core.build.loads import PlacedLoad
+from jld_core.build.members import with_members
 from jld_core.build.moving import cases_of
 from jld_core.build.planar import planar_geometry
 from jld_core.build.plausibility import implausible
@@ -73,8 +74,10 @@ def build_robust(scene: Scene) -> Assembly:
         No material value has a low value, or as in `build_assembly`.
     """
     low = at_low(scene)
-    nominal = build_assembly(scene)
-    return replace(nominal, strengths=build_assembly(low).strengths, nominal=nominal.strengths)
+    nominal, weak = build_assembly(scene), build_assembly(low)
+    if len(weak.interfaces) != len(nominal.interfaces):
+        raise InputError("members", "a low tension equals the prestress", "a low tension above it")
+    return replace(nominal, strengths=weak.strengths, nominal=nominal.strengths, members=weak.members)
 
 
 def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
@@ -118,7 +121,8 @@ def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
         cases=cases if scene.loads.has_cases else (),
         touching=geometry.touching,
     )
-    return replace(assembly, warnings=(*geometry.warnings, *implausible(scene, assembly)))
+    assembly = replace(assembly, warnings=(*geometry.warnings, *implausible(scene, assembly)))
+    return with_members(assembly, scene.members)
 
 
 def _face_materials(scene: Scene, elements: Elements, interfaces: Interfaces) -> list[FaceMaterial | None]:

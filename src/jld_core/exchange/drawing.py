@@ -75,7 +75,7 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes) -> Impo
     if chords.arcs:
         notes.found.append(f"{several(chords.arcs, 'arc')} as chords, at most {chords.deviation:.3g} off")
     snapped = snap_paths(chords.points, [path.closed for path in paths], tolerance, keep_nodes=True)
-    _say_snapped(snapped, tolerance, scale, drawn_in, notes)
+    _note_snapped(snapped, tolerance, scale, drawn_in, notes)
     cells = find_cells(paths, snapped, options, size, tolerance, notes)
     _name(cells, marks, options)
     _support(cells, marks, options, size, tolerance, notes)
@@ -144,8 +144,11 @@ def _tolerance(paths: list[Path], size: float, options: ImportOptions, drawing: 
     return max(SNAP * size, min(CLOSED * size, EDGE * float(np.median(lengths[lengths > 0.0]))))
 
 
-def _say_snapped(snapped: Snapped, tolerance: float, scale: float, drawn_in: str, notes: Notes) -> None:
-    """Note the number and size of displacements in the unit of the drawing, and the collapsed paths."""
+def _note_snapped(snapped: Snapped, tolerance: float, scale: float, drawn_in: str, notes: Notes) -> None:
+    """Note number and largest displacement of moved corners, and the collapsed paths.
+
+    tolerance: scene units. scale: scene units per unit of the drawing, `drawn_in`, which the notes use.
+    """
     notes.largest = snapped.largest
     said = f"tolerance {tolerance / scale:.3g} {drawn_in}"
     if snapped.moved:
@@ -155,7 +158,10 @@ def _say_snapped(snapped: Snapped, tolerance: float, scale: float, drawn_in: str
 
 
 def _name(cells: list[Cell], marks: list[Mark], options: ImportOptions) -> None:
-    """Name the cells: by a text on a name layer inside, by the outline's name, or by number."""
+    """Name the cells: by a text on a name layer inside, else by the outline, else by number.
+
+    Changes the cells; of equal names the first one stays.
+    """
     named = [mark for mark in marks if mark.text and options.role(mark.layer) == "id"]
     if named:
         tree = shapely.STRtree([shapely.Polygon(cell.points) for cell in cells])
@@ -176,7 +182,11 @@ def _name(cells: list[Cell], marks: list[Mark], options: ImportOptions) -> None:
 def _support(
     cells: list[Cell], marks: list[Mark], options: ImportOptions, size: float, tolerance: float, notes: Notes
 ) -> None:
-    """Set the supports: by layer, by a mark on a support layer inside, or by lowest point."""
+    """Mark the cells that are supports: by layer, by a support mark inside, or as lowest.
+
+    Any of the three suffices; the lowest point counts only with `LOWEST` in `options.support`. size, tolerance: of the
+    drawing, scene units. Raises InputError if no cell, or every cell, is a support.
+    """
     shapes = [shapely.Polygon(cell.points) for cell in cells]
     pins = [mark.at for mark in marks if options.role(mark.layer) == "support"]
     pinned = set()
@@ -217,9 +227,10 @@ def _element(cell: Cell, size: float) -> dict[str, Any]:
 def _labels(
     cells: list[Cell], paths: list[Path], snapped: Snapped, options: ImportOptions, reach: float, notes: Notes
 ) -> dict[str, Any]:
-    """Return labels of faces that lie on lines of joint or crack layers.
+    """Return labels of the interfaces that lie on lines of joint or crack layers.
 
-    The result holds lists of pairs, or all interfaces where two faces of one pair have different labels.
+    The result holds lists of pairs of elements, or all interfaces where two of one pair have different labels. It is
+    empty without such lines. reach: distance within which an interface lies on a line, scene units.
     """
     drawn: dict[str, list[shapely.Geometry]] = {"dry": [], "inner": []}
     for k, path in enumerate(paths):

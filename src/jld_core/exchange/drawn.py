@@ -14,7 +14,7 @@ MOST: Final = 200_000
 
 @dataclass(frozen=True)
 class Mark:
-    """Point or text on a layer of a drawing.
+    """Point, text or arrow on a layer of a drawing.
 
     at: its place, drawing units. text: None for a bare point. end: end of an arrow, for a line on a load layer.
     """

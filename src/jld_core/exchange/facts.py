@@ -69,7 +69,10 @@ def _names(layout: Layout, cells: bool) -> Callable[[str], str]:
 
 
 def _load(entry: dict[str, Any], names: Callable[[str], str], layout: Layout, lift: bool) -> dict[str, Any]:
-    """Convert a load entry to the names and the dimension of the file."""
+    """Return a load entry with the names and the dimension of the file.
+
+    names: from an element's id to its name in the file. lift: True if a planar scene is extruded.
+    """
     if "body" in entry:
         return {"body": _lifted(entry["body"]) if lift else entry["body"]}
     element = layout.assembly.elements.index[entry["element"]]

@@ -119,7 +119,7 @@ def parse_force(text: str, unit: str = "N", *, distributed: bool = False, dimens
 def _part(found: re.Match[str], text: str, unit: str, *, distributed: bool = False) -> tuple[str, float, bool]:
     """Return name, value and presence of a unit of one number.
 
-    Raises InputError as `parse_force`.
+    The name is "" where none is given. Raises InputError as `parse_force`.
     """
     number, given = found["number"], found["unit"]
     if found["per"] and not distributed:
@@ -142,7 +142,7 @@ def _part(found: re.Match[str], text: str, unit: str, *, distributed: bool = Fal
 
 
 def _joined(parts: list[tuple[str, float, bool]], text: str, dimension: int) -> WrittenForce:
-    """Return the force of one number, or of one for each component.
+    """Return the force that one number, or one for each component, from `_part`, states.
 
     Raises InputError as `parse_force`.
     """

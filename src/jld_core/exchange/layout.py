@@ -145,7 +145,7 @@ class Layout:
 
     @cached_property
     def blocks(self) -> tuple[Block, ...]:
-        """All blocks; those with a free element come first, those of supports alone last."""
+        """All blocks; those with a free element come first, blocks of supports alone last."""
         elements, faces = self.assembly.elements, self.assembly.interfaces
         weight = np.linalg.norm(elements.weight, axis=1)
         extent = self.assembly.face_sizes
@@ -156,7 +156,7 @@ class Layout:
             free = one[~elements.support[one]]
             own = free if len(free) else one
             around = self.labels & ((block_a == k) | (block_b == k))
-            inside = ~self.labels & (block_a == k) & (block_b == k)
+            inside = ~self.labels & ~self.assembly.of_members & (block_a == k) & (block_b == k)
             share = weight[own] if weight[own].sum() > 0.0 else elements.volume[own]
             found.append(
                 Block(
@@ -177,14 +177,17 @@ class Layout:
         return tuple(found)
 
     def _name(self, members: Ints) -> str:
-        """Return the scene's name of a block equal to it, else the id of its first element."""
+        """Return the scene's name of a block with exactly these elements, else the first id.
+
+        members: (k,) elements.
+        """
         elements = self.assembly.elements
         name = elements.blocks[int(members[0])]
         whole = [k for k, other in enumerate(elements.blocks) if other == name]
         return name if name is not None and whole == members.tolist() else elements.ids[int(members[0])]
 
     def _shapes(self) -> list[int]:
-        """Return the shape number of each block.
+        """Return the shape number of each block, from 1; 0 for supports alone.
 
         Planar blocks may be mirrored (turned over), spatial ones may not.
         """

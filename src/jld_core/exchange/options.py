@@ -119,9 +119,9 @@ class Report:
     Attributes
     ----------
     found : tuple of str
-        What the file holds.
+        Content of the file.
     snapped : tuple of str
-        How many corners were moved to close gaps, and by how much.
+        Number of corners moved to close gaps, and how far.
     assumed : tuple of str
         Values that the file does not state.
     skipped : tuple of str

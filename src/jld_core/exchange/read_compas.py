@@ -122,7 +122,10 @@ def _elements(model: dict[str, Any], graph: dict[str, Any]) -> tuple[list[Part],
 
 
 def _unique(parts: list[Part], names: dict[str, str]) -> tuple[list[Part], dict[str, str]]:
-    """Replace all names by node numbers where some names repeat."""
+    """Replace all names by "b" and the node number if any two are equal.
+
+    names: by node number. Returns parts and names.
+    """
     if len({part.name for part in parts}) == len(parts):
         return parts, names
     # repeated names identify nothing
@@ -135,7 +138,10 @@ def _unique(parts: list[Part], names: dict[str, str]) -> tuple[list[Part], dict[
 def _part(
     name: str, key: str, mesh: dict[str, Any], support: bool, keys: dict[str, Any], matrix: Floats | None
 ) -> Part:
-    """Return one block of a COMPAS mesh, optionally transformed by a (4, 4) matrix."""
+    """Return one block of a COMPAS mesh; matrix: (4, 4) transformation, None for none.
+
+    name: future id. key: node number. keys: further keys of the element. Raises InputError without faces.
+    """
     vertex, face = mesh["vertex"], mesh["face"]
     number = {label: k for k, label in enumerate(vertex)}
     points = np.array([[v[axis] for axis in "xyz"] for v in vertex.values()], dtype=float).reshape(-1, 3)
@@ -149,9 +155,9 @@ def _part(
 
 
 def _contacts(graph: dict[str, Any], names: dict[str, str]) -> Any:
-    """Yield the interfaces along the edges: name, name, corners (k, 3).
+    """Yield two element names and the corners (k, 3) of each interface along the edges.
 
-    Interfaces with fewer than three corners are no plane contacts and left out.
+    names: by node number. Interfaces with fewer than three corners are no plane contacts and left out.
     """
     for u, others in graph.get("edge", {}).items():
         for v, attributes in others.items():

@@ -42,12 +42,12 @@ def read_dxf(path: File, options: ImportOptions, notes: Notes) -> Drawing | Soli
     with parsing("DXF", "a DXF file, ASCII or binary"):
         document = ezdxf.readfile(path)
         space = document.modelspace()
-        _refuse_bombs(document, space)
+        _refuse_large_blocks(document, space)
         return _Reader(document, options, notes).drawing(space, path.stem)
 
 
-def _refuse_bombs(document: Any, space: Any) -> None:
-    """Count the entities of nested blocks before these are expanded, and refuse too many."""
+def _refuse_large_blocks(document: Any, space: Any) -> None:
+    """Raise InputError if nested blocks hold too many entities; count them without expanding."""
     known: dict[str, int] = {}
     open_blocks: list[str] = []
 
@@ -120,9 +120,9 @@ class _Reader:
         return {key: found[key] for key in _KEYS if key in found}
 
     def _read(self, entity: Any, layer: str | None, depth: int) -> None:
-        """Read one entity.
+        """Read one entity; count it as unread if there is no reader or nothing usable in it.
 
-        layer: layer of the block reference that contains it, which replaces layer 0.
+        layer: layer of the block reference that contains it, which replaces layer 0; None outside blocks.
         """
         own = str(entity.dxf.get("layer", "0"))
         layer = layer if layer is not None and own == "0" else own
@@ -149,7 +149,10 @@ class _Reader:
         return bool(found.is_off()), bool(found.is_frozen())
 
     def _insert(self, entity: Any, layer: str, depth: int) -> None:
-        """Read a block reference: a load, or its expanded entities, named by its attributes."""
+        """Read a block reference: a mark on a load layer, else the entities of the block.
+
+        An attribute names the outline if the block has only one. depth: of nesting.
+        """
         if depth > _DEPTH:
             raise InputError("", "its blocks are nested too deeply", f"at most {_DEPTH} levels")
         attributes = [(str(a.dxf.tag).casefold(), str(a.dxf.text)) for a in entity.attribs]
@@ -333,7 +336,7 @@ class _Reader:
 
 
 def _side(entity: Any) -> int:
-    """Return 1 for an entity in the plane seen from above, -1 from below (mirrored), 0 for an inclined one.
+    """Return 1 for an entity in the plane, −1 for one seen from below, 0 for an inclined one.
 
     The coordinates of an entity seen from below have a reversed x axis.
     """

@@ -91,9 +91,9 @@ def _named(attributes: dict[str, Any]) -> str:
 
 
 def _points(svg: Any, path: Any, options: ImportOptions) -> tuple[Floats, bool]:
-    """Return the rows (k, 3) of x, y and bulge of one subpath with y upwards, and whether it is closed.
+    """Return rows (k, 3) of x, y and bulge of one subpath, and True if it is closed.
 
-    Arcs of circles are kept; other curves become chords within the facet tolerance.
+    The y axis points upwards. Arcs of circles are kept; other curves become chords within the facet tolerance.
     """
     found: list[tuple[float, float, float]] = []
     closed = False
@@ -133,7 +133,10 @@ def _halves(arc: Any) -> list[tuple[float, float, float]]:
 
 
 def _chords(segment: Any, options: ImportOptions) -> list[tuple[float, float]]:
-    """Return points inside a curve, doubled until all chords meet the facet tolerance."""
+    """Return points inside a curve, doubled until all chords meet the facet tolerance.
+
+    Doubling ends at 2048 chords, even where these do not meet it.
+    """
     number = 8
     while number < 4096:
         points = np.array([[p.x, -p.y] for p in (segment.point(k / (2 * number)) for k in range(2 * number + 1))])

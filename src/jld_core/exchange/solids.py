@@ -59,8 +59,9 @@ class Part:
 class Solids:
     """Content of a spatial file before it is converted to elements.
 
-    contacts: (name, name, corners (k, 3)) where the file gives interfaces. facts: keys of a scene that an earlier
-    export stored in the file. name: name of the scene. unit: unit of length of the file, None if unknown.
+    parts: the solids. contacts: (name, name, corners (k, 3)) where the file gives interfaces. facts: keys of a scene
+    that an earlier export stored in the file. name: name of the scene. unit: unit of length of the file, None if
+    unknown.
     marks: points, texts and arrows. drawn: role "dry" or "inner", and corners (k, 3), of faces with a label.
     """
 
@@ -88,9 +89,10 @@ def _size(vertices: list[Floats]) -> float:
 
 
 def _supports(parts: list[Part], vertices: list[Floats], options: ImportOptions, near: float) -> list[bool]:
-    """Return which solids are supports.
+    """Return True for each solid that is a support: by the file, by its group, or as lowest.
 
-    near: height above the lowest point that counts as lowest.
+    Any of the three suffices; the lowest point counts only with `LOWEST` in `options.support`. near: height above it
+    that still counts as lowest.
     """
     low = min(float(v[:, 2].min()) for v in vertices)
     return [
@@ -126,7 +128,7 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes) -> Import
         notes.snapped.append(f"{moved}, {said}")
     kept = [_without_slivers(v, part.faces) for v, part in zip(snapped.vertices, parts, strict=True)]
     bent = sum(map(len, kept))
-    kept = [_flat(v, loops) for v, loops in zip(snapped.vertices, kept, strict=True)]
+    kept = [_triangulated(v, loops) for v, loops in zip(snapped.vertices, kept, strict=True)]
     if sum(map(len, kept)) > bent:
         notes.found.append("faces that are no planes are cut into triangles, the same on both sides")
     whole, faces, volume, _ = closed_solids(names, snapped.vertices, kept)
@@ -173,7 +175,10 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes) -> Import
 
 
 def _scale(found: Solids, options: ImportOptions, notes: Notes) -> tuple[float, str | None, str]:
-    """Return the factor to the scene's unit of length, this unit if to be stated, and the unit of the file."""
+    """Return the factor to the scene's unit of length, that unit, and the unit of the file.
+
+    The second is None where the document need not state it. Raises InputError for an unknown unit.
+    """
     given = options.unit or found.unit
     if given is not None and given not in METRES:
         raise InputError("", f"its lengths are in {given}", "`unit` " + "|".join(METRES))
@@ -190,7 +195,7 @@ def _scale(found: Solids, options: ImportOptions, notes: Notes) -> tuple[float, 
 
 
 def _names(given: Sequence[str]) -> list[str]:
-    """Return unique names that are not empty."""
+    """Return unique names that are not empty; equal ones get numbers."""
     taken: set[str] = set()
     names = []
     for number, name in enumerate(given):
@@ -205,7 +210,10 @@ def _names(given: Sequence[str]) -> list[str]:
 
 
 def _without_slivers(vertices: Floats, faces: Faces) -> Faces:
-    """Remove faces that snapping collapsed to a line or point, and repeated corners."""
+    """Return faces without those that snapping collapsed, and without repeated corners.
+
+    vertices: (k, 3). Corners at one place get one index.
+    """
     node = merge_points(vertices, 0.0)
     first = np.unique(node, return_index=True)[1]
     kept = []
@@ -217,8 +225,11 @@ def _without_slivers(vertices: Floats, faces: Faces) -> Faces:
     return tuple(kept)
 
 
-def _flat(vertices: Floats, faces: Faces) -> Faces:
-    """Split faces that are not plane into triangles, equally in all solids with these corners."""
+def _triangulated(vertices: Floats, faces: Faces) -> Faces:
+    """Split faces that are not plane into triangles.
+
+    A face with the same corners is split in the same way in every solid.
+    """
     found: list[tuple[int, ...]] = []
     for loop in faces:
         corners = vertices[list(loop)]
@@ -249,7 +260,7 @@ def _apex(corners: Floats) -> int:
 
 
 def _merged(vertices: Sequence[Floats], faces: Sequence[Faces]) -> tuple[list[Floats], list[Faces]]:
-    """Merge coplanar faces of solids to one face per plane piece.
+    """Merge coplanar faces of solids to one face per plane piece; return vertices and faces.
 
     Solids with a piece that has holes keep their faces.
     """

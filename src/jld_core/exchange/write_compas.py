@@ -102,7 +102,10 @@ def _envelope(kind: str, data: Any, name: str) -> dict[str, Any]:
 
 
 def named_faces(layout: Layout, cells: bool) -> list[tuple[str, str, Floats, int]]:
-    """Return the interfaces between the written solids: names, corners (k, 3) in space, and number."""
+    """Return names, corners (k, 3) in space, and number of each interface between the written solids.
+
+    cells: the solids are elements, not blocks; interfaces inside a block are then written too.
+    """
     assembly = layout.assembly
     faces = assembly.interfaces
     found = []
@@ -135,9 +138,9 @@ def _in_space(layout: Layout, polygon: Floats) -> Floats:
 
 
 def weights_of(layout: Layout, cells: bool) -> dict[str, dict[str, Any]]:
-    """Return weight and centroid of the written solids by name.
+    """Return weight and centroid of the written free solids by name, as the scene has them.
 
-    Values are those of the scene, even where the geometry gives others.
+    For elements of a spatial scene only the values that the scene states are given.
     """
     layout = layout.drawn_from or layout
     elements = layout.assembly.elements

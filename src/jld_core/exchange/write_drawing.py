@@ -64,7 +64,7 @@ def write_dxf(layout: Layout, path: Path) -> None:
 
 
 def _layer(shape: int, support: bool) -> str:
-    """Return the layer of a block."""
+    """Return the name of the layer of a block; shape: its number."""
     return "SUPPORTS" if support else f"SHAPE_{shape:02d}"
 
 
@@ -116,7 +116,7 @@ def _text(space: Any, words: str, at: tuple[float, float], height: float, layer:
 
 
 def _dimensions(layout: Layout, space: Any, height: float) -> None:
-    """Add dimensions of the overall width and height."""
+    """Add dimensions of the overall width and height; height: of their text."""
     style = {"dimtxt": height, "dimasz": 0.6 * height, "dimexe": 0.4 * height, "dimexo": 0.4 * height}
     look = {
         "override": {**style, "dimgap": 0.4 * height, "dimlfac": 1, "dimdec": 3},

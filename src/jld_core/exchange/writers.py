@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -21,6 +22,8 @@ from jld_core.exchange.write_rhino import write_rhino
 from jld_core.exchange.write_step import step_text
 from jld_core.exchange.write_vtk import write_vtk
 from jld_core.files import whole_file
+from jld_core.limit.result_of_faces import result_of_faces
+from jld_core.sub_assembly import faces_of
 
 FORMATS: Final = {
     "dxf": ".dxf",
@@ -86,7 +89,8 @@ def export(layout: Layout, kind: str, path: str | Path, *, cells: bool = False, 
     Raises
     ------
     InputError
-        The format is unknown or does not fit the layout, or a library is missing.
+        The format is unknown or does not fit the layout, or a library is missing. Files for an analysis (3dec, compas,
+        compas_dem) hold no members, so that layouts with members are refused.
     """
     path = Path(path)
     if kind not in FORMATS:
@@ -94,6 +98,7 @@ def export(layout: Layout, kind: str, path: str | Path, *, cells: bool = False, 
     solids = (*_SOLIDS, "ifc", "gltf", *(("3dm",) if layout.assembly.dimension == 3 else ()))
     if cells and kind not in solids:
         raise ParameterError("cells", f"{kind} draws blocks and the faces inside them", " or ".join(solids))
+    layout = _of_faces(layout, kind)
     if unit is not None:
         if kind not in WITH_UNIT:
             problem = f"{kind} has metres" if kind == "gltf" else f"{kind} has the units of the scene"
@@ -112,6 +117,17 @@ def export(layout: Layout, kind: str, path: str | Path, *, cells: bool = False, 
             text = _SOLIDS[kind](layout, cells=cells) if kind in _SOLIDS else _LAYOUTS[kind](layout)
             fresh.write_text(text, encoding="utf-8")
     return path
+
+
+def _of_faces(layout: Layout, kind: str) -> Layout:
+    """Return a layout without the interfaces of members; raise InputError for formats that an analysis starts from."""
+    if kind in ("3dec", "compas", "compas_dem"):
+        layout.assembly.members.refuse(f"a file of the format {kind}")
+    assembly = faces_of(layout.assembly)
+    if assembly is layout.assembly:
+        return layout
+    result = None if layout.result is None else result_of_faces(layout.result)
+    return replace(layout, assembly=assembly, labels=layout.labels[: assembly.faces], result=result)
 
 
 def blocks_csv(layout: Layout) -> str:

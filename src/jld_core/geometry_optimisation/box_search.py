@@ -6,7 +6,7 @@ import heapq
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -30,6 +30,32 @@ _MOST: Final = 4
 
 _NARROW: Final = 1e-6
 """Width of a box, relative to the whole, below which it is not split again."""
+
+
+@dataclass
+class BoxNode:
+    """Node of the tree of a branch and bound over positions.
+
+    Attributes
+    ----------
+    bound : float
+        Bound on λ of all positions in its box; inf where none was proven, −inf where no position stands.
+    motion : (n, 3) array or None
+        Velocities (ux, uy, ω) of all elements about their centroids, in a mechanism that proves it.
+    case : int
+        Position of the load case of the mechanism.
+    axis, at : int, float
+        Parameter along which the box is split, and where; axis −1 for a leaf.
+    halves : list of BoxNode
+        Lower and upper half; empty for a leaf.
+    """
+
+    bound: float
+    motion: Floats | None
+    case: int
+    axis: int = -1
+    at: float = 0.0
+    halves: list[BoxNode] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -64,6 +90,14 @@ class ProvenBox:
         Positions of all vertices at the best position.
     moved : (v, 2) array
         Displacements of all vertices from the start.
+    tree : BoxNode
+        Tree of boxes with the mechanisms that prove `bound`.
+    stated : Scene
+        Scene at the start, with stated interfaces.
+    directions : (p, v, 2) array
+        Movements of all vertices by each parameter.
+    centroids : (n, 2) array
+        Points about which the motions of the tree turn, length.
     """
 
     scene: Scene
@@ -80,10 +114,14 @@ class ProvenBox:
     high: Floats
     places: Floats
     moved: Floats
+    tree: BoxNode
+    stated: Scene
+    directions: Floats
+    centroids: Floats
 
 
 class _Search:
-    """Branch and bound over the positions of one structure."""
+    """Branch and bound over the positions of one structure; keeps the best position tried."""
 
     def __init__(self, scene: Scene, assembly: Assembly, labels: Bits) -> None:
         move = scene.move or Move()
@@ -108,19 +146,27 @@ class _Search:
         self.best: tuple[float, Floats, LimitAnalysisResult] | None = None
 
     def bound(self, low: Floats, high: Floats) -> BoxBound:
-        """Return the least bound of all load cases over a box."""
+        """Return the least bound on the governing factor over a box, of all load cases.
+
+        low, high: (p,) lengths.
+        """
         self.boxes += 1
         found = [one.bound(low, high) for one in self.problems]
         values = [one.value / factor for one, factor in zip(found, self.required, strict=True)]
         least = int(np.argmin(values))
-        return BoxBound(values[least], found[least].velocity)
+        return BoxBound(values[least], found[least].velocity, least)
+
+    def node(self, bound: BoxBound) -> BoxNode:
+        """Return the leaf of a box with a bound."""
+        motion = None if bound.velocity is None else self.problems[bound.case].motion(bound.velocity)
+        return BoxNode(bound.value, motion, bound.case)
 
     def places(self, parameters: Floats) -> Floats:
         """Return the positions (v, 2) of all vertices."""
         return np.asarray(self.mesh.places + np.einsum("p,pvd->vd", parameters, self.directions))
 
     def try_position(self, parameters: Floats) -> LimitAnalysisResult | None:
-        """Solve one position and keep it if it is the best; None where it cannot be built."""
+        """Solve one position (p,) and keep it if it is the best; None where it cannot be built."""
         try:
             assembly = build_assembly(self.moved.at(self.places(parameters)))
         except InputError:
@@ -131,8 +177,11 @@ class _Search:
             self.best = (low, parameters, result)
         return result
 
-    def split(self, low: Floats, high: Floats, whole: Floats) -> list[tuple[BoxBound, Floats, Floats]]:
-        """Return both halves of a box with their bounds, along the axis that lowers the larger one most."""
+    def split(self, low: Floats, high: Floats, whole: Floats) -> tuple[int, list[tuple[BoxBound, Floats, Floats]]]:
+        """Return the best axis, and both halves of a box along it, each with bound, low and high (p,).
+
+        That axis gives the least larger bound. Narrow axes are not tried. whole: (p,) size of the first box.
+        """
         choices = []
         wide = np.flatnonzero((high - low) / whole >= 0.25 * ((high - low) / whole).max())
         for axis in wide.tolist():
@@ -144,7 +193,7 @@ class _Search:
                 halves.append((self.bound(one, other), one, other))
             values = sorted(half[0].value for half in halves)
             choices.append((values[1], values[0], axis, halves))
-        return min(choices, key=lambda choice: choice[:3])[3]
+        return min(choices, key=lambda choice: choice[:3])[2:]
 
 
 @one_thread()
@@ -199,7 +248,8 @@ def prove_box(
         problem.require_valid(low, high)
     before = search.try_position(np.zeros(search.count)) if ((low <= 0.0) & (high >= 0.0)).all() else None
     before = before or solve(assembly, labels)
-    bound = _branch(search, low, high, gap, began + seconds, progress)
+    tree = search.node(search.bound(low, high))
+    bound = _branch(search, tree, low, high, gap, began + seconds, progress)
     if search.best is None:
         raise InputError("move", "no position in the box that was tried stands", "another box, or a scene that stands")
     value, parameters, after = search.best
@@ -221,11 +271,15 @@ def prove_box(
         high=high,
         places=places,
         moved=places - search.mesh.places,
+        tree=tree,
+        stated=search.moved.at(search.mesh.places),
+        directions=search.directions,
+        centroids=assembly.elements.centroid,
     )
 
 
 def _ends(box: tuple[Floats, Floats] | float, count: int) -> tuple[Floats, Floats]:
-    """Return the ends (p,) of a box; raise InputError for a wrong one."""
+    """Return the ends low and high (p,) of a box; raise ParameterError for a wrong box."""
     if isinstance(box, tuple):
         low, high = (np.asarray(end, dtype=float) for end in box)
         if len(low) != count or len(high) != count:
@@ -239,7 +293,7 @@ def _ends(box: tuple[Floats, Floats] | float, count: int) -> tuple[Floats, Float
 
 
 def _gap(value: float, bound: float) -> float:
-    """Return the relative distance of both bounds."""
+    """Return the distance of `bound` from `value`, relative to the larger; 0 if not above."""
     if bound <= value:
         return 0.0
     return math.inf if not math.isfinite(bound) else (bound - value) / max(abs(value), abs(bound))
@@ -247,18 +301,25 @@ def _gap(value: float, bound: float) -> float:
 
 def _branch(
     search: _Search,
+    tree: BoxNode,
     low: Floats,
     high: Floats,
     gap: float,
     deadline: float,
     progress: Callable[[float, float, int], None] | None,
 ) -> float:
-    """Split boxes, the one of the largest bound first, until the gap is closed; return the largest bound left."""
+    """Split the box of largest bound until the gap is closed or time is up.
+
+    Returns a bound on all positions in the box. low, high: (p,) of the whole box, lengths. deadline: time of
+    `time.perf_counter`, s. progress: called with the best λ, the bound and the number of boxes. tree: root with the
+    bound of the whole box, to which halves are added. Boxes below a least width are not split. The middle of each box
+    is tried as a position.
+    """
     whole = high - low
-    heap = [(-search.bound(low, high).value, 0, low, high)]
+    heap = [(-tree.bound, 0, low, high, tree)]
     number, closed = 0, -math.inf
     while heap:
-        value, _, one, other = heap[0]
+        value, _, one, other, node = heap[0]
         best = -math.inf if search.best is None else search.best[0]
         bound = max(-value, closed)
         if progress is not None:
@@ -270,9 +331,14 @@ def _branch(
         if ((other - one) / whole).max() < _NARROW:
             closed = max(closed, -value)
             continue
-        for half, start, end in search.split(one, other, whole):
-            found = min(half.value, -value)  # a bound of the whole holds for its parts
-            if found > -math.inf:
+        node.axis, halves = search.split(one, other, whole)
+        node.at = float(halves[1][1][node.axis])
+        for half, start, end in halves:
+            # a bound of the whole holds for its parts
+            child = search.node(half) if half.value <= node.bound else BoxNode(node.bound, node.motion, node.case)
+            node.halves.append(child)
+            if child.bound > -math.inf:
                 number += 1
-                heapq.heappush(heap, (-found, number, start, end))
+                heapq.heappush(heap, (-child.bound, number, start, end, child))
+        node.motion = None  # its halves have their own
     return closed

@@ -9,6 +9,7 @@ import numpy as np
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.build.assemble import build_geometry
+from jld_core.geometry_optimisation.variables import SAME
 from jld_core.geometry_optimisation.vertex_mesh import VertexMesh
 from jld_core.scene import Scene, parse_scene
 
@@ -16,7 +17,7 @@ from jld_core.scene import Scene, parse_scene
 class MovedScene:
     """Scene whose vertices move while elements, interfaces and labels stay.
 
-    Grids are written out as elements and interfaces.
+    Grids are written out as elements and interfaces. Points by which the key "move" names vertices move with them.
 
     Parameters
     ----------
@@ -45,6 +46,7 @@ class MovedScene:
             label = "dry" if labels[k] else "inner"
             self._interfaces.append({**own, "elements": [ids[faces.a[k]], ids[faces.b[k]]], "label": label})
         self._document = document
+        self._reach = SAME * assembly.size
 
     def document(self, places: Floats, friction: float = 1.0) -> dict[str, Any]:
         """Return the scene file as a dict with the vertices at the positions (v, 2), unchecked.
@@ -60,7 +62,28 @@ class MovedScene:
             {**entry, "polygon": places[ends].tolist()}
             for entry, ends in zip(self._interfaces, self._mesh.ends, strict=True)
         ]
-        return found if friction == 1.0 else _rubbing(found, friction)
+        if "move" in found:
+            found["move"] = self._named_anew(found["move"], places)
+        return found if friction == 1.0 else _with_friction_factor(found, friction)
+
+    def _named_anew(self, move: dict[str, Any], places: Floats) -> dict[str, Any]:
+        """Return the key "move" with its points at vertices moved to positions (v, 2)."""
+
+        def moved(point: list[float]) -> list[float]:
+            """Return where the vertex at a point of the start is now."""
+            distance = np.linalg.norm(self._mesh.places - np.array(point, dtype=float), axis=1)
+            vertex = int(np.argmin(distance))
+            if distance[vertex] > self._reach:
+                return point
+            found: list[float] = places[vertex].tolist()
+            return found
+
+        found = dict(move)
+        if "along" in move:
+            found["along"] = [{**path, "at": moved(path["at"])} if "at" in path else path for path in move["along"]]
+        if isinstance(move.get("ties"), list):
+            found["ties"] = [[moved(point) for point in group] for group in move["ties"]]
+        return found
 
     def at(self, places: Floats, friction: float = 1.0) -> Scene:
         """Return the validated scene with the vertices at the positions (v, 2).
@@ -70,7 +93,7 @@ class MovedScene:
         return parse_scene(self.document(places, friction), "the moved scene")
 
 
-def _rubbing(document: dict[str, Any], factor: float) -> dict[str, Any]:
+def _with_friction_factor(document: dict[str, Any], factor: float) -> dict[str, Any]:
     """Return a document with the friction of dry joints multiplied by a factor."""
 
     def changed(entry: dict[str, Any]) -> dict[str, Any]:
@@ -94,5 +117,5 @@ def _rubbing(document: dict[str, Any], factor: float) -> dict[str, Any]:
 
 
 def _nominal(value: Any) -> float:
-    """Return the nominal value of a number that may have a low value."""
+    """Return the number itself, or its nominal value if it also has a low value."""
     return float(value["nominal"] if isinstance(value, dict) else value)

@@ -44,11 +44,11 @@ def spatial_rates(result: LimitAnalysisResult, forces: Floats, mechanism: Floats
     rates = np.zeros_like(places)
     for element in assembly.elements.free.tolist():
         own = number[starts[element] : starts[element + 1]]
-        np.add.at(rates, own, _of_element(assembly, element, mechanism[element], result.load_factor))
+        np.add.at(rates, own, _element_rates(assembly, element, mechanism[element], result.load_factor))
     for face in range(len(polygons)):
         position = len(shapes) + face
         own = number[starts[position] : starts[position + 1]]
-        np.add.at(rates, own, _of_face(assembly, face, forces[face], mechanism))
+        np.add.at(rates, own, _face_rates(assembly, face, forces[face], mechanism))
     return places, rates
 
 
@@ -63,8 +63,11 @@ def _shortest(assembly: Assembly) -> float:
     return min(float(np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1).min()) for loop in loops)
 
 
-def _of_element(assembly: Assembly, element: int, motion: Floats, load_factor: float) -> Floats:
-    """Return −d(power of the loads of an element) by its vertices (k, 3)."""
+def _element_rates(assembly: Assembly, element: int, motion: Floats, load_factor: float) -> Floats:
+    """Return −d(power of the loads of an element) by its vertices (k, 3), scene units.
+
+    motion: (6,) velocity of the centroid, then rotation.
+    """
     growing, riding = (load[element] for load in shape_loads(assembly, load_factor))
     corner = assembly.elements.shape[element] - assembly.elements.centroid[element]
     volume, by_volume, by_moment = 0.0, np.zeros_like(corner), np.zeros((len(corner), 3, 3))
@@ -116,15 +119,21 @@ class _Contact:
 
 
 def _frame(normal: Floats, beside: Floats) -> Floats:
-    """Return two axes (2, 3) of a plane, which change smoothly with its normal near `beside`."""
+    """Return two axes (2, 3) of the plane of a normal; they change smoothly with the normal.
+
+    beside: unit normal nearby, which chooses the first axis.
+    """
     first = np.eye(3)[int(np.argmin(abs(beside)))]
     first = first - (first @ normal) * normal
     first = first / np.linalg.norm(first)
     return np.array([first, np.cross(normal, first)])
 
 
-def _of_face(assembly: Assembly, face: int, forces: Floats, mechanism: Floats) -> Floats:
-    """Return the derivatives (k, 3) of dissipation minus power of one face by its corners."""
+def _face_rates(assembly: Assembly, face: int, forces: Floats, mechanism: Floats) -> Floats:
+    """Return the derivatives (k, 3) of dissipation minus power of one face by its corners.
+
+    forces: (6,) of the face. mechanism: (n, 6) velocities of all elements, scene units.
+    """
     faces = assembly.interfaces
     polygon, origin = faces.polygon[face], faces.origin[face]
     velocity, spin = np.zeros(3), np.zeros(3)
@@ -160,7 +169,11 @@ def _of_face(assembly: Assembly, face: int, forces: Floats, mechanism: Floats) -
 
 
 def _corner_forces(corner: Floats, forces: Floats, gaps: Floats) -> Floats:
-    """Return normal forces (k,) at the corners (k, 2) with the resultants of a face, at the least power on the gaps."""
+    """Return normal forces (k,) at the corners with the resultants of a face.
+
+    Of all such forces they have the least power on the gaps. corner: (k, 2) about the centroid. forces: (6,) of the
+    face. gaps: (k,) opening rates.
+    """
     size = float(abs(corner).max())
     rows = np.vstack([np.ones(len(corner)), corner[:, 0] / size, corner[:, 1] / size])
     total = np.array([forces[0], -forces[4] / size, forces[3] / size])

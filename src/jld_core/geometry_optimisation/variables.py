@@ -14,7 +14,7 @@ from jld_core.errors import InputError
 from jld_core.geometry_optimisation.vertex_mesh import VertexMesh
 from jld_core.scene.move import Move, Path
 
-_SAME: Final = 1e-6
+SAME: Final = 1e-6
 """Distance of a stated point from the vertex that it names, and of mirrored vertices, relative to the structure."""
 
 _STRAIGHT: Final = 1e-6
@@ -148,8 +148,8 @@ def variables_of(assembly: Assembly, labels: Bits, mesh: VertexMesh, move: Move,
     """Find the variables of a planar structure that the key "move" of its scene asks for.
 
     labels: (m,) True = dry. mesh: vertices at the start. named: take only the vertices that "along" names, where it
-    names any. Raises InputError for a vertex that does not exist or belongs to a support, for ties that contradict one
-    another, and where nothing is left to move.
+    names any. Raises InputError for a vertex that does not exist or belongs to a support. It also does so for ties that
+    contradict one another, and where nothing is left to move.
     """
     finder = _Finder(assembly, labels, mesh, move)
     chosen: list[tuple[int, Floats, Floats]] = finder.named()
@@ -174,13 +174,16 @@ def variables_of(assembly: Assembly, labels: Bits, mesh: VertexMesh, move: Move,
     return found
 
 
-def _vertex_at(places: Floats, point: list[float], size: float, where: str) -> int:
-    """Return the vertex at a stated point; raise InputError if there is none."""
+def vertex_at(places: Floats, point: list[float], size: float, where: str) -> int:
+    """Return the vertex at a stated point; raise InputError if there is none.
+
+    places: (v, 2). size: of the structure. where: key of the point, for the message.
+    """
     if len(point) != 2:
         raise InputError(where, f"it has {len(point)} numbers", "2: joints move in planar scenes")
     distance = np.linalg.norm(places - np.array(point, dtype=float), axis=1)
     vertex = int(np.argmin(distance))
-    if distance[vertex] > _SAME * size:
+    if distance[vertex] > SAME * size:
         x, y = places[vertex]
         raise InputError(where, f"no vertex lies at {point}", f"a vertex; the nearest is [{x:.6g}, {y:.6g}]")
     return vertex
@@ -214,13 +217,16 @@ class _Finder:
                 self._before.setdefault(j, []).append(i)
 
     def named(self) -> list[tuple[int, Floats, Floats]]:
-        """Return vertex, direction and no centre for each vertex that "along" names."""
+        """Return vertex, direction and centre (NaN) for each vertex that "along" names.
+
+        Raises InputError for a vertex that does not exist or belongs to a support.
+        """
         found = []
         for position, path in enumerate(self._move.along):
             if path.at is None or path.direction is None:
                 continue
             where = f"move.along[{position}].at"
-            vertex = _vertex_at(self._mesh.places, path.at, self._size, where)
+            vertex = vertex_at(self._mesh.places, path.at, self._size, where)
             if self._held[vertex]:
                 raise InputError(where, f"{path.at} is a vertex of a support", "a vertex between free elements")
             direction = np.array(path.direction, dtype=float)
@@ -228,7 +234,10 @@ class _Finder:
         return found
 
     def joints(self, circles: list[Path], taken: set[int]) -> list[tuple[int, Floats, Floats]]:
-        """Return vertex, direction and centre (NaN on lines) of all vertices that move or follow and are not taken."""
+        """Return vertex, direction and centre (NaN on lines) of all vertices that move or follow.
+
+        circles: entries of "along" with a circle. taken: vertices to leave out.
+        """
         found: list[tuple[int, Floats, Floats]] = []
         for vertex in np.flatnonzero(self._dry | self.followers).tolist():
             if vertex in taken:
@@ -247,20 +256,21 @@ class _Finder:
         return found
 
     def _circle(self, vertex: int, around: list[int], circles: list[Path]) -> tuple[Floats, bool] | None:
-        """Return the centre of the circle that a vertex and its neighbours on the outline lie on, if any.
+        """Return the centre of the first circle on which a vertex and its outline neighbours lie.
 
-        The second value tells whether vertices of supports slide on it.
+        The second value is True if vertices of supports slide on it. None without a circle. around: the neighbours. Of
+        a vertex on a support one neighbour suffices, where such vertices slide.
         """
         for path in circles:
             centre = np.array(path.circle, dtype=float)
             radii = np.linalg.norm(self._mesh.places[[vertex, *around]] - centre, axis=1)
-            like = abs(radii[1:] - radii[0]) <= _SAME * self._size
+            like = abs(radii[1:] - radii[0]) <= SAME * self._size
             if radii[0] > 0.0 and (like.all() or (path.supports and self._held[vertex] and like.any())):
                 return centre, path.supports
         return None
 
     def _line(self, vertex: int, around: list[int]) -> Floats | None:
-        """Return the direction of a straight outline at a vertex, None at a corner."""
+        """Return the direction of a straight outline at a vertex, None at a corner; around: (2,)."""
         before, after = self._mesh.places[around] - self._mesh.places[vertex]
         lengths = np.hypot(*before) * np.hypot(*after)
         if abs(before[0] * after[1] - before[1] * after[0]) > _STRAIGHT * lengths or before @ after > 0.0:
@@ -270,7 +280,10 @@ class _Finder:
 
 
 def _with_thickness(found: Variables, assembly: Assembly, circles: list[Path]) -> Variables:
-    """Return the variables with the thickness of an arch as the last one."""
+    """Return the variables with the thickness of an arch as the last.
+
+    Raises InputError where "along" states no circle.
+    """
     if not circles:
         problem = "the thickness is that of an arch on circles"
         raise InputError("move.maximise", problem, '"along": [{"circle": [x, y]}] with its centre')
@@ -280,14 +293,15 @@ def _with_thickness(found: Variables, assembly: Assembly, circles: list[Path]) -
     inner, outer = float(radii.min()), float(radii.max())
     rings = np.linalg.norm(found.start - middle, axis=1) - 0.5 * (inner + outer)
     # vertices beyond the arch belong to supports and stay
-    rings = np.where(abs(rings) <= (0.5 + _SAME) * (outer - inner), rings, 0.0)
+    rings = np.where(abs(rings) <= (0.5 + SAME) * (outer - inner), rings, 0.0)
     return Variables(**{**vars(found), "rings": rings, "middle": middle, "thickness": outer - inner})
 
 
 def _following(found: Variables, mesh: VertexMesh, followers: Bools) -> Floats:
-    """Return the ties (t, k) by which vertices without joints follow the mean movement of their neighbours.
+    """Return ties (t, k) by which vertices without joints follow their neighbours.
 
-    followers: (v,) True for these vertices. Neighbours count by the inverse of their distance.
+    Each moves by the mean of the movements of its neighbours, weighted by the inverse of their distance. followers:
+    (v,) True for these vertices.
     """
     own = np.flatnonzero(followers[found.vertex])
     if not len(own):
@@ -312,7 +326,10 @@ def _following(found: Variables, mesh: VertexMesh, followers: Bools) -> Floats:
 
 
 def _ties(found: Variables, assembly: Assembly, move: Move) -> Floats:
-    """Return the ties (t, k) that the key "ties" states; raise InputError where they contradict one another."""
+    """Return the ties (t, k) that the key "ties" states.
+
+    Raises InputError where they contradict one another or a mirrored vertex does not exist.
+    """
     if move.ties == "none":
         return np.zeros((0, found.count))
     jacobian = found.jacobian(np.zeros(found.count)).toarray().reshape(len(found.start), 2, -1)
@@ -320,7 +337,7 @@ def _ties(found: Variables, assembly: Assembly, move: Move) -> Floats:
         jacobian[:, :, -1] = 0.0  # the thickness is common to all
     rows = []
     if move.ties == "mirror-x":
-        partner = _mirrored(found, assembly)
+        partner = mirrored(found, assembly)
         for vertex in sorted(set(found.vertex.tolist())):
             other = int(partner[vertex])
             free = [bool(jacobian[k].any()) for k in (vertex, other)]
@@ -332,8 +349,7 @@ def _ties(found: Variables, assembly: Assembly, move: Move) -> Floats:
         return np.array(rows)
     for position, group in enumerate(move.ties):
         own = [
-            _vertex_at(found.start, point, assembly.size, f"move.ties[{position}][{k}]")
-            for k, point in enumerate(group)
+            vertex_at(found.start, point, assembly.size, f"move.ties[{position}][{k}]") for k, point in enumerate(group)
         ]
         for other in own[1:]:
             rows += list(jacobian[own[0]] - jacobian[other])
@@ -345,15 +361,18 @@ def _ties(found: Variables, assembly: Assembly, move: Move) -> Floats:
     return np.array(rows)
 
 
-def _mirrored(found: Variables, assembly: Assembly) -> Ints:
-    """Return the vertex (v,) that mirrors each vertex about the middle of the free elements."""
+def mirrored(found: Variables, assembly: Assembly) -> Ints:
+    """Return the vertex (v,) nearest to the mirror image of each vertex.
+
+    The axis is vertical, in the middle of the free elements. Raises InputError for a moving vertex without an image.
+    """
     free = np.concatenate([assembly.elements.shape[k] for k in assembly.elements.free])
     axis = float(free[:, 0].min() + free[:, 0].max())
     image = np.column_stack([axis - found.start[:, 0], found.start[:, 1]])
     distance = np.linalg.norm(image[:, None] - found.start[None], axis=2)
     nearest = np.argmin(distance, axis=1)
     for vertex in sorted(set(found.vertex.tolist())):
-        if distance[vertex, nearest[vertex]] > _SAME * assembly.size:
+        if distance[vertex, nearest[vertex]] > SAME * assembly.size:
             x, y = found.start[vertex]
             problem = f"nothing mirrors the vertex [{x:.6g}, {y:.6g}] about x = {0.5 * axis:.6g}"
             raise InputError("move.ties", problem, 'a symmetric structure, or "none"')

@@ -68,7 +68,11 @@ def point_contact_assembly(assembly: Assembly, labels: Bits) -> tuple[Assembly, 
     )
     strengths = assembly.strengths.take(parent)
     expanded = replace(
-        assembly, interfaces=spread, strengths=strengths, labels=np.where(is_point, DRY, INNER).astype(bool)
+        assembly,
+        interfaces=spread,
+        strengths=strengths,
+        labels=np.where(is_point, DRY, INNER).astype(bool),
+        members=assembly.members.joined(np.arange(len(assembly.elements)), parent),
     )
     return expanded, parent
 

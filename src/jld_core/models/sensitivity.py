@@ -155,7 +155,7 @@ class _Change:
     def of(self, assembly: Assembly, step: float) -> Assembly:
         """Return an assembly with the parameter increased by a step."""
         if self.strength:
-            values = getattr(assembly.strengths, self.strength) + step
+            values = getattr(assembly.strengths, self.strength) + step * ~assembly.of_members
             return replace(assembly, strengths=replace(assembly.strengths, **{self.strength: values}))
         more = np.zeros_like(assembly.dead)
         free = assembly.elements.free
@@ -172,7 +172,7 @@ def _parameters(assembly: Assembly, labels: Bits) -> list[tuple[str, _Change, st
         ("shear_strength", "shear", ~labels, stress),
         ("tensile_strength", "tension", ~labels, stress),
     ):
-        values = getattr(assembly.strengths, strength)[faces]
+        values = getattr(assembly.strengths, strength)[faces & ~assembly.of_members]
         if len(values) and np.isfinite(values).all() and values.min() > 0.0:
             found.append((name, _Change(float(values.min()), strength), unit))
     if np.any(assembly.elements.weight[assembly.elements.free]):

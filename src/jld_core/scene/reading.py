@@ -122,7 +122,7 @@ def at_low(scene: Scene) -> Scene:
         No material value has a low value, or the low values contradict one another.
     """
     document = scene.model_dump(mode="json", exclude_defaults=True)
-    low = document | {key: lowered(document[key]) for key in ("materials", "interfaces") if key in document}
+    low = document | {key: lowered(document[key]) for key in ("materials", "interfaces", "members") if key in document}
     if low == document:
         given = '{"nominal": …, "low": …} for friction or a strength'
         raise ParameterError("robust", "no material value of the scene has a low one", given)

@@ -16,6 +16,7 @@ from jld_core.files import write_text
 from jld_core.models import solve
 from jld_core.refinement import refine
 from jld_core.refinement.refine import KINDS
+from jld_core.samples.bonds import BONDS
 from jld_core.scene import load_scene, parse_scene
 from jld_explore.cli.layout import layout_of
 from jld_explore.cli.options import Rank, SceneFile, Source, refuse_itself
@@ -112,6 +113,8 @@ def export_command(
     with error_context(source, str(out)):
         export(layout, kind, out, cells=cells, unit=unit)
     write_text(table, blocks_csv(layout))
+    if assembly.members:
+        say(f"left out     {len(assembly.members)} members: the file holds blocks alone")
     free = sum(1 for block in layout.blocks if block.cells)
     kinds = len({block.shape for block in layout.blocks if block.cells})
     say(f"{out}\n{table}: {free} block{'s' * (free != 1)} of {kinds} shape{'s' * (kinds != 1)}")
@@ -121,25 +124,47 @@ def refine_command(
     scene: SceneFile,
     out: Out,
     cell: Annotated[
-        str, typer.Option(help="Size of a cell: A, A,B or A,B,C; radial: THICKNESS,DEGREES.", show_default=False)
-    ],
+        str | None, typer.Option(help="Size of a cell: A, A,B or A,B,C; radial: THICKNESS,DEGREES; bond: BRICK,COURSE.")
+    ] = None,
     kind: Annotated[str, typer.Option(help="Cells: " + ", ".join(KINDS) + ".")] = "grid",
     by: Annotated[str | None, typer.Option(help="Old joints the search leaves alone: block or material.")] = None,
-    centre: Annotated[str | None, typer.Option(help="Centre of radial cells: x,y.")] = None,
+    centre: Annotated[
+        str | None, typer.Option(help="Centre of radial cells, or of the joints of a flat arch: x,y.")
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of Voronoi cells.")] = 0,
+    bond: Annotated[str, typer.Option(help="Masonry bond: " + ", ".join(BONDS) + ".")] = "running",
+    voussoirs: Annotated[
+        int | None,
+        typer.Option(
+            min=1, help="Voussoirs from springing to springing of each arc of the outline, or of a flat arch."
+        ),
+    ] = None,
+    rings: Annotated[int, typer.Option(min=1, help="Rings of voussoirs over the depth.")] = 1,
+    courses: Annotated[int, typer.Option(min=1, help="Voussoirs along the axis of a vault (spatial).")] = 1,
 ) -> None:
     """Split every element of a scene into cells, whose faces a search can choose from.
 
     Write the new scene, and print what could not be kept of the old one.
     """
-    sizes = _numbers("cell", cell)
+    sizes = () if cell is None else _numbers("cell", cell)
     middle = None if centre is None else _numbers("centre", centre)
     if middle is not None and len(middle) != 2:
         raise ParameterError("centre", f"{centre!r} is wrong", "x,y")
     parsed = load_scene(scene)
     place = None if middle is None else (middle[0], middle[1])
     with error_context(scene):
-        found = refine(parsed, sizes, kind=kind, by=by, centre=place, seed=seed)
+        found = refine(
+            parsed,
+            sizes,
+            kind=kind,
+            by=by,
+            centre=place,
+            seed=seed,
+            bond=bond,
+            voussoirs=voussoirs,
+            rings=rings,
+            courses=courses,
+        )
     write_scene(found.scene, out)
     before, after = len(set(found.parent.values())), len(found.parent)
     told = [*(f"assumed      {note}" for note in found.notes), f"found        {after} elements out of {before}"]

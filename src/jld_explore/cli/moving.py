@@ -10,22 +10,20 @@ from typing import Annotated, Any, Final
 import numpy as np
 import typer
 
-from jld_core.arrays import Bits, Floats
+from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError, ParameterError, error_context
-from jld_core.files import write_text
-from jld_core.geometry_optimisation.box_search import ProvenBox, prove_box
 from jld_core.geometry_optimisation.optimise import MovedJoints, Point, move_joints
 from jld_core.geometry_optimisation.search import GeometrySearch
-from jld_core.limit import Status
 from jld_core.models import solve_by_fields
 from jld_core.scene import Scene
 from jld_explore.cli.layout import layout_of
+from jld_explore.cli.move_output import json_number, value_text, write_move
 from jld_explore.cli.options import AsJson, Rank, Source, refuse_itself
-from jld_explore.cli.samples import Out, write_scene
+from jld_explore.cli.proving_boxes import prove_positions
+from jld_explore.cli.samples import Out
 from jld_explore.cli.shaping import move_shape
 from jld_explore.cli.streams import say, warn
-from jld_explore.report import csv_of
 
 _FIELD_GAP: Final = 0.1
 """Relative width of brackets by fields, which check a gain where blocks may crack."""
@@ -60,6 +58,9 @@ def move(
         ),
     ] = None,
     gap: Annotated[float, typer.Option(min=1e-9, help="With --prove: relative distance of both bounds.")] = _GAP,
+    certificate: Annotated[
+        Path | None, typer.Option(help="With --prove: file for the proof, which jld verify checks.", show_default=False)
+    ] = None,
     joint: Annotated[
         str | None,
         typer.Option(
@@ -76,6 +77,8 @@ def move(
     of positions instead.
     """
     _check_out(source, out)
+    if certificate is not None:
+        _check_certificate(source, out, certificate, prove)
     if joint is not None and (prove is not None or starts > 1):
         given = "prove" if prove is not None else "starts"
         raise ParameterError(given, "it moves vertices, not the shape of joints", "one without the other")
@@ -88,7 +91,7 @@ def move(
 
     with error_context(source, str(out)):
         if prove is not None:
-            _prove(scene, assembly, labels, prove, gap, seconds, out, as_json)
+            prove_positions(scene, assembly, labels, prove, gap, seconds, out, certificate, as_json)
             return
         if joint is not None:
             move_shape(scene, assembly, labels, joint, seconds, out, as_json)
@@ -100,8 +103,8 @@ def move(
     table = [vars(point) | {"bracket_lo": point.bracket[0], "bracket_hi": point.bracket[1]} for point in done.points]
     after = None if done.after is None else done.after.assembly
     sign = {"load_factor": "λ", "least_friction": "μ", "least_thickness": "thickness"}[done.objective]
-    titles = (f"before: {sign} = {_value(facts['start'])}", f"after: {sign} = {_value(facts['value'])}")
-    _write(done.scene, table, assembly, after, labels, done.places, done.moved, titles, out)
+    titles = (f"before: {sign} = {value_text(facts['start'])}", f"after: {sign} = {value_text(facts['value'])}")
+    write_move(done.scene, table, assembly, after, labels, done.places, done.moved, titles, out)
     for sentence in facts["warnings"]:
         warn(f"jld: warning: {sentence}")
     say(json.dumps(facts, indent=1) if as_json else _words(facts, out))
@@ -117,47 +120,17 @@ def _check_out(source: Path, out: Path) -> None:
     refuse_itself(source, out)
 
 
-def _prove(
-    scene: Scene,
-    assembly: Assembly,
-    labels: Bits,
-    box: str,
-    gap: float,
-    seconds: float,
-    out: Path,
-    as_json: bool,
-) -> None:
-    """Prove a bound over a box, write the best scene and print both bounds."""
-
-    def progress(best: float, bound: float, boxes: int) -> None:
-        """Print the bounds now and then."""
-        if not as_json and boxes & (boxes - 1) == 0:
-            say(f"{boxes:>6} boxes  {_value(best)} ≤ λ ≤ {_value(bound)}")
-
-    done = prove_box(scene, assembly, labels, _box(box), gap=gap, seconds=seconds, progress=progress)
-    facts = _proof_facts(done)
-    row = {"start": 0, "step": 0, "value": done.load_factor, "bracket_lo": done.load_factor, "bracket_hi": done.bound}
-    titles = (f"before: {_value(facts['start'])}", f"best in the box: {_value(facts['load_factor'])}")
-    _write(done.scene, [row], assembly, done.after.assembly, labels, done.places, done.moved, titles, out)
-    if as_json:
-        say(json.dumps(facts, indent=1))
-        return
-    what = "proven" if done.proven else "not proven"
-    say(f"λ {_value(done.load_factor)} found, {_value(done.bound)} at most, gap {done.gap:.2g}: {what}")
-    say(f"{done.boxes} boxes, {done.seconds:.1f} s, written to {out}")
-
-
-def _box(text: str) -> float | tuple[Floats, Floats]:
-    """Return a length, or the ends (p,), (p,) of a box; raise InputError for anything else."""
-    try:
-        numbers = [float(part) for part in text.split(",")]
-    except ValueError:
-        numbers = []
-    if not numbers or not np.isfinite(numbers).all() or (len(numbers) > 1 and len(numbers) % 2):
-        raise ParameterError("prove", f"{text!r} is no box", "a length, or LOW,HIGH for each parameter")
-    if len(numbers) == 1:
-        return numbers[0]
-    return np.array(numbers[0::2]), np.array(numbers[1::2])
+def _check_certificate(source: Path, out: Path, certificate: Path, prove: str | None) -> None:
+    """Raise InputError for a certificate that cannot be written or proves nothing, before any work."""
+    if prove is None:
+        raise ParameterError("certificate", "it holds a proof, and none is asked for", "it with `prove`")
+    if certificate.is_dir() or not certificate.absolute().parent.is_dir():
+        problem = "it is a folder" if certificate.is_dir() else "its folder does not exist"
+        raise InputError(str(certificate), problem, "a file in a folder that is there")
+    refuse_itself(source, certificate)
+    written = [path.absolute() for path in (out, out.with_suffix(".csv"), out.with_suffix(".png"))]
+    if certificate.absolute() in written:
+        raise ParameterError("certificate", f"{certificate.name!r} is written already", "another file")
 
 
 def _check_by_fields(assembly: Assembly, done: MovedJoints, labels: Bits) -> dict[str, Any] | None:
@@ -173,7 +146,7 @@ def _check_by_fields(assembly: Assembly, done: MovedJoints, labels: Bits) -> dic
     try:
         for name, one in (("before", assembly), ("after", done.after.assembly)):
             low = solve_by_fields(one, labels, gap=_FIELD_GAP, seconds=_FIELD_SECONDS).governing.low
-            found[name] = _number(low)
+            found[name] = json_number(low)
     except InputError as error:
         found["skipped"] = f"{error.where}: {error.problem}"
     return found
@@ -192,11 +165,6 @@ def _doubts(checked: dict[str, Any] | None) -> list[str]:
     return [f"blocks that crack anywhere gain nothing: lower bounds by fields from {said}"]
 
 
-def _number(value: float) -> float | None:
-    """Return a float for JSON, None where it is not finite."""
-    return float(value) if math.isfinite(value) else None
-
-
 def _facts(done: MovedJoints) -> dict[str, Any]:
     """Return the object that `jld move --json` prints."""
     after = done.after
@@ -205,11 +173,11 @@ def _facts(done: MovedJoints) -> dict[str, Any]:
     return {
         "name": done.scene.name,
         "objective": done.objective,
-        "load_factor": _number(load_factor),
-        "bracket": [_number(end) for end in bracket],
+        "load_factor": json_number(load_factor),
+        "bracket": [json_number(end) for end in bracket],
         "status": None if after is None else str(after.status),
-        "start": _number(done.start),
-        "value": _number(done.value),
+        "start": json_number(done.start),
+        "value": json_number(done.value),
         "steps": len(done.points) - len({point.start for point in done.points}),
         "solves": done.points[-1].solves if done.points else 0,
         "end": done.end,
@@ -220,63 +188,11 @@ def _facts(done: MovedJoints) -> dict[str, Any]:
     }
 
 
-def _proof_facts(done: ProvenBox) -> dict[str, Any]:
-    """Return the object that `jld move --prove --json` prints."""
-    start = done.before.load_factor if done.before.status is Status.COLLAPSE else math.nan
-    return {
-        "name": done.scene.name,
-        "objective": "load_factor",
-        "load_factor": _number(done.load_factor),
-        "bracket": [_number(end) for end in done.after.bracket],
-        "status": str(done.after.status),
-        "start": _number(start),
-        "steps": done.boxes,
-        "bound": _number(done.bound),
-        "proven": done.proven,
-        "gap": _number(done.gap),
-        "boxes": done.boxes,
-        "box": [[float(low), float(high)] for low, high in zip(done.low, done.high, strict=True)],
-        "parameters": [float(value) for value in done.parameters],
-        "seconds": done.seconds,
-    }
-
-
-def _value(value: float | None) -> str:
-    """Return a number in words."""
-    return "none" if value is None or math.isnan(value) else "locked" if value == math.inf else f"{value:.6g}"
-
-
-def _write(
-    scene: Scene,
-    table: list[dict[str, Any]],
-    before: Assembly,
-    after: Assembly | None,
-    labels: Bits,
-    places: Floats,
-    moved: Floats,
-    titles: tuple[str, str],
-    out: Path,
-) -> None:
-    """Write scene, table and picture beside one another."""
-    import pandas as pd  # slow to import and needed for tables only
-
-    names = ["start", "step", "value", "bracket_lo", "bracket_hi", "predicted", "radius", "solves", "seconds"]
-    rows = pd.DataFrame(table)
-    write_scene(scene, out)
-    write_text(out.with_suffix(".csv"), csv_of(rows[[name for name in names if name in rows]]))
-    if after is None:
-        return
-    from jld_core.views.figures import save_figure
-    from jld_core.views.moved_joints import figure_of_move
-
-    save_figure(figure_of_move(before, after, labels, places, moved, titles), out.with_suffix(".png"))
-
-
 def _crack_words(checked: dict[str, Any] | None) -> dict[str, str]:
     """Return the line of a check by fields."""
     if checked is None or checked["skipped"] is not None:
         return {}
-    return {"by fields": f"λ ≥ {_value(checked['before'])} before, λ ≥ {_value(checked['after'])} after"}
+    return {"by fields": f"λ ≥ {value_text(checked['before'])} before, λ ≥ {value_text(checked['after'])} after"}
 
 
 def _words(facts: dict[str, Any], out: Path) -> str:
@@ -289,8 +205,8 @@ def _words(facts: dict[str, Any], out: Path) -> str:
     }
     lines = {
         "objective": facts["objective"].replace("_", " "),
-        "start": _value(facts["start"]) if facts["start"] is not None else "does not stand",
-        "end": _value(facts["value"]) if facts["end"] != "locked" else "locked",
+        "start": value_text(facts["start"]) if facts["start"] is not None else "does not stand",
+        "end": value_text(facts["value"]) if facts["end"] != "locked" else "locked",
         "bracket": "[" + ", ".join("unproven" if end is None else f"{end:.9g}" for end in facts["bracket"]) + "]",
         "ended": ends[facts["end"]],
         **_crack_words(facts["fields"]),

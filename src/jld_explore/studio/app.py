@@ -20,6 +20,7 @@ from starlette.routing import Route
 
 from jld_core.errors import InputError, SolverError
 from jld_core.exchange import FORMATS, Layout, export
+from jld_core.exchange.writers import ANALYSED
 from jld_core.files import write_text
 from jld_explore.report import read_folder
 from jld_explore.report.page import asset, asset_names
@@ -102,6 +103,10 @@ class Api:
             return {"revision": revision, "superseded": True}
         return {"revision": revision, **self.desk.fields(asked.get("labelling"), _changes(asked))}
 
+    def improve(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """Move joints by some steps from a state of the page, and return the entries of `StudioSession.improve`."""
+        return self.desk.improve(asked.get("labelling"), _changes(asked))
+
     def _note(self, page: str, revision: int) -> int:
         """Record a revision of a page and return the newest one."""
         with self._counting:
@@ -183,7 +188,7 @@ class Api:
         if kind not in FORMATS:
             raise InputError("format", f"there is no {str(kind)[:40]!r}", "one of " + ", ".join(FORMATS))
         setup, labels = self.desk.setup(_changes(asked)), self.desk.labels(asked.get("labelling"))
-        result = setup.solver.solve(labels) if kind == "vtk" else None
+        result = setup.solver.solve(labels) if kind in ANALYSED else None
         name = f"layout{FORMATS[str(kind)]}"
         with tempfile.TemporaryDirectory() as folder:
             path = export(Layout(setup.scene, setup.assembly, labels, result), str(kind), Path(folder) / name)
@@ -274,6 +279,7 @@ def build_app(answers: Api, token: str, hosts: tuple[str, ...]) -> Guard:
     calls: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
         "solve": answers.solve,
         "fields": answers.fields,
+        "improve": answers.improve,
         "start": answers.start_job,
         "stop": answers.stop_job,
         "resume": answers.resume_job,

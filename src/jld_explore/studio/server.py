@@ -125,7 +125,8 @@ def first_data(desk: StudioSession, root: Path, study: Path | None) -> PageData:
     files. study: folder of the study that was opened, if any.
     """
     extra: dict[str, Any] = {"folder": str(root), "formats": list(FORMATS)}
-    extra |= {"changes": {key: desk.document.get(key, {}) for key in ("materials", "loads")}}
+    extra |= {"changes": {key: desk.document.get(key, {}) for key in ("materials", "loads", "vertices")}}
+    extra |= {"joints": None if desk.joints is None else desk.joints.facts()}
     if study is not None:
         done = read_folder(study)
         found = study_data(done, patience=0.5, kind="studio", studio=extra)

@@ -1,4 +1,4 @@
-"""Solve one scene for the labels, materials and loads that the page requests."""
+"""Solve one scene for the labels, materials, loads and vertices of joints that the page requests."""
 
 from __future__ import annotations
 
@@ -17,33 +17,37 @@ from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.build.assemble import build_geometry
 from jld_core.errors import InputError
+from jld_core.geometry_optimisation.moved_scene import MovedScene
 from jld_core.models.case_analysis import CaseAnalysis
 from jld_core.scene import Scene, parse_scene
 from jld_core.scene.cracks import FieldCracks
-from jld_explore.report.page_data import loads_of, solution_of
+from jld_core.sub_assembly import faces_of, with_members
+from jld_core.threads import one_thread
+from jld_explore.report.page_data import DIGITS, loads_of, rounded, solution_of
 from jld_explore.space import LETTERS, SearchSpace, from_string, search_space
 from jld_explore.space.reasons import reasons_against
 from jld_explore.studio.field_brackets import FieldBrackets
+from jld_explore.studio.joint_vertices import JointVertices
 
 KEPT: Final = 16
 """Number of cached assemblies; the cache key contains all changes except labels."""
 
-CHANGEABLE: Final = ("materials", "loads")
-"""Parts of a scene besides labels that a page may change; the geometry is fixed."""
+CHANGEABLE: Final = ("materials", "loads", "vertices")
+"""Parts of a scene besides labels that a page may change; "vertices" are those of joints of planar scenes."""
 
 
 @dataclass(frozen=True)
 class ScenarioCache:
-    """Scene with the materials and loads of one state of the page, ready to be solved.
+    """Scene with the materials, loads and vertices of one state of the page, ready to be solved.
 
     Attributes
     ----------
     scene : Scene
-        Scene with these materials and loads.
+        Scene with these materials, loads and vertices.
     assembly : Assembly
         Its assembly.
     space : SearchSpace or None
-        Its search space, None if the scene cannot be searched.
+        Its search space, None if the scene cannot be searched, or joints were moved.
     solver : CaseAnalysis
         Its solver.
     """
@@ -55,12 +59,17 @@ class ScenarioCache:
 
 
 class StudioSession:
-    """Solver of labellings of one scene under changing materials and loads; thread-safe.
+    """Solver of labellings of one scene under changing materials, loads and places of joints; thread-safe.
 
     Parameters
     ----------
     scene : Scene
-        Scene of the studio; its geometry is fixed.
+        Scene of the studio; its elements and interfaces are fixed.
+
+    Attributes
+    ----------
+    joints : JointVertices or None
+        Vertices that may move; None in space, or where none may.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -72,12 +81,15 @@ class StudioSession:
         self._geometry = build_geometry(scene)
         self._first: ScenarioCache | None = None
         self._first = self.setup({})
+        self.joints = _joints(scene, self._first.assembly)
+        self._mover: tuple[str, MovedScene] | None = None
 
     def setup(self, changes: Mapping[str, Any]) -> ScenarioCache:
-        """Return the scene with changed materials and loads, ready to be solved.
+        """Return the scene with changed materials, loads and vertices, ready to be solved.
 
-        changes: new values of the keys "materials" and "loads"; {} for the scene itself. The last few are stored.
-        Raises InputError for another key, or an invalid scene.
+        changes: new values of the keys "materials" and "loads", and under "vertices" the places of moved vertices as in
+        `JointVertices.placed`; {} for the scene itself. The last few are stored. Raises InputError for another key, or
+        an invalid scene.
         """
         for key in changes:
             if key not in CHANGEABLE:
@@ -87,14 +99,32 @@ class StudioSession:
             if name in self._kept:
                 self._kept.move_to_end(name)
                 return self._kept[name]
-            scene = parse_scene({**self.document, **changes}) if changes else self.scene
-            assembly = build_assembly(scene, self._geometry)
-            made = self._kept[name] = ScenarioCache(
-                scene, assembly, self._space(scene, assembly), CaseAnalysis(assembly)
-            )
+            scene, moved = self._changed(changes)
+            assembly = build_assembly(scene, None if moved else self._geometry)
+            # a search admits by weights and shapes, which take longer to look at than a drag may last
+            space = None if moved else self._space(scene, assembly)
+            made = self._kept[name] = ScenarioCache(scene, assembly, space, CaseAnalysis(assembly))
             while len(self._kept) > KEPT:
                 self._kept.popitem(last=False)
             return made
+
+    def _changed(self, changes: Mapping[str, Any]) -> tuple[Scene, bool]:
+        """Return the scene with changes as in `setup`, and True if its vertices moved."""
+        plain = {key: value for key, value in changes.items() if key != "vertices"}
+        scene = parse_scene({**self.document, **plain}) if plain else self.scene
+        if not changes.get("vertices"):
+            return scene, False
+        joints = self._movable()
+        places, name = joints.placed(changes["vertices"]), json.dumps(plain, sort_keys=True)
+        if self._mover is None or self._mover[0] != name:
+            self._mover = name, joints.mover(scene, self.setup({}).assembly.labels)
+        return self._mover[1].at(places), True
+
+    def _movable(self) -> JointVertices:
+        """Return the vertices that may move; raise InputError if there are none."""
+        if self.joints is None:
+            raise InputError("vertices", "no vertex of this scene moves", "a planar scene with joints that may move")
+        return self.joints
 
     def _space(self, scene: Scene, assembly: Assembly) -> SearchSpace | None:
         """Return the search space; only changed weights require a new one."""
@@ -110,17 +140,19 @@ class StudioSession:
 
         Raises InputError for anything else.
         """
-        count = len(self.setup({}).assembly.interfaces)
+        assembly = self.setup({}).assembly
+        count = assembly.faces
         if not isinstance(letters, str) or len(letters) != count or letters.strip(LETTERS):
             raise InputError("labelling", f"it is {str(letters)[:40]!r}", f"{count} letters d or i")
-        return from_string(letters)
+        return with_members(assembly, from_string(letters))
 
+    @one_thread()
     def solve(self, letters: object, changes: Mapping[str, Any]) -> dict[str, Any]:
         """Solve a labelling under changed materials and loads, and return JSON data for the page.
 
-        letters: d and i, one per face. changes: as in `setup`. The entries are "solution", "loads", "against" (why a
-        search would not admit the labelling, None without a search space) and "seconds". Raises InputError for invalid
-        arguments.
+        letters: d and i, one per face. changes: as in `setup`. The entries are "solution", "loads", "bodies" (of moved
+        elements, else None), "against" (why a search would not admit the labelling, None without a search space) and
+        "seconds". Raises InputError for invalid arguments.
         """
         start = time.perf_counter()
         setup = self.setup(changes)
@@ -131,9 +163,20 @@ class StudioSession:
         return {
             "solution": solution_of(found),
             "loads": loads_of(setup.assembly),
+            "bodies": _bodies(setup.assembly) if changes.get("vertices") else None,
             "against": against,
             "seconds": {"solve": solved - start, "total": time.perf_counter() - start},
         }
+
+    def improve(self, letters: object, changes: Mapping[str, Any]) -> dict[str, Any]:
+        """Move joints by some steps of `jld move` from a state of the page, and return where they are.
+
+        letters, changes: as in `solve`. The entries are those of `JointVertices.improved`. Raises InputError if nothing
+        can move, or nothing stands.
+        """
+        setup, joints = self.setup(changes), self._movable()
+        places = joints.placed(changes.get("vertices") or {})
+        return joints.improved(setup.scene, setup.assembly, self.labels(letters), places)
 
     def fields(self, letters: object, changes: Mapping[str, Any]) -> dict[str, Any]:
         """Return bounds by fields on λ of a labelling, refined by one mesh at each call.
@@ -145,16 +188,21 @@ class StudioSession:
         return self._brackets.step(setup.assembly, self.labels(letters), gap)
 
     def scene_with(self, letters: object, changes: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the scene file of a labelling under changed materials and loads, as a document.
+        """Return the scene file of a labelling under changed materials, loads and vertices, as a document.
 
-        letters, changes: as in `solve`. Labels are written by pairs of elements. Raises InputError if a scene file
-        cannot hold them, for instance where two faces of a pair differ.
+        letters, changes: as in `solve`. Labels are written by pairs of elements, and with moved vertices at stated
+        interfaces. Raises InputError if a scene file cannot hold them, for instance where two faces of a pair differ.
         """
         setup, labels = self.setup(changes), self.labels(letters)
+        if changes.get("vertices"):
+            joints = self._movable()
+            scene, _ = self._changed({key: value for key, value in changes.items() if key != "vertices"})
+            moved = joints.scene(scene, labels, joints.placed(changes["vertices"]))
+            return moved.model_dump(mode="json", exclude_defaults=True)
         document = setup.scene.model_dump(mode="json", exclude_defaults=True)
-        ids, faces = setup.assembly.elements.ids, setup.assembly.interfaces
+        ids, faces = setup.assembly.elements.ids, faces_of(setup.assembly).interfaces
         pairs: dict[tuple[str, str], set[bool]] = {}
-        for a, b, dry in zip(faces.a, faces.b, labels.tolist(), strict=True):
+        for a, b, dry in zip(faces.a, faces.b, labels[: len(faces)].tolist(), strict=True):
             pairs.setdefault((ids[a], ids[b]), set()).add(dry)
         mixed = [pair for pair, found in pairs.items() if len(found) > 1]
         if mixed:
@@ -169,3 +217,20 @@ class StudioSession:
         if not np.array_equal(written.labels, labels):
             raise InputError("labels", "this scene cannot hold these labels", "labels that no other key overrides")
         return document
+
+
+def _joints(scene: Scene, assembly: Assembly) -> JointVertices | None:
+    """Return the vertices of a scene that may move; None in space, or where none may."""
+    if assembly.dimension != 2:
+        return None
+    try:
+        return JointVertices(scene, assembly)
+    except InputError:
+        return None  # the page then has no such tool; jld check says why a key "move" does not fit
+
+
+def _bodies(assembly: Assembly) -> dict[str, Any]:
+    """Return "centroids" and "weights" of all elements, as `structure_of` has them."""
+    elements = assembly.elements
+    weight = np.linalg.norm(elements.weight, axis=1)
+    return {"centroids": rounded(elements.centroid), "weights": rounded(weight, DIGITS)}

@@ -172,7 +172,9 @@ def read(path: Path) -> tuple[Claim, list[Reason]]:
     except (OSError, ValueError) as error:
         raise InputError(str(path), getattr(error, "strerror", None) or "it cannot be read", _EXPECTED) from None
     try:
-        lines = [json.loads(line, object_pairs_hook=_object, parse_constant=_no_number) for line in text.splitlines()]
+        lines = [
+            json.loads(line, object_pairs_hook=json_object, parse_constant=no_number) for line in text.splitlines()
+        ]
         head, last = lines[0], lines[-1]
         version, digest = head.pop(_KEY), last.pop("sha256")
         if last or len(lines) < 2 or not isinstance(head["scene"], dict):
@@ -195,12 +197,12 @@ def _claim(head: dict[str, Any], path: str) -> Claim:
         if (name in head) != (name in Claim.__dataclass_fields__):
             how = "is unknown" if name in head else "is missing"
             raise InputError(path, f"the key {name!r} of its first line {how}", _EXPECTED)
-    numbers = {"bound": _finite(head["bound"])}
+    numbers = {"bound": finite(head["bound"])}
     if numbers["bound"] is None:
         raise InputError(path, f"its bound {_short(head['bound'])} is no finite number", "a load factor")
     labelling, found = head["labelling"], head["load_factor"]
     if found is not None:
-        numbers["load_factor"] = _finite(found)
+        numbers["load_factor"] = finite(found)
         if numbers["load_factor"] is None:
             raise InputError(path, f"its load_factor {_short(found)} is no finite number", "a load factor, or null")
         if numbers["load_factor"] > numbers["bound"]:
@@ -215,7 +217,7 @@ def _claim(head: dict[str, Any], path: str) -> Claim:
     return Claim(**{**head, **numbers})
 
 
-def _finite(value: object) -> float | None:
+def finite(value: object) -> float | None:
     """Return a JSON number as the double nearest to it; None for anything else and past the range of doubles."""
     if type(value) not in (int, float):
         return None
@@ -226,7 +228,7 @@ def _finite(value: object) -> float | None:
     return number if math.isfinite(number) else None
 
 
-def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def json_object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """Return a JSON object; raise ValueError for repeated keys, which are ambiguous."""
     found = dict(pairs)
     if len(found) < len(pairs):
@@ -234,7 +236,7 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return found
 
 
-def _no_number(name: str) -> float:
+def no_number(name: str) -> float:
     """Convert NaN and Infinity, which Python writes but JSON does not allow, to a float."""
     return float(name)
 
@@ -251,21 +253,21 @@ def _reasons(lines: list[dict[str, Any]]) -> Iterator[Reason]:
         if "moves" in line:
             if line.keys() != {"dry", "inner", "case", "digits", "moves"}:
                 raise ValueError
-            moves = {int(element): _numbers(velocity) for element, velocity in line["moves"].items()}
-            case, digits = _numbers([line["case"], line["digits"]])
+            moves = {int(element): numbers_of(velocity) for element, velocity in line["moves"].items()}
+            case, digits = numbers_of([line["case"], line["digits"]])
             if not 0 <= digits < MOST_DIGITS or [str(element) for element in moves] != list(line["moves"]):
                 raise ValueError
-            yield Mechanism(_numbers(line["dry"]), _numbers(line["inner"]), case, digits, moves)
+            yield Mechanism(numbers_of(line["dry"]), numbers_of(line["inner"]), case, digits, moves)
         elif "lemma" in line:
             if line.keys() != {"lemma", "by"}:
                 raise ValueError
-            yield Lemma(_numbers(line["lemma"]), _numbers(line["by"]))
+            yield Lemma(numbers_of(line["lemma"]), numbers_of(line["by"]))
         else:
             ((kind, numbers),) = line.items()
-            yield Rule(kind, _numbers(numbers))
+            yield Rule(kind, numbers_of(numbers))
 
 
-def _numbers(values: list[Any]) -> tuple[int, ...]:
+def numbers_of(values: list[Any]) -> tuple[int, ...]:
     """Return a list of integers as a tuple; raise ValueError for anything else."""
     if not isinstance(values, list) or any(type(value) is not int for value in values):
         raise ValueError

@@ -16,6 +16,7 @@ import { arrowPath, markNode, ramp, turnPath } from "./marks.js";
  * @property {Record<string, boolean>} show ids, values, thrust
  * @property {Set<number>} marked faces that differ from another layout, or are no segmentation
  * @property {number} [current] face under the keyboard
+ * @property {{vertex: number, place: Point}[]} [handles] vertices that can be dragged
  */
 
 /** Longest side of the paper, px, before the page scales it. */
@@ -63,9 +64,14 @@ export class PlanarFigure {
     return [(p[0] - this.low[0]) * this.k, (this.high[1] - p[1]) * this.k];
   }
 
-  /** Paper to scene, from a pointer. @param {PointerEvent | MouseEvent} event @returns {Point} */
-  under(event) {
-    const place = new DOMPoint(event.clientX, event.clientY).matrixTransform(this.root.getScreenCTM().inverse());
+  /**
+   * Paper to scene, from a pointer.
+   * @param {PointerEvent | MouseEvent} event
+   * @param {DOMMatrix} [screen] paper to screen when a drag began, since texts above may push the paper on meanwhile
+   * @returns {Point}
+   */
+  under(event, screen) {
+    const place = new DOMPoint(event.clientX, event.clientY).matrixTransform((screen ?? this.root.getScreenCTM()).inverse());
     return [place.x / this.k + this.low[0], this.high[1] - place.y / this.k];
   }
 
@@ -132,14 +138,20 @@ export class PlanarFigure {
     const over = svg("g", { class: "over" });
     if (forces) this.#forces(over, forces, labelling, show);
     if (view !== "mechanism") this.#loads(over, what.loads, show);
+    this.members = svg("g", { class: "over" });
+    this.#members(forces, show, null);
     this.movements = svg("g", { class: "over" });
     this.root.replaceChildren(
       svg("title", {}, title(this.data.title, view)),
       svg("defs", {}, svg("pattern", { id: this.hatch, width: 7, height: 7, patternUnits: "userSpaceOnUse", patternTransform: "rotate(45)" },
         svg("rect", { width: 7, height: 7, fill: look.support }), svg("line", { x1: 0, y1: 0, x2: 0, y2: 7, stroke: look.hatch, "stroke-width": 1.4 }))),
-      ...[...fills, rest, ...groups, over, this.movements].filter(Boolean),
+      ...[...fills, rest, ...groups, this.members, over, this.movements].filter(Boolean),
     );
     if (show.ids) this.#ids(over);
+    for (const { vertex, place } of what.handles ?? []) {
+      const [cx, cy] = this.at(place);
+      over.append(svg("circle", { cx, cy, r: clamp(0.09 * this.typical, 4, 9), class: "handle", "data-vertex": vertex }));
+    }
     this.#scaleBar();
     this.move(1);
   }
@@ -168,6 +180,31 @@ export class PlanarFigure {
       return [markNode(mark, (i[0] + j[0]) / 2, (i[1] + j[1]) / 2, clamp(0.09 * this.typical, 3.2, 7), { "data-face": k })];
     });
     this.movements.replaceChildren(...nodes);
+    this.#members(null, {}, maps);
+  }
+
+  /**
+   * Ties, tendons and pins, with their forces where these are known.
+   * @param {CaseSolution | null} solved @param {Record<string, boolean>} show @param {number[][] | null} maps of the elements
+   */
+  #members(solved, show, maps) {
+    const { look, structure } = this.data;
+    const values = solved?.members ?? null;
+    const largest = Math.max(1e-300, ...(values ?? []).map(Math.abs));
+    const nodes = structure.members.flatMap((member, k) => {
+      const places = member.points.map((point, i) => {
+        const [x, y] = this.at(point);
+        const m = maps?.[member.elements[i]];
+        return m ? [m[0] * x + m[2] * y + m[4], m[1] * x + m[3] * y + m[5]] : [x, y];
+      });
+      const width = clamp(0.05 * this.typical, 1.2, 3) * (values ? 1 + Math.abs(values[k]) / largest : 1);
+      const text = values ? `${member.name}: ${shown(values[k], 4)} ${structure.units.force}` : member.name;
+      const line = svg("polyline", { points: places.map((p) => p.map((v) => v.toFixed(2)).join(",")).join(" "), fill: "none", stroke: look.member, "stroke-width": width, class: "member" }, svg("title", {}, text));
+      const ends = places.map(([x, y]) => svg("circle", { cx: x, cy: y, r: 0.9 * width + 1.2, fill: look.member }));
+      const [[x, y], [u, v]] = [places[(places.length - 1) >> 1], places[places.length >> 1]];
+      return [line, ...ends, ...(values && show.values ? [label(0.5 * (x + u) + 5, 0.5 * (y + v) - 5, shown(values[k], 3))] : [])];
+    });
+    this.members.replaceChildren(...nodes);
   }
 
   /** @param {any} over @param {CaseSolution} solved @param {string} labelling @param {Record<string, boolean>} show */
@@ -299,10 +336,11 @@ export class PlanarFigure {
   /**
    * What lies under the pointer.
    * @param {PointerEvent | MouseEvent} event
-   * @returns {{face?: number, element?: number, load?: number} | null}
+   * @returns {{face?: number, element?: number, load?: number, vertex?: number} | null}
    */
   pick(event) {
-    const { face, element, load } = /** @type {SVGElement | null} */ (document.elementFromPoint(event.clientX, event.clientY))?.dataset ?? {};
+    const { face, element, load, vertex } = /** @type {SVGElement | null} */ (document.elementFromPoint(event.clientX, event.clientY))?.dataset ?? {};
+    if (vertex !== undefined) return { vertex: Number(vertex) };
     if (face !== undefined) return { face: Number(face) };
     if (load !== undefined) return { load: Number(load) };
     return element === undefined ? null : { element: Number(element) };
@@ -319,7 +357,7 @@ export class PlanarFigure {
     copy.setAttribute("xmlns", "http://www.w3.org/2000/svg");
     copy.setAttribute("width", this.wide.toFixed(0));
     copy.setAttribute("height", this.high_px.toFixed(0));
-    for (const hidden of copy.querySelectorAll(".touch")) hidden.remove();
+    for (const hidden of copy.querySelectorAll(".touch, .handle")) hidden.remove();
     for (const node of copy.querySelectorAll("text")) {
       node.setAttribute("font-family", "sans-serif");
       node.setAttribute("font-size", "12");

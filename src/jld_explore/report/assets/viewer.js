@@ -16,7 +16,7 @@ import { about, verdicts } from "./words.js";
  * @property {string} [lacking] what to say where there is no solution
  * @property {string} [line] what is known of λ without one
  */
-/** @typedef {{face?: number, element?: number, load?: number}} Thing */
+/** @typedef {{face?: number, element?: number, load?: number, vertex?: number}} Thing */
 
 const VIEWS = /** @type {const} */ (["labels", "forces", "mechanism"]);
 const PERIOD = 2400; // ms from rest to the drawn displacement and back
@@ -42,6 +42,10 @@ export class Viewer {
     /** @type {Set<number>} */
     this.slits = new Set();
     this.current = -1;
+    /** @type {{vertex: number, place: number[]}[]} vertices that can be dragged */
+    this.handles = [];
+    /** what the places of the structure follow from, where they change */
+    this.places = {};
     this.panes = el("div", { class: "panes" });
     this.tip = el("div", { class: "tip", hidden: true });
     this.bar = el("div", { class: "bar" });
@@ -147,10 +151,10 @@ export class Viewer {
       const solved = this.solved(layout);
       const name = this.data.cases[this.case];
       const loads = this.data.loads.filter((load) => load.case === name);
-      const drawing = { labelling: layout.labelling, view: this.view, solved, loads, show: this.show, marked: differs, current: this.current };
+      const drawing = { labelling: layout.labelling, view: this.view, solved, loads, show: this.show, marked: differs, current: this.current, handles: this.handles };
       pane.querySelector("h3").textContent = layout.name;
       pane.querySelector(".verdict").textContent = solved && layout.solution ? verdicts(layout.solution, solved) : layout.line ?? "";
-      const key = JSON.stringify({ ...drawing, solved: this.view === "labels" ? null : solved, marked: [...differs] });
+      const key = JSON.stringify({ ...drawing, solved: this.view === "labels" ? null : solved, marked: [...differs], places: this.places });
       if (figure && key !== this.drawn[k].key) figure.draw(drawing);
       this.drawn[k].key = key;
       const none = this.view !== "labels" && !solved ? layout.lacking ?? "" : this.view === "mechanism" && solved && !solved.mechanism ? "There is no mechanism." : this.view === "forces" && solved && !solved.forces ? "No admissible forces are known." : "";
@@ -162,6 +166,7 @@ export class Viewer {
       pane.querySelector(".legend-place").replaceChildren(legend(this.data.look, {
         view: this.view, labelling: layout.labelling, solved, blocks: count, largest, unit: this.data.structure.units.force,
         loads: new Set(this.view === "mechanism" ? [] : loads.map((load) => load.kind)), thrust: this.show.thrust && this.data.structure.dimension === 2, differs: this.layouts.length > 1 && differs.size > 0,
+        members: this.data.structure.members.length > 0,
       }));
       figure?.node.setAttribute("aria-label", `${layout.name}, ${this.view}. ${pane.querySelector(".verdict").textContent}. ${count} blocks, ${[...layout.labelling].filter((l) => l === "d").length} dry faces.`);
       if (this.view === "mechanism" && solved?.mechanism) scale = solved.scale;
@@ -198,8 +203,8 @@ export class Viewer {
     const layout = this.layouts[this.drawn.indexOf(made)];
     if (!layout || event.buttons) return;
     const what = made.figure.pick(event);
-    this.tip.hidden = !what;
-    if (!what) return;
+    this.tip.hidden = !what || what.vertex !== undefined;
+    if (!what || what.vertex !== undefined) return;
     const lines = about(this.data, what, layout.labelling, this.view === "labels" ? null : this.solved(layout), blocksOf(this.data.structure, layout.labelling));
     this.tip.replaceChildren(...lines.map((line) => el("div", {}, line)));
     const box = this.stage.getBoundingClientRect();

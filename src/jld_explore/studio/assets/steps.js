@@ -1,7 +1,7 @@
 // @ts-check
 /** What was done, so that it can be taken back and done again. */
 
-/** @typedef {{labelling: string, materials: any, loads: any}} State */
+/** @typedef {{labelling: string, materials: any, loads: any, vertices: Record<string, number[]>}} State */
 
 const MOST = 300;
 

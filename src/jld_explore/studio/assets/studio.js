@@ -6,6 +6,7 @@ import { loadList, materialSliders } from "./controls.js";
 import { checked } from "./data.js";
 import { byId, el, save, say, shown, shownBracket } from "./dom.js";
 import { liveOf, nextFace, painted, toggled } from "./editing.js";
+import { dragged, handlesOf, placed, verticesOf } from "./joints.js";
 import { Live, ask } from "./live.js";
 import { Searches } from "./searches.js";
 import { Steps } from "./steps.js";
@@ -14,6 +15,7 @@ import { Viewer } from "./viewer.js";
 const TOOLS = [
   ["toggle", "toggle faces", "Click a face to make it dry or inner; drag over faces to do so with many. With the keyboard: arrow keys go from face to face, Enter toggles."],
   ["paint", "paint a block", "Drag over elements: they become one block of their own."],
+  ["joint", "move joints", "Drag a vertex of a joint: λ follows. Crack planes that end in it move with it, and λ by faces may then be false: the line of blocks that crack anywhere counts."],
   ["load", "loads", "Drag the tip of a load to move it; click an element to put a load there."],
 ];
 
@@ -22,6 +24,9 @@ class Studio {
   constructor(data) {
     this.data = data;
     const given = /** @type {any} */ (data.studio);
+    this.first = data.structure;
+    /** @type {import("./joints.js").Joints | null} null where no vertex may move */
+    this.joints = given.joints;
     const own = Object.values(data.solutions)[0];
     const first = own?.labelling ?? "";
     this.original = structuredClone(given.changes);
@@ -62,10 +67,10 @@ class Studio {
     this.refresh();
   }
 
-  /** Materials and loads where they differ from the scene's. */
+  /** Materials, loads and vertices where they differ from the scene's. */
   changes() {
-    const { materials, loads } = this.steps.now;
-    return Object.fromEntries(Object.entries({ materials, loads }).filter(([key, value]) => JSON.stringify(value) !== JSON.stringify(this.original[key])));
+    const { materials, loads, vertices } = this.steps.now;
+    return Object.fromEntries(Object.entries({ materials, loads, vertices }).filter(([key, value]) => JSON.stringify(value) !== JSON.stringify(this.original[key])));
   }
 
   /** Show the state at once, without any answer to an earlier one, and ask for its own. */
@@ -82,6 +87,9 @@ class Studio {
     this.complain("");
     this.solution = answer.solution;
     this.data.loads = answer.loads;
+    answer.bodies?.weights.forEach((/** @type {number} */ weight, /** @type {number} */ k) => {
+      this.data.structure.elements[k] = { ...this.data.structure.elements[k], weight, centroid: answer.bodies.centroids[k] };
+    });
     const found = answer.solution;
     const governing = found.cases[found.governing];
     const sign = found.cases.length > 1 ? "λ / required" : "λ";
@@ -126,8 +134,8 @@ class Studio {
 
   /** @param {string} message */
   failed(message) {
-    byId("answer").replaceChildren(el("span", { class: "value" }, "–"));
-    this.complain(message);
+    byId("answer").replaceChildren(el("span", { class: "value" }, "–"), ...(this.act ? [el("span", { class: "note" }, message)] : []));
+    if (!this.act) this.complain(message);
   }
 
   /** @param {string} message */
@@ -138,7 +146,12 @@ class Studio {
   }
 
   draw() {
-    const { labelling } = this.steps.now;
+    const { labelling, vertices } = this.steps.now;
+    if (this.joints && this.viewer.places !== vertices) {
+      this.viewer.places = vertices;
+      this.data.structure = placed(this.first, this.joints, vertices);
+    }
+    this.viewer.handles = this.joints && this.tool === "joint" && this.viewer.view !== "mechanism" ? handlesOf(this.joints, vertices, labelling) : [];
     this.viewer.slits = new Set(slitsOf(this.data.structure, labelling));
     const own = { name: "now", labelling, solution: this.solution, lacking: "being solved …", line: "" };
     this.viewer.set(this.other ? [own, this.other] : [own]);
@@ -197,9 +210,12 @@ class Studio {
       this.tool = name;
       for (const button of byId("tools").querySelectorAll("[data-tool]")) button.setAttribute("aria-pressed", String(button.dataset.tool === name));
       byId("hint").textContent = TOOLS.find(([own]) => own === name)?.[2] ?? "";
+      if (this.live.revision) this.draw();
     };
+    const tools = TOOLS.filter(([name]) => name !== "joint" || this.joints);
     byId("tools").replaceChildren(
-      ...TOOLS.map(([name, title]) => el("button", { type: "button", "data-tool": name, onclick: () => choose(name) }, title)),
+      ...tools.map(([name, title]) => el("button", { type: "button", "data-tool": name, onclick: () => choose(name) }, title)),
+      ...(this.joints ? [el("button", { type: "button", id: "improve-joints", title: "some steps of jld move from what is drawn", onclick: () => this.improve() }, "improve joints")] : []),
       el("button", { type: "button", id: "undo", onclick: () => this.undo() }, "undo"),
       el("button", { type: "button", id: "redo", onclick: () => this.redo() }, "redo"),
     );
@@ -228,14 +244,40 @@ class Studio {
       liveOf(loads, this.caseName())[act.load].at = figure.under(event).map((/** @type {number} */ v) => Number(v.toPrecision(6)));
       this.steps.preview({ loads });
       this.refresh();
+    } else if (act.kind === "joint") {
+      this.steps.preview({ vertices: dragged(act.joints, act.from, act.vertex, figure.under(event, act.screen)) });
+      this.refresh();
     }
     return true;
+  }
+
+  /** Let the core move the joints by some steps from what is drawn; one step to take back. */
+  async improve() {
+    const button = byId("improve-joints");
+    const state = { labelling: this.steps.now.labelling, changes: this.changes() };
+    const revision = this.live.revision;
+    button.disabled = true;
+    try {
+      this.complain("");
+      const found = await ask("improve", state);
+      // what was drawn meanwhile stays
+      if (revision !== this.live.revision) say("The joints were not moved: the layout changed meanwhile.");
+      else {
+        this.change({ vertices: found.vertices });
+        const from = found.start === null ? "a layout that does not stand" : `λ = ${shown(found.start, 6)}`;
+        say(`${found.steps} steps from ${from}, ended: ${found.end}.`);
+      }
+    } catch (error) {
+      this.complain(error instanceof Error ? error.message : String(error));
+    }
+    button.disabled = false;
   }
 
   /** A stroke is one step. */
   end() {
     if (!this.act) return false;
     this.act = null;
+    byId("answer").style.minHeight = "";
     this.steps.commit();
     this.draw();
     this.lists();
@@ -254,6 +296,10 @@ class Studio {
       this.act = { kind: "paint", from: labelling, block: new Set([what.element]) };
       this.steps.preview({ labelling: painted(this.data.structure, labelling, this.act.block) });
       this.refresh();
+    } else if (this.tool === "joint" && what.vertex !== undefined) {
+      this.act = { kind: "joint", joints: this.joints, from: this.steps.now.vertices, vertex: what.vertex, screen: figure.root.getScreenCTM() };
+      // the drawing stays where it is while the answer above it changes
+      byId("answer").style.minHeight = `${byId("answer").offsetHeight}px`;
     } else if (this.tool === "load") {
       return this.beginLoad(what, event, figure);
     } else return false;
@@ -315,7 +361,9 @@ class Studio {
   /** @param {any} candidate null to stop comparing */
   async compare(candidate) {
     this.other = undefined;
-    if (candidate) {
+    if (candidate && JSON.stringify(candidate.changes.vertices ?? {}) !== JSON.stringify(this.steps.now.vertices)) {
+      this.complain(`${candidate.name} has its joints elsewhere: show it instead`);
+    } else if (candidate) {
       try {
         const answer = await ask("solve", { page: `${this.live.page}-beside`, revision: 0, labelling: candidate.labelling, changes: candidate.changes });
         this.other = { name: candidate.name, labelling: candidate.labelling, solution: answer.solution };
@@ -334,10 +382,14 @@ class Studio {
     const bits = bytesOf(data.table.labellings);
     const value = data.table.columns.find((column) => column.name === "load_factor")?.values ?? [];
     const faces = this.data.structure.faces.length;
+    const vertices = this.joints ? verticesOf(this.first, this.joints, data.scene) : {};
     const best = Array.from({ length: Math.min(10, data.table.rows) }, (_, row) => ({
       name: `${name}, rank ${row + 1}`, labelling: lettersOf(bits, row, faces), text: `λ = ${shown(value[row], 6)}`,
       // a search ran with the materials and loads of its own scene
-      changes: Object.fromEntries(["materials", "loads"].filter((key) => key in data.scene && JSON.stringify(data.scene[key]) !== JSON.stringify(this.original[key])).map((key) => [key, data.scene[key]])),
+      changes: {
+        ...Object.fromEntries(["materials", "loads"].filter((key) => key in data.scene && JSON.stringify(data.scene[key]) !== JSON.stringify(this.original[key])).map((key) => [key, data.scene[key]])),
+        ...(Object.keys(vertices).length ? { vertices } : {}),
+      },
     }));
     this.candidates.add(best);
   }

@@ -1,0 +1,209 @@
+"""Read and write certificates of proofs over boxes of positions: JSON lines with the claim, a tree and a digest.
+
+The tree is written node by node, a split before both of its halves, the lower one first.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from jld_core.errors import InputError
+from jld_core.files import whole_file
+from jld_explore.verification.certificate import MOST_DIGITS, finite, json_object, no_number, numbers_of
+
+VERSION: Final = 1
+"""Version of the file format."""
+
+KEY: Final = "jld box certificate"
+"""Key of the version in the first line."""
+
+_EXPECTED: Final = "a certificate as jld move --prove --certificate writes it"
+"""Remedy in error messages about a damaged certificate."""
+
+Pair = tuple[float, float]
+"""Two numbers: a point, a displacement, or the ends of an interval."""
+
+
+@dataclass(frozen=True)
+class BoxClaim:
+    """Statement of a certificate: no position in the box carries more than `bound`.
+
+    Attributes
+    ----------
+    scene : dict
+        Scene with stated interfaces as JSON, not validated; positions are measured from it.
+    bound : float
+        Upper bound on λ, scene units; with load cases on the governing factor.
+    box : tuple of (float, float)
+        Least and greatest value of each parameter, lengths.
+    directions : tuple of tuples of ((x, y), (dx, dy))
+        For each parameter the points that it moves, and their displacement for a parameter of one.
+    parameters : tuple of float or None
+        Best position found.
+    load_factor : float or None
+        λ that it carries; None if no position was found to stand.
+    made_by : str
+        Name of the program that wrote the certificate.
+    """
+
+    scene: dict[str, Any]
+    bound: float
+    box: tuple[Pair, ...]
+    directions: tuple[tuple[tuple[Pair, Pair], ...], ...]
+    parameters: tuple[float, ...] | None = None
+    load_factor: float | None = None
+    made_by: str = ""
+
+
+@dataclass(frozen=True)
+class Split:
+    """Node of the tree: the box is split into two along one parameter.
+
+    Attributes
+    ----------
+    axis : int
+        Number of the parameter.
+    at : float
+        Where both halves meet, length.
+    """
+
+    axis: int
+    at: float
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """Node of the tree: a mechanism by which no position in the box carries more than the bound.
+
+    Attributes
+    ----------
+    case : int
+        Position of the load case.
+    digits : int
+        Binary digits of the velocities after the point.
+    moves : dict of int to (int, int, int)
+        Velocities (ux, uy, ω) of elements as integers over 2**digits: a point (x, y) of the plane has the velocity
+        (ux − ω y, uy + ω x).
+    """
+
+    case: int
+    digits: int
+    moves: dict[int, tuple[int, ...]]
+
+
+Node = Split | Leaf
+
+
+def is_box_certificate(path: Path) -> bool:
+    """Return True if the first line of a file names it a certificate of a box; False if it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return file.read(len(KEY) + 16).lstrip().startswith(f'{{"{KEY}"'.encode())
+    except (OSError, ValueError):
+        return False
+
+
+def write(path: Path, claim: BoxClaim, nodes: Iterable[Node]) -> None:
+    """Write a certificate atomically.
+
+    path: file; its folder is created if missing. nodes: the tree, a split before both of its halves.
+    """
+    head = {KEY: VERSION, **{name: value for name, value in vars(claim).items() if name != "scene"}}
+    lines = [{**head, "scene": claim.scene}, *(_line(node) for node in nodes)]
+    text = "".join(json.dumps(line, separators=(",", ":"), allow_nan=False) + "\n" for line in lines).encode()
+    digest = json.dumps({"sha256": hashlib.sha256(text).hexdigest()}) + "\n"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with whole_file(path) as fresh:
+        fresh.write_bytes(text + digest.encode())
+
+
+def _line(node: Node) -> dict[str, Any]:
+    """Return a node as a JSON object."""
+    if isinstance(node, Split):
+        return {"split": node.axis, "at": node.at}
+    moves = {str(element): velocity for element, velocity in node.moves.items()}
+    return {"case": node.case, "digits": node.digits, "moves": moves}
+
+
+def read(path: Path) -> tuple[BoxClaim, list[Node]]:
+    """Read a certificate without checking its tree.
+
+    Returns the claim, whose scene is not validated, and the nodes in the order of their lines. Raises InputError if the
+    file cannot be read, is no such certificate, or is not whole.
+    """
+    try:
+        text = path.read_bytes()
+    except (OSError, ValueError) as error:
+        raise InputError(str(path), getattr(error, "strerror", None) or "it cannot be read", _EXPECTED) from None
+    try:
+        lines = [
+            json.loads(line, object_pairs_hook=json_object, parse_constant=no_number) for line in text.splitlines()
+        ]
+        head, last = lines[0], lines[-1]
+        version, digest = head.pop(KEY), last.pop("sha256")
+        if last or len(lines) < 2 or type(version) is not int:
+            raise ValueError
+        known = version == VERSION and head.keys() == BoxClaim.__dataclass_fields__.keys()
+        claim, nodes = (_claim(head), [_node(line) for line in lines[1:-1]]) if known else (None, [])
+    except (ValueError, KeyError, IndexError, TypeError, AttributeError, RecursionError):
+        raise InputError(str(path), "it is no certificate of a box, or not whole", _EXPECTED) from None
+    if version != VERSION:
+        raise InputError(str(path), f"it is of version {version}", f"version {VERSION}")
+    if claim is None:
+        raise InputError(str(path), "the keys of its first line are not those of a certificate", _EXPECTED)
+    body = text[: text.rstrip(b"\n").rfind(b"\n") + 1]
+    if hashlib.sha256(body).hexdigest() != digest:
+        raise InputError(str(path), "its digest is not that of its lines", "a certificate as it was written")
+    return claim, nodes
+
+
+def _claim(head: dict[str, Any]) -> BoxClaim:
+    """Return the claim of a first line without its version; raise ValueError if it is invalid."""
+    if not isinstance(head["scene"], dict) or not isinstance(head["made_by"], str):
+        raise ValueError
+    box = tuple(_pair(ends) for ends in head["box"])
+    directions = tuple(tuple((_pair(point), _pair(way)) for point, way in motion) for motion in head["directions"])
+    found = head["load_factor"]
+    best = None if head["parameters"] is None else tuple(_number(value) for value in head["parameters"])
+    if not box or len(directions) != len(box) or any(low >= high for low, high in box):
+        raise ValueError
+    if (found is None) != (best is None) or (best is not None and len(best) != len(box)):
+        raise ValueError
+    load_factor = None if found is None else _number(found)
+    return BoxClaim(head["scene"], _number(head["bound"]), box, directions, best, load_factor, head["made_by"])
+
+
+def _node(line: dict[str, Any]) -> Node:
+    """Return the node of a line; raise ValueError for an invalid line."""
+    if line.keys() == {"split", "at"}:
+        (axis,) = numbers_of([line["split"]])
+        return Split(axis, _number(line["at"]))
+    if line.keys() != {"case", "digits", "moves"}:
+        raise ValueError
+    case, digits = numbers_of([line["case"], line["digits"]])
+    moves = {int(element): numbers_of(velocity) for element, velocity in line["moves"].items()}
+    if not 0 <= digits < MOST_DIGITS or [str(element) for element in moves] != list(line["moves"]):
+        raise ValueError
+    if any(len(velocity) != 3 for velocity in moves.values()):
+        raise ValueError
+    return Leaf(case, digits, moves)
+
+
+def _number(value: object) -> float:
+    """Return a finite JSON number; raise ValueError for anything else."""
+    found = finite(value)
+    if found is None:
+        raise ValueError
+    return found
+
+
+def _pair(values: object) -> Pair:
+    """Return a list of two finite numbers; raise ValueError for anything else."""
+    if not isinstance(values, list) or len(values) != 2:
+        raise ValueError
+    return _number(values[0]), _number(values[1])
