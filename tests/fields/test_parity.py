@@ -155,9 +155,9 @@ def test_both_programs_by_a_modelling_language(seed: int) -> None:
 
 
 def test_a_share_of_the_claims() -> None:
-    """A share of `python -m benchmarks.claims fields`: four of its cases, however busy the machine is."""
-    found = fields.run(0, 4, 600.0)
-    assert found.cases == 4
+    """A share of `python -m benchmarks.claims fields`: two of its cases, however busy the machine is."""
+    found = fields.run(0, 2, 600.0)
+    assert found.cases == 2
     assert not found.disagreements
 
 
