@@ -33,6 +33,7 @@ def scene(elements: list[dict[str, Any]], live: list[Any], label: str, **materia
     return build_assembly(parse_scene(document))
 
 
+@pytest.mark.long  # test_space_limit_loads.py bends a cantilever as well
 def test_cantilever_within_fifteen_percent() -> None:
     """λ lies between M/l and M/(l − h/2) with M = σt b h²/4, as in benchmarks/space_fields.py."""
     length, width, depth = 2.0, 0.25, 0.5
