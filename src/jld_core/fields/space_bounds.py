@@ -73,10 +73,10 @@ class SpatialVelocities:
     mesh : SolidMesh
         Tetrahedra, scene units.
     velocity : (t, 4, 3) float array
-        Velocities at the four corners of each tetrahedron, scaled (see `Units`) so that the scaled live load does unit
-        work.
+        Velocities u at the four corners of each tetrahedron, scene units: b_λ·u = 1 for the live load b_λ of λ = 1.
     dissipation : (t,) float array
-        Power in each tetrahedron with half of its triangles, scaled.
+        Power in each tetrahedron with half of its triangles, a work as b_λ·u. Their sum less the work of the dead load
+        is λ.
     """
 
     mesh: SolidMesh
@@ -246,7 +246,8 @@ def _improved(best: SpatialBounds, fields: SpatialFields, seconds: float, gap: f
         held = SpatialStresses(fields.split, units.stress * tensors(fields.stress.stress))
         best = replace(best, lower=lower, stresses=held)
     if fields.velocity is not None and upper < best.upper:
-        moved = SpatialVelocities(fields.mesh, fields.velocity.velocity, fields.velocity.dissipation)
+        velocity, power = units.velocity * fields.velocity.velocity, units.load * fields.velocity.dissipation
+        moved = SpatialVelocities(fields.mesh, velocity, power)
         best = replace(best, upper=upper, velocities=moved)
     steps = (*best.history, SpatialStep(len(fields.mesh), lower, upper, seconds))
     best = replace(best, tetrahedra=len(fields.mesh), seconds=seconds, history=steps)
