@@ -24,6 +24,9 @@ _MOST_TETRAHEDRA = 12_000
 _POWER = 1.7
 """Power of the number of tetrahedra that the time of both programs grows with, for the forecast of the next mesh."""
 
+_LEAST_GROWTH = 1.05
+"""Growth of a mesh below which it is not worth its time."""
+
 _PATIENCE = 8
 """Meshes after which bounds of which one is missing are given up."""
 
@@ -173,8 +176,8 @@ def spatial_bounds(
     if layered is not None and run.allows(layered[1]):
         fields, setting = _narrower((fields, setting), (run.solve(*layered), layered[0]))
     while not run.ended:
-        mesh = fields.finer(adaptive)
-        if len(mesh) == len(fields.mesh) or not run.allows(mesh):
+        mesh = fields.finer(adaptive, run.most)
+        if len(mesh) < _LEAST_GROWTH * len(fields.mesh) or not run.allows(mesh):
             break
         fields = run.solve(setting, mesh)
     return run.best
@@ -195,13 +198,18 @@ class _Refinement:
         lone = status is not FieldStatus.OPEN and len(self.best.history) >= _PATIENCE
         return status in (FieldStatus.CLOSED, FieldStatus.UNSTABLE) or lone
 
+    @property
+    def most(self) -> int:
+        """Tetrahedra up to which a mesh is small enough, and expected to be done in time."""
+        if self._seconds is None:
+            return self._most
+        count, took = self._last
+        left = max(self._seconds - (time.perf_counter() - self._start), 0.0)
+        return min(self._most, int(count * (left / took) ** (1.0 / _POWER)))
+
     def allows(self, mesh: SolidMesh) -> bool:
         """Return True if a mesh is small enough, and expected to be done in time."""
-        count, took = self._last
-        late = self._seconds is not None and (
-            time.perf_counter() - self._start + (len(mesh) / count) ** _POWER * took > self._seconds
-        )
-        return not late and len(mesh) <= self._most
+        return len(mesh) <= self.most
 
     def solve(self, setting: SpatialSetting, mesh: SolidMesh) -> SpatialFields:
         """Return both fields on a mesh, whose bounds are counted."""
