@@ -72,7 +72,10 @@ def field_evaluation(
 
 
 _TOGETHER: Final = 16
-"""Labellings that are bounded together: two vectors of the widest processors. Time limits are kept between them."""
+"""Most labellings that are bounded together: two vectors of the widest processors."""
+
+_SECONDS: Final = 0.25
+"""Time that labellings take together above which fewer are, as time limits are kept between them; s."""
 
 
 class FieldEvaluator(LabellingEvaluator):
@@ -88,7 +91,7 @@ class FieldEvaluator(LabellingEvaluator):
 
     def __init__(self, assembly: Assembly, settings: EvaluatorSettings | None = None) -> None:
         self._coarse = [CoarseBounds(FieldSetting.of(case)) for case in assembly.by_case]
-        self._required = assembly.required
+        self._required, self._count = assembly.required, 1
         self._nominal: list[CoarseBounds] | None = None
         if assembly.nominal is not None:
             self._nominal = [CoarseBounds(FieldSetting.of(case)) for case in assembly.at_nominal.by_case]
@@ -104,10 +107,12 @@ class FieldEvaluator(LabellingEvaluator):
         Pruning thresholds are ignored: bounds by fields have no cheap part.
         """
         found: list[Evaluation] = []
-        for first in range(0, len(labellings), _TOGETHER):
-            if deadline is not None and deadline.passed():
-                break
-            found += self._together(labellings[first : first + _TOGETHER])
+        while len(found) < len(labellings) and not (deadline is not None and deadline.passed()):
+            start = time.perf_counter()
+            found += self._together(labellings[len(found) : len(found) + self._count])
+            # how many are taken together does not change their bounds
+            late = time.perf_counter() - start > _SECONDS
+            self._count = max(1, self._count // 2) if late else min(_TOGETHER, 2 * self._count)
         return found
 
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
