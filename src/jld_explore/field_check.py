@@ -164,7 +164,7 @@ def add_check(done: Exploration, space: SearchSpace, plan: CheckPlan, deadline: 
 @one_thread()
 def _bounds(assembly: Assembly, labellings: list[Bits], deadline: Deadline) -> list[tuple[float, float]]:
     """Bound the governing factor of labellings on the coarsest mesh, one after the other until time is up."""
-    coarse = [CoarseBounds(FieldSetting.of(case)) for case in assembly.by_case]
+    coarse = [CoarseBounds(FieldSetting.of(case), many=False) for case in assembly.by_case]
     required = assembly.required
     found: list[tuple[float, float]] = []
     for labels in labellings:
