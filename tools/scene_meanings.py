@@ -25,8 +25,9 @@ _ANGLE: Final = Meaning("degrees", "Angle of friction of the dry face; instead o
 _TENSILE: Final = Meaning("stress", "σt of the inner face.")
 _SHEAR: Final = Meaning("stress", "τ of the inner face.")
 _CRUSHING: Final = Meaning("stress", "σc of the face; without it nothing is crushed.")
-_COHESION: Final = Meaning(
-    "stress", "Shear strength of a dry face where nothing presses it: c + μ N/A; none in tension."
+_COHESION: Final = Meaning("stress", "Shear strength of a dry face where nothing presses it: c + μ N/A.")
+_BOND: Final = Meaning(
+    "stress", "σt of dry faces, their bond; at most c/μ, and at most σt of the face as an inner one."
 )
 
 MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
@@ -118,6 +119,7 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "friction_coefficient": _FRICTION,
         "compressive_strength": _CRUSHING,
         "cohesion": _COHESION,
+        "tensile_strength": _BOND,
     },
     materials.InnerFace: {
         "tensile_strength": _TENSILE,
@@ -131,6 +133,7 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "friction_coefficient": Meaning("", "μ, the tangent of the angle of friction."),
         "compressive_strength": _CRUSHING,
         "cohesion": _COHESION,
+        "tensile_strength": _BOND,
     },
     materials.Inner: {
         "tensile_strength": Meaning("stress", "σt, the elastic edge stress at which a crack opens."),

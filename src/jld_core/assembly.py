@@ -355,8 +355,10 @@ class Assembly(NotebookRepr):
 
     @cached_property
     def total_dead(self) -> float:
-        """Sum of the magnitudes of the dead forces on free elements."""
-        return float(np.linalg.norm(self.dead[self.elements.free, : self.dimension], axis=1).sum())
+        """Sum of the magnitudes of the dead forces on free elements, without prestress and bond."""
+        stress = self.members.self_stress
+        dead = self.dead if stress is None else self.dead - stress
+        return float(np.linalg.norm(dead[self.elements.free, : self.dimension], axis=1).sum())
 
     @cached_property
     def total_live(self) -> float:

@@ -37,6 +37,11 @@ class Members:
         Unit vector of each member from its first point to the next.
     tension, compression, shear, prestress : (k,) arrays
         Capacities, and the tension that always acts.
+    bond : (f,) array or None
+        Tensile strength times area of the faces as dry joints; None where no joint has any. N of the program is the
+        normal force plus this.
+    self_stress : (n, q) array or None
+        Part of the dead loads that is prestress and bond; None where there is none.
     """
 
     names: tuple[str, ...] = ()
@@ -49,6 +54,8 @@ class Members:
     compression: Floats = field(default_factory=lambda: np.zeros(0))
     shear: Floats = field(default_factory=lambda: np.zeros(0))
     prestress: Floats = field(default_factory=lambda: np.zeros(0))
+    bond: Floats | None = None
+    self_stress: Floats | None = None
 
     def __len__(self) -> int:
         return len(self.names)
@@ -134,7 +141,7 @@ class Members:
         )
 
     def refuse(self, what: str) -> None:
-        """Raise InputError if there are members, for computations that do not model them.
+        """Raise InputError if there are members or bond, for computations that do not model them.
 
         Parameters
         ----------
@@ -144,7 +151,10 @@ class Members:
         Raises
         ------
         InputError
-            There is at least one member.
+            There is at least one member, or a joint with tensile strength.
         """
-        if self:
+        if self.names:
             raise InputError("members", f"{what} does not model them ({self.names[0]!r})", "a scene without members")
+        if self.bond is not None:
+            where = "materials.dry.tensile_strength"
+            raise InputError(where, f"{what} does not model it", "joints without tensile strength")

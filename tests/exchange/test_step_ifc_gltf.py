@@ -337,3 +337,18 @@ def test_a_scene_without_a_known_unit(tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match="lengths of the scene are in 'ell'"):
         export(made, "step", tmp_path / "a.step", unit="mm")
     assert step_volumes(export(made, "step", tmp_path / "a.step").read_text()) == pytest.approx(volumes(made))
+
+
+@pytest.mark.parametrize("kind", ["gltf", "step"])
+def test_blocks_of_a_scene_with_members_are_written_without_them(tmp_path: Path, kind: str) -> None:
+    """Orders of laying refuse members; the files leave the order out instead."""
+    document = grid_document(["ab", "ab", "##"])
+    ends = [{"element": name, "at": [x, 0.5]} for name, x in (("c0r1", 0.5), ("c1r1", 1.5))]
+    cell = document["grid"]["cell"]
+    for end in ends:
+        end["at"] = [end["at"][0] * cell[0], 1.5 * cell[1]]
+    document["members"] = [{"kind": "tie", "from": ends[0], "to": ends[1], "tension": 1.0}]
+    scene = parse_scene(document)
+    bare = parse_scene({key: value for key, value in document.items() if key != "members"})
+    sizes = [export(layout(one), kind, tmp_path / f"{k}.out").stat().st_size for k, one in enumerate((bare, scene))]
+    assert sizes[1] > 0.5 * sizes[0]

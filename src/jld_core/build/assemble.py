@@ -10,6 +10,7 @@ import numpy as np
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import DRY, INNER, Assembly, Elements, Interfaces, LoadCase, Points
 from jld_core.build import loads, materials
+from jld_core.build.bond import with_bond
 from jld_core.build.elements import Geometry, faces_of_pairs, weighed
 from jld_core.build.loads import PlacedLoad
 from jld_core.build.members import with_members
@@ -103,6 +104,7 @@ def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
     geometry = build_geometry(scene) if geometry is None else geometry
     interfaces, given = geometry.interfaces, geometry.given
     elements = weighed(geometry.elements, geometry.entries, scene)
+    of_faces = _face_materials(scene, elements, interfaces)
     cases = _cases(scene, Boundary(elements, interfaces, scene.plane_thickness), geometry.entries)
     assembly = Assembly(
         name=scene.name,
@@ -110,7 +112,7 @@ def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
         units=(scene.units.length, scene.units.force),
         elements=elements,
         interfaces=interfaces,
-        strengths=materials.strengths(scene.materials, given, _face_materials(scene, elements, interfaces)),
+        strengths=materials.strengths(scene.materials, given, of_faces),
         dead=cases[0].dead,
         live=cases[0].live,
         labels=_own_labels(scene, elements, interfaces, given),
@@ -122,6 +124,7 @@ def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
         touching=geometry.touching,
     )
     assembly = replace(assembly, warnings=(*geometry.warnings, *implausible(scene, assembly)))
+    assembly = with_bond(assembly, scene.materials, of_faces)
     return with_members(assembly, scene.members)
 
 

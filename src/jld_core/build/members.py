@@ -47,7 +47,9 @@ def with_members(assembly: Assembly, entries: Sequence[Member]) -> Assembly:
     place = np.full(len(members), -1, dtype=np.int64)
     place[varying] = len(assembly.interfaces) + np.arange(len(varying))
     members = replace(members, face=place)
-    prestress = _prestress(assembly, members)
+    prestress, own = _prestress(assembly, members), assembly.members
+    stress = prestress if own.self_stress is None else own.self_stress + prestress
+    members = replace(members, bond=own.bond, self_stress=stress if stress.any() else None)
     strengths = _strengths(members, varying)
     return replace(
         assembly,

@@ -80,8 +80,11 @@ def block_facts(layout: Layout) -> list[BlockFacts]:
 
 
 def _order(layout: Layout) -> dict[int, int]:
-    """Return the step in which each block is laid, from 1; empty where no order of single blocks is found."""
-    if sum(1 for block in layout.blocks if block.cells) > _MOST[layout.assembly.dimension]:
+    """Return the step in which each block is laid, from 1; empty where no order of single blocks is found.
+
+    Orders of laying do not model members, so that layouts with members have none.
+    """
+    if layout.assembly.members or sum(1 for block in layout.blocks if block.cells) > _MOST[layout.assembly.dimension]:
         return {}
     sideways = layout.scene.search.assemble_out_of_plane
     # groups of blocks that move together take minutes to find in space: jld assembly looks for them

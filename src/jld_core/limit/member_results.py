@@ -15,9 +15,12 @@ def without_idle(assembly: Assembly, forces: Floats) -> Floats:
     """Return resultants (m, q) with zeros where the interface of a member carries nothing.
 
     A bar has no bending, no torsion and no shear, and a pin has axial force only where it states a capacity. The
-    program leaves these numbers free, because nothing depends on them. forces: (m, q).
+    program leaves these numbers free, because nothing depends on them. N of faces is that without bond. forces: (m, q).
     """
     members, found = assembly.members, forces
+    if members.bond is not None:
+        found = forces.copy()
+        found[: assembly.faces, 0] -= members.bond
     for k in np.flatnonzero(members.face >= 0).tolist():
         found = forces.copy() if found is forces else found
         row = found[members.face[k]]

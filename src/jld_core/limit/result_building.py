@@ -70,13 +70,19 @@ def result_of(
         facts=proof.extra,
         notes=tuple(proof.notes),
         instability_mechanism=_instability_mechanism(template, proof),
-        unbounded_forces=None if ray is None else _scene(template, ray.forces),
+        unbounded_forces=None if ray is None else _scene(template, ray.forces, ray=True),
     )
 
 
-def _scene(template: Template, forces: Floats) -> Floats:
-    """Convert scaled resultants (m, q) to scene units, without numbers of members that carry nothing."""
-    return without_idle(template.assembly, forces * template.scaling.face)
+def _scene(template: Template, forces: Floats, *, ray: bool = False) -> Floats:
+    """Convert scaled resultants (m, q) to scene units, without numbers of members that carry nothing.
+
+    ray: True for forces that grow with λ, to which bond adds nothing.
+    """
+    assembly = template.assembly
+    if ray and assembly.members.bond is not None:
+        assembly = replace(assembly, members=replace(assembly.members, bond=None))
+    return without_idle(assembly, forces * template.scaling.face)
 
 
 def _instability_mechanism(template: Template, proof: Proof) -> Floats | None:

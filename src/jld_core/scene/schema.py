@@ -278,4 +278,8 @@ class Scene(Part):
         content = self.model_dump(mode="json", exclude={"name", "source", "notes", "expected", "move"})
         if not self.members:  # scenes without members keep the digest that they had before there were any
             del content["members"]
+        dry = [content["materials"]["dry"], *(one["dry"] for one in content["materials"]["faces"])]
+        for one in dry:  # the same for joints without bond
+            if one is not None and not one["tensile_strength"]:
+                del one["tensile_strength"]
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
