@@ -8,6 +8,7 @@ and drawings with one habit of draughtsmen each.
 
 from __future__ import annotations
 
+import json
 import tempfile
 import time
 from collections.abc import Callable
@@ -21,6 +22,7 @@ import numpy as np
 from benchmarks.common import about, table, write
 from jld_core import Scene, build_assembly, parse_scene, samples, solve
 from jld_core.exchange import FORMATS, ImportOptions, Layout, export, import_file
+from jld_explore.studio.evaluation import evaluate
 
 ELL: Final = ((1, 2), (0, 2), (0, 0), (2, 0), (2, 1), (1, 1))
 BOXES: Final = 2000
@@ -246,6 +248,20 @@ def habits(folder: Path) -> list[list[str]]:
     return rows
 
 
+def live(count: int = 25) -> list[str]:
+    """Row: times from a changed arch of 24 faces, as JSON text, to the answer of `POST /api/evaluate` as text."""
+    spent = []
+    for k in range(count):
+        scene = samples.arch(voussoirs=23, radius=1.5 + 0.01 * k).model_dump(mode="json", exclude_defaults=True)
+        text = json.dumps({"scene": scene})
+        wall = time.perf_counter()
+        used, _ = timed(lambda body: json.dumps(evaluate(json.loads(body))), text)
+        spent.append((1e3 * used, 1e3 * (time.perf_counter() - wall)))
+    processor, clock = (sorted(times)[: count - 2] for times in zip(*spent, strict=True))
+    middle = count // 2
+    return ["arch, 24 faces", str(count), f"{processor[middle]:.0f}", f"{processor[-1]:.0f}", f"{clock[middle]:.0f}"]
+
+
 def main() -> None:
     """Measure both and write benchmarks/results/exchange.md."""
     parts = ["# Files of other programs", about(__doc__)]
@@ -272,6 +288,9 @@ def main() -> None:
         parts.append("Drawings as they are made, read without options:")
         head = ["drawing", "elements", "area (meant)", "faces", "read, s", "report"]
         parts.append(table(head, habits(folder)))
+    parts.append("Geometry changed by another program, to its answer (the two slowest, which load modules, left out):")
+    head = ["scene", "changes", "median, ms of a processor", "largest, ms of a processor", "median, ms by the clock"]
+    parts.append(table(head, [live()]))
     write("exchange", "\n\n".join(parts), also=("ezdxf", "meshio", "trimesh", "rhino3dm", "ifcopenshell"))
 
 

@@ -52,7 +52,7 @@ def import_command(
 ) -> None:
     """Convert a drawing or a file of solids to a scene, and report what was assumed.
 
-    The report says what was found, snapped, assumed and skipped.
+    The report says what was found, snapped, assumed, skipped, and what is doubtful.
     """
     options = ImportOptions(
         support=tuple(support or ()),

@@ -26,6 +26,7 @@ from jld_explore.report import read_folder
 from jld_explore.report.page import asset, asset_names
 from jld_explore.report.page_contract import PageData
 from jld_explore.report.page_of_study import study_data, study_page
+from jld_explore.studio.evaluation import evaluate
 from jld_explore.studio.guard import Guard
 from jld_explore.studio.jobs import Jobs, orders_for
 from jld_explore.studio.session import StudioSession
@@ -278,6 +279,7 @@ def build_app(answers: Api, token: str, hosts: tuple[str, ...]) -> Guard:
 
     calls: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
         "solve": answers.solve,
+        "evaluate": evaluate,
         "fields": answers.fields,
         "improve": answers.improve,
         "start": answers.start_job,

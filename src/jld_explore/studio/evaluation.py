@@ -1,0 +1,49 @@
+"""Answer for a whole scene that another program sends to the studio: λ, forces and mechanism."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from jld_core.build import build_assembly
+from jld_core.errors import InputError
+from jld_core.models import solve
+from jld_core.scene import parse_scene
+from jld_core.sub_assembly import with_members
+from jld_core.threads import one_thread
+from jld_explore.space import LETTERS, from_string, to_string
+
+KEYS = ("scene", "labelling")
+"""Entries of a request."""
+
+
+@one_thread()
+def evaluate(asked: Mapping[str, Any]) -> dict[str, Any]:
+    """Solve a scene as another program states it, and return JSON data.
+
+    asked: "scene", a scene document, and if wanted "labelling", letters d and i, one per face in the order of the
+    answer's "faces"; without it the scene's own labels. The answer has the entries of `jld solve --json`, "labelling",
+    "centroids" by element, about which the mechanism turns, and in "seconds" the time of the whole "answer".
+    Raises InputError for a scene or labelling that cannot be used.
+    """
+    start = time.perf_counter()
+    unknown = sorted(set(asked) - set(KEYS))
+    if unknown:
+        raise InputError(unknown[0], "the request has no such entry", " or ".join(KEYS))
+    if not isinstance(asked.get("scene"), dict):
+        raise InputError("scene", "it is no object", "a scene document")
+    assembly = build_assembly(parse_scene(asked["scene"], ""))
+    labels = assembly.labels
+    letters = asked.get("labelling")
+    if letters is not None:
+        count = assembly.faces
+        if not isinstance(letters, str) or len(letters) != count or letters.strip(LETTERS):
+            raise InputError("labelling", f"it is {str(letters)[:40]!r}", f"{count} letters d or i")
+        labels = with_members(assembly, from_string(letters))
+    found = solve(assembly, labels).to_json()
+    elements = assembly.elements
+    found["labelling"] = to_string(labels[: assembly.faces])
+    found["centroids"] = dict(zip(elements.ids, elements.centroid.tolist(), strict=True))
+    found["seconds"] = {**found["seconds"], "answer": time.perf_counter() - start}
+    return found
