@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from benchmarks.claims import Tally, members
 
 from jld_core import build_assembly, parse_scene, solve
 from jld_core.errors import InputError
@@ -225,3 +226,12 @@ def test_one_line_refuses_members(use: Callable[[], None]) -> None:
     words = r"members: .* does not model them \('strap'\); expected a scene without members"
     with pytest.raises(InputError, match=words):
         use()
+
+
+@pytest.mark.usefixtures("without_pictures", "without_field_check")
+@pytest.mark.parametrize("seed", [8, 26])
+def test_random_wall_of_the_claim(seed: int) -> None:
+    """Two of the scenes of the claim `members`; seed 8 has a certificate."""
+    tally = Tally(members.CLAIM)
+    assert members.case(seed, tally) == ""
+    assert "not proven" not in tally.notes
