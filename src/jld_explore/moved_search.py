@@ -290,7 +290,7 @@ def _refuse(scene: Scene, layouts: int, settings: ExploreSettings) -> None:
     assembly = build_assembly(scene)
     assembly.members.refuse("a move of joints")
     if assembly.dimension != 2:
-        raise InputError("elements", "they are spatial", "a planar scene; joints in space do not move yet")
+        raise InputError("elements", "they are spatial", "a planar scene; in space `jld move` moves one layout")
     require_fields(assembly)
     # paths, ties and limits are checked with every candidate dry, where most vertices move
     space = search_space(scene, assembly)

@@ -228,3 +228,32 @@ def test_a_scene_says_its_thickness_itself(tmp_path: Path) -> None:
     scene.write_text('{"elements": []}')
     with pytest.raises(InputError, match="the outline is a scene"):
         read_outline(scene, DesignOptions(thickness=0.2))
+
+
+def test_a_vault_spans_across_its_axis(tmp_path: Path) -> None:
+    """A load at a quarter lies at a quarter of the span, though the vault is shorter than wide; it acts on the top."""
+    angles = np.radians(np.linspace(0.0, 180.0, 9))
+    unit = np.column_stack([np.cos(angles), np.sin(angles)]).round(12)
+    ring = np.concatenate([2.0 * unit, 1.6 * unit[::-1]])
+    count = len(ring)
+    lines = [f"v {x} {y} {z}" for y in (0.0, 1.0) for x, z in ring.tolist()]
+    loops = [range(1, count + 1), range(2 * count, count, -1)]
+    lines += ["f " + " ".join(map(str, loop)) for loop in loops]
+    lines += [f"f {i + 1} {count + i + 1} {count + (i + 1) % count + 1} {(i + 1) % count + 1}" for i in range(count)]
+    path = tmp_path / "vault.obj"
+    path.write_text("o vault\n" + "\n".join(lines) + "\n")
+    pytest.importorskip("meshio")
+    options = DesignOptions(load="5 kN", places="0.25,0.5", push=0.1)
+    outline = read_outline(path, options)
+    found = {one.name: one for one in tessellations.tessellations(outline.scene, options)}
+    assert found["grid"].scene is None
+    assert "not convex" in found["grid"].problem
+    scene = found["bond"].scene
+    assert scene is not None
+    places = [case.live[0].model_dump()["at"] for case in (scene.loads.cases or [])[:2]]
+    assert places[0][0] == pytest.approx(-1.0)
+    assert places[1] == pytest.approx([0.0, 0.499, 2.0])
+    assert (scene.loads.cases or [])[2].live[0].model_dump()["body"] == [0.1, 0.0, 0.0]
+    assembly = build_assembly(scene)
+    whole = build_assembly(outline.scene)
+    assert assembly.elements.volume[assembly.elements.free].sum() == pytest.approx(whole.elements.volume[0], rel=1e-9)

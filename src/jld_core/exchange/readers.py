@@ -15,6 +15,7 @@ from jld_core.exchange.options import Imported, ImportOptions, Notes
 from jld_core.exchange.read_compas import read_compas
 from jld_core.exchange.read_csv import read_csv
 from jld_core.exchange.read_dxf import read_dxf
+from jld_core.exchange.read_ifc import read_ifc
 from jld_core.exchange.read_mesh import read_mesh
 from jld_core.exchange.read_rhino import read_rhino
 from jld_core.exchange.read_svg import read_svg
@@ -76,6 +77,8 @@ def read_content(path: Path, options: ImportOptions, notes: Notes) -> Drawing | 
         return read_compas(path, notes)
     if ending in ("obj", "ply", "stl"):
         return read_mesh(path, notes)
+    if ending == "ifc":
+        return read_ifc(path, options, notes)
     if ending in ("dxf", "3dm"):
         return (read_dxf if ending == "dxf" else read_rhino)(path, options, notes)
     return read_svg(path, options, notes) if ending == "svg" else read_csv(path, notes)

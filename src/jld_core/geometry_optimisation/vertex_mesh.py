@@ -40,6 +40,10 @@ class VertexMesh:
     loops: tuple[Ints, ...]
     ends: Ints
 
+    def at(self, places: Floats) -> VertexMesh:
+        """Return the mesh with its vertices at the places (v, 2)."""
+        return VertexMesh(places, self.loops, self.ends)
+
     @cached_property
     def edges(self) -> tuple[Ints, Ints]:
         """Element (k,) and vertices (k, 2) of every edge of every element."""

@@ -253,7 +253,7 @@ class BlockRelaxation:
         return not found.refuted and found.bound <= threshold + _NEAR * max(1.0, abs(threshold))
 
     def _choose(self, allowed: Bools, threshold: float, most: float, route: Solver) -> Choice:
-        """Solve the program of the allowed blocks by one solver, and return what it proves.
+        """Solve the program of the allowed blocks by one solver, and return the proven bound.
 
         allowed, threshold, most: as in `choose`. route: the solver.
         """
@@ -268,7 +268,7 @@ class BlockRelaxation:
         return self._proven_choice(answer, allowed, threshold, most)
 
     def _proven_choice(self, answer: BlockMultipliers, allowed: Bools, threshold: float, most: float) -> Choice:
-        """Return the bound that the velocities and multipliers of a solver prove.
+        """Compute the bound that the velocities and multipliers of a solver prove.
 
         answer: values of the solver, not trusted. allowed, threshold, most: as in `choose`.
         """

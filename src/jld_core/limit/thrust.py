@@ -41,7 +41,7 @@ class Resultant:
     Attributes
     ----------
     place : str
-        What the faces are: "support NAME", "joint A, B" or "section x, y to x, y".
+        Name of the faces: "support NAME", "joint A, B" or "section x, y to x, y".
     component : str
         Fx, Fy, Fz, Mx, My, Mz or, planar, M in the axes of the scene; N, V, V1, V2, M, M1, M2 or MT in those of a face.
     point : (d,) array
@@ -63,7 +63,7 @@ class ResultantRange:
     Attributes
     ----------
     resultant : Resultant
-        What is bounded.
+        The resultant.
     least, most : Thrust
         Both ends, each with its bracket.
     """
@@ -74,7 +74,10 @@ class ResultantRange:
 
     @property
     def interval(self) -> tuple[float | None, float | None]:
-        """Interval that contains every admissible value, proven; None for an end without a proven bound."""
+        """Return the proven interval that contains the resultant in every admissible state.
+
+        An end without a proven bound is None.
+        """
         return number(self.least.bracket[0]), number(self.most.bracket[1])
 
     def to_json(self) -> dict[str, Any]:
@@ -166,7 +169,7 @@ def thrust_ranges(
     labels : (m,) bool array or None
         Labels, True = dry. Default: those of the assembly.
     resultants : sequence of Resultant, optional
-        What to bracket. Default: all components of the reaction of every support.
+        Resultants to bracket. Default: all components of the reaction of every support.
     load_factor : float
         Factor of the live load that acts beside the dead load.
     gap : float
@@ -374,7 +377,7 @@ def words_of_range(one: ResultantRange, force: str, length: str) -> str:
     Returns
     -------
     str
-        Component, both ends with their unit, and what is unbounded or not certified.
+        Component, both ends and their unit. An end may read "no least", "no greatest" or "uncertified".
     """
     unit = force if one.resultant.function.unit == 1.0 and one.resultant.component[0] != "M" else f"{force}·{length}"
     ends = []

@@ -294,10 +294,10 @@ class SolvedProgram:
         return 0.5 * (primal + dual), abs(primal - dual)
 
     def side(self, matrix: sp.csr_array, rhs: Floats) -> float:
-        """Compute the rate of −λ to one side of a parameter, scaled; NaN without an optimum.
+        """Compute the rate of −λ for an increase of a parameter, scaled; NaN without an optimum.
 
-        It is the value of the linear program of one side, and the opposite side has both arguments with changed sign.
-        matrix: (rows, columns) and rhs: (rows,) rates of change ΔM and Δr of the program data with the parameter.
+        It is the value of the linear program in the module docstring. matrix: (rows, columns) ΔM, and rhs: (rows,) Δr,
+        rates of the program data with the parameter. For the rate of a decrease, pass −ΔM and −Δr.
         """
         equal = np.arange(self.first)
         held = np.flatnonzero(self.held)

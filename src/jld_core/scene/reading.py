@@ -14,7 +14,7 @@ from jld_core.scene.schema import Scene
 from jld_core.scene.spread import lowered
 from jld_core.scene.units import with_numbers
 
-DRAWINGS: Final = ("dxf", "svg", "csv", "obj", "ply", "stl", "3dm")
+DRAWINGS: Final = ("dxf", "svg", "csv", "obj", "ply", "stl", "3dm", "ifc")
 """Endings of files that `jld import` makes a scene of, COMPAS JSON apart."""
 
 
@@ -61,7 +61,7 @@ def load_scene(path: str | Path) -> Scene:
         raise error.within(str(path)) from None
     except ValueError:  # Python limits the number of digits of an integer
         raise InputError(str(path), "it holds a number of thousands of digits", _NUMBERS) from None
-    if isinstance(document, dict) and "dtype" in document:
+    if isinstance(document, dict) and ("dtype" in document or {"analysis", "problems"} & document.keys()):
         raise _not_imported(path, "it is a file of COMPAS, not a scene")
     return parse_scene(document, str(path))
 

@@ -48,8 +48,8 @@ def design(
         list[str] | None, typer.Option(help="Layer of supports; default: below the lowest edges.")
     ] = None,
     laid: Annotated[
-        Literal["translation", "standing"] | None,
-        typer.Option(help="Only layouts that can be laid, or whose every stage stands."),
+        Literal["translation", "standing", "left-to-right", "right-to-left", "springings"] | None,
+        typer.Option(help="Only layouts that can be laid (from where), or whose every stage stands."),
     ] = None,
     seconds: Annotated[float, typer.Option(help="Time limit of all together, s.")] = 300.0,
     jobs: Annotated[int | None, typer.Option(min=1, help="Worker processes; default: one per core.")] = None,

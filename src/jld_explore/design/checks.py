@@ -18,7 +18,7 @@ from jld_core.build import build_assembly
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.files import write_text
 from jld_core.models import solve
-from jld_explore.design.options import LOW_FRICTION
+from jld_explore.design.options import LAID, LOW_FRICTION
 from jld_explore.design.trials import (
     Bounds,
     Check,
@@ -134,9 +134,11 @@ def _laid(work: Design, until: Deadline) -> Check:
     """Find an order in which the blocks of the winner can be laid."""
     winner = _winner(work)
     assembly: Assembly = built(winner)
+    start = LAID[work.options.laid or "translation"][1]
     try:
         with until.enforced():
-            found = assembly_order(assembly, assembly.labels, sideways=winner.scene.search.assemble_out_of_plane)
+            sideways = winner.scene.search.assemble_out_of_plane
+            found = assembly_order(assembly, assembly.labels, sideways=sideways, start=start)
     except DeadlinePassed:
         return Check("laying", "order of laying: no time was left; jld assembly says it")
     if not found.possible:
@@ -145,7 +147,8 @@ def _laid(work: Design, until: Deadline) -> Check:
     props = max((float(step.stage.props.sum()) for step in found.steps), default=0.0)
     held = "no stage needs a prop" if found.stands else f"props of {props:.3g} {assembly.units[1]} at the most"
     values = {"possible": True, "steps": len(found.steps), "props": props}
-    return Check("laying", f"order of laying: {len(found.steps)} steps, {held}", values)
+    first = "" if start == "ground" else f" from the {start}"
+    return Check("laying", f"order of laying{first}: {len(found.steps)} steps, {held}", values)
 
 
 def _number(value: float) -> float | None:

@@ -12,6 +12,7 @@ from jld_core.arrays import Floats
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.errors import ParameterError
+from jld_core.refinement.prisms import prism_of
 from jld_core.scene import Scene, parse_scene
 from jld_explore.design.options import DesignOptions
 
@@ -30,23 +31,24 @@ def has_own_loads(options: DesignOptions) -> bool:
     return options.load is not None or options.push is not None
 
 
-def with_loads(scene: Scene, options: DesignOptions) -> Scene:
+def with_loads(scene: Scene, options: DesignOptions, side: Floats | None = None) -> Scene:
     """Return a scene with the loads of the options in place of its own; the same scene where they state none.
 
     The force at each place is a load case, as is the push to either side. A force is spread on the pieces below it by
-    their lengths, so that every tessellation carries the same load. Raises InputError where nothing faces upwards.
+    their lengths, so that every tessellation carries the same load. side: (d,) horizontal direction of places and of
+    the push; None for that of the scene. Raises InputError where nothing faces upwards.
     """
     if not has_own_loads(options):
         return scene
     assembly = build_assembly(scene)
+    side = side_of(assembly) if side is None else side
     document = scene.model_dump(mode="json", exclude_defaults=True)
     cases: list[dict[str, Any]] = []
     size = options.force(assembly.units[1])
     if size is not None:
-        for at, live in _forces(assembly, size, options):
+        for at, live in _forces(assembly, size, options, side):
             cases.append({"name": f"load at {at:.4g}", "live": live})
     if options.push is not None:
-        side = _side(assembly)
         for name, sign in (("push to the right", 1.0), ("push to the left", -1.0)):
             cases.append({"name": name, "live": [{"body": (sign * options.push * side + 0.0).tolist()}]})
     loads = {key: value for key, value in document["loads"].items() if key == "dead"}
@@ -54,14 +56,24 @@ def with_loads(scene: Scene, options: DesignOptions) -> Scene:
     return parse_scene(document, scene.name)
 
 
-def _side(assembly: Assembly) -> Floats:
-    """Return the unit vector (d,) to the right, at right angles to gravity; in space across the longer plan side."""
+def side_of(assembly: Assembly) -> Floats:
+    """Return the horizontal unit vector (d,) along which a structure spans.
+
+    In the plane it is at right angles to gravity. In space it is the axis across that of a vault: the largest free
+    element as a prism; where this is none, or stands upright, the longer side of the plan.
+    """
     down = _down(assembly)
     if assembly.dimension == 2:
         return np.array([-down[1], down[0]])
-    extent = np.ptp(np.concatenate([assembly.elements.shape[k] for k in assembly.elements.free]), axis=0)
+    elements = assembly.elements
+    largest = int(max(elements.free, key=lambda k: elements.volume[k]))
     flat = [axis for axis in range(3) if abs(down[axis]) < 0.5]
-    axis = min(flat, key=lambda k: (extent[k], k)) if extent[flat[0]] != extent[flat[1]] else flat[0]
+    prism = prism_of(elements.shape[largest], elements.faces[largest])
+    if prism is not None and abs(float(prism.axes[2] @ down)) < 0.5:
+        axis = min(flat, key=lambda k: abs(prism.axes[2][k]))
+    else:
+        extent = elements.upper[elements.free].max(axis=0) - elements.lower[elements.free].min(axis=0)
+        axis = max(flat, key=lambda k: extent[k])
     return np.asarray(np.eye(3)[axis])
 
 
@@ -72,10 +84,12 @@ def _down(assembly: Assembly) -> Floats:
     return np.asarray(total / length) if length > 0.0 else -np.asarray(np.eye(assembly.dimension)[-1])
 
 
-def _forces(assembly: Assembly, size: float, options: DesignOptions) -> list[tuple[float, list[dict[str, Any]]]]:
+def _forces(
+    assembly: Assembly, size: float, options: DesignOptions, side: Floats
+) -> list[tuple[float, list[dict[str, Any]]]]:
     """Return the entries of the force at each place, with the place along the top."""
     if assembly.dimension == 3:
-        return _forces_in_space(assembly, size, options)
+        return _forces_in_space(assembly, size, options, side)
     down = _down(assembly)
     edges = _top_edges(assembly, down)
     if not edges:
@@ -153,7 +167,7 @@ def _level(edge: _Edge, place: float, down: Floats) -> float:
 
 
 def _forces_in_space(
-    assembly: Assembly, size: float, options: DesignOptions
+    assembly: Assembly, size: float, options: DesignOptions, direction: Floats
 ) -> list[tuple[float, list[dict[str, Any]]]]:
     """Return the entry of the force at each place, in the middle of the other side of the plan."""
     if options.width is not None:
@@ -162,7 +176,7 @@ def _forces_in_space(
     down = _down(assembly)
     vertical = int(np.argmax(abs(down)))
     flat = [axis for axis in range(3) if axis != vertical]
-    side = int(np.argmax(abs(_side(assembly))))
+    side = int(np.argmax(abs(direction)))
     other = next(axis for axis in flat if axis != side)
     every = np.concatenate([elements.shape[k] for k in elements.free])
     lower, upper = every.min(axis=0), every.max(axis=0)

@@ -7,11 +7,18 @@ import os
 from dataclasses import dataclass, fields
 from typing import Any, Final
 
+from jld_core.assembly_sequence.start import LayingStart
 from jld_core.errors import InputError, ParameterError
 from jld_core.exchange.forces import parse_force
 
-LAID: Final = ("translation", "standing")
-"""Wishes for the order of laying, as of `search.assemble`."""
+LAID: Final[dict[str, tuple[str, LayingStart]]] = {
+    "translation": ("translation", "ground"),
+    "standing": ("standing", "ground"),
+    "left-to-right": ("translation", "left"),
+    "right-to-left": ("translation", "right"),
+    "springings": ("translation", "springings"),
+}
+"""Wishes for laying: the limit `search.assemble` of each, and where laying starts."""
 
 LEAST_SECONDS: Final = 10.0
 """Shortest time limit, s: program start, reading, one solve and the page take some seconds."""
@@ -53,8 +60,9 @@ class DesignOptions:
         Unit of length of a drawing.
     support : tuple of str
         Layers of supports of a drawing, or "lowest".
-    laid : {"translation", "standing"} or None
-        Keep to layouts that can be laid, or whose every stage stands.
+    laid : str or None
+        Name of one of `LAID`: keep to layouts that can be laid, from a side or from the springings, or whose every
+        stage stands.
     seconds : float
         Time limit of all together, s.
     jobs : int
@@ -98,7 +106,7 @@ class DesignOptions:
         if self.along != "top":
             raise ParameterError("along", f"{self.along!r} is no place", "top")
         if self.laid is not None and self.laid not in LAID:
-            raise ParameterError("laid", f"{self.laid!r} is no order", " or ".join(LAID))
+            raise ParameterError("laid", f"{self.laid!r} is no order", "one of " + ", ".join(LAID))
         self._check_friction()
         self.shares()
         self.force("N")

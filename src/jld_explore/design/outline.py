@@ -22,7 +22,7 @@ from jld_core.exchange.paths import Path
 from jld_core.exchange.readers import read_content, reading
 from jld_core.exchange.solids import Part, Solids, spatial_scene
 from jld_core.scene import Scene, load_scene, parse_scene
-from jld_explore.design.options import LOW_FRICTION, DesignOptions
+from jld_explore.design.options import LAID, LOW_FRICTION, DesignOptions
 
 _LEVEL: Final = 1e-6
 """Height above the lowest point, relative to the size, up to which an edge or a face lies there."""
@@ -70,7 +70,7 @@ def read_outline(file: File, options: DesignOptions) -> Outline:
     if options.shapes is not None:
         search["shapes"] = [1, options.shapes]
     if options.laid is not None:
-        search["assemble"] = options.laid
+        search["assemble"] = LAID[options.laid][0]
     if search:
         document["search"] = search
     with reading(file):

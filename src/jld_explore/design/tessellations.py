@@ -10,14 +10,16 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
+from jld_core.arrays import Floats
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
+from jld_core.build.materials import direction_of_weight
 from jld_core.errors import InputError, ParameterError
 from jld_core.geometry.unions import region_of, union_outlines
 from jld_core.refinement import refine
 from jld_core.refinement.arcs import Arc, find_arcs
 from jld_core.scene import Scene, parse_scene
-from jld_explore.design.loads import with_loads
+from jld_explore.design.loads import side_of, with_loads
 from jld_explore.design.options import DesignOptions
 
 _CELLS: Final = 45
@@ -63,7 +65,8 @@ def tessellations(outline: Scene, options: DesignOptions) -> list[Tessellation]:
     with_loads(outline, options)  # refuses loads that no tessellation can carry
     assembly = build_assembly(outline)
     kinds = _planar(outline, assembly, options) if assembly.dimension == 2 else _spatial(outline, assembly, options)
-    found = [_made(name, words, make, options) for name, words, make in kinds]
+    side = side_of(assembly)
+    found = [_made(name, words, make, options, side) for name, words, make in kinds]
     if all(one.scene is None for one in found):
         reasons = "; ".join(f"{one.name}: {one.problem}" for one in found)
         raise InputError(
@@ -76,12 +79,12 @@ _Make = Callable[[float], Scene]
 """Function that cuts an outline with cells of a relative size, 1 at first."""
 
 
-def _made(name: str, words: str, make: _Make, options: DesignOptions) -> Tessellation:
+def _made(name: str, words: str, make: _Make, options: DesignOptions, side: Floats) -> Tessellation:
     """Return a tessellation whose cells are light enough, or the reason why there is none."""
     size, problem = 1.0, ""
     for _ in range(_TRIES):
         try:
-            scene = with_loads(make(size), options)
+            scene = with_loads(make(size), options, side)
         except InputError as error:
             return Tessellation(name, words, None, f"{error.where}: {error.problem}".lstrip(": "))
         elements = build_assembly(scene).elements
@@ -135,13 +138,16 @@ def _spatial(outline: Scene, assembly: Assembly, options: DesignOptions) -> list
     volume = float(elements.volume[free].sum())
     cell = _cell_size(assembly, volume, 3, options)
     extent = elements.upper[free].max(axis=0) - elements.lower[free].min(axis=0)
+    side, height = side_of(assembly), float(extent @ abs(direction_of_weight(outline)))
 
     def vault(bond: str) -> _Make:
         """Return the function that cuts a vault by voussoirs and courses of a bond."""
 
         def cut(size: float) -> Scene:
-            count = max(3, round(0.5 * math.pi * float(min(extent[0], extent[1])) / (size * cell) / 2.0) * 2 + 1)
-            courses = max(2, round(float(max(extent[0], extent[1])) / (size * cell) / 2.0))
+            """Cut into about as many voussoirs and courses as fit a vault over its span."""
+            span, length = float(extent @ side), float(extent @ (1.0 - side)) - height
+            count = max(3, round(0.5 * math.pi * span / (size * cell) / 2.0) * 2 + 1)
+            courses = max(2, round(length / (size * cell) / 2.0))
             return _ready(refine(outline, voussoirs=count, courses=courses, bond=bond).scene, [])
 
         return cut
