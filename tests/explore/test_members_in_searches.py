@@ -118,8 +118,8 @@ def test_symmetry_needs_members_that_are_symmetric() -> None:
     down = {"live": [{"element": "c0r0", "force": [0, -1]}, {"element": "c1r0", "force": [0, -1]}]}
     ends = {"from": {"element": "c0r0", "at": [0.2, 2.8]}, "to": {"element": "c0r2", "at": [0.2, 0.5]}}
     other = {**STRAP, "name": "other", **ends}
-    for members, size in (([], 2), ([STRAP], 1), ([STRAP, other], 2), ([STRAP, {**other, "tension": 1e4}], 1)):
-        scene = parse_scene(wall(members, loads=down))
+    for held, size in (([], 2), ([STRAP], 1), ([STRAP, other], 2), ([STRAP, {**other, "tension": 1e4}], 1)):
+        scene = parse_scene(wall(held, loads=down))
         assert len(search_space(scene, build_assembly(scene)).group) == size
 
 
