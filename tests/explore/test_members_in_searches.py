@@ -228,6 +228,18 @@ def test_one_line_refuses_members(use: Callable[[], None]) -> None:
         use()
 
 
+@pytest.mark.parametrize("command", ["thrust", "settlement", "assembly", "experiment"])
+def test_commands_end_with_two_and_name_the_file(command: str, tmp_path: Path, jld: Callable[..., Any]) -> None:
+    down = [{"name": "s", "supports": [{"elements": ["c0r2"], "move": [0, -1]}]}]
+    file = tmp_path / "wall.json"
+    file.write_text(json.dumps(wall([STRAP], settlements=down)))
+    done = jld(command, str(file))
+    assert (done.code, done.out) == (2, "")
+    said = [line for line in done.err.splitlines() if "warning" not in line]
+    assert len(said) == 1
+    assert said[0].startswith(f"jld: {file}: members: ")
+
+
 @pytest.mark.usefixtures("without_pictures", "without_field_check")
 @pytest.mark.parametrize("seed", [8, 26])
 def test_random_wall_of_the_claim(seed: int) -> None:
