@@ -59,7 +59,7 @@ def assembly(scene: Scene, found: Assembly, space: SearchSpace) -> str:
         {
             "scene": scene.name,
             **facts_of_assembly(found),
-            "candidates": f"{spots} of {len(found.interfaces)} faces may be dry or inner; a labelling says which",
+            "candidates": f"{spots} of {found.faces} faces may be dry or inner; a labelling says which",
             "symmetries": f"{len(space.group)} (with the identity); labellings alike by symmetry are one class",
         }
     )
