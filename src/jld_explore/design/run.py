@@ -27,11 +27,18 @@ from jld_explore.explore import BUSY, explore
 from jld_explore.moved_search import MovedLayout, explore_and_move
 from jld_explore.report import Exploration
 from jld_explore.settings import ExploreSettings
-from jld_explore.space import from_string
+from jld_explore.space import from_string, search_space
+from jld_explore.space.search_space import feasible
 from jld_explore.study_state import Interrupted
 
 _WRITING: Final = (0.05, 2.0)
 """Share of the time limit, and seconds, that are kept back for page and pictures."""
+
+_OVER: Final = (0.1, 2.0)
+"""Share of the time limit, and seconds, by which a design may end late."""
+
+_PICTURE: Final = 1.5
+"""Processor time of the picture, s; it is left out where that would end late."""
 
 _SEARCHES: Final = 0.15
 """Share of the time for the coarse searches of all tessellations."""
@@ -41,6 +48,9 @@ _LEAST, _SHORT = 5.0, 0.6
 
 _USUAL: Final = 0.05
 """Share of the time that is left after the searches for bounds by fields of the usual layout."""
+
+_LEAST_BOUNDS: Final = 0.3
+"""Shortest time in which bounds by fields are begun, s."""
 
 _CHECKS: Final = 0.12
 """Share of the time for the checks of the winner."""
@@ -113,7 +123,8 @@ def design_outline(
         stop.words = f"stopped; the best so far is in {folder}" if work.winner else "stopped; no layout was found yet"
         raise
     work.seconds = deadline.elapsed()
-    write_design(work)
+    # a picture takes seconds on a busy machine
+    write_design(work, pictures=deadline.remaining() + _OVER[0] * options.seconds + _OVER[1] > busy * _PICTURE)
     if work.winner is None:
         reasons = "; ".join(f"{name}: {words}" for name, words in work.searched.items())
         wish = "weaker limits, a longer time, or a smaller load"
@@ -126,16 +137,20 @@ def _solve_usual(work: Design) -> None:
     first = work.tessellations[0]
     if first.scene is None:
         return
-    found = solve(first.scene)
-    work.trials.append(
-        Trial(first.name, "stated", first.scene, found.load_factor, _faces(found.bracket), NONE, "no search")
-    )
+    assembly = build_assembly(first.scene)
+    found = solve(assembly)
+    try:
+        allowed = bool(feasible(search_space(first.scene, assembly), assembly.labels[None])[0])
+    except InputError:  # limits that nothing satisfies: the search says so
+        allowed = False
+    faces = _faces(found.bracket)
+    work.trials.append(Trial(first.name, "stated", first.scene, found.load_factor, faces, NONE, "no search", allowed))
 
 
 def _bound_usual(work: Design, until: Deadline) -> None:
     """Bound the usual layout by fields, in a small share of the time."""
     usual = work.usual
-    if usual is not None:
+    if usual is not None and _USUAL * until.remaining() > _LEAST_BOUNDS:
         assembly = build_assembly(usual.scene)
         fields = field_bounds(assembly, assembly.labels, _USUAL * until.remaining())
         work.trials = [replace(one, fields=fields) if one is usual else one for one in work.trials]
