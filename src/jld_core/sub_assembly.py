@@ -55,5 +55,8 @@ def without(assembly: Assembly, gone: Bools) -> tuple[Assembly, Ints]:
 
 
 def _of(loads: ShapeLoads | None, rows: Ints) -> ShapeLoads | None:
-    """Return the loads that change with shapes of some elements (k,), where they are known."""
+    """Return the loads that change with shape on some elements; None if they are unknown.
+
+    rows: (k,) indices of the elements.
+    """
     return None if loads is None else loads.take(rows)

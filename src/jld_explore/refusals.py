@@ -35,7 +35,7 @@ def refuse_together(scene: Scene, settings: ExploreSettings, assembly: Assembly)
 
 
 def refuse_beside_own_objective(scene: Scene, settings: ExploreSettings) -> None:
-    """Raise InputError for settings that do not go with an objective of the user.
+    """Raise InputError for settings that exclude an objective of the user.
 
     These need bounds on λ, or rank by something else. Without such an objective nothing is refused.
     """

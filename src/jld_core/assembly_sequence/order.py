@@ -74,12 +74,12 @@ class Laying:
 
     @property
     def possible(self) -> bool:
-        """True if an order that meets the requested rule was found."""
+        """Return True if an order that meets the requested rule was found."""
         return not self.locked and not self.searched
 
     @property
     def stands(self) -> bool | None:
-        """True if every stage of the order stands without props; None where one is undecided."""
+        """Return True if every stage of the order stands without props; None if one is undecided."""
         verdicts = [step.stage.stands for step in self.steps]
         return False if False in verdicts else None if None in verdicts else True
 
@@ -121,7 +121,7 @@ def assembly_order(
     """
     blocks = blocks_of_labelling(assembly, labels)
     freedom, standing = Freedom(blocks, sideways, bodies), Standing(blocks, labels, parts)
-    taken, there = _apart(freedom, standing, group)
+    taken, there = _disassembly(freedom, standing, group)
     if taken is None:
         return Laying(blocks, (), _smallest_lock(freedom, there, group))
     steps = _steps(blocks, standing, taken)
@@ -177,7 +177,11 @@ Move = tuple[tuple[int, ...], Floats]
 
 
 def _moves(freedom: Freedom, there: Bools, group: int) -> list[Move]:
-    """Return the blocks that can be removed now, or else the smallest group."""
+    """Return all single blocks that can be removed now; if there are none, the smallest group.
+
+    there: (k,) mask of the blocks present. group: largest number of blocks that are moved together. The list is empty
+    if neither exists.
+    """
     blocks = freedom.blocks
     found: list[Move] = []
     for block in np.flatnonzero(there & ~blocks.fixed).tolist():
@@ -192,16 +196,17 @@ def _moves(freedom: Freedom, there: Bools, group: int) -> list[Move]:
 
 
 def _without(there: Bools, move: Move) -> Bools:
-    """Return the blocks present after a move."""
+    """Return a mask (k,) of the blocks present after a move."""
     left = there.copy()
     left[list(move[0])] = False
     return left
 
 
-def _apart(freedom: Freedom, standing: Standing, group: int) -> tuple[list[Move] | None, Bools]:
-    """Return moves that take the structure apart, or None and the locked remainder.
+def _disassembly(freedom: Freedom, standing: Standing, group: int) -> tuple[list[Move] | None, Bools]:
+    """Return moves that remove all blocks, and the blocks (k,) that remain.
 
-    Moves whose remaining stage stands, or needs the least prop force, come first.
+    The moves are None if the blocks that remain lock one another. Of the first moves in order of height, one whose
+    remaining stage stands is taken, or else the one that needs the least prop force. group: as in `_moves`.
     """
     blocks = freedom.blocks
     there = np.ones(len(blocks), dtype=bool)
@@ -210,7 +215,7 @@ def _apart(freedom: Freedom, standing: Standing, group: int) -> tuple[list[Move]
         moves = _moves(freedom, there, group)
         if not moves:
             return None, there
-        moves.sort(key=lambda move: _turn(blocks, there, move))
+        moves.sort(key=lambda move: _removal_key(blocks, there, move))
         choice = next((m for m in moves[:6] if standing.stage(_without(there, m)).stands), None)
         if choice is None:
             choice = min(moves[:6], key=lambda m: float(standing.stage(_without(there, m)).props.sum()))
@@ -242,7 +247,10 @@ def emptied(freedom: Freedom, there: Bools, group: int) -> Bools:
 
 
 def _smallest_lock(freedom: Freedom, there: Bools, group: int) -> tuple[int, ...]:
-    """Return an irreducible set of blocks that lock one another."""
+    """Return an irreducible set of blocks that lock one another.
+
+    there: (k,) mask of the blocks present. group: as in `_moves`.
+    """
     there = emptied(freedom, there, group)
     blocks = freedom.blocks
     for block in np.flatnonzero(there & ~blocks.fixed).tolist():
@@ -259,7 +267,8 @@ def _smallest_lock(freedom: Freedom, there: Bools, group: int) -> tuple[int, ...
 def _standing_order(freedom: Freedom, standing: Standing, group: int) -> tuple[list[Move] | None, bool]:
     """Search moves whose every stage stands, depth first with memory of failures.
 
-    Return the moves or None, and whether the search neither stopped at its limit nor met an undecided stage.
+    The results are the moves, None if none were found, and True if the search was exhaustive: it neither stopped at its
+    limit nor met an undecided stage.
     """
     blocks = freedom.blocks
     failed: set[bytes] = set()
@@ -276,7 +285,7 @@ def _standing_order(freedom: Freedom, standing: Standing, group: int) -> tuple[l
         if looked >= _STAGES:
             settled = False
             return None
-        for move in sorted(_moves(freedom, there, group), key=lambda m: _turn(blocks, there, m)):
+        for move in sorted(_moves(freedom, there, group), key=lambda m: _removal_key(blocks, there, m)):
             looked += 1
             left = _without(there, move)
             stands = standing.stage(left).stands
@@ -326,7 +335,7 @@ def built_up(freedom: Freedom, standing: Standing) -> Built:
         near = laid[blocks.first] != laid[blocks.second]
         border = np.unique(np.concatenate([blocks.first[near], blocks.second[near]]))
         moves = [((block,), freedom.bodies.up) for block in border[~laid[border]].tolist()]
-        for move in sorted(moves, key=lambda move: _turn(blocks, laid, move), reverse=True):
+        for move in sorted(moves, key=lambda move: _removal_key(blocks, laid, move), reverse=True):
             if looked >= _STAGES:
                 return None
             looked += 1
@@ -347,17 +356,17 @@ def built_up(freedom: Freedom, standing: Standing) -> Built:
     return Built(possible if possible or settled else None, tried[blocks.of])
 
 
-def _turn(blocks: Blocks, there: Bools, move: Move) -> tuple[float, int]:
+def _removal_key(blocks: Blocks, there: Bools, move: Move) -> tuple[float, int]:
     """Return the sort key of a removal: highest first, then fewest contacts.
 
-    Gaps thus grow from their edges.
+    Gaps thus grow from their edges. there: (k,) mask of the blocks present. move: the removal.
     """
     touching = sum(int(np.count_nonzero(there[blocks.contacts_of(block)[0]])) for block in move[0])
     return -round(_height(blocks, move) / blocks.assembly.size, 6), touching
 
 
 def _height(blocks: Blocks, move: Move) -> float:
-    """Return the height of the moved blocks' centre against the direction of weight."""
+    """Return the height of the centre of the moved blocks, a length against the dead weight."""
     elements = blocks.assembly.elements
     total = elements.weight[elements.free].sum(axis=0)
     if not np.any(total):

@@ -144,7 +144,7 @@ class LimitAnalysisResult(NotebookRepr):
 
     @property
     def falling(self) -> Floats | None:
-        """Return `instability_mechanism`, under its name of version 0.2, with a warning."""
+        """Return `instability_mechanism` under its name of version 0.2, with a warning."""
         warn_renamed("result.falling", "result.instability_mechanism")
         return self.instability_mechanism
 
@@ -263,7 +263,7 @@ class LimitAnalysisResult(NotebookRepr):
 def _faces(assembly: Assembly, labels: Bits) -> list[dict[str, Any]]:
     """Return the JSON entries of all faces: elements, label, local frame and size.
 
-    Values are in scene units. They suffice to check equilibrium and yield by hand.
+    labels: (m,) True = dry. Values are in scene units. They suffice to check equilibrium and yield by hand.
     """
     faces, ids = assembly.interfaces, assembly.elements.ids
     planar = assembly.dimension == 2

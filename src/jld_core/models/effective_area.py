@@ -50,7 +50,8 @@ HOLDING_WEIGHT: Final = 30.0
 def require_rectangles(assembly: Assembly, labels: Bits) -> None:
     """Raise InputError if effective areas do not apply to a labelling of an assembly.
 
-    They apply to spatial scenes with a dry rectangle and without cohesion of dry faces. labels: (m,) True = dry.
+    They do not apply to planar scenes, to dry faces of which none is a rectangle, and to dry faces with cohesion.
+    labels: (m,) True = dry.
     """
     if assembly.dimension == 2:
         raise ParameterError("effective_area", "the scene is planar", "a spatial scene")
@@ -133,7 +134,7 @@ def prove_effective_area(
     Raises
     ------
     InputError
-        If the scene is planar, has no dry rectangle, or a dry face has cohesion.
+        If the scene is planar, no dry face is a rectangle, or a dry face has cohesion.
     """
     start = time.perf_counter()
     require_rectangles(analysis.assembly, labels)

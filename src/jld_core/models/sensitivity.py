@@ -164,7 +164,10 @@ class _Change:
 
 
 def _parameters(assembly: Assembly, labels: Bits) -> list[tuple[str, _Change, str]]:
-    """List name, change and unit of each parameter that the labelling uses and is not zero."""
+    """List name, change and unit of each parameter that is not zero and that a labelling uses.
+
+    labels: (m,) True = dry.
+    """
     stress = f"{assembly.units[1]}/{assembly.units[0]}²"
     found = []
     for name, strength, faces, unit in (

@@ -135,6 +135,6 @@ def cracks_to_json(cracks: CrackModel) -> Any:
     Returns
     -------
     str or dict
-        What a scene file holds.
+        Value of the key in a scene file.
     """
     return cracks if isinstance(cracks, str) else cracks.model_dump(mode="json")

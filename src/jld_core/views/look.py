@@ -75,7 +75,7 @@ _MARKERS: Final[dict[Shape, str]] = {
 class Mark:
     """Marker that figures and pages draw alike, with its legend text.
 
-    shape: its name. fill, edge: colours #rrggbb. meaning: legend text.
+    shape: name of the shape. fill, edge: colours #rrggbb. meaning: legend text.
     """
 
     shape: Shape
@@ -85,7 +85,7 @@ class Mark:
 
     @property
     def style(self) -> dict[str, Any]:
-        """Keyword arguments of matplotlib that draw a line's marker in this style."""
+        """Return the keyword arguments of matplotlib that draw a line's marker in this style."""
         return {"marker": _MARKERS[self.shape], "color": self.fill, "markeredgecolor": self.edge}
 
 

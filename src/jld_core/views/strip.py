@@ -80,7 +80,10 @@ def _span(laying: Laying) -> tuple[Floats, Floats]:
 
 
 def _draw(ax: Axes, laying: Laying, step: Step, before: Bools, number: int, low: Floats, high: Floats) -> None:
-    """Draw one stage."""
+    """Draw one stage of an assembly sequence on axes, with its arriving blocks and props.
+
+    before: (k,) mask of the blocks laid before. number: of the stage. low, high: (2,) corners of the drawing.
+    """
     blocks = laying.blocks
     assembly = blocks.assembly
     elements, projection = assembly.elements, projection_of(assembly)

@@ -68,7 +68,10 @@ def prove_positions(
 
 
 def _box(text: str) -> float | tuple[Floats, Floats]:
-    """Return a length, or the ends (p,), (p,) of a box; raise InputError for anything else."""
+    """Convert the value of `--prove` to a length, or to both ends (p,) of a box.
+
+    Raises InputError for anything else.
+    """
     try:
         numbers = [float(part) for part in text.split(",")]
     except ValueError:

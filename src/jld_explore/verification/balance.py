@@ -87,7 +87,7 @@ class Balances:
         self._lay_out()
 
     def _lay_out(self) -> None:
-        """Compute the rows of A_eqᵀ per face and side: jump per unit velocity of an element."""
+        """Compute the integer rows of A_eqᵀ of both sides of each face, and the integer loads."""
         assembly, faces = self.assembly, self.assembly.interfaces
         axes = [faces.normal, faces.e1] if self._planar else [faces.normal, faces.e1, faces.e2]
         values = np.concatenate([assembly.elements.centroid.ravel(), faces.origin.ravel()])
@@ -228,9 +228,10 @@ def whole(values: Floats) -> tuple[list[list[int]], int]:
 
 
 def _rows(frame: Sequence[Sequence[int]], arm: Sequence[int], far: int, near: int) -> list[list[int]]:
-    """Return the jump of a face per velocity of an element, (1.1) and (3.1), as integers.
+    """Return the jump of a face per unit velocity of an element, (1.1) and (3.1), as integers.
 
-    All values have the same power of two as denominator.
+    frame: axes of the face, as integers over 2**near. arm: centroid of the face minus that of the element, as integers
+    over 2**far. The result has integers over 2**(far + near).
     """
     if len(arm) == 2:
         along = [[x << far, y << far, arm[0] * y - arm[1] * x] for x, y in frame]

@@ -187,9 +187,10 @@ class FixedPointSearch:
     ) -> State:
         """Minimise the complementarity gap Γ over forces, for given velocities.
 
-        The result is the state of true friction nearest to `forces`, as far as repairs succeed. forces: (q·m,) scaled.
-        dual: multipliers whose first entries are the velocities. areas: effective areas, None if not used. held: if
-        given, hold the forces with the larger weight `HOLDING_WEIGHT`, and require this slack.
+        The result is the state of true friction nearest to `forces`; check that it is admissible, since repairs may
+        fail. forces: (q·m,) scaled. dual: multipliers whose first entries are the velocities. areas: effective areas,
+        None if not used. held: if given, hold the forces with the larger weight `HOLDING_WEIGHT`, and require this
+        slack.
         """
         template, program = self._gap_program(forces, dual, areas, self.margin if held is None else held)
         solver = self.gap_solver if held is None else self.holding_solver
