@@ -8,7 +8,13 @@ from __future__ import annotations
 
 import itertools
 import json
+import os
+import subprocess
+import sys
+import tempfile
 import time
+import urllib.request
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -17,6 +23,9 @@ from benchmarks.common import table, write
 from jld_core import build_assembly, parse_scene, samples, solve
 from jld_core.geometry_optimisation.box_search import prove_box
 from jld_core.geometry_optimisation.optimise import MovedJoints, move_joints
+from jld_core.geometry_optimisation.search import GeometrySearch
+from jld_core.threads import one_thread
+from jld_explore.box_proof import check_proof
 
 Document = dict[str, Any]
 
@@ -25,6 +34,12 @@ CIRCLE: Final = [{"circle": [0.0, 0.0]}]
 
 SECONDS: Final = 60.0
 """Time limit of one search, s."""
+
+TRIED: Final = 8
+"""Number of steps of which times are taken."""
+
+TRIES: Final = 30
+"""Number of places to which a vertex is dragged."""
 
 
 def arch(voussoirs: int, thickness: float, friction: float, load: str, **move: Any) -> Document:
@@ -41,15 +56,13 @@ def arch(voussoirs: int, thickness: float, friction: float, load: str, **move: A
     return {**document, "move": {"along": CIRCLE, **move}}
 
 
-def wall(friction: float, **move: Any) -> Document:
+def wall(friction: float, courses: int = 6, bricks: int = 4, **move: Any) -> Document:
     """Return a wall of 1.6 × 1.2 m in running bond, bricks of 0.4 × 0.2 m, pushed to either side."""
-    elements: list[Document] = [
-        {"id": "ground", "polygon": [[-0.5, -0.2], [2.1, -0.2], [2.1, 0.0], [-0.5, 0.0]], "support": True}
-    ]
-    for course in range(6):
-        cuts = [0.0, *np.arange(0.4, 1.5, 0.4).tolist(), 1.6]
-        if course % 2:
-            cuts = [0.0, *np.arange(0.2, 1.5, 0.4).tolist(), 1.6]
+    length = 0.4 * bricks
+    ground = [[-0.5, -0.2], [length + 0.5, -0.2], [length + 0.5, 0.0], [-0.5, 0.0]]
+    elements: list[Document] = [{"id": "ground", "polygon": ground, "support": True}]
+    for course in range(courses):
+        cuts = [0.0, *np.arange(0.2 if course % 2 else 0.4, length - 0.1, 0.4).tolist(), length]
         low, high = 0.2 * course, 0.2 * (course + 1)
         for k, (a, b) in enumerate(itertools.pairwise(cuts)):
             elements.append({"id": f"c{course}b{k}", "polygon": [[a, low], [b, low], [b, high], [a, high]]})
@@ -98,8 +111,11 @@ SPAN, HEIGHT, WIDE, DEEP = 2.0, 0.4, 1.0, 5.0
 """Flat arch on piers, as in the tests: clear span, height, width and height of a pier, m."""
 
 
-def flat_arch(parameters: int) -> Document:
-    """Return the flat arch at 15°: tops of springings, of the key's joints, and their bottoms are parameters."""
+def flat_arch(parameters: int, angle: float = 15.0) -> Document:
+    """Return the flat arch: tops of springings, of the key's joints, and their bottoms are parameters.
+
+    angle: of friction, degrees.
+    """
     half, wide, top, crown, root = 0.5 * SPAN, 0.5 * SPAN + WIDE, 1.2, 0.2, 0.1
     pier = [[half, -DEEP], [wide, -DEEP], [wide, HEIGHT], [top, HEIGHT], [half, 0.0]]
     wedge = [[root, 0.0], [half, 0.0], [top, HEIGHT], [crown, HEIGHT]]
@@ -115,7 +131,7 @@ def flat_arch(parameters: int) -> Document:
     along = [{"at": [s * x, y], "direction": [s, 0.0]} for x, y in ends for s in (1, -1)]
     return {
         "elements": elements,
-        "materials": {"density": 1000.0, "dry": {"friction_angle": 15.0}},
+        "materials": {"density": 1000.0, "dry": {"friction_angle": angle}},
         "loads": {"live": [{"element": "key", "force": [0.0, -1.0], "at": [0.0, HEIGHT]}]},
         "move": {"along": along, "ties": "mirror-x"},
     }
@@ -156,8 +172,130 @@ def proofs() -> list[list[str]]:
         done = prove_box(scene, assembly, assembly.labels, (np.array(low), np.array(high)), seconds=300.0)
         best = ", ".join(f"{value:.4f}" for value in done.parameters)
         numbers = [f"{done.load_factor:.6g}", f"{done.bound:.6g}", f"{done.gap:.1e}", str(done.boxes)]
-        rows.append([str(count), *numbers, f"{done.seconds:.1f}", best])
+        passed, spent, _ = check_proof(done)
+        checked = f"{spent:.1f}" if passed else "not passed"
+        rows.append([str(count), *numbers, f"{done.seconds:.1f}", checked, best])
     return rows
+
+
+def step_times() -> list[list[str]]:
+    """Return the rows of the table of steps: a program over forces and positions, and a proven solve."""
+    rows = []
+    scenes = [("semicircle of 23 voussoirs, quarter load", arch(23, 0.18, 0.35, "quarter"))]
+    scenes += [("wall of 11 courses of 6 bricks, two ways", wall(0.8, 11, 6))]
+    for name, document in scenes:
+        scene = parse_scene(document)
+        assembly = build_assembly(scene)
+        search = GeometrySearch(scene, assembly, assembly.labels)
+        times: list[float] = []
+        clock = time.process_time
+        with one_thread():
+            point = search.first()
+            for _ in range(TRIED):
+                assert point is not None
+                start = clock()
+                new, _ = search._try(point, 0.1 * search.unit)
+                times.append(clock() - start)
+                point = new or point
+        faces = len(assembly.interfaces)
+        sizes = [str(faces), str(len(assembly.by_case)), str(search.variables.basis.shape[1])]
+        rows.append([name, *sizes, f"{np.median(times):.3f}", f"{max(times):.3f}"])
+    return rows
+
+
+def closed_form() -> list[list[str]]:
+    """Return the rows of the flat arch with moved joints: at 10° against (11.8), at 5° what it gains."""
+    limits: Document = {"vertices": "along", "box": 0.15, "angle": [20, 160]}
+    hinged = flat_arch(1, 10.0)
+    hinged["move"] |= limits
+    done, seconds = search(hinged, 1)
+    start = done.places - done.moved
+    top = float(done.places[np.argmin(np.linalg.norm(start - [1.2, HEIGHT], axis=1)), 0])
+    formula = flat_arch_load(top, 0.2, 0.1)
+    numbers = [f"{value:.10g}" for value in (done.start, done.value, formula)]
+    rows = [["10°", "1", *numbers, f"{abs(done.value / formula - 1.0):.1e}", f"{seconds:.1f}"]]
+    sliding = flat_arch(3, 5.0)
+    sliding["move"] |= {"vertices": "along", "edge": 0.05, "angle": [10, 170]}
+    done, seconds = search(sliding, 1)
+    before = "does not stand" if np.isnan(done.start) else f"{done.start:.10g}"
+    rows.append(["5°", "3", before, f"{done.value:.10g}", "joints slide", "–", f"{seconds:.1f}"])
+    return rows
+
+
+def flat_arch_load(top: float, key: float, root: float) -> float:
+    """Return λ of the flat arch by (11.8): hinges at the key's top, the springings' bottom and the piers' toes."""
+    weight, half = 1000.0 * 9.81, 0.5 * SPAN
+    pieces = []
+    for outline in (
+        [(root, 0.0), (half, 0.0), (top, HEIGHT), (key, HEIGHT)],
+        [(0.0, 0.0), (root, 0.0), (key, HEIGHT), (0.0, HEIGHT)],
+        [(half, -DEEP), (half + WIDE, -DEEP), (half + WIDE, HEIGHT), (top, HEIGHT), (half, 0.0)],
+    ):
+        pairs = list(zip(outline, outline[1:] + outline[:1], strict=True))
+        turns = [a[0] * b[1] - b[0] * a[1] for a, b in pairs]
+        first = sum((a[0] + b[0]) * turn for (a, b), turn in zip(pairs, turns, strict=True))
+        pieces.append((0.5 * weight * sum(turns), weight * first / 6.0))
+    (wedge, about), (middle, _), (pier, pier_about) = pieces
+    constant = (middle * (half - key) + wedge * half - about) / HEIGHT
+    held = (middle + wedge) * WIDE + pier * (half + WIDE) - pier_about
+    return 2.0 * (held - constant * DEEP) / ((half - key) / HEIGHT * DEEP - WIDE)
+
+
+def drags() -> list[list[str]]:
+    """Return the rows of the table of vertices dragged in the studio, measured at its HTTP requests."""
+    cells = {"grid": {"cell": [0.1, 0.1], "thickness": 0.1, "rows": ["a" * 8] * 6 + ["#" * 8]}}
+    inner = {"tensile_strength": 2e6, "shear_strength": 2e5}
+    cells |= {"materials": {"density": 1400, "dry": {"friction_angle": 30}, "inner": inner}}
+    cells |= {"loads": {"live": [{"body": [1, 0]}]}, "labels": {"default": "dry"}}
+    push = {**wall(0.8), "loads": {"live": [{"body": [1.0, 0.0]}]}}
+    named = [("wall of 27 bricks", push), ("the same, two cases", wall(0.8)), ("wall of 6 × 8 cells", cells)]
+    named += [("semicircle of 89 voussoirs", arch(89, 0.18, 0.7, "quarter"))]
+    rows = []
+    for name, document in named:
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "scene.json"
+            file.write_text(json.dumps(document), encoding="utf-8")
+            command = [sys.executable, "-m", "jld_explore", "studio", str(file), "--no-browser"]
+            server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+            assert server.stdout is not None
+            rows.append([name, *_dragged(server.stdout.readline().strip(), server.pid)])
+            server.terminate()
+            server.wait(timeout=20.0)
+            server.stdout.close()
+    return rows
+
+
+def _dragged(address: str, process: int) -> list[str]:
+    """Return the number of faces and the times of drags at a studio's address: clock and processor, ms."""
+
+    def ask(name: str, body: Document | None = None) -> Document:
+        """Return the answer to a request."""
+        content = None if body is None else json.dumps(body).encode()
+        asked = urllib.request.Request(f"{address}api/{name}", content, {"content-type": "application/json"})
+        with urllib.request.urlopen(asked, timeout=30.0) as answer:
+            found: Document = json.loads(answer.read())
+            return found
+
+    def spent() -> float:
+        """Return the processor time of the server so far, s."""
+        fields = Path(f"/proc/{process}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+    data = ask("data")
+    joints, faces = data["studio"]["joints"], len(data["structure"]["faces"])
+    vertex = next(name for name in joints["paths"] if not joints["ties"].get(name))
+    place, path = joints["places"][int(vertex)], joints["paths"][vertex]
+    way = path.get("direction") or ([1.0, 0.5] if "circle" not in path else [-place[1], place[0]])
+    clock: list[float] = []
+    first = spent()
+    for k in range(1, TRIES + 1):
+        moved = [place[axis] + 1e-4 * k * way[axis] for axis in (0, 1)]
+        state = {"page": "a", "revision": k, "labelling": "d" * faces, "changes": {"vertices": {vertex: moved}}}
+        start = time.perf_counter()
+        ask("solve", state)
+        clock.append(1e3 * (time.perf_counter() - start))
+    each = 1e3 * (spent() - first) / TRIES
+    return [str(faces), f"{np.median(clock):.0f} / {np.quantile(clock, 0.95):.0f}", f"{each:.0f}"]
 
 
 def main() -> None:
@@ -175,8 +313,17 @@ def main() -> None:
     head = ["what", "start", "end", "to reach", "starts", "steps", "solves", "s", "ended", "dead load stands"]
     text = "# Joints that move\n\nWritten by `python -m benchmarks.moving_joints`; one thread.\n\n"
     text += table(head, rows) + "\n\n## Proofs over boxes\n\nFlat arch on piers at 15°, gap asked for 1e-3.\n\n"
-    proven = ["parameters", "λ found", "bound", "gap", "boxes", "s", "best position"]
-    write("moving_joints", text + table(proven, proofs()))
+    proven = ["parameters", "λ found", "bound", "gap", "boxes", "s", "checked in [s]", "best position"]
+    text += table(proven, proofs())
+    text += "\n\n## Closed form\n\nThe flat arch with moved ends of joints, λ in N, against (11.8) of the method.\n\n"
+    head = ["friction", "parameters", "λ before", "λ moved", "(11.8)", "difference", "s"]
+    text += table(head, closed_form())
+    text += "\n\n## Steps\n\nProcessor time of one step: a program over forces and positions, and a proven solve.\n\n"
+    text += table(["scene", "faces", "cases", "variables", "median [s]", "largest [s]"], step_times())
+    text += "\n\n## Dragging in the studio\n\nFrom an HTTP request with a moved vertex to its answer with proven λ, "
+    text += f"{TRIES} places; goal 50 ms up to 90 faces. Load average of the machine: {os.getloadavg()[0]:.1f}.\n\n"
+    head = ["scene", "faces", "median / 95 % [ms]", "processor of the server [ms]"]
+    write("moving_joints", text + table(head, drags()))
 
 
 if __name__ == "__main__":

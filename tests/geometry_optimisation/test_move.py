@@ -208,12 +208,24 @@ def test_crackable_blocks_are_checked_by_fields(tmp_path: Path, jld: Command, mo
     assert [("gain nothing" in sentence) for sentence in facts["warnings"]] == ([] if gains else [True])
 
 
-def test_space_is_refused(tmp_path: Path, jld: Command) -> None:
-    file = tmp_path / "vault.json"
-    file.write_text(samples.KINDS["vault"]().model_dump_json(exclude_defaults=True))
-    done = jld("move", file, "-o", tmp_path / "out.json")
-    assert done.code == 2
-    assert "joints in space do not move" in done.err
+def test_robust_values_are_those_of_the_low_material(tmp_path: Path, jld: Command) -> None:
+    """With friction of 10° and a low one of 8°, every λ is that of 8°; with the nominal one λ is larger."""
+    keys = {"ties": "mirror-x", "vertices": "along", "box": 0.04, "angle": [20, 160]}
+    spread = flat_arch(10.0, 1.2, 0.2, along=TOPS, **keys)
+    spread["materials"]["dry"] = {"friction_angle": {"nominal": 10.0, "low": 8.0}}
+    file, out = tmp_path / "arch.json", tmp_path / "moved.json"
+    file.write_text(json.dumps(spread))
+    facts = json.loads(jld("move", file, "-o", out, "--robust", "--json").out)
+    alone = moved(flat_arch(8.0, 1.2, 0.2, along=TOPS, **keys))
+    assert facts["load_factor"] == pytest.approx(alone.value, rel=1e-7)
+    assert facts["load_factor_nominal"] > facts["load_factor"]
+    again = json.loads(jld("solve", out, "--robust", "--json").out)
+    assert again["load_factor"] == pytest.approx(facts["load_factor"], rel=1e-7)
+    for options, said in ((["--prove=0.05"], "nominal values"), (["--joint", "sine:0.05,2"], "nominal values")):
+        refused = jld("move", file, "-o", tmp_path / "no.json", "--robust", *options)
+        assert (refused.code, refused.err.count("\n"), said in refused.err) == (2, 1, True)
+    file.write_text(json.dumps(flat_arch(10.0, 1.2, 0.2)))
+    assert "has a low one" in jld("move", file, "-o", tmp_path / "no.json", "--robust").err
 
 
 def test_nothing_to_move(tmp_path: Path, jld: Command) -> None:

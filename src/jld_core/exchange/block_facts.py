@@ -10,8 +10,8 @@ import numpy as np
 from jld_core.assembly_sequence import assembly_order
 from jld_core.exchange.layout import Layout
 
-_MOST: Final = 150
-"""Largest number of blocks whose order of laying is computed for a file; it takes seconds for more."""
+_MOST: Final = {2: 150, 3: 40}
+"""Largest number of blocks whose order of laying is computed for a file, by dimension; it takes seconds for more."""
 
 
 @dataclass(frozen=True)
@@ -80,8 +80,11 @@ def block_facts(layout: Layout) -> list[BlockFacts]:
 
 
 def _order(layout: Layout) -> dict[int, int]:
-    """Return the step in which each block is laid, from 1; empty where no order of single blocks is found."""
-    if sum(1 for block in layout.blocks if block.cells) > _MOST:
+    """Return the step in which each block is laid, from 1; empty where no order of single blocks is found.
+
+    Orders of laying do not model members, so that layouts with members have none.
+    """
+    if layout.assembly.members or sum(1 for block in layout.blocks if block.cells) > _MOST[layout.assembly.dimension]:
         return {}
     sideways = layout.scene.search.assemble_out_of_plane
     # groups of blocks that move together take minutes to find in space: jld assembly looks for them

@@ -31,11 +31,11 @@ _FEW: Final = 4
 def find_cells(
     paths: list[Path], snapped: Snapped, options: ImportOptions, size: float, tolerance: float, notes: Notes
 ) -> list[Cell]:
-    """Return the cells that become elements.
+    """Return the cells that become elements, none of them in an opening.
 
-    They are outlines, cut by lines that cross them, and what lines enclose beside them; without outlines, the cells of
-    the network of lines. Nothing lies in an opening. paths, snapped: the drawing before and after snapping. size,
-    tolerance: lengths in scene units. notes: receives what was found and skipped. Raises InputError where nothing is
+    They are outlines, cut by lines that cross them, and areas that lines enclose beside them. Without outlines of free
+    elements they are the cells of the network of lines. paths, snapped: the drawing before and after snapping. size,
+    tolerance: lengths in scene units. notes: receives findings and omissions. Raises InputError where nothing is
     enclosed, or there are too many cells.
     """
     kept = [k for k in range(len(paths)) if k not in snapped.collapsed]
@@ -90,7 +90,7 @@ def _line(path: Path, points: Floats) -> shapely.LineString:
 
 
 def _openings(rings: list[shapely.LineString], notes: Notes) -> shapely.Geometry:
-    """Return the area of all openings: what their lines enclose, drawn as outlines or as single lines."""
+    """Return the area that the lines of openings enclose, outlines or single lines."""
     if not rings:
         return shapely.Polygon()
     found = shapely.polygonize([shapely.union_all(rings)])
@@ -108,7 +108,10 @@ def _outlined(
     size: float,
     notes: Notes,
 ) -> list[Cell]:
-    """Return the cells of closed outlines, cut by the lines that cross them."""
+    """Return the cells of closed outlines, cut by lines that cross them; supports stay whole.
+
+    used: numbers of the outlines in `paths`. segments: lines that cut. size: of the drawing.
+    """
     cells: list[Cell] = []
     cut = pieces_in_all = 0
     tree = shapely.STRtree(segments) if segments else None
@@ -186,7 +189,10 @@ def _beside(
 
 
 def _reached(faces: list[tuple[shapely.Polygon, str]], covered: shapely.Geometry) -> list[tuple[shapely.Polygon, str]]:
-    """Return the faces that touch an area, directly or by other faces; faces elsewhere are no part of a structure."""
+    """Return the faces, each with its layer, that touch an area directly or by other faces.
+
+    Faces elsewhere are no part of a structure. covered: the area.
+    """
     shapes = [face for face, _ in faces]
     reached = set(np.flatnonzero(shapely.intersects(shapes, covered)).tolist()) if shapes else set()
     tree, pending = shapely.STRtree(shapes), list(reached)
@@ -200,7 +206,10 @@ def _reached(faces: list[tuple[shapely.Polygon, str]], covered: shapely.Geometry
 def _count_unused(
     segments: list[shapely.LineString], layers: list[str], cells: list[Cell], reach: float, notes: Notes
 ) -> None:
-    """Note by layer how many lines bound no cell, and so have no effect."""
+    """Note by layer how many lines bound no cell, and so have no effect.
+
+    reach: distance within which a line lies on a boundary, scene units.
+    """
     edges = [shapely.LinearRing(cell.points) for cell in cells]
     tree = shapely.STRtree(edges)
     unused: Counter[str] = Counter()
@@ -217,7 +226,7 @@ def _count_unused(
 
 
 def _refuse_crossings(segments: list[shapely.LineString]) -> None:
-    """Refuse too many crossings before these are computed.
+    """Raise InputError for too many crossings, before these are computed.
 
     A few thousand lines may have millions of crossings.
     """
@@ -233,7 +242,10 @@ def _refuse_crossings(segments: list[shapely.LineString]) -> None:
 
 
 def _one_outline_each(outlines: list[int], paths: list[Path], snapped: Snapped, notes: Notes) -> list[int]:
-    """Remove outlines drawn twice: the same corners in any order."""
+    """Return the outlines, indices into `paths`, without those drawn twice.
+
+    Two outlines are the same if they have the same corners in any order.
+    """
     seen: dict[bytes, int] = {}
     kept = []
     for k in outlines:
@@ -281,7 +293,7 @@ def _pieces(face: shapely.Polygon, layer: str) -> list[Cell]:
 
 
 def _cut(shape: shapely.Polygon, lines: list[shapely.LineString], layer: str, size: float) -> list[Cell]:
-    """Cut an outline by the lines that cross it."""
+    """Cut an outline by lines; return the pieces, the lowest first, empty if none crosses."""
     inside = [shapely.intersection(shape, line) for line in lines]
     kept = [part for part in inside if part.length > 1e-9 * size]
     if not kept:
@@ -298,7 +310,7 @@ def _height(cell: Cell, size: float) -> tuple[float, ...]:
 
 
 def _without_holes(cell: shapely.Polygon) -> list[shapely.Polygon]:
-    """Cut a cell through its holes, since an element has one outline."""
+    """Return a cell without holes, cut through them, since an element has one outline."""
     if not cell.interiors:
         return [cell]
     x0, y0, x1, y1 = cell.bounds

@@ -145,7 +145,10 @@ def _tolerance(paths: list[Path], size: float, options: ImportOptions, drawing: 
 
 
 def _note_snapped(snapped: Snapped, tolerance: float, scale: float, drawn_in: str, notes: Notes) -> None:
-    """Note the number and size of displacements in the unit of the drawing, and the collapsed paths."""
+    """Note number and largest displacement of moved corners, and the collapsed paths.
+
+    tolerance: scene units. scale: scene units per unit of the drawing, `drawn_in`, which the notes use.
+    """
     notes.largest = snapped.largest
     said = f"tolerance {tolerance / scale:.3g} {drawn_in}"
     if snapped.moved:

@@ -23,7 +23,7 @@ _CASE: Final = re.compile(r".*[^\W\d_][\s_.:-]*\d+|.*load\W?case[\s_.:-]+\S.*", 
 
 @dataclass(frozen=True)
 class Structure:
-    """What loads act on.
+    """Elements that loads act on, with the measures of their scene.
 
     cells: future elements. thickness: out-of-plane depth. unit: unit of length. reach: distance within which a line
     lies along an edge. All lengths are in scene units.
@@ -94,9 +94,10 @@ class _Loads:
         self._free = [k for k, cell in enumerate(structure.cells) if not cell.support]
 
     def of(self, paths: list[Path], marks: list[Mark], layers: list[str], kind: str) -> list[dict[str, Any]]:
-        """Return the entries of what is drawn on some layers, and note each.
+        """Return the entries of lines, points and texts on some layers, and note each.
 
-        kind: what the forces are, for the report.
+        kind: of the forces ("live", "dead", a load case), for the report. Raises InputError for a text that is no
+        force.
         """
         texts = [mark for mark in marks if mark.layer in layers and mark.text]
         entries: list[dict[str, Any]] = []
@@ -120,7 +121,10 @@ class _Loads:
         return entries
 
     def _along(self, path: Path, mark: Mark | None, kind: str) -> dict[str, Any]:
-        """Return the entry of a line: an arrow, or the edge under a load per length or area."""
+        """Return the entry of a line: a pressure for a load per length or area, else a force.
+
+        mark: its text, None for none. kind: as for `of`.
+        """
         start, end = path.points[0, :2], path.points[-1, :2]
         if mark is None:
             self._notes.assumed.append(f"a force of 1 {self._unit} along a line on layer {path.layer}: it has no text")
@@ -164,7 +168,10 @@ class _Loads:
         return entry
 
     def _pressure(self, path: Path, mark: Mark, written: WrittenForce, kind: str) -> dict[str, Any]:
-        """Return the entry of a load per length or area along an edge, and note it."""
+        """Return the entry of a load per length or area along an edge, and note it.
+
+        Raises InputError for a line that lies along no free edge.
+        """
         size, power = written.per or (1.0, 1)
         own = METRES.get(self._structure.unit, 1.0)
         pressure = written.values[0] * (own / size) ** power
@@ -189,9 +196,9 @@ class _Loads:
 
 
 def _nearest(texts: list[Mark], start: Floats, end: Floats, taken: set[int]) -> int | None:
-    """Return the number of the text nearest to a line, or None.
+    """Return the number of the text nearest to a line, None if all are too far.
 
-    The text may be at most the length of the line away.
+    A text may be at most the length of the line away. taken: numbers of texts that other lines use.
     """
     line = shapely.LineString([start, end])
     away = [(line.distance(shapely.Point(mark.at)), k) for k, mark in enumerate(texts) if k not in taken]

@@ -73,12 +73,15 @@ class Layout:
         Labels, True = dry.
     result : LimitAnalysisResult or None
         Its analysis, where available.
+    drawn_from : Layout or None
+        Layout in the unit of the scene, for one whose geometry is in another unit.
     """
 
     scene: Scene
     assembly: Assembly
     labels: Bits
     result: LimitAnalysisResult | None = None
+    drawn_from: Layout | None = None
 
     @cached_property
     def block_of(self) -> Ints:
@@ -135,8 +138,10 @@ class Layout:
 
     @property
     def thickness(self) -> float:
-        """Out-of-plane depth of a planar scene, scene units."""
-        return self.scene.plane_thickness
+        """Out-of-plane depth of a planar scene, in the unit of the assembly."""
+        if self.drawn_from is None:
+            return self.scene.plane_thickness
+        return self.scene.plane_thickness * self.assembly.size / self.drawn_from.assembly.size
 
     @cached_property
     def blocks(self) -> tuple[Block, ...]:
@@ -151,7 +156,7 @@ class Layout:
             free = one[~elements.support[one]]
             own = free if len(free) else one
             around = self.labels & ((block_a == k) | (block_b == k))
-            inside = ~self.labels & (block_a == k) & (block_b == k)
+            inside = ~self.labels & ~self.assembly.of_members & (block_a == k) & (block_b == k)
             share = weight[own] if weight[own].sum() > 0.0 else elements.volume[own]
             found.append(
                 Block(

@@ -81,7 +81,10 @@ def without_repeats(path: Path, same: float) -> Path:
 
 
 def _between(point: Floats, ring: Floats, step: int, same: float) -> bool:
-    """Return True if a point lies on the straight edge of a ring that ends at the corner of number `step`."""
+    """Return True if a point lies on the straight edge of a ring that ends at corner `step`.
+
+    ring: (k, 3). same: distance within which it does. False for an arc.
+    """
     start, end = ring[(step - 1) % len(ring)], ring[step % len(ring)]
     along = end[:2] - start[:2]
     length = float(np.hypot(*along))
@@ -147,10 +150,10 @@ def flatten(paths: Sequence[Path], facet: float, same: float) -> Chords:
 
 
 def _divided(stops: Floats, radius: float, facet: float, same: float) -> Floats:
-    """Return the angles that divide a circle: ends of its arcs, and equal steps between neighbouring ends.
+    """Return the angles that divide a circle at ends of its arcs and at steps between them.
 
-    The division has every symmetry of the ends. stops: (k,) angles, radians. facet: largest distance of a chord from
-    the circle. same: distance within which two ends are equal.
+    The steps between two ends are equal, so that the division has every symmetry of the ends. stops: (k,) angles,
+    radians. facet: largest distance of a chord from the circle. same: distance within which two ends are equal.
     """
     apart = max(same / radius, 1e-9)
     ends = np.sort(np.mod(stops, 2.0 * np.pi))

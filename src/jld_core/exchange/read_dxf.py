@@ -336,7 +336,7 @@ class _Reader:
 
 
 def _side(entity: Any) -> int:
-    """Return 1 for an entity in the plane seen from above, -1 from below (mirrored), 0 for an inclined one.
+    """Return 1 for an entity in the plane, −1 for one seen from below, 0 for an inclined one.
 
     The coordinates of an entity seen from below have a reversed x axis.
     """

@@ -30,10 +30,10 @@ _COMMON: Final = ("mm", "cm", "m", "in", "ft")
 
 
 def say_size(size: float, outlines: Sequence[Floats], unit: str, drawn_in: str, notes: Notes) -> None:
-    """Note a size of a structure or of its blocks that can hardly be meant, with the likely unit.
+    """Note a size of a structure or of its blocks that can hardly be meant, and a likely unit.
 
-    size: largest extent, scene units. outlines: (k, 2) corners of each free element. unit: unit of the scene.
-    drawn_in: unit of the file, of which size and outlines were converted.
+    size: largest extent, scene units. outlines: (k, 2) corners of each free element. unit: unit of the scene. drawn_in:
+    unit of the file, of which size and outlines were converted.
     """
     if unit != "m" or not outlines:
         return

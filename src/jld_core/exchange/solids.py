@@ -59,8 +59,9 @@ class Part:
 class Solids:
     """Content of a spatial file before it is converted to elements.
 
-    contacts: (name, name, corners (k, 3)) where the file gives interfaces. facts: keys of a scene that an earlier
-    export stored in the file. name: name of the scene. unit: unit of length of the file, None if unknown.
+    parts: the solids. contacts: (name, name, corners (k, 3)) where the file gives interfaces. facts: keys of a scene
+    that an earlier export stored in the file. name: name of the scene. unit: unit of length of the file, None if
+    unknown.
     marks: points, texts and arrows. drawn: role "dry" or "inner", and corners (k, 3), of faces with a label.
     """
 
@@ -174,7 +175,10 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes) -> Import
 
 
 def _scale(found: Solids, options: ImportOptions, notes: Notes) -> tuple[float, str | None, str]:
-    """Return the factor to the scene's unit of length, this unit if to be stated, and the unit of the file."""
+    """Return the factor to the scene's unit of length, that unit, and the unit of the file.
+
+    The second is None where the document need not state it. Raises InputError for an unknown unit.
+    """
     given = options.unit or found.unit
     if given is not None and given not in METRES:
         raise InputError("", f"its lengths are in {given}", "`unit` " + "|".join(METRES))

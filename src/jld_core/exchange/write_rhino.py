@@ -158,16 +158,17 @@ class _File:
 
     def analysis(self) -> None:
         """Add the moved blocks of the mechanism, and the lines of thrust, where there is an analysis."""
-        layout, result = self._layout, self._layout.result
+        layout, result = self._layout.drawn_from or self._layout, self._layout.result
         if result is None:
             return
         assembly = layout.assembly
+        factor = self._layout.assembly.size / assembly.size
         if result.mechanism is not None:
             scale = mechanism_scale(assembly, result.mechanism)
             for element in assembly.elements.free.tolist():
                 name = assembly.elements.ids[element]
                 points = assembly.elements.shape[element]
-                moved = points + scale * displacement(assembly, result.mechanism, element, points)
+                moved = factor * (points + scale * displacement(assembly, result.mechanism, element, points))
                 attributes = self._attributes("MECHANISM", name)
                 if assembly.dimension == 2:
                     self._curve(moved, True, attributes)
@@ -185,4 +186,4 @@ class _File:
             half = 0.5 * _LENGTH * assembly.size * vectors / largest if largest else vectors
             lines = [np.array([p - h, p + h]) for p, h in zip(points, half, strict=True) if np.any(h)]
         for line in lines:
-            self._curve(line, False, self._attributes("THRUST"))
+            self._curve(factor * line, False, self._attributes("THRUST"))

@@ -280,8 +280,8 @@ def require_spatial_fields(assembly: Assembly, patch: float | None = None) -> No
     Raises
     ------
     InputError
-        Inner strengths that are missing, zero or different, cells that are not convex, loads without room for their
-        patch, and interfaces that no mesh fits.
+        Members, inner strengths that are missing, zero or different, cells that are not convex, loads without room for
+        their patch, and interfaces that no mesh fits.
     """
     material_of(assembly)
     for case in assembly.by_case:

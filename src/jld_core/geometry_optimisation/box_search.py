@@ -124,6 +124,10 @@ class _Search:
     """Branch and bound over the positions of one structure; keeps the best position tried."""
 
     def __init__(self, scene: Scene, assembly: Assembly, labels: Bits) -> None:
+        if assembly.dimension != 2:
+            raise ParameterError("prove", "it bounds planar structures alone", "a planar scene")
+        if assembly.nominal is not None:
+            raise ParameterError("prove", "it bounds λ at nominal values of materials", "no `robust` layout")
         move = scene.move or Move()
         mesh = vertex_mesh(assembly)
         variables = variables_of(assembly, labels, mesh, move, named=True)

@@ -10,10 +10,12 @@ import numpy as np
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
-from jld_core.build import build_assembly
+from jld_core.build import build_assembly, build_robust
 from jld_core.errors import InputError
 from jld_core.geometry_optimisation.limits import Limits
 from jld_core.geometry_optimisation.moved_scene import MovedScene
+from jld_core.geometry_optimisation.spatial_mesh import SpatialMesh, SpatialMovedScene
+from jld_core.geometry_optimisation.spatial_program import SpatialLimits
 from jld_core.geometry_optimisation.step import CaseState, Goal, Region, StepAnswer, solve_step
 from jld_core.geometry_optimisation.variables import Variables
 from jld_core.geometry_optimisation.vertex_mesh import VertexMesh
@@ -66,18 +68,20 @@ class Evaluator:
 
     Parameters
     ----------
-    moved : MovedScene
+    moved : MovedScene or SpatialMovedScene
         The scene at given positions.
-    mesh : VertexMesh
+    mesh : VertexMesh or SpatialMesh
         Vertices at the start.
     labels : (m,) bool array
         Labels, True = dry.
     variables : Variables
         Positions by variables.
-    limits : Limits
+    limits : Limits or SpatialLimits
         Limits on shapes.
     unit : float
         Length by which variables are scaled in programs.
+    robust : bool
+        Take the low values of materials.
 
     Attributes
     ----------
@@ -88,23 +92,34 @@ class Evaluator:
     """
 
     def __init__(
-        self, moved: MovedScene, mesh: VertexMesh, labels: Bits, variables: Variables, limits: Limits, unit: float
+        self,
+        moved: MovedScene | SpatialMovedScene,
+        mesh: VertexMesh | SpatialMesh,
+        labels: Bits,
+        variables: Variables,
+        limits: Limits | SpatialLimits,
+        unit: float,
+        robust: bool = False,
     ) -> None:
+        self._build = build_robust if robust else build_assembly
         self._moved, self._mesh, self.labels = moved, mesh, labels
         self.variables, self.limits, self.unit = variables, limits, unit
         self.dead_stands: bool | None = None
         self.solves = 0
 
     def assembly(self, values: Floats) -> Assembly | None:
-        """Return the assembly at variables z (k,); None where elements turn over or overlap."""
+        """Return the assembly at variables z (k,); None where elements turn over or overlap.
+
+        It has the low values of materials where the search began with these.
+        """
         try:
-            return build_assembly(self._moved.at(self.variables.places(values)))
+            return self._build(self._moved.at(self.variables.places(values)))
         except InputError:
             return None
 
-    def mesh(self, values: Floats) -> VertexMesh:
+    def mesh(self, values: Floats) -> VertexMesh | SpatialMesh:
         """Return the vertices at variables z (k,), without a check that they form a structure."""
-        return VertexMesh(self.variables.places(values), self._mesh.loops, self._mesh.ends)
+        return self._mesh.at(self.variables.places(values))
 
     def region(self, values: Floats, low: Floats, high: Floats) -> Region:
         """Return the steps allowed from variables z (k,), for `solve_step`.
@@ -149,7 +164,7 @@ class Evaluator:
             return Evaluated(values, math.inf, result, [])
         cases = list(result.cases.values()) or [result]
         states = [
-            CaseState(Template(one.assembly), one.forces, one.load_factor, float(required))
+            CaseState(Template(one.assembly), one.forces, one.load_factor, float(required), mechanism=one.mechanism)
             for one, required in zip(cases, assembly.required, strict=True)
             if one.forces is not None and one.status is Status.COLLAPSE
         ]
@@ -160,7 +175,9 @@ class Evaluator:
     @staticmethod
     def with_forces(point: Evaluated, answer: StepAnswer) -> Evaluated:
         """Return a copy of a point with the unproven forces of the answer of its step."""
-        states = [replace(state, forces=own) for state, own in zip(point.states, answer.forces, strict=True)]
+        states = [
+            replace(state, forces=own, mechanism=None) for state, own in zip(point.states, answer.forces, strict=True)
+        ]
         return replace(point, states=states)
 
     def _dead_states(self, values: Floats, assembly: Assembly, near: list[CaseState]) -> list[CaseState]:
@@ -175,7 +192,7 @@ class Evaluator:
                 different.append(case)
         if len(known) == len(different):
             return [replace(one, template=Template(case)) for one, case in zip(known, different, strict=True)]
-        none = np.zeros((len(self.labels), 3))
+        none = np.zeros((len(self.labels), different[0].freedoms))
         states = [CaseState(Template(case), none, 0.0, 1.0, dead=True) for case in different]
         still = np.zeros(self.variables.count)
         answer = self.step(Evaluated(values, 0.0, None, states), still, still, "slack")
@@ -210,7 +227,7 @@ class Evaluator:
         if assembly is None:
             return None
         states = [
-            CaseState(Template(one), np.zeros((len(self.labels), 3)), 0.0, float(required))
+            CaseState(Template(one), np.zeros((len(self.labels), one.freedoms)), 0.0, float(required))
             for one, required in zip(assembly.by_case, assembly.required, strict=True)
         ]
         still = np.zeros(self.variables.count)

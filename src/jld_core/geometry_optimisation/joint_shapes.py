@@ -135,6 +135,7 @@ def shaped_scene(scene: Scene, assembly: Assembly, labels: Bits, shape: Shape) -
         The scene is spatial, has strengths of single interfaces or slits, or a tooth does not fit into its element.
     """
     shape.check()
+    assembly.members.refuse("a shape of joints")
     if assembly.dimension != 2:
         raise InputError("elements", "they are spatial", "a planar scene; joints in space have no shape yet")
     geometry = build_geometry(scene)

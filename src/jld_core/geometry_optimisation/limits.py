@@ -18,10 +18,10 @@ from jld_core.scene import PointLoad, Scene
 from jld_core.scene.loads import BodyLoad, FaceLoad
 from jld_core.scene.move import Move
 
-_EDGE: Final = 0.15
+EDGE: Final = 0.15
 """Default of the least length of an edge, relative to the mean edge of all free elements."""
 
-_AREA: Final = 0.05
+LEAST_AREA: Final = 0.05
 """Least area of an element, relative to its area at the start."""
 
 _KEPT: Final = 0.98
@@ -90,11 +90,11 @@ class Limits:
         touched = moving[edges].any(axis=1)
         self._edges = np.unique(np.sort(edges[touched & free[owner]], axis=1), axis=0)
         lengths = np.linalg.norm(mesh.places[edges[:, 1]] - mesh.places[edges[:, 0]], axis=1)[free[owner]]
-        self._edge = move.edge or _EDGE * float(lengths.mean())
+        self._edge = move.edge or EDGE * float(lengths.mean())
         self._areas = area_rates(mesh).area
         self._elements = np.array([k for k, loop in enumerate(mesh.loops) if moving[loop].any()], dtype=np.int64)
         self._masses = (
-            _mass_rows(assembly, labels, self._areas, moving, mesh)
+            mass_rows(assembly, labels, np.array([moving[loop].any() for loop in mesh.loops]))
             if any(bound is not None for bound in move.block_mass)
             else sp.csr_array((0, len(free)))
         )
@@ -104,7 +104,7 @@ class Limits:
         self._sign = np.ones(len(self._joints))
         start = self.at(mesh.places, drafted=True)
         self.equal = self._equal(len(start.values))
-        self.least = np.where(self.equal, 0.0, np.minimum(0.0, _relaxed(start.values)))
+        self.least = np.where(self.equal, 0.0, np.minimum(0.0, relaxed(start.values)))
 
     def _angles(self, mesh: VertexMesh, moving: Bools, free: Bools) -> tuple[Ints, Ints]:
         """Return corners of free elements below 180° (c, 3), and straight ones (s, 3).
@@ -162,13 +162,13 @@ class Limits:
         length = np.linalg.norm(edge, axis=1)
         along = edge / length[:, None] / self._edge
         columns = np.concatenate([2 * self._edges[:, :1] + np.arange(2), 2 * self._edges[:, 1:] + np.arange(2)], axis=1)
-        return length / self._edge - 1.0, _sparse(np.concatenate([-along, along], axis=1), columns, places.size)
+        return length / self._edge - 1.0, sparse_rows(np.concatenate([-along, along], axis=1), columns, places.size)
 
     def _of_areas(self, rates: AreaRates) -> tuple[Floats, sp.csr_array]:
         """Return rows of the least area of elements, relative to the area at the start."""
         start = self._areas[self._elements]
         scaled = sp.diags_array(1.0 / start) @ rates.by_area[self._elements]
-        return rates.area[self._elements] / start - _AREA, sp.csr_array(scaled)
+        return rates.area[self._elements] / start - LEAST_AREA, sp.csr_array(scaled)
 
     def _of_masses(self, rates: AreaRates) -> tuple[Floats, sp.csr_array]:
         """Return rows of the least and the largest mass of blocks, relative to the bound."""
@@ -197,7 +197,7 @@ class Limits:
                 values.append((sign * float((point - places[vertex]) @ along) - half) / self._size)
                 rates.append(-sign * along / self._size)
                 columns.append([2 * vertex, 2 * vertex + 1])
-        return np.array(values), _sparse(
+        return np.array(values), sparse_rows(
             np.array(rates).reshape(-1, 2), np.array(columns, dtype=np.int64).reshape(-1, 2), places.size
         )
 
@@ -221,11 +221,11 @@ class Limits:
             self._sign = np.where(sine < 0.0, -1.0, 1.0)
         slope = -(self._sign * (along @ lift))[:, None] * normal / length
         columns = np.concatenate([2 * ends[:, :1] + np.arange(2), 2 * ends[:, 1:] + np.arange(2)], axis=1)
-        rows = _sparse(np.concatenate([-slope, slope], axis=1), columns, places.size)
+        rows = sparse_rows(np.concatenate([-slope, slope], axis=1), columns, places.size)
         return self._sign * sine - np.sin(np.radians(draft.degrees)), rows
 
 
-def _relaxed(values: Floats) -> Floats:
+def relaxed(values: Floats) -> Floats:
     """Return values (r,) lowered a little, as least values of limits that a start violates."""
     return np.asarray(values - (1.0 - _KEPT) * abs(values))
 
@@ -243,27 +243,24 @@ def _angle_rates(places: Floats, corners: Ints) -> sp.csr_array:
     one = np.column_stack([-before[:, 1], before[:, 0]]) / np.einsum("ij,ij->i", before, before)[:, None]
     two = np.column_stack([-after[:, 1], after[:, 0]]) / np.einsum("ij,ij->i", after, after)[:, None]
     columns = (2 * corners[:, :, None] + np.arange(2)).reshape(len(corners), 6)
-    return _sparse(np.concatenate([one, two - one, -two], axis=1), columns, places.size)
+    return sparse_rows(np.concatenate([one, two - one, -two], axis=1), columns, places.size)
 
 
-def _sparse(values: Floats, columns: Ints, size: int) -> sp.csr_array:
+def sparse_rows(values: Floats, columns: Ints, size: int) -> sp.csr_array:
     """Return rows (k, size) with values (k, j) at columns (k, j)."""
     rows = np.repeat(np.arange(len(values)), values.shape[1])
     return sp.csr_array((values.ravel(), (rows, columns.ravel())), shape=(len(values), size))
 
 
-def _mass_rows(assembly: Assembly, labels: Bits, areas: Floats, moving: Bools, mesh: VertexMesh) -> sp.csr_array:
-    """Return rows (b, n) whose product with relative areas gives the masses of blocks.
+def mass_rows(assembly: Assembly, labels: Bits, changing: Bools) -> sp.csr_array:
+    """Return the masses (b, n) of elements by blocks, for blocks of free elements of which one changes.
 
-    Only blocks without a support that have a vertex that moves are taken. labels: (m,) True = dry. moving: (v,) True
-    for these vertices.
+    changing: (n,) True for elements with a vertex that moves.
     """
     elements = assembly.elements
     block = blocks_of(assembly, labels)
     grounded = np.isin(block, block[elements.support])
-    moved = np.array([moving[loop].any() for loop in mesh.loops])
-    chosen = np.flatnonzero(moved & ~grounded)
-    numbers = np.unique(block[chosen])
+    numbers = np.unique(block[changing & ~grounded])
     members = np.flatnonzero(np.isin(block, numbers))
     place = np.searchsorted(numbers, block[members])
     return sp.csr_array((elements.mass[members], (place, members)), shape=(len(numbers), len(elements)))

@@ -46,7 +46,7 @@ class MovedScene:
             label = "dry" if labels[k] else "inner"
             self._interfaces.append({**own, "elements": [ids[faces.a[k]], ids[faces.b[k]]], "label": label})
         self._document = document
-        self._reach = SAME * assembly.size
+        self._size = assembly.size
 
     def document(self, places: Floats, friction: float = 1.0) -> dict[str, Any]:
         """Return the scene file as a dict with the vertices at the positions (v, 2), unchecked.
@@ -63,27 +63,8 @@ class MovedScene:
             for entry, ends in zip(self._interfaces, self._mesh.ends, strict=True)
         ]
         if "move" in found:
-            found["move"] = self._named_anew(found["move"], places)
+            found["move"] = move_with_points(found["move"], self._mesh.places, places, self._size)
         return found if friction == 1.0 else _with_friction_factor(found, friction)
-
-    def _named_anew(self, move: dict[str, Any], places: Floats) -> dict[str, Any]:
-        """Return the key "move" with its points of vertices at positions (v, 2); other points stay."""
-
-        def moved(point: list[float]) -> list[float]:
-            """Return where the vertex at a point of the start is now."""
-            distance = np.linalg.norm(self._mesh.places - np.array(point, dtype=float), axis=1)
-            vertex = int(np.argmin(distance))
-            if distance[vertex] > self._reach:
-                return point
-            found: list[float] = places[vertex].tolist()
-            return found
-
-        found = dict(move)
-        if "along" in move:
-            found["along"] = [{**path, "at": moved(path["at"])} if "at" in path else path for path in move["along"]]
-        if isinstance(move.get("ties"), list):
-            found["ties"] = [[moved(point) for point in group] for group in move["ties"]]
-        return found
 
     def at(self, places: Floats, friction: float = 1.0) -> Scene:
         """Return the validated scene with the vertices at the positions (v, 2).
@@ -91,6 +72,29 @@ class MovedScene:
         friction: factor on the friction of dry joints. Raises InputError where the positions make no valid scene.
         """
         return parse_scene(self.document(places, friction), "the moved scene")
+
+
+def move_with_points(move: dict[str, Any], start: Floats, places: Floats, size: float) -> dict[str, Any]:
+    """Return the key "move" with its points of vertices where the vertices are now; other points stay.
+
+    start, places: (v, d) positions to which the key refers, and those now. size: of the structure, length.
+    """
+
+    def moved(point: list[float]) -> list[float]:
+        """Return where the vertex at a point of the start is now."""
+        distance = np.linalg.norm(start - np.array(point, dtype=float), axis=1)
+        vertex = int(np.argmin(distance))
+        if distance[vertex] > SAME * size:
+            return point
+        found: list[float] = places[vertex].tolist()
+        return found
+
+    found = dict(move)
+    if "along" in move:
+        found["along"] = [{**path, "at": moved(path["at"])} if "at" in path else path for path in move["along"]]
+    if isinstance(move.get("ties"), list):
+        found["ties"] = [[moved(point) for point in group] for group in move["ties"]]
+    return found
 
 
 def _with_friction_factor(document: dict[str, Any], factor: float) -> dict[str, Any]:

@@ -12,6 +12,7 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
+from jld_core.build import build_assembly, build_robust
 from jld_core.errors import InputError
 from jld_core.geometry_optimisation.evaluation import Evaluated
 from jld_core.geometry_optimisation.search import GeometrySearch, TrustRegion
@@ -73,9 +74,9 @@ class MovedJoints:
         Why the best search ended: "stationary", "locked", "time" or "points".
     points : list of Point
         All accepted points of all starts.
-    places : (v, 2) array
+    places : (v, d) array
         Positions of the vertices at the end.
-    moved : (v, 2) array
+    moved : (v, d) array
         Displacement of each vertex from the start, scene units.
     parameters : int
         Number of independent variables.
@@ -108,16 +109,16 @@ def move_joints(
     trust: TrustRegion | None = None,
     progress: Callable[[Point], None] | None = None,
 ) -> MovedJoints:
-    """Move the joints of a planar structure to optimise what its key "move" asks for.
+    """Move the joints of a structure to optimise what its key "move" asks for.
 
     The objective is the largest λ, or the least friction or thickness at which the dead load stands.
 
     Parameters
     ----------
     scene : Scene
-        Planar scene; its key "move" states variables, limits and objective.
+        Scene; its key "move" states variables, limits and objective. In space λ is the objective, of dry joints.
     assembly : Assembly
-        Its assembly.
+        Its assembly; one of `build_robust` is optimised at the low values of materials.
     labels : (m,) bool array
         Labels, True = dry.
     seconds : float
@@ -224,7 +225,8 @@ def _contacts_found(search: GeometrySearch, scene: Scene, point: Evaluated) -> l
     document = scene.model_dump(mode="json", exclude_defaults=True)
     if any(set(entry) > {"elements", "polygon", "label"} for entry in document.pop("interfaces")):
         return []  # stated strengths of single interfaces would be lost
-    again = solve(parse_scene({**document, "labels": {"default": "dry"}})).load_factor
+    found = parse_scene({**document, "labels": {"default": "dry"}})
+    again = solve(build_assembly(found) if result.assembly.nominal is None else build_robust(found)).load_factor
     if abs(again - result.load_factor) <= tolerances.GAP * abs(result.load_factor):
         return []
     return [f"contacts found anew give λ = {again:.6g}: joints touch where none did before, or no longer do"]

@@ -16,6 +16,8 @@ from jld_core.errors import InputError
 from jld_core.geometry_optimisation.evaluation import Evaluated, Evaluator
 from jld_core.geometry_optimisation.limits import Limits
 from jld_core.geometry_optimisation.moved_scene import MovedScene
+from jld_core.geometry_optimisation.spatial_mesh import SpatialMesh, SpatialMovedScene, spatial_mesh
+from jld_core.geometry_optimisation.spatial_program import SpatialLimits, require_spatial, spatial_variables
 from jld_core.geometry_optimisation.step import Goal, StepAnswer
 from jld_core.geometry_optimisation.variables import Variables, variables_of
 from jld_core.geometry_optimisation.vertex_mesh import VertexMesh, vertex_mesh
@@ -73,16 +75,16 @@ _SHAKE: Final = 0.15
 
 
 class GeometrySearch:
-    """Search for the best positions of the joints of one planar structure.
+    """Search for the best positions of the joints of one structure.
 
     Start from `first`, or from `standing` where the structure does not stand, and improve the point by `climb`.
 
     Parameters
     ----------
     scene : Scene
-        Planar scene; its key "move" states variables, limits and objective.
+        Scene; its key "move" states variables, limits and objective.
     assembly : Assembly
-        Its assembly.
+        Its assembly; one of `build_robust` has every point at the low values of materials.
     labels : (m,) bool array
         Labels, True = dry.
     trust : TrustRegion, optional
@@ -90,22 +92,34 @@ class GeometrySearch:
     """
 
     def __init__(self, scene: Scene, assembly: Assembly, labels: Bits, trust: TrustRegion | None = None) -> None:
-        if assembly.dimension != 2:
-            raise InputError("elements", "they are spatial", "a planar scene; joints in space do not move yet")
         self.move, self.trust = scene.move or Move(), trust or TrustRegion()
-        mesh = vertex_mesh(assembly)
-        self.variables: Variables = variables_of(assembly, labels, mesh, self.move)
+        robust = assembly.nominal is not None
+        if robust and self.goal == "friction":
+            problem = '"least_friction" has no low values, since friction is what it seeks'
+            raise InputError("move.maximise", problem, '"load_factor", or nominal values')
+        mesh: VertexMesh | SpatialMesh
+        if assembly.dimension == 3:
+            require_spatial(assembly, labels, self.move)
+            mesh = space = spatial_mesh(assembly)
+            self.variables: Variables = spatial_variables(assembly, space, self.move)
+        else:
+            mesh = plane = vertex_mesh(assembly)
+            self.variables = variables_of(assembly, labels, plane, self.move)
         moving = np.zeros(len(mesh.places), dtype=bool)
         moving[self.variables.vertex] = True
         if self.variables.scaled:
             moving |= self.variables.rings != 0.0
-        limits = Limits(scene, assembly, labels, mesh, moving, self.move)
         owner, edges = mesh.edges
         free = ~assembly.elements.support[owner]
         self.unit = float(np.linalg.norm(mesh.places[edges[:, 1]] - mesh.places[edges[:, 0]], axis=1)[free].mean())
-        self.moved = MovedScene(scene, assembly, labels, mesh)
-        self._mesh: VertexMesh = mesh
-        self.evaluator = Evaluator(self.moved, mesh, labels, self.variables, limits, self.unit)
+        limits: Limits | SpatialLimits
+        if isinstance(mesh, SpatialMesh):
+            limits = SpatialLimits(assembly, labels, mesh, moving, self.move)
+            self.moved: MovedScene | SpatialMovedScene = SpatialMovedScene(scene, assembly, labels, mesh, moving)
+        else:
+            limits = Limits(scene, assembly, labels, mesh, moving, self.move)
+            self.moved = MovedScene(scene, assembly, labels, mesh)
+        self.evaluator = Evaluator(self.moved, mesh, labels, self.variables, limits, self.unit, robust)
         self._friction = float(np.nan_to_num(assembly.strengths.friction[labels]).max(initial=0.0))
 
     # --- points -----------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from jld_core.assembly import Assembly
 from jld_core.geometry import area_vector, spun
 from jld_core.geometry.polygons import centroid, torsion_length
 from jld_core.geometry_optimisation.planar_rates import shape_loads
-from jld_core.geometry_optimisation.vertex_mesh import merged_points
+from jld_core.geometry_optimisation.spatial_mesh import spatial_mesh
 from jld_core.limit import LimitAnalysisResult
 from jld_core.solvers.highs import highs_of
 
@@ -23,9 +23,6 @@ _STEP: Final = 1e-5
 
 _ROUNDED: Final = 1e-9
 """Share of the force of a face by which corner forces may miss its resultants before they are corrected."""
-
-_MERGED: Final = 1e-2
-"""Distance of two corners that are one vertex, relative to the shortest edge."""
 
 
 def spatial_rates(result: LimitAnalysisResult, forces: Floats, mechanism: Floats) -> tuple[Floats, Floats] | None:
@@ -38,29 +35,14 @@ def spatial_rates(result: LimitAnalysisResult, forces: Floats, mechanism: Floats
     assembly = result.assembly
     if not result.labels.all() or np.isfinite(assembly.strengths.crush_dry).any():
         return None
-    shapes, polygons = assembly.elements.shape, assembly.interfaces.polygon
-    number, places = merged_points([*shapes, *polygons], _MERGED * _shortest(assembly))
-    starts = np.cumsum([0, *(len(shape) for shape in shapes), *(len(polygon) for polygon in polygons)])
-    rates = np.zeros_like(places)
+    mesh = spatial_mesh(assembly)
+    rates = np.zeros_like(mesh.places)
     for element in assembly.elements.free.tolist():
-        own = number[starts[element] : starts[element + 1]]
-        np.add.at(rates, own, _element_rates(assembly, element, mechanism[element], result.load_factor))
-    for face in range(len(polygons)):
-        position = len(shapes) + face
-        own = number[starts[position] : starts[position + 1]]
-        np.add.at(rates, own, _face_rates(assembly, face, forces[face], mechanism))
-    return places, rates
-
-
-def _shortest(assembly: Assembly) -> float:
-    """Return the shortest edge of all faces of elements and interfaces."""
-    loops = [
-        shape[list(ring)]
-        for shape, rings in zip(assembly.elements.shape, assembly.elements.faces, strict=True)
-        for ring in rings
-    ]
-    loops += list(assembly.interfaces.polygon)
-    return min(float(np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1).min()) for loop in loops)
+        own = _element_rates(assembly, element, mechanism[element], result.load_factor)
+        np.add.at(rates, mesh.corners[element], own)
+    for face, polygon in enumerate(mesh.polygons):
+        np.add.at(rates, polygon, _face_rates(assembly, face, forces[face], mechanism))
+    return mesh.places, rates
 
 
 def _element_rates(assembly: Assembly, element: int, motion: Floats, load_factor: float) -> Floats:
@@ -69,6 +51,17 @@ def _element_rates(assembly: Assembly, element: int, motion: Floats, load_factor
     motion: (6,) velocity of the centroid, then rotation.
     """
     growing, riding = (load[element] for load in shape_loads(assembly, load_factor))
+    volume, by_volume, by_moment = volume_rates(assembly, element)
+    # moments are about the centroid, so that the first moment of the whole vanishes
+    lever = np.cross(riding, motion[3:])
+    return np.asarray(-(float(growing @ motion[:3]) * by_volume + np.einsum("j,ijk->ik", lever, by_moment)) / volume)
+
+
+def volume_rates(assembly: Assembly, element: int) -> tuple[float, Floats, Floats]:
+    """Return the volume of an element, and its rates (k, 3) and those of the first moment (k, 3, 3) by its corners.
+
+    The first moment is about the present centroid; its rate [corner, i, j] is that of component i by coordinate j.
+    """
     corner = assembly.elements.shape[element] - assembly.elements.centroid[element]
     volume, by_volume, by_moment = 0.0, np.zeros_like(corner), np.zeros((len(corner), 3, 3))
     for ring in assembly.elements.faces[element]:
@@ -80,45 +73,56 @@ def _element_rates(assembly: Assembly, element: int, motion: Floats, load_factor
             volume += part
             by_volume[own] += slopes
             by_moment[own] += np.einsum("j,ik->ijk", (x + y + z) / 4.0, slopes) + part / 4.0 * np.eye(3)
-    # moments are about the centroid, so that the first moment of the whole vanishes
-    lever = np.cross(riding, motion[3:])
-    return np.asarray(-(float(growing @ motion[:3]) * by_volume + np.einsum("j,ijk->ik", lever, by_moment)) / volume)
+    return volume, by_volume, by_moment
 
 
 @dataclass(frozen=True)
-class _Contact:
+class HeldForces:
     """Forces of one face, held while its polygon changes.
 
-    corner: (k,) normal forces at the corners. shear: (3,) force in the plane. normal: (3,) present normal.
-    twist: torque over the torsion length. velocity, spin: (3,) of b relative to a, at the origin. stuck: dissipation
-    per area.
+    Attributes
+    ----------
+    corner : (k,) array
+        Normal forces at the corners.
+    shear : (3,) array
+        Force in the plane.
+    normal : (3,) array
+        Present normal.
+    twist : float
+        Torque over the torsion length.
     """
 
     corner: Floats
     shear: Floats
     normal: Floats
     twist: float
-    velocity: Floats
-    spin: Floats
-    stuck: float
 
-    def power(self, polygon: Floats) -> float:
-        """Return the dissipation minus the power of the forces on a polygon (k, 3)."""
+    def wrench(self, polygon: Floats) -> Floats:
+        """Return force and moment (6,) on the second element, about the origin, of a polygon (k, 3)."""
         vector = area_vector(polygon) if area_vector(polygon) @ self.normal > 0.0 else -area_vector(polygon)
-        area = float(np.linalg.norm(vector))
-        normal = vector / area
-        frame = _frame(normal, self.normal)
+        normal = vector / float(np.linalg.norm(vector))
+        frame = plane_frame(normal, self.normal)
         flat = ((polygon - polygon[0]) @ frame.T)[None]
         middle = polygon[0] + centroid(flat)[0] @ frame + float(np.mean((polygon - polygon[0]) @ normal)) * normal
         shear = self.shear - (self.shear @ (normal - self.normal)) * self.normal
-        gaps = (self.velocity + spun(self.spin, polygon)) @ normal
-        slip = shear @ (self.velocity + spun(self.spin, middle))
         ordered = flat if np.linalg.det(np.vstack([frame, normal])) > 0.0 else flat[:, ::-1]
         length = float(torsion_length(ordered)[0]) if self.twist else 0.0
-        return float(self.stuck * area - self.corner @ gaps - slip - self.twist * length * (normal @ self.spin))
+        moment = np.cross(self.corner @ polygon, normal) + np.cross(middle, shear) + self.twist * length * normal
+        return np.concatenate([float(self.corner.sum()) * normal + shear, moment])
+
+    def rates(self, polygon: Floats) -> Floats:
+        """Return the derivatives (k, 3, 6) of `wrench` by the corners of a polygon (k, 3)."""
+        step = _STEP * float(np.ptp(polygon, axis=0).max())
+        rates: Floats = np.empty((*polygon.shape, 6))
+        for place in np.ndindex(*polygon.shape):
+            more, less = polygon.copy(), polygon.copy()
+            more[place] += step
+            less[place] -= step
+            rates[place] = (self.wrench(more) - self.wrench(less)) / (2.0 * step)
+        return rates
 
 
-def _frame(normal: Floats, beside: Floats) -> Floats:
+def plane_frame(normal: Floats, beside: Floats) -> Floats:
     """Return two axes (2, 3) of the plane of a normal; they change smoothly with the normal.
 
     beside: unit normal nearby, which chooses the first axis.
@@ -129,46 +133,50 @@ def _frame(normal: Floats, beside: Floats) -> Floats:
     return np.array([first, np.cross(normal, first)])
 
 
-def _face_rates(assembly: Assembly, face: int, forces: Floats, mechanism: Floats) -> Floats:
-    """Return the derivatives (k, 3) of dissipation minus power of one face by its corners.
-
-    forces: (6,) of the face. mechanism: (n, 6) velocities of all elements, scene units.
-    """
+def face_motion(assembly: Assembly, face: int, mechanism: Floats) -> tuple[Floats, Floats]:
+    """Return velocity at the origin of a face and spin (3,), of its second element less those of the first."""
     faces = assembly.interfaces
-    polygon, origin = faces.polygon[face], faces.origin[face]
     velocity, spin = np.zeros(3), np.zeros(3)
     for element, sign in ((int(faces.a[face]), -1.0), (int(faces.b[face]), 1.0)):
         motion = mechanism[element]
-        velocity += sign * (motion[:3] + spun(motion[3:], origin - assembly.elements.centroid[element]))
+        velocity += sign * (motion[:3] + spun(motion[3:], faces.origin[face] - assembly.elements.centroid[element]))
         spin += sign * motion[3:]
+    return velocity, spin
+
+
+def held_forces(assembly: Assembly, face: int, polygon: Floats, forces: Floats, gaps: Floats) -> HeldForces:
+    """Return the forces of a face as they are held.
+
+    polygon: (k, 3) about the origin of the face. forces: (6,) resultants. gaps: (k,) opening at the corners, on which
+    the corner forces work least where they are not unique; zeros for any.
+    """
+    faces = assembly.interfaces
+    axes = np.array([faces.e1[face], faces.e2[face]])
+    corner = corner_forces(polygon @ axes.T, forces, gaps)
+    shear = forces[1] * axes[0] + forces[2] * axes[1]
+    return HeldForces(corner, shear, faces.normal[face], float(forces[5] / faces.c_t[face]))
+
+
+def _face_rates(assembly: Assembly, face: int, forces: Floats, mechanism: Floats) -> Floats:
+    """Return the derivatives (k, 3) of dissipation minus power of one face by its corners."""
+    faces = assembly.interfaces
+    velocity, spin = face_motion(assembly, face, mechanism)
+    # coordinates about the centroid keep all digits far from the origin
+    polygon = faces.polygon[face] - faces.origin[face]
     if not velocity.any() and not spin.any():
         return np.zeros_like(polygon)
-    # coordinates about the centroid keep all digits far from the origin
-    polygon = polygon - origin
-    gaps = (velocity + spun(spin, polygon)) @ faces.normal[face]
-    axes = np.array([faces.e1[face], faces.e2[face]])
-    corner = _corner_forces(polygon @ axes.T, forces, gaps)
-    slip = max(float(np.linalg.norm(axes @ velocity)), float(faces.c_t[face] * abs(faces.normal[face] @ spin)))
-    contact = _Contact(
-        corner=corner,
-        shear=forces[1] * axes[0] + forces[2] * axes[1],
-        normal=faces.normal[face],
-        twist=float(forces[5] / faces.c_t[face]),
-        velocity=velocity,
-        spin=spin,
-        stuck=float(assembly.strengths.cohesion[face]) * slip,
-    )
-    step = _STEP * float(np.ptp(polygon, axis=0).max())
-    rates: Floats = np.empty_like(polygon)
-    for place in np.ndindex(*polygon.shape):
-        more, less = polygon.copy(), polygon.copy()
-        more[place] += step
-        less[place] -= step
-        rates[place] = (contact.power(more) - contact.power(less)) / (2.0 * step)
-    return rates
+    normal, axes = faces.normal[face], np.array([faces.e1[face], faces.e2[face]])
+    held = held_forces(assembly, face, polygon, forces, (velocity + spun(spin, polygon)) @ normal)
+    rates = -held.rates(polygon) @ np.concatenate([velocity, spin])
+    slip = max(float(np.linalg.norm(axes @ velocity)), float(faces.c_t[face] * abs(normal @ spin)))
+    stuck = float(assembly.strengths.cohesion[face]) * slip
+    # dA/dx_i = ½ (x_{i+1} − x_{i−1}) × n, with the polygon counter-clockwise about n
+    sign = np.sign(area_vector(polygon) @ normal)
+    after = np.roll(polygon, -1, axis=0) - np.roll(polygon, 1, axis=0)
+    return np.asarray(rates + 0.5 * stuck * sign * np.cross(after, normal))
 
 
-def _corner_forces(corner: Floats, forces: Floats, gaps: Floats) -> Floats:
+def corner_forces(corner: Floats, forces: Floats, gaps: Floats) -> Floats:
     """Return normal forces (k,) at the corners with the resultants of a face.
 
     Of all such forces they have the least power on the gaps. corner: (k, 2) about the centroid. forces: (6,) of the

@@ -11,6 +11,8 @@ import scipy.sparse as sp
 from jld_core.arrays import Bits, Floats
 from jld_core.geometry_optimisation.limits import LimitValues
 from jld_core.geometry_optimisation.planar_rates import length_rates, residual_rates
+from jld_core.geometry_optimisation.spatial_mesh import SpatialMesh
+from jld_core.geometry_optimisation.spatial_program import spatial_residual_rates
 from jld_core.geometry_optimisation.vertex_mesh import VertexMesh
 from jld_core.program import ConicProgram, Template, pack
 from jld_core.solvers import ClarabelSolver, RawStatus
@@ -34,14 +36,16 @@ class CaseState:
     ----------
     template : Template
         Program data of the case.
-    forces : (m, 3) array
-        Optimal forces, scene units.
+    forces : (m, q) array
+        Optimal forces, scene units; q = 3, or 6 in space.
     load_factor : float
         Their λ.
     required : float
         Required load factor of the case.
     dead : bool
         True where only the dead load acts, which has to stand; λ is 0 and no goal.
+    mechanism : (n, 6) array or None
+        In space: mechanism by which corner forces are chosen that are not unique.
     """
 
     template: Template
@@ -49,6 +53,7 @@ class CaseState:
     load_factor: float
     required: float
     dead: bool = False
+    mechanism: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -61,7 +66,7 @@ class StepAnswer:
         Governing λ / required; or relative change of friction, increase of thickness, or missing strength, by the goal.
     change : (k,) array
         Step of the variables.
-    forces : tuple of (m, 3) arrays
+    forces : tuple of (m, q) arrays
         Forces of each case, scene units.
     load_factors : tuple of float
         λ of each case.
@@ -75,11 +80,11 @@ class StepAnswer:
 
 @dataclass(frozen=True)
 class Region:
-    """Steps that are allowed at the present position, for k variables and v vertices.
+    """Steps that are allowed at the present position, for k variables and v vertices in d dimensions.
 
     Attributes
     ----------
-    jacobian : (2v, k) sparse array
+    jacobian : (d·v, k) sparse array
         Derivatives of positions by variables.
     limits : LimitValues
         Values of the r limits at the present position.
@@ -103,7 +108,12 @@ class Region:
 
 
 def solve_step(
-    states: list[CaseState], labels: Bits, mesh: VertexMesh, region: Region, goal: Goal, kick: Floats | None = None
+    states: list[CaseState],
+    labels: Bits,
+    mesh: VertexMesh | SpatialMesh,
+    region: Region,
+    goal: Goal,
+    kick: Floats | None = None,
 ) -> StepAnswer | None:
     """Solve the program of one step, over forces and positions at once (11.6).
 
@@ -113,7 +123,10 @@ def solve_step(
     case,) objective on its forces. It replaces the goal, which keeps its present value, to find other optimal forces.
     """
     rows = _Rows(states, region.jacobian.shape[1])
-    lengths = sp.diags_array(1.0 / states[0].template.assembly.interfaces.l1) @ length_rates(mesh) @ region.jacobian
+    if isinstance(mesh, SpatialMesh):  # joints in space that move have no strength that grows with them
+        lengths = sp.csr_array((len(labels), rows.count))
+    else:
+        lengths = sp.diags_array(1.0 / states[0].template.assembly.interfaces.l1) @ length_rates(mesh) @ region.jacobian
     for k, state in enumerate(states):
         _add_case(rows, k, state, labels, mesh, region, sp.csr_array(lengths), goal)
     _add_shape(rows, region)
@@ -191,7 +204,7 @@ def _add_case(
     case: int,
     state: CaseState,
     labels: Bits,
-    mesh: VertexMesh,
+    mesh: VertexMesh | SpatialMesh,
     region: Region,
     lengths: sp.csr_array,
     goal: Goal,
@@ -204,7 +217,13 @@ def _add_case(
     program, scaling = template.program(labels), template.scaling
     s = program.structure
     matrix = program.matrix.tocsr()
-    rates = residual_rates(template.assembly, mesh, state.forces, state.load_factor) @ region.jacobian
+    assembly, jacobian = template.assembly, region.jacobian
+    if isinstance(mesh, SpatialMesh):
+        used = np.diff(jacobian.tocsr().indptr).reshape(-1, 3).max(axis=1) > 0
+        rates = spatial_residual_rates(assembly, mesh, state.forces, state.load_factor, state.mechanism, used)
+    else:
+        rates = residual_rates(assembly, mesh, state.forces, state.load_factor)
+    rates = rates @ jacobian
     rates = sp.csr_array(sp.diags_array(1.0 / scaling.row.ravel()) @ rates)
     rows.add("equal", rows.placed(case, matrix[: s.equalities], rates, None), program.rhs[: s.equalities])
     first = s.equalities + 1  # after the row that bounds λ

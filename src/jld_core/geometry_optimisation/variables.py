@@ -30,13 +30,13 @@ class Variables:
 
     Attributes
     ----------
-    start : (v, 2) array
-        Positions at z = 0, scene units.
+    start : (v, d) array
+        Positions at z = 0, scene units; d = 2, or 3 in space.
     vertex : (k,) int array
         Vertex of each variable.
-    direction : (k, 2) array
+    direction : (k, d) array
         Unit direction of each variable at z = 0.
-    centre : (k, 2) array
+    centre : (k, d) array
         Centre of its circle; NaN for a line.
     ties : (t, k) array
         Ties between variables: ties @ z = 0.
@@ -69,7 +69,7 @@ class Variables:
         return self.rings.size > 0
 
     def places(self, values: Floats) -> Floats:
-        """Return the positions (v, 2) of all vertices, scene units, at variables z (k,)."""
+        """Return the positions (v, d) of all vertices, scene units, at variables z (k,)."""
         found = self.start.copy()
         number = len(self.vertex)
         straight = np.isnan(self.centre[:, 0])
@@ -92,7 +92,7 @@ class Variables:
         return np.asarray(arm / np.where(length > 0.0, length, 1.0))
 
     def jacobian(self, values: Floats) -> sp.csr_array:
-        """Return the derivatives (2v, k) of the positions by z, at z (k,); row 2·vertex + axis."""
+        """Return the derivatives (d·v, k) of the positions by z, at z (k,); row d·vertex + axis."""
         places = self.places(values)
         directions = self.direction.copy()
         for k in np.flatnonzero(~np.isnan(self.centre[:, 0])).tolist():
@@ -100,9 +100,9 @@ class Variables:
             turn = np.sign(first[0] * self.direction[k, 1] - first[1] * self.direction[k, 0])
             # a scaled arch carries the vertex along a larger or smaller circle
             directions[k] = turn * np.array([-arm[1], arm[0]]) / np.hypot(*first)
-        number = len(self.vertex)
-        rows = (2 * self.vertex[:, None] + np.arange(2)).ravel()
-        entries = (directions.ravel(), (rows, np.repeat(np.arange(number), 2)))
+        number, axes = len(self.vertex), self.start.shape[1]
+        rows = (axes * self.vertex[:, None] + np.arange(axes)).ravel()
+        entries = (directions.ravel(), (rows, np.repeat(np.arange(number), axes)))
         matrix = sp.csr_array(entries, shape=(places.size, number))
         if not self.scaled:
             return matrix
@@ -164,7 +164,7 @@ def variables_of(assembly: Assembly, labels: Bits, mesh: VertexMesh, move: Move,
     found = Variables(mesh.places, vertex, direction, centre, np.zeros((0, len(vertex))))
     if move.maximise == "least_thickness":
         found = _with_thickness(found, assembly, circles)
-    ties = np.concatenate([_ties(found, assembly, move), _following(found, mesh, finder.followers)])
+    ties = np.concatenate([ties_of(found, assembly, move), _following(found, mesh, finder.followers)])
     found = Variables(**{**vars(found), "ties": ties})
     if not found.basis.shape[1]:
         problem = "no vertex of a joint can move"
@@ -175,18 +175,19 @@ def variables_of(assembly: Assembly, labels: Bits, mesh: VertexMesh, move: Move,
 
 
 def vertex_at(places: Floats, point: list[float], size: float, where: str) -> int:
-    """Return the vertex at a stated point; raise InputError if there is none.
-
-    places: (v, 2). size: of the structure. where: key of the point, for the message.
-    """
-    if len(point) != 2:
-        raise InputError(where, f"it has {len(point)} numbers", "2: joints move in planar scenes")
+    """Return the vertex at a stated point; raise InputError if there is none."""
+    if len(point) != places.shape[1]:
+        raise InputError(where, f"it has {len(point)} numbers", f"{places.shape[1]} in this scene")
     distance = np.linalg.norm(places - np.array(point, dtype=float), axis=1)
     vertex = int(np.argmin(distance))
     if distance[vertex] > SAME * size:
-        x, y = places[vertex]
-        raise InputError(where, f"no vertex lies at {point}", f"a vertex; the nearest is [{x:.6g}, {y:.6g}]")
+        raise InputError(where, f"no vertex lies at {point}", f"a vertex; the nearest is {_words(places[vertex])}")
     return vertex
+
+
+def _words(point: Floats) -> str:
+    """Return a point as a reader writes it."""
+    return "[" + ", ".join(f"{value:.6g}" for value in point) + "]"
 
 
 class _Finder:
@@ -229,6 +230,8 @@ class _Finder:
             vertex = vertex_at(self._mesh.places, path.at, self._size, where)
             if self._held[vertex]:
                 raise InputError(where, f"{path.at} is a vertex of a support", "a vertex between free elements")
+            if len(path.direction) != 2:
+                raise InputError(f"move.along[{position}].direction", "it has 3 numbers", "2 in a planar scene")
             direction = np.array(path.direction, dtype=float)
             found.append((vertex, direction / np.hypot(*direction), np.full(2, np.nan)))
         return found
@@ -325,14 +328,14 @@ def _following(found: Variables, mesh: VertexMesh, followers: Bools) -> Floats:
     return np.array(rows)
 
 
-def _ties(found: Variables, assembly: Assembly, move: Move) -> Floats:
+def ties_of(found: Variables, assembly: Assembly, move: Move) -> Floats:
     """Return the ties (t, k) that the key "ties" states.
 
     Raises InputError where they contradict one another or a mirrored vertex does not exist.
     """
     if move.ties == "none":
         return np.zeros((0, found.count))
-    jacobian = found.jacobian(np.zeros(found.count)).toarray().reshape(len(found.start), 2, -1)
+    jacobian = found.jacobian(np.zeros(found.count)).toarray().reshape(*found.start.shape, -1)
     if found.scaled:
         jacobian[:, :, -1] = 0.0  # the thickness is common to all
     rows = []
@@ -342,10 +345,9 @@ def _ties(found: Variables, assembly: Assembly, move: Move) -> Floats:
             other = int(partner[vertex])
             free = [bool(jacobian[k].any()) for k in (vertex, other)]
             if free[0] != free[1]:
-                x, y = found.start[vertex]
-                problem = f"the vertex [{x:.6g}, {y:.6g}] moves and its mirror image does not"
+                problem = f"the vertex {_words(found.start[vertex])} moves and its mirror image does not"
                 raise InputError("move.ties", problem, 'a symmetric structure, or "none"')
-            rows += [jacobian[vertex, 0] + jacobian[other, 0], jacobian[vertex, 1] - jacobian[other, 1]]
+            rows += [jacobian[vertex, 0] + jacobian[other, 0], *(jacobian[vertex, 1:] - jacobian[other, 1:])]
         return np.array(rows)
     for position, group in enumerate(move.ties):
         own = [
@@ -368,12 +370,12 @@ def mirrored(found: Variables, assembly: Assembly) -> Ints:
     """
     free = np.concatenate([assembly.elements.shape[k] for k in assembly.elements.free])
     axis = float(free[:, 0].min() + free[:, 0].max())
-    image = np.column_stack([axis - found.start[:, 0], found.start[:, 1]])
+    image = found.start.copy()
+    image[:, 0] = axis - image[:, 0]
     distance = np.linalg.norm(image[:, None] - found.start[None], axis=2)
     nearest = np.argmin(distance, axis=1)
     for vertex in sorted(set(found.vertex.tolist())):
         if distance[vertex, nearest[vertex]] > SAME * assembly.size:
-            x, y = found.start[vertex]
-            problem = f"nothing mirrors the vertex [{x:.6g}, {y:.6g}] about x = {0.5 * axis:.6g}"
+            problem = f"nothing mirrors the vertex {_words(found.start[vertex])} about x = {0.5 * axis:.6g}"
             raise InputError("move.ties", problem, 'a symmetric structure, or "none"')
     return np.asarray(nearest)

@@ -40,6 +40,10 @@ class VertexMesh:
     loops: tuple[Ints, ...]
     ends: Ints
 
+    def at(self, places: Floats) -> VertexMesh:
+        """Return the mesh with its vertices at the places (v, 2)."""
+        return VertexMesh(places, self.loops, self.ends)
+
     @cached_property
     def edges(self) -> tuple[Ints, Ints]:
         """Element (k,) and vertices (k, 2) of every edge of every element."""
@@ -62,8 +66,10 @@ def vertex_mesh(assembly: Assembly) -> VertexMesh:
     """Find the vertices that the elements and interfaces of a planar assembly share.
 
     Corners and ends of interfaces that nearly coincide become one vertex. An end of an interface inside an edge of an
-    element becomes a vertex of its outline; a straight corner inside an interface is left out.
+    element becomes a vertex of its outline; a straight corner inside an interface is left out. Raises InputError for
+    an assembly with members, since nothing says how their points move.
     """
+    assembly.members.refuse("a move of joints")
     shapes, faces = assembly.elements.shape, assembly.interfaces
     lines = [_directed(polygon, faces.e1[k]) for k, polygon in enumerate(faces.polygon)]
     lengths = np.concatenate([np.linalg.norm(np.roll(s, -1, axis=0) - s, axis=1) for s in shapes])

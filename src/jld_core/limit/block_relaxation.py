@@ -369,7 +369,8 @@ class BlockRelaxation:
 def applies_to(analysis: LimitAnalysis) -> bool:
     """Return whether a block relaxation of an assembly exists.
 
-    It needs associative friction, known hulls, and joints that can all open, or that all crush.
+    It needs associative friction, known hulls, and joints that can all open, or that all crush. It knows no members,
+    since these act on elements of several blocks at once.
 
     Parameters
     ----------
@@ -382,7 +383,7 @@ def applies_to(analysis: LimitAnalysis) -> bool:
         True if `BlockRelaxation` accepts the analysis.
     """
     sets = analysis.template.yield_set
-    if sets.hull() is None:
+    if analysis.assembly.of_members.any() or sets.hull() is None:
         return False
     if analysis.repair.opening() is not None:
         return True

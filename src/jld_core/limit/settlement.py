@@ -100,8 +100,9 @@ def settle(
     Raises
     ------
     InputError
-        If a material that the labelling needs is missing.
+        If a material that the labelling needs is missing, or the assembly has members.
     """
+    assembly.members.refuse("the range of reactions under a movement of supports")
     start = time.perf_counter()
     assembly = assembly.by_case[0]
     if settlement.load:

@@ -183,8 +183,9 @@ def thrust_ranges(
     Raises
     ------
     InputError
-        If a material that the labelling needs is missing.
+        If a material that the labelling needs is missing, or the assembly has members.
     """
+    assembly.members.refuse("the range of reactions and joint forces")
     start = time.perf_counter()
     own = assembly.labels if labels is None else np.asarray(labels, dtype=bool)
     require_materials(assembly, own, ~own)

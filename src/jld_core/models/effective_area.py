@@ -55,6 +55,8 @@ def require_rectangles(assembly: Assembly, labels: Bits) -> None:
     """
     if assembly.dimension == 2:
         raise ParameterError("effective_area", "the scene is planar", "a spatial scene")
+    if assembly.members.bond is not None:
+        raise ParameterError("effective_area", "dry faces have tensile strength", "joints without it")
     odd = np.flatnonzero(labels & ~assembly.interfaces.rectangle)
     if odd.size and odd.size == np.count_nonzero(labels):
         problem = f"dry face {assembly.pair(odd[0])} is no rectangle, nor is any other"

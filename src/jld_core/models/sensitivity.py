@@ -129,7 +129,8 @@ def sensitivities(result: LimitAnalysisResult) -> dict[str, Sensitivity]:
         }
     model = result.model
     plain = model.supports_bounds_over_labellings and model.inner_bending == "uncoupled"
-    if result.status is not Status.COLLAPSE or not plain:
+    # With bond the strengths of the program depend on one another.
+    if result.status is not Status.COLLAPSE or not plain or result.assembly.members.bond is not None:
         return {}
     analysis = LimitAnalysis(result.assembly)
     if is_large(analysis.template.structure):
@@ -155,7 +156,7 @@ class _Change:
     def of(self, assembly: Assembly, step: float) -> Assembly:
         """Return an assembly with the parameter increased by a step."""
         if self.strength:
-            values = getattr(assembly.strengths, self.strength) + step
+            values = getattr(assembly.strengths, self.strength) + step * ~assembly.of_members
             return replace(assembly, strengths=replace(assembly.strengths, **{self.strength: values}))
         more = np.zeros_like(assembly.dead)
         free = assembly.elements.free
@@ -175,7 +176,7 @@ def _parameters(assembly: Assembly, labels: Bits) -> list[tuple[str, _Change, st
         ("shear_strength", "shear", ~labels, stress),
         ("tensile_strength", "tension", ~labels, stress),
     ):
-        values = getattr(assembly.strengths, strength)[faces]
+        values = getattr(assembly.strengths, strength)[faces & ~assembly.of_members]
         if len(values) and np.isfinite(values).all() and values.min() > 0.0:
             found.append((name, _Change(float(values.min()), strength), unit))
     if np.any(assembly.elements.weight[assembly.elements.free]):

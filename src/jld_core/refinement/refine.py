@@ -19,9 +19,10 @@ from jld_core.geometry.unions import region_of, union_outlines
 from jld_core.refinement.arrangement import join_small, split_by_cells
 from jld_core.refinement.prisms import split_prism
 from jld_core.refinement.tessellation import MOST, convex, courses_of, cut, sectors, squares, voronoi
-from jld_core.refinement.transfer import Piece, labels_of, loads_of, search_of
+from jld_core.refinement.transfer import Piece, labels_of, loads_of, members_of, search_of
 from jld_core.refinement.voussoirs import voussoir_cells
 from jld_core.scene import Scene, parse_scene
+from jld_core.sub_assembly import faces_of
 
 KINDS: Final = ("grid", "bond", "voronoi", "radial")
 """Names of the kinds of cells of a given size; all but the first are planar only."""
@@ -123,8 +124,10 @@ def refine(
     if assembly.dimension == 2 and thickness is not None:
         document["thickness"] = thickness
     document |= {"elements": entries, "loads": loads_of(document["loads"], assembly, cut_up)}
+    if scene.members:
+        document["members"] = members_of(document["members"], assembly, cut_up)
     search = document.pop("search", {})
-    bare = build_assembly(parse_scene(document, scene.name))
+    bare = faces_of(build_assembly(parse_scene(document, scene.name)))
     document["labels"] = labels_of(assembly, bare, parent)
     document["search"] = search_of(search, scene, assembly, bare, parent, by)
     return Refined(parse_scene(document, scene.name), parent, tuple(notes))

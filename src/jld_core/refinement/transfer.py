@@ -64,6 +64,28 @@ def loads_of(loads: dict[str, Any], assembly: Assembly, cut_up: list[list[Piece]
     return found
 
 
+def members_of(members: list[dict[str, Any]], assembly: Assembly, cut_up: list[list[Piece]]) -> list[dict[str, Any]]:
+    """Transfer members to the pieces that contain their points.
+
+    members: the scene's "members" as plain data. cut_up: pieces of each element.
+    """
+
+    def moved(anchor: dict[str, Any]) -> dict[str, Any]:
+        """Return an anchor that refers to a piece."""
+        k = assembly.elements.index[anchor["element"]]
+        if len(cut_up[k]) == 1:
+            return anchor
+        return {**anchor, "element": f"{anchor['element']}.{_nearest(cut_up[k], np.array(anchor['at']))}"}
+
+    def whole(member: dict[str, Any]) -> dict[str, Any]:
+        """Return a member whose anchors refer to pieces."""
+        ends = {key: moved(member[key]) for key in ("from", "to")}
+        through = {"through": [moved(one) for one in member["through"]]} if "through" in member else {}
+        return {**member, **ends, **through}
+
+    return [whole(member) for member in members]
+
+
 def _nearest(parts: list[Piece], at: Floats) -> int:
     """Return the index of the piece that contains a point (d,), or is nearest to it."""
     if len(at) == 2:

@@ -44,10 +44,8 @@ class Path(Part):
             raise InputError(".direction", "it has no length", "a vector")
         if self.supports and self.circle is None:
             raise InputError(".supports", 'it stands without "circle"', "joints on a circle")
-        for name in ("at", "direction", "circle"):
-            value = getattr(self, name)
-            if value is not None and len(value) != 2:
-                raise InputError(f".{name}", f"it has {len(value)} numbers", "2: joints move in planar scenes")
+        if self.circle is not None and len(self.circle) != 2:
+            raise InputError(".circle", f"it has {len(self.circle)} numbers", "2: circles are for planar scenes")
         return self
 
 

@@ -14,7 +14,7 @@ from jld_core.scene.schema import Scene
 from jld_core.scene.spread import lowered
 from jld_core.scene.units import with_numbers
 
-DRAWINGS: Final = ("dxf", "svg", "csv", "obj", "ply", "stl", "3dm")
+DRAWINGS: Final = ("dxf", "svg", "csv", "obj", "ply", "stl", "3dm", "ifc")
 """Endings of files that `jld import` makes a scene of, COMPAS JSON apart."""
 
 
@@ -61,7 +61,7 @@ def load_scene(path: str | Path) -> Scene:
         raise error.within(str(path)) from None
     except ValueError:  # Python limits the number of digits of an integer
         raise InputError(str(path), "it holds a number of thousands of digits", _NUMBERS) from None
-    if isinstance(document, dict) and "dtype" in document:
+    if isinstance(document, dict) and ("dtype" in document or {"analysis", "problems"} & document.keys()):
         raise _not_imported(path, "it is a file of COMPAS, not a scene")
     return parse_scene(document, str(path))
 
@@ -122,7 +122,7 @@ def at_low(scene: Scene) -> Scene:
         No material value has a low value, or the low values contradict one another.
     """
     document = scene.model_dump(mode="json", exclude_defaults=True)
-    low = document | {key: lowered(document[key]) for key in ("materials", "interfaces") if key in document}
+    low = document | {key: lowered(document[key]) for key in ("materials", "interfaces", "members") if key in document}
     if low == document:
         given = '{"nominal": …, "low": …} for friction or a strength'
         raise ParameterError("robust", "no material value of the scene has a low one", given)

@@ -18,6 +18,7 @@ from jld_explore.cli.streams import say
 _FUNCTIONS: Final = {
     "assembly": ("assembly", "assembly"),
     "check": ("check", "check"),
+    "design": ("designing", "design"),
     "experiment": ("experiment", "experiment"),
     "explore": ("explore", "explore_command"),
     "export": ("exchange", "export_command"),
@@ -25,6 +26,7 @@ _FUNCTIONS: Final = {
     "move": ("moving", "move"),
     "plot": ("plot", "plot_command"),
     "refine": ("exchange", "refine_command"),
+    "report": ("printing", "report"),
     "settlement": ("settlement", "settlement"),
     "solve": ("solve", "solve"),
     "studio": ("studio", "studio"),

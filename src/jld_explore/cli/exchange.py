@@ -26,7 +26,7 @@ from jld_explore.cli.streams import say
 
 def import_command(
     file: Annotated[
-        Path, typer.Argument(help="DXF, SVG, CSV, 3DM, OBJ, PLY, STL or COMPAS JSON file.", show_default=False)
+        Path, typer.Argument(help="DXF, SVG, CSV, 3DM, IFC, OBJ, PLY, STL or COMPAS JSON file.", show_default=False)
     ],
     out: Out,
     support: Annotated[
@@ -93,8 +93,11 @@ def export_command(
     out: Annotated[Path, typer.Option("-o", "--out", help="File to write; blocks.csv beside it.", show_default=False)],
     rank: Rank = None,
     cells: Annotated[
-        bool, typer.Option("--cells", help="Every element as a solid of its own (obj, stl, ply, compas; 3dm in space).")
+        bool, typer.Option("--cells", help="Every element as a solid of its own (formats of solids).")
     ] = False,
+    unit: Annotated[
+        str | None, typer.Option(help="Unit of the file's lengths (mm, cm, m, in, ft); default that of the scene.")
+    ] = None,
 ) -> None:
     """Write the blocks of a layout to a file of another program, and a table of them.
 
@@ -108,8 +111,10 @@ def export_command(
     scene, assembly, labels = layout_of(source, rank)
     layout = Layout(scene, assembly, labels, solve(assembly, labels) if kind in ANALYSED else None)
     with error_context(source, str(out)):
-        export(layout, kind, out, cells=cells)
+        export(layout, kind, out, cells=cells, unit=unit)
     write_text(table, blocks_csv(layout))
+    if assembly.members:
+        say(f"left out     {len(assembly.members)} members: the file holds blocks alone")
     free = sum(1 for block in layout.blocks if block.cells)
     kinds = len({block.shape for block in layout.blocks if block.cells})
     say(f"{out}\n{table}: {free} block{'s' * (free != 1)} of {kinds} shape{'s' * (kinds != 1)}")

@@ -12,10 +12,11 @@ import typer
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
+from jld_core.build import build_robust
 from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.geometry_optimisation.optimise import MovedJoints, Point, move_joints
 from jld_core.geometry_optimisation.search import GeometrySearch
-from jld_core.models import solve_by_fields
+from jld_core.models import solve, solve_by_fields
 from jld_core.scene import Scene
 from jld_explore.cli.layout import layout_of
 from jld_explore.cli.move_output import json_number, value_text, write_move
@@ -69,9 +70,10 @@ def move(
             show_default=False,
         ),
     ] = None,
+    robust: Annotated[bool, typer.Option("--robust", help="Raise λ at the low values of materials.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Move the joints of a planar layout to raise its load factor, with each step proven.
+    """Move the joints of a layout to raise its load factor, with each step proven.
 
     Write the moved scene to --out, with a table and a picture of the same name beside it. --prove bounds λ over a box
     of positions instead.
@@ -82,7 +84,13 @@ def move(
     if joint is not None and (prove is not None or starts > 1):
         given = "prove" if prove is not None else "starts"
         raise ParameterError(given, "it moves vertices, not the shape of joints", "one without the other")
+    if robust and (joint is not None or prove is not None):
+        given = "joint" if joint is not None else "prove"
+        raise ParameterError(given, "it knows nominal values of materials alone", "one without `robust`")
     scene, assembly, labels = layout_of(source, rank)
+    if robust and assembly.nominal is None:
+        with error_context(source):
+            assembly = build_robust(scene)
 
     def progress(point: Point) -> None:
         """Print an accepted point."""
@@ -98,6 +106,9 @@ def move(
             return
         done = move_joints(scene, assembly, labels, seconds=seconds, starts=starts, progress=progress)
     facts = _facts(done)
+    if assembly.nominal is not None and done.after is not None:
+        nominal = solve(done.after.assembly.at_nominal, labels).load_factor
+        facts["load_factor_nominal"] = json_number(nominal)
     checked = _check_by_fields(assembly, done, labels)
     facts["fields"], facts["warnings"] = checked, [*done.warnings, *_doubts(checked)]
     table = [vars(point) | {"bracket_lo": point.bracket[0], "bracket_hi": point.bracket[1]} for point in done.points]
@@ -211,6 +222,7 @@ def _words(facts: dict[str, Any], out: Path) -> str:
         "end": value_text(facts["value"]) if facts["end"] != "locked" else "locked",
         "bracket": "[" + ", ".join("unproven" if end is None else f"{end:.9g}" for end in facts["bracket"]) + "]",
         "ended": ends[facts["end"]],
+        **({"nominal": value_text(facts["load_factor_nominal"])} if "load_factor_nominal" in facts else {}),
         **_crack_words(facts["fields"]),
         "effort": f"{facts['steps']} steps, {facts['solves']} proven solves, {facts['parameters']} parameters",
         "written to": f"{out}, {out.with_suffix('.csv').name}, {out.with_suffix('.png').name}",

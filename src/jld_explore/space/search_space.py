@@ -236,7 +236,7 @@ def _candidate_faces(scene: Scene, assembly: Assembly) -> Bools:
     if isinstance(wanted, list):
         return faces_of_pairs(wanted, elements, faces, "search.candidates")
     if wanted == "all+supports":
-        return np.ones(len(faces), dtype=bool)
+        return ~assembly.of_members
     if wanted == "all":
         return assembly.free_faces.copy()
     names = [f"={name}" if name is not None else str(i) for i, name in enumerate(elements.blocks)]

@@ -12,6 +12,7 @@ from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.geometry.vectors import frame
 from jld_core.scene import Search
+from jld_core.sub_assembly import faces_of
 
 
 @dataclass(frozen=True)
@@ -129,7 +130,9 @@ def _image(
     The reason is a text that names the first property that is not mapped onto itself. candidates, fixed: (m,) as in
     `SearchSpace`.
     """
+    whole, assembly = assembly, faces_of(assembly)
     elements, faces = assembly.elements, assembly.interfaces
+    candidates, fixed = candidates[: len(faces)], fixed[: len(faces)]
     centre = elements.centroid.mean(axis=0)
     reach = tolerances.SYMMETRY * assembly.size
     if search.block_extent != [None, None] and abs(matrix).max(axis=1).min() < 1.0 - 1e-9:
@@ -172,7 +175,47 @@ def _image(
         return "its strengths are not mapped onto themselves"
     if np.any(candidates[face_to] != candidates) or np.any((fixed[face_to] != fixed) & ~candidates):
         return "its candidates and fixed labels are not mapped onto themselves"
-    return to, face_to
+    members_to = _image_of_members(whole, to, matrix, centre, reach)
+    if members_to is None:
+        return "its members are not mapped onto themselves"
+    return to, np.concatenate([face_to, members_to])
+
+
+def _image_of_members(assembly: Assembly, to: Ints, matrix: Floats, centre: Floats, reach: float) -> Ints | None:
+    """Return the interfaces onto which those of members are mapped, or None if a member has no image.
+
+    to: (n,) image of each element. The image of a member has the same capacities and the moved points, in either order.
+    """
+    members = assembly.members
+    strengths = [assembly.strengths, *([] if assembly.nominal is None else [assembly.nominal])]
+    columns = [column for one in strengths for column in vars(one).values()]
+    table = np.column_stack([members.axial, members.prestress])
+    image = np.arange(assembly.faces, len(assembly.interfaces))
+    left = set(range(len(members)))
+    for k, (held, points) in enumerate(zip(members.elements, members.points, strict=True)):
+        moved, aim, axis = (points - centre) @ matrix.T + centre, to[held], matrix @ members.axis[k]
+
+        def same(j: int, k: int = k, moved: Floats = moved, aim: Ints = aim, axis: Floats = axis) -> bool:
+            """Return True if member j is the image of member k."""
+            one, other = int(members.face[k]), int(members.face[j])
+            alike = members.kinds[j] == members.kinds[k] and np.array_equal(table[j], table[k])
+            alike = alike and (one < 0) == (other < 0) and len(members.elements[j]) == len(aim)
+            if not alike or (one >= 0 and any(column[one] != column[other] for column in columns)):
+                return False
+            for step in (1, -1):
+                there, at = members.elements[j][::step], members.points[j][::step]
+                turned = float(abs(axis - step * members.axis[j]).max()) if members.kinds[k] == "pin" else 0.0
+                if np.array_equal(there, aim) and abs(at - moved).max() <= reach and turned <= 10 * tolerances.SYMMETRY:
+                    return True
+            return False
+
+        found = next((j for j in sorted(left) if same(j)), None)
+        if found is None:
+            return None
+        left.remove(found)
+        if members.face[k] >= 0:
+            image[members.face[k] - assembly.faces] = members.face[found]
+    return image
 
 
 def _nearest(moved: Floats, points: Floats, kind_to: Ints, kind: Ints, reach: float) -> Ints | None:

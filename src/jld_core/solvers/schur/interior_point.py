@@ -222,7 +222,8 @@ class _Iteration:
             alpha, beta = (min(1.0, cones.step(lam, way)) for way in (ws, wv))
             # Mehrotra's share of μ that an affine step would leave.
             left = float((lam + alpha * ws) @ (lam + beta * wv)) / float(lam @ lam)
-            sigma = max(1e-6, min(1.0, left) ** 3)
+            # Out of its cones a step leaves less than nothing, and the cube of −10¹¹⁰ is an error.
+            sigma = max(1e-6, max(0.0, min(1.0, left)) ** 3)
         else:
             sigma = min(1.0, max(1e-6, (1.0 - min(1.0, step.longest(ws, wv, dt, dk))) ** 3))
         corrector = -square - cones.product(ws, wv) + sigma * mu * self.unit
