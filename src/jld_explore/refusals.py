@@ -56,7 +56,7 @@ def refuse_beside_own_objective(scene: Scene, settings: ExploreSettings) -> None
 
 
 def refuse_beside_cracks(scene: Scene, settings: ExploreSettings, assembly: Assembly) -> None:
-    """Raise InputError for settings that a search with cracks beside the faces does not know.
+    """Raise InputError for settings that cracks by cells or by fields exclude.
 
     Scenes that crack along faces alone pass.
     """

@@ -1,4 +1,4 @@
-"""Where laying starts: which block is removed next when a structure is taken apart."""
+"""Start of laying: the order in which blocks are removed when a structure is taken apart."""
 
 from __future__ import annotations
 

@@ -76,7 +76,7 @@ def self_weight(element: Element, volume: float, materials: Materials, direction
     """Return the self-weight (d,) of one element as a force, scene units.
 
     It is the entry's "weight" if stated, else density × volume × gravity; without a density it is zero. volume: of the
-    element. direction: unit vector of gravity. gravity: its magnitude, an acceleration.
+    element. direction: unit vector of gravity. gravity: magnitude of the acceleration.
     """
     if element.weight is not None:
         return element.weight * direction

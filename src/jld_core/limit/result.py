@@ -44,7 +44,7 @@ class LimitAnalysisResult(NotebookRepr):
     gap : float
         Relative width of the bracket; NaN for unstable and locked structures.
     stands_at_zero : bool or None
-        Whether λ = 0 is admissible; None where undecided.
+        True if λ = 0 is admissible, False if not; None where undecided.
     forces : (m, q) float array or None
         Resultants in scene units, admissible at `bracket[0]`: planar N, V, M; spatial N, V1, V2, M1, M2, MT. The last
         rows are those of members: compression beyond the prestress, and shear of pins. With load cases they are those

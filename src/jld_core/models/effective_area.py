@@ -181,8 +181,8 @@ def prove_effective_area(
 def _proof_of(analysis: LimitAnalysis, labels: Bits, found: FixedPoint) -> Proof:
     """Return the proof that a fixed point supports.
 
-    Its lower bound are the forces within their own areas, its upper bound the mechanism of the frozen problem. labels:
-    (m,) True = dry. found: the fixed point.
+    The forces within their own areas prove the lower bound. The mechanism of the frozen problem proves the upper bound.
+    labels: (m,) True = dry. found: the fixed point.
     """
     proof = Proof(state=found.state, motion=found.motion)
     proof.status = analysis.with_template(found.prover.template, labels).status_of(proof)
@@ -337,7 +337,7 @@ def _notes(analysis: LimitAnalysis, labels: Bits, plain: Proof, proof: Proof) ->
 def _iterate(
     analysis: LimitAnalysis, labels: Bits, forces: Floats, most: int, weight: float
 ) -> tuple[State, Proof, Floats, int]:
-    """Iterate on forces and effective areas until they agree.
+    """Iterate on forces and effective areas until the areas are those of the forces.
 
     `_STEPS` free steps come first, then steps that hold the forces. labels: (m,) True = dry. forces: (m, q) scaled
     start. most, weight: as in `prove_effective_area`. The results are a state, the proof with the areas frozen, the

@@ -202,7 +202,7 @@ class SolvedProgram:
     program : ConicProgram
         The program, scaled.
     point, dual : (columns,) and (rows,) arrays
-        Its solution y and multipliers w.
+        Solution y and multipliers w of the program.
     held : (rows,) bool array
         Linear rows that count as tight: multiplier larger than slack, as the solver gives both.
     """

@@ -1,4 +1,4 @@
-"""How blocks crack: along the faces of the grid, in finer cells, or anywhere by fields."""
+"""Crack models of a scene: along the faces of the grid, in finer cells, or by fields."""
 
 from __future__ import annotations
 

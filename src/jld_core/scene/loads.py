@@ -161,7 +161,7 @@ class Case(Part):
     Attributes
     ----------
     name : str
-        Name of its own.
+        Name, different from those of other cases.
     live : list of PointLoad, BodyLoad or FaceLoad
         Loads that are multiplied by λ.
     dead : list of PointLoad, BodyLoad or FaceLoad
@@ -285,7 +285,7 @@ class Settling(Part):
     Attributes
     ----------
     name : str
-        Name of its own.
+        Name, different from those of other settlements.
     supports : list of Moved
         Supports that move; all others stay.
     load : float

@@ -117,7 +117,7 @@ EVIDENCE: Final[dict[str, Mark]] = {
 def rules() -> dict[str, Any]:
     """Return all colours, dashes and marks as the object `look` of a page's data.
 
-    Its format is in docs/guide/page.md.
+    The format of the object is in docs/guide/page.md.
     """
 
     def mark(of: Mark) -> dict[str, str]:

@@ -150,8 +150,8 @@ def _check_certificate(source: Path, out: Path, certificate: Path, prove: str | 
 def _check_by_fields(assembly: Assembly, done: MovedJoints, labels: Bits) -> dict[str, Any] | None:
     """Return lower bounds on λ by fields before and after, with blocks that crack anywhere.
 
-    The result is None without inner faces, and if nothing moved. λ by faces may be false if blocks moved away from
-    their crack planes.
+    labels: (m,) True = dry. The result is None without inner faces, and if nothing moved. λ by faces may be false if
+    blocks moved away from their crack planes.
     """
     if labels.all() or done.after is None or not done.moved.any():
         return None

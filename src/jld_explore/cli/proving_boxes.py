@@ -33,7 +33,8 @@ def prove_positions(
 ) -> None:
     """Prove a bound over a box, check the proof, write the best scene and print both bounds.
 
-    certificate: file for the proof, or None for none.
+    labels: (m,) True = dry. box: value of `--prove`. gap: relative distance of both bounds at which the proof ends.
+    seconds: time limit, s. out: file of the best scene. certificate: file for the proof, or None for none.
     """
 
     def progress(best: float, bound: float, boxes: int) -> None:

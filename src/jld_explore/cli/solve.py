@@ -113,7 +113,7 @@ def solve(
 
 
 def _own_labelling(path: Path, strict: bool) -> tuple[Scene, Assembly, Bits]:
-    """Return a scene, its assembly and its own labelling."""
+    """Return the scene, the assembly and the labelling (m,) that a scene file states."""
     scene, assembly = load(path, strict)
     return scene, assembly, assembly.labels
 

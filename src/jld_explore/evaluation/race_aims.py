@@ -1,4 +1,4 @@
-"""What a race of layouts is to find out, and so which of them are refined next."""
+"""Aims of a race of layouts, which select the layouts to refine next."""
 
 from __future__ import annotations
 

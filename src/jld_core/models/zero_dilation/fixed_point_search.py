@@ -76,7 +76,7 @@ class ProximalOptions:
     start : str
         Forces to start from.
     effective_area : bool
-        Whether effective areas are updated.
+        True if effective areas are updated.
 
     Raises
     ------
@@ -167,8 +167,8 @@ class FixedPointSearch:
     def step_from(self, forces: Floats, alpha: float) -> RawSolution:
         """Solve one proximal step: the problem with friction frozen at N of given forces.
 
-        Where the solver fails, it is tried again from forces half way back to the last feasible ones, up to six times;
-        then the failed answer is returned. forces: (q·m,) scaled. alpha: share of the present N in friction.
+        If the solver fails, the step is tried again from forces half way back to the last feasible ones, up to six
+        times; then the failed answer is returned. forces: (q·m,) scaled. alpha: share of the present N in friction.
         """
         centre = forces[: self.count]
         for _ in range(_BACK):
