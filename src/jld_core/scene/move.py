@@ -72,7 +72,8 @@ class Move(Part):
         Vertices that move alike: mirrored about the middle of the structure, or the same way within each list; or
         elements of equal shape that stay equal, mirrored ones among them.
     inner : {"stay", "follow"}
-        What vertices of inner faces do: stay, or move where joints end in them, and else follow their neighbours.
+        "stay": vertices of inner faces stay. "follow": they move if joints end in them, otherwise they follow their
+        neighbours.
     straight : bool
         Keep straight faces of blocks straight where joints end in them.
     angle : [float, float]

@@ -116,7 +116,7 @@ def words_of(laying: Laying) -> str:
 
 
 def _first_fall(laying: Laying) -> str:
-    """Name the first stage of an order that does not stand, and what it needs."""
+    """Describe the first stage of an order that does not stand, and the props that it needs."""
     blocks = laying.blocks
     falls = [(number, step) for number, step in enumerate(laying.steps, 1) if step.stage.stands is False]
     if not falls:

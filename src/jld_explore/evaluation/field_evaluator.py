@@ -48,8 +48,8 @@ def field_evaluation(
     Returns
     -------
     Evaluation
-        λ is the lower bound. Collapse where both bounds are known and the lower one is at least 0, unstable where an
-        upper bound is below 0.
+        λ is the lower bound. The status is collapse if both bounds are known and the lower one is at least 0. It is
+        unstable if an upper bound is below 0.
     """
     governing = int(np.argmin(low / required))
     least, most = float(low[governing] / required[governing]), float((high / required).min())
