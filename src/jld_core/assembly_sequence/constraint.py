@@ -163,9 +163,10 @@ class SequenceConstraint:
         return replace(whole, proven=not laying.undecided and laying.stands is not None)
 
     def _visited_conflict(self, seen: Bools, labels: Bits) -> Lock:
-        """Return the conflict that an exhaustive search without success proves, and store it.
+        """Return the conflict that an exhaustive search without success proves.
 
-        It has all faces of the elements that the search visited. seen: (n,) mask of these. labels: (m,) True = dry.
+        It has all faces of the elements that the search visited, and is stored if these are not all faces. seen: (n,)
+        mask of these elements. labels: (m,) True = dry.
         """
         faces, free = self.assembly.interfaces, ~self.assembly.elements.support
         seen = seen & free

@@ -79,7 +79,10 @@ class _Block:
         return BlockColumns(self._rows, np.array(list(self._shared), dtype=np.int64), columns, of_x, of_load)
 
     def _add_side(self, side: int) -> None:
-        """Add the columns of a dry side: normalised rays, and both corners of its cohesion."""
+        """Add the columns of a dry side: normalised rays, and shear ±c if it has cohesion.
+
+        side: index in `BlockParts`.
+        """
         face = int(self._parts.side_face[side])
         mu = float(self._dry.friction[face])
         size = max(1.0, mu)

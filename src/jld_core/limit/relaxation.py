@@ -197,9 +197,9 @@ class Relaxation(PartialLabellingBounds):
     ) -> None:
         """Write the refutations that velocities prove into the list `found`.
 
-        velocities: (j, q·free) one mechanism for each of some labellings. which: (j,) index of the labelling that each
-        mechanism belongs to. labellings, undecided: (k, m). thresholds: (k,) scaled λ. Where a mechanism proves
-        nothing, a small opening motion is added.
+        velocities: (j, q·free) mechanisms, each for one labelling. which: (j,) index of the labelling of each
+        mechanism. labellings, undecided: (k, m). thresholds: (k,) scaled λ. found: list of k, changed. If a mechanism
+        proves nothing, it is tried again with a small opening motion added.
         """
         fine = np.isfinite(velocities).all(axis=1)
         which, velocities = which[fine], velocities[fine]

@@ -122,7 +122,7 @@ class Evaluator(SharedEvaluator):
         return self._evaluation(proof, start)
 
     def _evaluation(self, proof: Proof, start: float) -> Evaluation:
-        """Convert the proof of a limit analysis to an evaluation in scene units."""
+        """Convert the proof of a limit analysis, begun at `start`, to an evaluation (scene units)."""
         scale = self._analysis.template.scaling.load
         (low, high), load = proof.bracket, proof.load_factor
         if self.settings.model.ranks_by_lower_bound and not proof.outbid and proof.status is Status.COLLAPSE:

@@ -73,9 +73,9 @@ class FrontAim(BestAim):
         self._counts = counts
 
     def open(self, low: Floats, high: Floats, closed: Bools, gap: float) -> Bools:
-        """Return a mask (k,) of the layouts that may be stronger than all with counts as good.
+        """Return a mask (k,) of layouts that may be stronger than all of equal or better counts.
 
-        Counts as good are equal or better counts. See `RaceAim.open`.
+        See `RaceAim.open`.
         """
         return np.asarray(~closed & ~_near(self.enough(low), high, gap) & (high > self.enough(low)))
 

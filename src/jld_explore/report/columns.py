@@ -111,7 +111,10 @@ def columns(assembly: Assembly) -> dict[str, Columns]:
 
 
 def _sizes(assembly: Assembly) -> dict[str, tuple[str, str]]:
-    """Return the columns of blocks.csv that depend on the dimension."""
+    """Return unit and meaning of the columns of blocks.csv that depend on the dimension.
+
+    The keys are the names of the columns.
+    """
     length, planar = assembly.units[0], assembly.dimension == 2
     axes = "xy" if planar else "xyz"
     kind, unit = ("length", length) if planar else ("area", f"{length}²")

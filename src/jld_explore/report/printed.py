@@ -217,7 +217,7 @@ def _load(book: _Book, entry: dict[str, Any], factor: float, words: dict[str, st
 
 
 def _finite(value: float, write: Any) -> str:
-    """Write a number, a dash where it is not finite."""
+    """Return a number as text by the function `write`, or a dash if it is not finite."""
     return str(write(value)) if math.isfinite(value) else "–"
 
 

@@ -156,7 +156,10 @@ class BoxStructure:
         return found
 
     def _weights(self, scene: Scene, thickness: Fraction) -> tuple[dict[int, Vector], dict[int, Fraction]]:
-        """Return the self-weight per area of each free element as a vector, and its magnitude."""
+        """Return the self-weight per area of each free element as a vector, and its magnitude.
+
+        thickness: of the elements. Raises InputError for a stated weight of an element whose shape changes.
+        """
         gravity = scene.materials.gravity
         vector = [0.0, -gravity] if isinstance(gravity, float | int) else list(gravity)
         size = math.hypot(*vector)
