@@ -37,8 +37,8 @@ class Regularisation:
     least_pivot, new_pivot : float
         Pivots below the first are replaced by the second.
     bound : float
-        Added to the squared scaling of cones. Without it rounding eats the small eigenvalues of active cones, and one
-        program in three of the flagship does not converge.
+        Added to the squared scaling of cones, whose small eigenvalues rounding would eat. Of 64 upper bounds of the
+        flagship 1e-12 leaves four open, 1e-8 none.
     refined : float
         Complementarity below which solutions are refined; above it refinement changes nothing.
     """
