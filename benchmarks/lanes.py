@@ -10,18 +10,21 @@ settings were chosen.
 
 from __future__ import annotations
 
+import sys
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from benchmarks import growth
 from benchmarks.common import random_segmentations, table, wall, write
 from benchmarks.lanes_hard import corner_of_studies, cubes, prisms
 from benchmarks.search_scenes import ENUMERATED, LARGE, built
 from benchmarks.stated import stated
+from jld_core import build_assembly, parse_scene
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.batch.library import described
@@ -29,6 +32,7 @@ from jld_core.limit import BatchAnalysis, LimitAnalysis, Status, load_scale
 from jld_explore.drivers import make_driver
 from jld_explore.evaluation import EvaluatorSettings
 from jld_explore.evaluation.evaluator import Evaluator
+from jld_explore.space import search_space
 
 TURNS: Final = 3
 MANY: Final = 1024
@@ -55,6 +59,15 @@ def drawn(name: str, one: int, plain: int = 6, driver: str = "random", many: int
     return Case(assembly, found[:many], one, plain)
 
 
+def walled(edge: int, one: int, many: int, plain: int = 1) -> Case:
+    """Layouts of a square wall of benchmarks/growth.py in blocks of up to four cells, from the random driver."""
+    scene = parse_scene(growth.document("planar", edge))
+    assembly = build_assembly(scene)
+    source = make_driver("random", search_space(scene, assembly), 0)
+    found = np.concatenate([source.ask(many) for _ in range(3)])[:many]
+    return Case(assembly, found, one, plain)
+
+
 def segmented(assembly: Assembly, one: int, many: int = MANY, plain: int = 6) -> Case:
     """Random segmentations of any assembly."""
     return Case(assembly, random_segmentations(assembly, many, seed=7), one, plain)
@@ -64,6 +77,8 @@ CASES: Final[dict[str, Callable[[], Case]]] = {
     "24 faces, flagship": lambda: drawn("flagship", 150),
     "88 faces": lambda: drawn("planar 88 faces", 60),
     "278 faces": lambda: drawn("planar 278 faces", 20, 4),
+    "946 faces": lambda: walled(22, 4, 128),
+    "2 016 faces": lambda: walled(32, 2, 64),
     "3 × 3 × 3 cubes": lambda: drawn("spatial 3x3x3", 20, 4, many=512),
     "corner of the studies, 225°": lambda: segmented(corner_of_studies(), 20, 512, 4),
     "4 × 4 × 4 cubes": lambda: segmented(cubes(4, 2e4), 4, 128, 2),
@@ -137,11 +152,17 @@ def measure(name: str, case: Case) -> list[str]:
     ]
 
 
-def main() -> None:
-    """Measure all scenes and write benchmarks/results/lanes.md."""
+def main(wanted: Sequence[str] = ()) -> None:
+    """Measure scenes; write benchmarks/results/lanes.md if all are measured, else print their rows.
+
+    wanted: names of scenes; empty for all.
+    """
     head = ["scene", "faces", "plain, ms", "one at a time, ms", "in lanes, all in, µs", "times", "times plain"]
     head += ["first try, %", "left open, %", "iterations", "bracket: median / 99 % / worst", "same status"]
     head += ["λ differs by, relative, at most"]
+    if wanted:
+        print(table(head, [measure(name, (CASES | HELD_OUT)[name]()) for name in wanted]))
+        return
     rows = [measure(name, make()) for name, make in CASES.items()]
     rows.append(["**held out**", *[""] * (len(head) - 1)])
     rows += [measure(name, make()) for name, make in HELD_OUT.items()]
@@ -151,4 +172,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

@@ -223,6 +223,7 @@ def _search(
     check_folder(folder, settings.resume)
     if settings.certificate is not None:
         check_certificate_file(settings.certificate, folder)
+    require_memory(scene)  # before contacts are built, which may take minutes
     assembly = build_robust(scene) if settings.robust else build_assembly(scene)
     refuse_together(scene, settings, assembly)
     # Announce warnings only once the search begins; a refused search gives its error alone.

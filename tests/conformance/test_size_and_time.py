@@ -54,16 +54,29 @@ def test_what_takes_long_is_said_beforehand(tmp_path: Path, monkeypatch: pytest.
 
 
 @pytest.mark.parametrize("command", ["check", "solve", "explore"])
+@pytest.mark.parametrize(
+    ("limit", "faces"), [(1e8, "at least 12 faces take at least"), (1.5025e8, "21 faces take some")]
+)
 def test_what_there_is_not_the_memory_for_is_refused(
-    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    command: str,
+    limit: float,
+    faces: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
+    """Of hopeless scenes, contacts are not even built; others are refused by the number of their faces."""
     file = tmp_path / "scene.json"
     file.write_text(json.dumps(SCENE))
-    monkeypatch.setattr(costs, "memory_limit", lambda: 1e8)
+    monkeypatch.setattr(costs, "memory_limit", lambda: limit)
+    if limit == 1e8:
+        monkeypatch.delattr("jld_explore.cli.check.build_assembly")
     out = ("--out", tmp_path / "out") if command == "explore" else ()
     outcome = call(monkeypatch, capsys, command, file, *out)
     assert (outcome.code, outcome.out, outcome.err.count("\n")) == (2, "", 1)
-    assert f"{file}: 21 faces take some 0.2 GB of memory to evaluate; expected a scene that the 0.1 GB" in outcome.err
+    assert (
+        f"{file}: {faces} 0.2 GB of memory to evaluate; expected a scene that the {limit / 1e9:.1f} GB" in outcome.err
+    )
     assert not (tmp_path / "out").exists()
 
 

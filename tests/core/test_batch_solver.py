@@ -21,11 +21,12 @@ from command import Command
 from jld_core import Assembly, LimitAnalysis
 from jld_core.arrays import Bits
 from jld_core.batch import ConflictRequest, build, library
-from jld_core.batch.batch_solver import TRIES, BatchSolver
+from jld_core.batch.batch_solver import BatchSolver
 from jld_core.batch.conflict_request import CARRIED, REFUTED, MinimizationOptions
 from jld_core.batch.parts import Graph, Joining
 from jld_core.batch.pattern import factor_pattern
 from jld_core.batch.rows import fits
+from jld_core.batch.settings import LARGE, LARGE_TRIES, TRIES
 from jld_core.batch.verdicts import CARRIES, OPEN, PROVEN
 from jld_core.errors import InputError
 from jld_core.limit.relaxation import Relaxation
@@ -234,6 +235,36 @@ def test_variants_agree(kernels: dict[str, str], name: str) -> None:
     for one, other in itertools.combinations(found, 2):
         np.testing.assert_array_equal(one[2], other[2])
         np.testing.assert_allclose(one[0], other[0], rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", PLANAR)
+def test_settings_for_large_assemblies_give_the_same_bounds(kernel: str, name: str) -> None:
+    analysis = analysis_of(name)
+    asked = labellings(analysis.assembly, 12, seed=3)
+    plain = lanes_of(analysis, kernel, tries=TRIES).solve(asked)
+    found = lanes_of(analysis, kernel, tries=LARGE_TRIES).solve(asked, vectors=True)
+    assert_proven(analysis, asked, found, 1e-9 if "strong" in name else LAST_DIGITS)
+    both = (plain.verdict == PROVEN) & (found.verdict == PROVEN)
+    assert both.sum() >= 0.9 * (plain.verdict == PROVEN).sum()
+    np.testing.assert_array_less(plain.low[both], found.high[both] + 1e-9)
+    np.testing.assert_array_less(found.low[both], plain.high[both] + 1e-9)
+
+
+def test_many_cells_need_one_pass(kernel: str) -> None:
+    """Of 64 layouts of 22 x 22 cells in blocks of up to four, 60 converge in the first pass (54 in that of `TRIES`)."""
+    analysis = LimitAnalysis(grid_assembly(["a" * 22] * 22 + ["#" * 22], tension=2e6, shear=2e6, friction=0.75))
+    faces = analysis.assembly.interfaces
+    assert len(faces) >= LARGE
+    inner = np.flatnonzero(analysis.assembly.free_faces)
+    cells = (~analysis.assembly.elements.support).astype(np.int64)
+    dice = np.random.default_rng(0)
+    orders = np.array([dice.permutation(len(inner)) for _ in range(64)])
+    joined = Joining(faces.a[inner], faces.b[inner], cells, 1, 4, 0, kernel).parts(orders, np.full(64, len(inner)))
+    assert joined is not None
+    asked = np.ones((64, len(faces)), dtype=bool)
+    asked[:, inner] = joined[0][:, faces.a[inner]] != joined[0][:, faces.b[inner]]
+    found = lanes_of(analysis, kernel, tries=LARGE_TRIES[:1], sampled_start=False).solve(asked)
+    assert int((found.verdict == PROVEN).sum()) >= 60
 
 
 @pytest.mark.parametrize("name", ["wall", "running bond"])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from studies.families import running_bond
@@ -9,14 +11,15 @@ from studies.families import running_bond
 from cases import CASES, grid_assembly
 from cases_spatial import ELL, IRREGULAR, OBLONG, TRIANGLE, assembly, rotation, stools, wall
 from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, Status, build_assembly, parse_scene, solve
+from jld_core.arrays import Floats
 from jld_core.errors import SolverError
 from jld_core.limit import Prover
 from jld_core.limit.repair import Repair
 from jld_core.mechanics import scaling_of
 from jld_core.mechanics.yield_spatial import spatial_yield
 from jld_core.models.point_contacts import point_contact_assembly
-from jld_core.program import Template, pack
-from jld_core.solvers import LARGE, ClarabelSolver, RawStatus, make_solver
+from jld_core.program import ConicProgram, Template, pack
+from jld_core.solvers import LARGE, ClarabelSolver, RawSolution, RawStatus, make_solver
 from jld_core.solvers.schur.interior_point import SchurSolver
 
 SPATIAL = {
@@ -186,3 +189,20 @@ def test_a_run_that_loses_its_scale_proves_nothing_and_says_so() -> None:
         "labels": {"default": "dry", "inner": [["base", "ground"]]},
     }
     assert solve(build_assembly(parse_scene(document)), solver="schur").status is Status.UNSTABLE
+
+
+def test_schur_complements_follow_an_inaccurate_answer() -> None:
+    """The bracket of 18 x 18 cells after a first solver that stops early, without a dual simplex."""
+
+    class Hasty(ClarabelSolver):
+        def solve(self, program: ConicProgram, centre: Floats | None = None) -> RawSolution:
+            return replace(super().solve(program, centre), status=RawStatus.ALMOST)
+
+    assembly = grid_assembly(["a" * 18] * 18 + ["#" * 18], tension=2e6, shear=2e6)
+    labels = np.ones(len(assembly.interfaces), dtype=bool)
+    found = LimitAnalysis(assembly, solver=Hasty(1e-4)).prove(labels)
+    expected = LimitAnalysis(assembly).prove(labels)
+    assert found.solve_log[:2] == ["clarabel (almost)", "schur"]
+    assert "highs" not in found.solve_log
+    assert found.low == pytest.approx(expected.low, rel=1e-6)
+    assert found.high - found.low <= 1e-6 * found.high

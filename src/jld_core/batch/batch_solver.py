@@ -19,48 +19,10 @@ from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.batch import interface, library
 from jld_core.batch.conflict_request import ConflictRequest, MinimizationResults
 from jld_core.batch.rows import pattern_of, rows_of
+from jld_core.batch.settings import tries_of
 from jld_core.batch.verdicts import OPEN, PROVEN, BatchResults
 from jld_core.mechanics import Rows
 from jld_core.program import Template
-
-_FIRST: Final[dict[str, float]] = {
-    "proximal": 1e-5,
-    "margin": 1e-10,
-    "target": 1e-8,
-    "active": 1e-4,
-    "first": 0.95,
-    "last": 0.99,
-    "near": 0.1,
-    "relax": 1e-3,
-    "jumps": 1e-8,
-    "aim": 1.0,
-    "press": 0.0,
-    "endless": 1e300,
-}
-"""Defaults of `library.Try`; `JldTry` in interface.py defines each field."""
-TRIES: Final = (
-    library.Try(**_FIRST | {"endless": 1e4}, most=28),
-    library.Try(**_FIRST | {"aim": -1.0, "press": 1e-2}, most=28),
-    library.Try(**_FIRST | {"aim": 0.0, "target": 1e-6, "margin": 0.0}, most=28),
-    library.Try(**_FIRST | {"proximal": 1e-6, "margin": 1e-11, "active": 1e-5, "first": 0.9, "jumps": 1e-9}, most=40),
-    library.Try(**_FIRST | {"proximal": 1e-4, "margin": 1e-9, "active": 1e-3, "first": 0.9, "near": 1e-4}, most=60),
-)
-"""Settings of the successive passes over the open labellings, planar. Passes 2 and 3 look for a ray of unbounded load
-and for an admissible state on the boundary. Source: measured in benchmarks/lanes.py.
-"""
-
-SPATIAL_TRIES: Final = tuple(
-    library.Try(**_FIRST | {"target": 3e-8, "jumps": 1e-7, "near": 1e-2} | more)
-    for more in (
-        {"endless": 1e4, "most": 28},
-        {"aim": -1.0, "press": 1e-2, "most": 28},
-        {"proximal": 1e-6, "margin": 1e-11, "first": 0.9, "most": 40},
-        {"proximal": 1e-4, "most": 60},
-    )
-)
-"""Settings of the successive passes over the open labellings, spatial. No pass looks for states on the boundary of a
-cone. Source: measured in benchmarks/lanes.py.
-"""
 
 _UNDECIDED: Final = interface.codes("JldLabel")["UNDECIDED"]  # label of a face that may be dry or inner
 _SAMPLES: Final = 32  # random labellings whose mean solution gives the starting point
@@ -111,7 +73,7 @@ class BatchSolver:
     variant : str, optional
         Variant or path of the compiled library (see `library`); default: the variant in use.
     tries : sequence of Try
-        Settings of the passes over the open labellings; default `TRIES` or `SPATIAL_TRIES`.
+        Settings of the passes over the open labellings; default: those of `tries_of`.
     sampled_start : bool
         True: start near the mean solution of a few random labellings. False: start from the least-norm forces in
         equilibrium, which is cheaper for a few labellings.
@@ -151,11 +113,9 @@ class BatchSolver:
         self._q = q = template.assembly.freedoms
         self._rows, self._pairs, self._keep, self._bows = rows.rows, rows.pairs, rows.keep, rows.parabolas
         self._interacts = rows.interacts
-        usual = TRIES if template.assembly.dimension == 2 else SPATIAL_TRIES
-        if rows.parabolas is not None:
-            usual = tuple(one for one in usual if one.aim > 0.0)  # these passes do not support parabolas
-        chosen_tries = tries or usual
-        self._tries = tuple(chosen_tries)
+        # Relaxations skip the correction of equilibrium that the settings for large assemblies need.
+        self._relaxation_try = tries[0] if tries else tries_of(template.assembly.dimension, 0, False)[0]
+        self._tries = tuple(tries) or tries_of(template.assembly.dimension, self.faces, rows.parabolas is not None)
         self.pattern, a, b = pattern_of(template.assembly)
         self._lay_out(template, a, b)
         ends = np.concatenate([q * e + np.arange(q) for e in self.pattern.order]).astype(np.int64)
@@ -338,7 +298,7 @@ class BatchSolver:
             **given,
             **places,
         )
-        library.require_success(self._library.jld_minimize(self._problem(), self._tries[0], task))
+        library.require_success(self._library.jld_minimize(self._problem(), self._relaxation_try, task))
         return MinimizationResults(
             np.arange(count).repeat(wide), fate, conflict.astype(bool), self._as_elements(velocity), relaxations
         )

@@ -50,6 +50,12 @@ FALLBACKS: Final = (
         "both bounds, from forces and multipliers of an interior point",
     ),
     Fallback(
+        "Schur complement",
+        lambda attempt: attempt.inaccurate_at_medium_size,
+        ProofAttempt.solve_by_schur_complement,
+        "both bounds of a linear program of some thousand equations",
+    ),
+    Fallback(
         "repair",
         lambda attempt: attempt.uncertified_with_point,
         ProofAttempt.repair_answer,

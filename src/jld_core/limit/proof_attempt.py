@@ -192,6 +192,16 @@ class ProofAttempt(AttemptState):
         if motion.margin < 0.0:
             proof.offer_motion(self._opened(motion))
 
+    def solve_by_schur_complement(self) -> None:
+        """Solve by Schur complements, whose equations of whole blocks keep digits that Clarabel loses.
+
+        An inaccurate answer does not replace the earlier one, from which repairs then begin.
+        """
+        earlier = self.raw
+        self.solve_by(SchurSolver(self.template.precision.residual), self.analysis.margin)
+        if self.raw is not None and self.raw.status is not RawStatus.OPTIMAL:
+            self.raw = earlier
+
     def solve_by_dual_simplex(self) -> None:
         """Solve by dual simplex for a vertex that is exact to rounding, then repair it."""
         self.solve_by(HighsSolver(), 0.0)

@@ -12,6 +12,7 @@ from typing import Final
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.memory import memory_limit
+from jld_core.scene import Scene
 
 _FACES: Final = 2e4
 """Number of faces at which the times in `_COSTS` were measured."""
@@ -70,35 +71,53 @@ def cost_estimate(assembly: Assembly) -> CostEstimate:
     CostEstimate
         Seconds on one core for all load cases together, and bytes of one process.
     """
-    seconds, power, size, growth = _COSTS[assembly.dimension]
-    faces = len(assembly.interfaces)
+    return _cost(assembly.dimension, len(assembly.interfaces), len(assembly.by_case))
+
+
+def _cost(dimension: int, faces: int, cases: int) -> CostEstimate:
+    """Estimate the cost of one labelling from its number of faces, under all load cases."""
+    seconds, power, size, growth = _COSTS[dimension]
     share = faces / _FACES
-    return CostEstimate(len(assembly.by_case) * seconds * share**power, _BASE + size * share**growth)
+    return CostEstimate(cases * seconds * share**power, _BASE + size * share**growth)
 
 
-def require_memory(assembly: Assembly) -> CostEstimate:
+def _least_faces(scene: Scene) -> int:
+    """Return a lower bound on the number of faces: that of free elements, each on a path to a support."""
+    if scene.grid is not None:
+        return sum(c.isalpha() for row in scene.grid.rows for c in row)
+    return sum(not element.support for element in scene.elements or [])
+
+
+def require_memory(structure: Assembly | Scene) -> CostEstimate:
     """Raise InputError if one labelling needs more memory than there is; return the estimate.
 
     Parameters
     ----------
-    assembly : Assembly
-        Planar or spatial assembly, with or without load cases.
+    structure : Assembly or Scene
+        Planar or spatial assembly, with or without load cases. Of a scene, whose contacts are not known yet, the least
+        number of faces counts, so that hopeless ones are refused before contacts are built.
 
     Returns
     -------
     CostEstimate
-        Expected time and memory to evaluate one labelling.
+        Expected time and memory to evaluate one labelling; at least these for a scene.
 
     Raises
     ------
     InputError
         If the estimated memory exceeds the memory limit of the process.
     """
-    effort, most = cost_estimate(assembly), memory_limit()
+    if isinstance(structure, Scene):
+        faces, few = _least_faces(structure), "at least "
+        effort = _cost(structure.dimension, faces, 1)
+    else:
+        faces, few = len(structure.interfaces), ""
+        effort = cost_estimate(structure)
+    most = memory_limit()
     if effort.memory > most:
         raise InputError(
             "",
-            f"{len(assembly.interfaces)} faces take some {effort.memory / 1e9:.1f} GB of memory to evaluate",
+            f"{few}{faces} faces take {few or 'some '}{effort.memory / 1e9:.1f} GB of memory to evaluate",
             f"a scene that the {most / 1e9:.1f} GB there are suffice for",
         )
     return effort

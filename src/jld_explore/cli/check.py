@@ -30,6 +30,7 @@ def load(path: Path, strict: bool = False) -> tuple[Scene, Assembly]:
     """
     scene = load_scene(path)
     with error_context(path):
+        require_memory(scene)  # before contacts are built, which may take minutes
         assembly = build_assembly(scene)
         require_memory(assembly)
     if assembly.warnings and strict:

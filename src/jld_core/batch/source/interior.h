@@ -258,8 +258,9 @@ struct Interior {
         Mask drifts =
             (out.gap < how.relax * scale()) & (out.jumps > 0.01 * how.jumps * (1.0 + speed)) & (out.balance < 1e-10);
         Mask loses = (unbalanced > 1e-10) & (out.gap < 1e-6 * scale());
-        lanes.delta = select(drifts, larger(lanes.delta * 0.3, splat(1e-9)), lanes.delta);
-        lanes.delta = select(loses, smaller(lanes.delta * 10.0, splat(1e-4)), lanes.delta);
+        const double small = std::fmin(1e-9, how.proximal), large = std::fmin(1e-4, 1e4 * how.proximal);
+        lanes.delta = select(drifts, larger(lanes.delta * 0.3, splat(small)), lanes.delta);
+        lanes.delta = select(loses, smaller(lanes.delta * 10.0, splat(large)), lanes.delta);
         // Upper bound (3.3) that the multipliers would give if their jumps were exact.
         out.dual = (o.value - lanes.dot(problem.dead, u)) / lanes.dot(problem.live, u);
     }
