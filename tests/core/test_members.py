@@ -306,7 +306,7 @@ def test_load_factor_is_that_of_a_program_written_by_hand() -> None:
     """Five members in a wall of random layouts; batch solver, Clarabel and rigid blocks agree with HiGHS."""
     assembly = build_assembly(parse_scene(wall(three())))
     rng = np.random.default_rng(4)
-    labels = rng.random((6, len(assembly.interfaces))) < 0.6
+    labels = rng.random((3, len(assembly.interfaces))) < 0.6
     labels[:, assembly.faces :] = False
     analysis = LimitAnalysis(assembly)
     assert analysis.batch is not None
