@@ -28,11 +28,13 @@ $(VENV)/.runs: $(SOURCES)
 	wait $$compiler || echo "make: the batch solver was not compiled; without it searches take some 30 times as long"
 	touch $@
 
-# What tests, checks and documentation need besides, and the variant that the best one is compared with: each takes
-# 25 s of a core, so the variants between them wait for `make bench`.
+# What tests, checks and documentation need besides, named one by one: to install jld again takes 3 s of a core. And the
+# variant that the best one is compared with: each takes 25 s of a core, so those between them wait for `make bench`.
 $(VENV)/.done: $(VENV)/.runs
 	$(PYTHON) src/jld_core/batch/build.py --in-place --ends & compiler=$$!; \
-	JLD_COMPILED_APART=1 $(BIN)/python -m pip install $(PIP) -e '.[dev]' || { kill $$compiler; exit 1; }; \
+	$(BIN)/python -c 'import tomllib; project = tomllib.load(open("pyproject.toml", "rb"))["project"]; \
+		print(*project["optional-dependencies"]["dev"], sep="\n")' >$(VENV)/dev.txt && \
+	$(BIN)/python -m pip install $(PIP) -r $(VENV)/dev.txt || { kill $$compiler; exit 1; }; \
 	wait $$compiler || echo "make: the batch solver was not compiled in its base variant"
 	touch $@
 

@@ -290,7 +290,11 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
     move.Move: {
         "vertices": Meaning("", "All vertices of dry joints, or only those that `along` names."),
         "along": Meaning("", "Lines and circles on which vertices slide."),
-        "ties": Meaning("", "Vertices that move alike: mirrored about the middle, or the same way within each list."),
+        "ties": Meaning(
+            "",
+            "Vertices that move alike: mirrored about the middle, or the same way within each list; `equal-shapes`: "
+            "elements of equal shape stay equal.",
+        ),
         "inner": Meaning(
             "",
             "Vertices of inner faces: `stay`; or `follow`, free where joints end in them, else with their neighbours.",

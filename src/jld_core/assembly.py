@@ -36,7 +36,7 @@ class Elements:
     blocks : tuple of str or None
         The scene's block names, None where none is given.
     support : (n,) bool array
-        True where equilibrium is not written.
+        True for supports, which do not move; they have no equations of equilibrium.
     centroid : (n, d) array
         Centroids.
     volume : (n,) array
@@ -78,33 +78,33 @@ class Elements:
 
     @cached_property
     def index(self) -> dict[str, int]:
-        """Position of each element in these arrays, by its id."""
+        """Return the position of each element in these arrays, by its id."""
         return {name: position for position, name in enumerate(self.ids)}
 
     @cached_property
     def free(self) -> Ints:
-        """Indices (k,) of the elements that are no supports, ascending."""
+        """Return the indices (k,) of the elements that are no supports, ascending."""
         return np.flatnonzero(~self.support)
 
     @cached_property
     def mass(self) -> Floats:
-        """Weight over gravity (n,), kilograms in metres and newtons; zeros without gravity."""
+        """Return weight over gravity (n,), kilograms in metres and newtons; zeros without gravity."""
         weight = np.linalg.norm(self.weight, axis=1)
         return weight / self.gravity if self.gravity else np.zeros(len(self))
 
     @cached_property
     def lower(self) -> Floats:
-        """Lower corner (n, d) of each element's bounding box."""
+        """Return the lower corner (n, d) of each element's bounding box."""
         return np.array([shape.min(axis=0) for shape in self.shape])
 
     @cached_property
     def upper(self) -> Floats:
-        """Upper corner (n, d) of each element's bounding box."""
+        """Return the upper corner (n, d) of each element's bounding box."""
         return np.array([shape.max(axis=0) for shape in self.shape])
 
     @cached_property
     def size(self) -> float:
-        """Largest side of the bounding box of all elements, the length that geometric tolerances refer to."""
+        """Return the largest side of the bounding box of all elements, to which tolerances refer."""
         return float(np.max(self.upper.max(axis=0) - self.lower.min(axis=0)))
 
 
@@ -158,7 +158,7 @@ class Interfaces:
 class Strengths:
     """Strengths of m interfaces, each as dry and as inner, in scene units.
 
-    A material that the scene does not name is NaN.
+    The values of a material that the scene does not state are NaN.
 
     Attributes
     ----------
@@ -258,7 +258,7 @@ class Assembly(NotebookRepr):
         Load cases of a scene that has several. `dead` and `live` are then those of the first case; solvers use
         `by_case`.
     touching : tuple of (int, int)
-        Pairs of supports that share a face; they are of one block.
+        Pairs of supports that share a face; both belong to one block.
     nominal : Strengths or None
         Nominal strengths, where `strengths` holds the low values of materials.
     live_widths : tuple of float or None
@@ -295,17 +295,17 @@ class Assembly(NotebookRepr):
 
     @property
     def freedoms(self) -> int:
-        """Number of equations per element and of resultants per interface (planar 3, spatial 6)."""
+        """Return the number q of resultants per face and equations per element, 3 or (space) 6."""
         return 3 if self.dimension == 2 else 6
 
     @property
     def resultants(self) -> tuple[str, ...]:
-        """Names of the force and moment components on a face, in the order of its unknowns."""
+        """Return the names of the force and moment components on a face, in their order."""
         return ("N", "V", "M") if self.dimension == 2 else ("N", "V1", "V2", "M1", "M2", "MT")
 
     @cached_property
     def by_case(self) -> tuple[Assembly, ...]:
-        """One assembly for each load case, with its loads alone; itself alone without cases."""
+        """Return one assembly for each load case under its loads alone; itself without cases."""
         if not self.cases:
             return (self,)
         names = ("dead", "live", "live_points", "live_widths", "shape_loads")
@@ -315,33 +315,33 @@ class Assembly(NotebookRepr):
 
     @cached_property
     def at_nominal(self) -> Assembly:
-        """The structure with nominal instead of low strengths; itself if it has no low values."""
+        """Return the structure at nominal strengths; this assembly if it has no low values."""
         return self if self.nominal is None else replace(self, strengths=self.nominal, nominal=None)
 
     @property
     def required(self) -> Floats:
-        """Required load factors (c,), one per load case; 1 for an assembly without cases."""
+        """Return the required load factors (c,) of the load cases; 1 without load cases."""
         return np.array([case.required for case in self.cases]) if self.cases else np.ones(1)
 
     @cached_property
     def of_members(self) -> Bools:
-        """Mask (m,), True for the interfaces that stand for members; they are inner under every labelling."""
+        """Return a mask (m,) of the interfaces of members, which are inner under every labelling."""
         return np.isin(np.arange(len(self.interfaces)), self.members.face)
 
     @cached_property
     def faces(self) -> int:
-        """Number of faces, which have a label: interfaces without those of members, which are the last ones."""
+        """Return the number of faces: interfaces with a label. Those of members follow them."""
         return len(self.interfaces) - int(np.count_nonzero(self.of_members))
 
     @cached_property
     def free_faces(self) -> Bools:
-        """Mask (m,), True for interfaces between two elements that are no supports."""
+        """Return a mask (m,) of interfaces between two free elements, without those of members."""
         support, faces = self.elements.support, self.interfaces
         return ~(support[faces.a] | support[faces.b] | self.of_members)
 
     @property
     def face_sizes(self) -> Floats:
-        """Sizes (m,) by which joints are measured, scene units (planar lengths, spatial areas)."""
+        """Return the sizes (m,) of the interfaces: lengths, in space areas, scene units."""
         return self.interfaces.l1 if self.dimension == 2 else self.interfaces.area
 
     def pair(self, face: int) -> str:
@@ -350,19 +350,19 @@ class Assembly(NotebookRepr):
 
     @cached_property
     def size(self) -> float:
-        """Largest side of the bounding box of all elements, see `Elements.size`."""
+        """Return the largest side of the bounding box of all elements, see `Elements.size`."""
         return self.elements.size
 
     @cached_property
     def total_dead(self) -> float:
-        """Sum of the magnitudes of the dead forces on free elements, without prestress and bond."""
+        """Return the sum of magnitudes of dead forces on free elements, without prestress, bond."""
         stress = self.members.self_stress
         dead = self.dead if stress is None else self.dead - stress
         return float(np.linalg.norm(dead[self.elements.free, : self.dimension], axis=1).sum())
 
     @cached_property
     def total_live(self) -> float:
-        """Total of the live load's magnitudes on free elements, a force by which λ is scaled.
+        """Return the total size of the live load on free elements, a force by which λ is scaled.
 
         It is the larger of two sums: of the forces, and of the moments over `size`, since forces may leave a couple.
         """

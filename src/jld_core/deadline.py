@@ -45,7 +45,7 @@ class Deadline:
 
     @property
     def limited(self) -> bool:
-        """True if the deadline has an end."""
+        """Return True if the deadline has an end."""
         return self.end < math.inf
 
     def elapsed(self) -> float:
@@ -66,7 +66,7 @@ class Deadline:
             raise DeadlinePassed
 
     def earlier(self, seconds: float) -> Deadline:
-        """Return a deadline of the same start that ends `seconds` earlier (none stays none)."""
+        """Return a deadline with the same start that ends `seconds` earlier, if it has an end."""
         return self._ending(self.end - seconds)
 
     def within(self, seconds: float) -> Deadline:

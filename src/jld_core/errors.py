@@ -19,9 +19,9 @@ class InputError(ValueError):
     where : str
         File, then key or element: ``scene.json: elements[3].polygon``.
     problem : str
-        What is wrong.
+        The fault, such as "it is negative".
     expected : str
-        What would be right.
+        Description of a valid value.
 
     Attributes
     ----------
@@ -66,9 +66,9 @@ class ParameterError(InputError):
     parameter : str
         Name of the parameter: ``inner_bending``.
     problem : str
-        What is wrong.
+        The fault, such as "it is negative".
     expected : str
-        What would be right.
+        Description of a valid value.
     """
 
     def __init__(self, parameter: str, problem: str, expected: str) -> None:

@@ -30,13 +30,13 @@ class Members:
     face : (k,) int array
         Interface of each member; −1 for a constant force, which only loads the assembly.
     elements : tuple of (r,) int arrays
-        Elements that each member holds on to, in order.
+        Elements to which each member is fixed, in order.
     points : tuple of (r, d) arrays
         Points of these elements.
     axis : (k, d) array
         Unit vector of each member from its first point to the next.
     tension, compression, shear, prestress : (k,) arrays
-        Capacities, and the tension that always acts.
+        Capacities, and prestress: the tension that always acts; forces.
     bond : (f,) array or None
         Tensile strength times area of the faces as dry joints; None where no joint has any. N of the program is the
         normal force plus this.
@@ -65,7 +65,7 @@ class Members:
 
     @property
     def axial(self) -> Bools:
-        """Mask (k,), True for members whose axial force may vary."""
+        """Return a mask (k,), True for members whose axial force may vary."""
         return np.asarray((self.tension > self.prestress) | (self.compression > 0.0))
 
     def push(self, member: int) -> tuple[Ints, Floats, Floats]:
@@ -98,7 +98,7 @@ class Members:
 
     @cached_property
     def ends(self) -> Ints | None:
-        """First and last element (k, 2) of each member; None if one slides over further elements."""
+        """Return the two elements (k, 2) of each member; None if some member has more elements."""
         for elements in self.elements:
             if len(np.unique(elements)) > 2:
                 return None
@@ -146,7 +146,7 @@ class Members:
         Parameters
         ----------
         what : str
-            The computation, as the subject of a sentence in the singular: "an experiment".
+            Name of the computation, as the subject of a sentence in the singular: "an experiment".
 
         Raises
         ------

@@ -53,7 +53,7 @@ class NotebookRepr:
 
     @cached_property
     def _drawing(self) -> str | None:
-        """SVG text from the registered view, computed once; None without a view."""
+        """Return the SVG text from the registered view, computed once; None without a view."""
         view = _VIEWS.get(type(self))
         return None if view is None else view.svg(self)
 

@@ -105,5 +105,8 @@ def with_members(assembly: Assembly, labels: Bits) -> Bits:
 
 
 def _of(loads: ShapeLoads | None, rows: Ints) -> ShapeLoads | None:
-    """Return the loads that change with shapes of some elements (k,), where they are known."""
+    """Return the loads that change with shape on some elements; None if they are unknown.
+
+    rows: (k,) indices of the elements.
+    """
     return None if loads is None else loads.take(rows)

@@ -19,17 +19,24 @@ _RELATIVE_SLACK: Final = 1e-9
 
 
 def box_claim(done: ProvenBox) -> tuple[BoxClaim, list[Node]]:
-    """Return what the certificate of a proof over a box claims, and its tree.
+    """Return the claim of the certificate of a proof over a box, and the tree of its proof.
 
     Parameters
     ----------
     done : ProvenBox
         Result of `prove_box`.
 
+    Returns
+    -------
+    claim : BoxClaim
+        Scene, box and bound; the bound is raised by a little for rounding.
+    nodes : list of Node
+        Nodes of the tree, each before its halves.
+
     Raises
     ------
     InputError
-        No finite bound was proven.
+        If no finite bound was proven.
     """
     nodes = list(_nodes(done.tree, done))
     places = done.places - done.moved
@@ -52,7 +59,10 @@ def box_claim(done: ProvenBox) -> tuple[BoxClaim, list[Node]]:
 
 
 def _nodes(tree: BoxNode, done: ProvenBox) -> list[Node]:
-    """Return the nodes of a tree, each before its halves; raise InputError for a leaf without a mechanism."""
+    """Return the nodes of a tree, each before its halves.
+
+    Raises InputError if a leaf has no mechanism, or if no finite bound was proven.
+    """
     found: list[Node] = []
     waiting = [tree]
     while waiting:
@@ -68,7 +78,10 @@ def _nodes(tree: BoxNode, done: ProvenBox) -> list[Node]:
 
 
 def _leaf(node: BoxNode, done: ProvenBox) -> Leaf:
-    """Return the leaf of a mechanism, exactly: velocities about the origin as integers over a power of two."""
+    """Return the leaf of a certificate for a node with a mechanism, without rounding.
+
+    Velocities are about the origin, as integers over a power of two.
+    """
     assert node.motion is not None
     exact = {}
     for element, (motion, centre) in enumerate(zip(node.motion.tolist(), done.centroids.tolist(), strict=True)):
@@ -111,11 +124,11 @@ def check_proof(done: ProvenBox) -> tuple[bool | None, float, str]:
     Returns
     -------
     passed : bool or None
-        True if every box holds; None where no bound was proven.
+        True if the bound is verified in every box of the tree, False if not; None if no bound was proven.
     seconds : float
         Time of the check, s.
     reason : str
-        Why it did not pass, or the empty string.
+        Reason for False or None; "" for True.
     """
     start = time.perf_counter()
     try:

@@ -43,9 +43,9 @@ def choose_driver(
     deadline : Deadline, optional
         Deadline of the search; a count that exceeds a share of it means a large space.
     many : bool
-        Take no driver that proves by bounds on faces alone.
+        True excludes drivers that prove by bounds on faces alone, if the settings name no driver.
     cracks_by_fields : FieldCracks, optional
-        Crack model of a search by fields, whose gap the exact driver proves the best to.
+        Crack model of a search by fields; the exact driver proves the best layout to the gap of this model.
 
     Returns
     -------

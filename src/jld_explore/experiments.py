@@ -85,7 +85,7 @@ class Experiments:
 
     @property
     def late(self) -> bool:
-        """True if the deadline has passed."""
+        """Return True if the deadline has passed."""
         return self.deadline.passed()
 
     def run(self, wanted: list[tuple[str, float]]) -> None:
@@ -112,7 +112,7 @@ class Experiments:
 
     @property
     def best(self) -> float:
-        """Largest load factor of an experiment that ended in collapse, −inf if there is none."""
+        """Return the largest load factor of an experiment that ended in collapse; −inf for none."""
         return max((row["experiment"] for row in self.rows.values() if row["status"] == "collapse"), default=-np.inf)
 
 
@@ -189,7 +189,10 @@ def search_by_experiment(
 
 
 def _told(experiments: Experiments, names: list[str], evaluations: list[Evaluation]) -> list[Evaluation]:
-    """Return the evaluations given to the driver: by experiment if tested, else estimated."""
+    """Return the evaluations given to the driver: by experiment if tested, else estimated.
+
+    names: text of each labelling. evaluations: by limit analysis, in the same order.
+    """
     return [
         _worth(experiments, name) if name in experiments.rows else _below(evaluation)
         for name, evaluation in zip(names, evaluations, strict=True)
@@ -197,14 +200,20 @@ def _told(experiments: Experiments, names: list[str], evaluations: list[Evaluati
 
 
 def _worth(experiments: Experiments, name: str) -> Evaluation:
-    """Return an evaluation whose load factor is the result of an experiment."""
+    """Return an evaluation whose load factor is the result of an experiment.
+
+    name: text of the labelling, which is in `experiments.rows`. Its status is unstable if the layout did not stand.
+    """
     row = experiments.rows[name]
     status = Status.COLLAPSE if row["stands"] and np.isfinite(row["experiment"]) else Status.UNSTABLE
     return Evaluation(status, np.nan, float(row["load_factor"]), float(row["experiment"]))
 
 
 def _below(evaluation: Evaluation) -> Evaluation:
-    """Return an evaluation with half of λ, about the load that brittle faces carry."""
+    """Return a copy of an evaluation that collapses, with half of λ; others unchanged.
+
+    Half of λ is about the load that brittle faces carry.
+    """
     if evaluation.status is not Status.COLLAPSE:
         return evaluation
     return Evaluation(Status.COLLAPSE, evaluation.low, evaluation.high, 0.5 * evaluation.associative)

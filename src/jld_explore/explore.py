@@ -290,7 +290,10 @@ def _certify(driver: Exact, scene: Scene, path: Path, done: Exploration) -> None
 
 
 def _makers(scene: Scene, assembly: Assembly, settings: ExploreSettings) -> tuple[type[Study], MakeEvaluator]:
-    """Return the kind of study and the evaluators that the objective and the crack model of a scene need."""
+    """Return the class of the study and the maker of its evaluators.
+
+    They depend on the crack model of the scene. With an objective of the user, evaluators compute this objective.
+    """
     kind, make = _by_cracks(scene, assembly)
     if settings.own_objective is not None:
         make = partial(OwnObjectiveEvaluator, settings.own_objective)
@@ -298,7 +301,7 @@ def _makers(scene: Scene, assembly: Assembly, settings: ExploreSettings) -> tupl
 
 
 def _by_cracks(scene: Scene, assembly: Assembly) -> tuple[type[Study], MakeEvaluator]:
-    """Return the kind of study and the evaluators that the crack model of a scene needs."""
+    """Return the class of the study and the maker of its evaluators for a crack model."""
     if isinstance(scene.cracks, CellCracks):
         cells = crack_cells(scene, assembly, scene.cracks.cell)
         # where no element is larger than a cell, the evaluators of the joint grid are the same and faster
@@ -309,14 +312,17 @@ def _by_cracks(scene: Scene, assembly: Assembly) -> tuple[type[Study], MakeEvalu
 
 
 def _of_search(deadline: Deadline, settings: ExploreSettings) -> Deadline:
-    """Return the deadline of the search itself, so that tables and page are ready in time."""
+    """Return the deadline of the search itself, which leaves time to write tables and page."""
     # The ratio of wall-clock to CPU time so far estimates how much longer writing takes on a busy machine.
     busy = min(max(1.0, deadline.elapsed() / time.process_time()), BUSY)
     return deadline.earlier(max(0.0, busy * WRITING - OVER[0] * (settings.seconds or 0.0) - OVER[1]))
 
 
 def _later(deadline: Deadline, settings: ExploreSettings, over: tuple[float, float]) -> Deadline:
-    """Return the deadline moved later by a share of the time limit and some seconds."""
+    """Return a deadline later than the given one.
+
+    over: share of the time limit, and seconds, by which it is later.
+    """
     return deadline.earlier(-over[0] * (settings.seconds or 0.0) - over[1])
 
 
@@ -351,7 +357,7 @@ def _run(study: Study, deadline: Deadline) -> StopReason:
 
 
 def _experimented(study: Study, done: Exploration) -> Exploration:
-    """Add virtual experiments on the best layouts, or a search by experiment, to a study."""
+    """Add virtual experiments to a finished study: on the best layouts, or as a search."""
     settings = study.settings
     experiments = Experiments(study.assembly, study.folder, settings.jobs, study.deadline)
     objective = (settings.model, settings.seed) if settings.by_experiment else None
@@ -361,7 +367,11 @@ def _experimented(study: Study, done: Exploration) -> Exploration:
 def _draw(
     done: Exploration, deadline: Deadline, settings: ExploreSettings, announce: Callable[[str], None] | None
 ) -> None:
-    """Write the page, then the pictures for which there is time; a page of fields shows one of them."""
+    """Write the page, then as many pictures as time allows.
+
+    The page of a search by fields is then written again, since it shows a picture. Pictures that are missing are
+    announced.
+    """
     write_report(done, deadline=_later(deadline, settings, OVER))
     written, missing = write_pictures(done, deadline=_later(deadline, settings, LAST))
     if isinstance(done.scene.cracks, FieldCracks) and written:
@@ -371,9 +381,9 @@ def _draw(
 
 
 def _affordable(assembly: Assembly, settings: ExploreSettings, said: list[str]) -> ExploreSettings:
-    """Reduce the number of jobs to the available memory and add messages on long solves.
+    """Return settings with as many jobs as memory allows, and append messages on long solves.
 
-    Raises InputError if the scene needs more memory than there is.
+    said: receives the messages. Raises InputError if the scene needs more memory than there is.
     """
     effort = require_memory(assembly)
     jobs = max(1, min(settings.jobs, int(memory_limit() / effort.memory))) if settings.jobs > 1 else 1
@@ -386,7 +396,10 @@ def _affordable(assembly: Assembly, settings: ExploreSettings, said: list[str]) 
 
 
 def _bound_all(study: Study, *, sure: bool) -> None:
-    """Record a bound on all labellings if none is known and `sure` says that there is time."""
+    """Record a bound on all labellings if none is known and there is time for it.
+
+    sure: True if there is time. Nothing is recorded for cracks beside the faces and for an objective of the user.
+    """
     study.records = study.open_records()
     if study.bound is None and sure and study.scene.cracks == "faces" and study.settings.own_objective is None:
         study.keep_bound(bound_of_all(study.space, study.settings.model))

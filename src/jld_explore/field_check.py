@@ -42,7 +42,7 @@ FALL: Final = 0.05
 
 @dataclass(frozen=True)
 class CheckPlan:
-    """What a check of the best layouts will do.
+    """Plan for a check of the best layouts by fields.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class CheckPlan:
     seconds : float
         Expected processor time, s.
     skipped : str
-        Why nothing is checked, "" where something is.
+        Reason why nothing is checked, "" if something is.
     """
 
     count: int
@@ -60,24 +60,24 @@ class CheckPlan:
 
 
 def plan_check(scene: Scene, assembly: Assembly, space: SearchSpace, settings: ExploreSettings) -> CheckPlan | None:
-    """Say how many layouts of a search by faces can be checked by fields.
+    """Decide how many layouts of a search by faces can be checked by fields.
 
     Parameters
     ----------
     scene : Scene
         Scene of the search.
     assembly : Assembly
-        Its assembly.
+        Assembly of the scene.
     space : SearchSpace
-        Its space.
+        Space of the search.
     settings : ExploreSettings
-        Settings of the search; `check_fields` layouts are wanted.
+        Settings of the search; `check_fields` is the number of layouts wanted.
 
     Returns
     -------
     CheckPlan or None
-        None where fields do not apply: spatial scenes, other crack models, cells left out, searches without dilation,
-        by experiment or at low values, and what `require_fields` refuses.
+        Plan. None for spatial scenes, other crack models, cells left out, and searches without dilation, by experiment
+        or at low values. Also None for `check_fields` = 0, and if `require_fields` refuses the assembly.
     """
     plain = scene.cracks == "faces" and space.void is None and assembly.nominal is None
     if (
@@ -103,7 +103,7 @@ def plan_check(scene: Scene, assembly: Assembly, space: SearchSpace, settings: E
 def time_for(plan: CheckPlan | None, settings: ExploreSettings) -> float:
     """Return the part of a time limit that is kept back for a check, s; 0 without a limit.
 
-    plan: what is checked, None for nothing.
+    plan: plan of the check, None for no check.
     """
     return 0.0 if plan is None or settings.seconds is None else min(2.0 * plan.seconds, SHARE * settings.seconds)
 
@@ -118,7 +118,7 @@ def add_check(done: Exploration, space: SearchSpace, plan: CheckPlan, deadline: 
     space : SearchSpace
         Space of the search.
     plan : CheckPlan
-        What to check.
+        Plan of the check.
     deadline : Deadline
         Time after which no further layout is bounded.
 
@@ -163,8 +163,12 @@ def add_check(done: Exploration, space: SearchSpace, plan: CheckPlan, deadline: 
 
 @one_thread()
 def _bounds(assembly: Assembly, labellings: list[Bits], deadline: Deadline) -> list[tuple[float, float]]:
-    """Bound the governing factor of labellings on the coarsest mesh, one after the other until time is up."""
-    coarse = [CoarseBounds(FieldSetting.of(case)) for case in assembly.by_case]
+    """Bound the governing factor of labellings on the coarsest mesh, until the deadline.
+
+    labellings: each (m,), True = dry. The result has (lower, upper) bound for each of the first labellings, as many as
+    there was time for.
+    """
+    coarse = [CoarseBounds(FieldSetting.of(case), many=False) for case in assembly.by_case]
     required = assembly.required
     found: list[tuple[float, float]] = []
     for labels in labellings:
@@ -177,7 +181,12 @@ def _bounds(assembly: Assembly, labellings: list[Bits], deadline: Deadline) -> l
 
 
 def _findings(values: Floats, low: Floats, high: Floats, uncut: tuple[float, float] | None) -> list[str]:
-    """Say in sentences what the bounds by fields change: the order, λ of the best, and whether to cut at all."""
+    """Describe in sentences how bounds by fields differ from λ by faces.
+
+    They may change λ of the best layout, the order of the layouts, and whether cuts are of use. values: (k,) λ by faces
+    of the best layouts, the best first. low, high: (k,) bounds by fields. uncut: bounds of the structure without cuts,
+    None if unknown.
+    """
     if not len(values):
         return []
     found = []

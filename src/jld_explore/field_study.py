@@ -51,7 +51,10 @@ class FieldStudy(Study):
 
     @property
     def gap(self) -> float:
-        """Relative gap of bounds that the scene asks for; raises RuntimeError for other cracks."""
+        """Return the relative gap of bounds that the scene asks for.
+
+        Raises RuntimeError if the scene does not crack by fields.
+        """
         cracks = self.scene.cracks
         if not isinstance(cracks, FieldCracks):
             raise RuntimeError("a study by fields needs a scene that cracks by fields")
@@ -59,7 +62,7 @@ class FieldStudy(Study):
 
     @property
     def table_records(self) -> RefinedRecords:
-        """Evaluations with the bounds of finer meshes."""
+        """Return the records whose evaluations have the bounds of finer meshes."""
         if self._refined is None:
             self._refined = RefinedRecords(self.records)
         return self._refined
@@ -118,7 +121,10 @@ class FieldStudy(Study):
         return reason
 
     def _run_proof(self, driver: FieldExact) -> StopReason:
-        """Prove by the exact driver, and keep what its pool and its conflicts prove of each layout."""
+        """Prove by the exact driver, then record the bounds that its fields and conflicts prove.
+
+        They are bounds on every layout on record. The result is also kept in `race`.
+        """
         try:
             return super().run()
         finally:
@@ -131,13 +137,13 @@ class FieldStudy(Study):
             self.records.close()
 
     def _count(self, evaluations: list[Evaluation]) -> None:
-        """Report progress, with what refinement found beside the evaluations."""
+        """Update progress with new evaluations and with the best bound that a proof has refined."""
         if isinstance(self.driver, FieldExact) and self.driver.best >= 0.0:
             self._best = float(np.fmax(self._best, self.driver.best))
         super()._count(evaluations)
 
     def _until(self, deadline: Any) -> None:
-        """Set the deadline of what follows."""
+        """Set the deadline of the next phase."""
         self.deadline, self._end = deadline, deadline.end
 
     def _open_again(self) -> None:
@@ -145,14 +151,21 @@ class FieldStudy(Study):
         self.records, self._refined = self.open_records(), None
 
     def _race(self, pool: FieldPool) -> None:
-        """Refine the layouts of a pool as far as the aim of the search asks for."""
+        """Refine the layouts of a pool until the aim of the search is reached or time is up.
+
+        The result is kept in `race`. The processes of the pool are closed.
+        """
         try:
             self.race = FieldRace(pool, self.gap, self._shown, self._aim(pool.labellings)).run()
         finally:
             pool.tasks.close()
 
     def _aim(self, labellings: Bits) -> RaceAim:
-        """Return what a race of labellings (k, m) is to find out."""
+        """Return the aim of a race of labellings (k, m).
+
+        It is the best count with a required factor, the front if the driver asks for it, otherwise the strongest
+        layout.
+        """
         required = self.space.search.require
         if required is not None:
             return RequirementAim(required.threshold, front_counts(self.space, labellings)[:, 0])
@@ -176,10 +189,11 @@ class FieldStudy(Study):
     # --- what is told -----------------------------------------------------------------------------------
 
     def facts(self, results: pd.DataFrame) -> dict[str, Any]:
-        """Return what the search by fields proves, for the summary; empty before it has run.
+        """Return the proven facts of the search, for the summary; empty before it has run.
 
-        The entries are the bound over all layouts, its relative gap, whether one layout is proven to be the strongest,
-        what would narrow the gap, and the numbers of the race.
+        "bound": upper bound over all layouts. "gap": its relative distance to the best lower bound. "proven": True if
+        one layout is proven to be the strongest, or none stands. "next": sentence on how to narrow the gap. "race":
+        numbers of the race.
 
         results: table of all evaluations.
         """
@@ -210,7 +224,10 @@ class FieldStudy(Study):
         }
 
     def _next(self, race: RaceResult, gap: float | None) -> str | None:
-        """Say whether the gap that is left is of the discretisation or of the search, and what narrows it."""
+        """Say how to narrow the gap that is left, and why it is left.
+
+        The reason is the discretisation or the search. race: result of the race. gap: None if unknown.
+        """
         finer = f"the gap is of the discretisation: --cracks fields:{0.5 * self.gap:g} refines further"
         if isinstance(self.driver, FieldExact):
             if self.driver.finished and self.space.search.require is not None:
@@ -229,13 +246,16 @@ class FieldStudy(Study):
         return finer
 
     def _next_of_count(self) -> str | None:
-        """Say what would narrow the best count of a required factor, None where it is proven."""
+        """Say why the best count of a required factor is not proven; None if it is."""
         if isinstance(self.driver, FieldExact) and self.driver.open_layouts:
             return "the gap is of the discretisation: some layouts of better count have the finest mesh"
         return None
 
     def _enumerated(self) -> Bits:
-        """Return all layouts (k, m), those found in time where there are too many."""
+        """Return all layouts (k, m) of the driver, or those found until the deadline.
+
+        The flag `_complete` becomes False if the deadline ended the enumeration.
+        """
         self.driver.start(self.deadline, lambda: None, self.records)
         parts: list[Bits] = []
         while True:
@@ -248,7 +268,10 @@ class FieldStudy(Study):
         return np.concatenate(parts) if parts else np.empty((0, len(self.space.fixed)), dtype=bool)
 
     def _shown(self, low: Floats, high: Floats) -> None:
-        """Report progress: layouts that are known to be weaker than the best, and the bracket."""
+        """Report progress of a race: the bracket, and the number of layouts weaker than the best.
+
+        low, high: (k,) bounds on the governing factor.
+        """
         if self.report is None:
             return
         best, bound = float(low.max(initial=-math.inf)), float(high.max(initial=-math.inf))
@@ -259,7 +282,10 @@ class FieldStudy(Study):
         self.report(Progress(done, self.total, 0, ends[0], self.elapsed, ends[1], gap))
 
     def _record(self, pool: FieldPool) -> None:
-        """Record the bounds of all layouts of a pool: those that are new, and refined ones of the others."""
+        """Record the bounds of all layouts of a pool.
+
+        New layouts are added to the record. If the record had evaluations before, refined bounds are kept beside them.
+        """
         labellings, required = pool.labellings, self.assembly.required
         low, most = pool.bounds[0], pool.high()[:, None] * required
         enough = self._aim(labellings).enough(pool.low())
@@ -276,7 +302,10 @@ class FieldStudy(Study):
         self.evaluated, self.solved = len(found), max(self.solved, pool.programs)
 
     def _nominal(self, pool: FieldPool) -> list[float | None]:
-        """Return the lower bound of the best layout at nominal material values; NaN for the others."""
+        """Return lower bounds at nominal material values: of the best layout, NaN for others.
+
+        They bound the governing factor.
+        """
         found: list[float | None] = [math.nan] * len(pool)
         best = int(np.argmax(pool.low())) if len(pool) else -1
         if best >= 0 and math.isfinite(pool.low()[best]):

@@ -90,7 +90,7 @@ class MovedLayout:
     fields_start, fields : (float, float)
         Bounds on λ by fields before and after, with blocks that crack anywhere; infinite where there are none.
     end : str
-        Why its optimisation ended, or why its joints cannot move.
+        Reason why the optimisation ended, or why the joints cannot move.
     scene : Scene
         Scene with the joints where the lower bound by fields is larger: at the end, or at the start.
     places, moved : (v, 2) arrays
@@ -111,12 +111,12 @@ class MovedLayout:
 
     @property
     def low(self) -> float:
-        """Largest proven lower bound on λ by fields."""
+        """Return the largest proven lower bound on λ by fields."""
         return max(self.fields_start[0], self.fields[0])
 
     @property
     def high(self) -> float:
-        """Upper bound on λ by fields of the layout in `scene`, inf without one."""
+        """Return the upper bound on λ by fields of the layout in `scene`; inf if there is none."""
         return self.fields[1] if self.moved.any() else self.fields_start[1]
 
 
@@ -133,7 +133,7 @@ class MovedSearch:
     layouts : list of MovedLayout
         All layouts that were moved, the largest lower bound by fields first.
     stop : str
-        Why the search ended.
+        Reason why the search ended.
     """
 
     first: Exploration
@@ -143,7 +143,7 @@ class MovedSearch:
 
     @property
     def best(self) -> MovedLayout:
-        """Layout with the largest lower bound by fields."""
+        """Return the layout with the largest lower bound by fields."""
         return self.layouts[0]
 
 
@@ -159,7 +159,7 @@ def explore_and_move(
     started: float | None = None,
     keep: Callable[[list[MovedLayout]], None] | None = None,
 ) -> MovedSearch:
-    """Alternate between a search of labels and the optimisation of joints, until no bound by fields grows.
+    """Alternate between a search of labels and the optimisation of joints.
 
     Parameters
     ----------
@@ -188,7 +188,7 @@ def explore_and_move(
     Raises
     ------
     InputError
-        The scene or a setting does not fit, or no layout's joints can move.
+        If the scene or a setting does not fit, or no layout stands by fields.
 
     Notes
     -----
@@ -249,7 +249,11 @@ def explore_and_move(
 def _refined(
     found: list[MovedLayout], workers: joblib.Parallel, count: int, seconds: float, gap: float
 ) -> list[MovedLayout]:
-    """Return layouts ranked after bounds of those that may be the strongest, by their upper bound, were refined."""
+    """Refine the bounds of the most promising layouts, and return all layouts ranked.
+
+    Promising are layouts whose upper bound exceeds the largest lower bound, the greatest upper bounds first. count:
+    number of layouts to refine. seconds: time for all of them.
+    """
     most = max((one.low for one in found), default=-math.inf)
     open_ones = [one for one in found if one.high > most + gap * abs(most)]
     promising = sorted(open_ones, key=lambda one: (-one.high, *_order(one)))[:count]
@@ -258,7 +262,10 @@ def _refined(
 
 
 def _movable(scene: Scene) -> Scene:
-    """Return a scene whose key "move" states what moves, with the limits of the search on masses."""
+    """Return a scene whose key "move" is complete.
+
+    Without the key, vertices of inner faces follow. Without limits of masses, those of the search apply.
+    """
     move = scene.move or Move(inner="follow")
     if move.block_mass == [None, None]:
         move = move.model_copy(update={"block_mass": list(scene.search.block_mass)})
@@ -266,7 +273,7 @@ def _movable(scene: Scene) -> Scene:
 
 
 def _refuse(scene: Scene, layouts: int, settings: ExploreSettings) -> None:
-    """Raise InputError for scenes and settings whose layouts are not moved."""
+    """Raise InputError for scenes and settings that exclude the movement of joints."""
     if layouts < 1:
         raise ParameterError("move", f"{layouts} layouts are none", "a whole number from 1")
     plain = SolveOptions(gap=settings.model.gap, solver=settings.model.solver, condense=settings.model.condense)
@@ -298,7 +305,10 @@ def _refuse(scene: Scene, layouts: int, settings: ExploreSettings) -> None:
 
 
 def _chosen(done: Exploration, count: int, *, own: bool) -> list[tuple[int, Bits]]:
-    """Return row and labels of the best layouts of a round; `own`: the layout that the scene states as well."""
+    """Return row and labels (m,) of the best `count` layouts of a round.
+
+    own: True also includes the layout that the scene states, as row 0, if it is in the search space.
+    """
     found: list[tuple[int, Bits]] = []
     labels = done.assembly.labels
     if own and feasible(search_space(done.scene, done.assembly), labels[None])[0]:
@@ -317,7 +327,9 @@ def move_one(
 ) -> MovedLayout:
     """Move the joints of one layout, and bound λ by fields before and after.
 
-    seconds: time for all of it, s; inf for no limit.
+    The bounds before are computed only for the layout of the scene (row 0). labels: (m,) True = dry. number: of the
+    round. row: in the results of the round. seconds: time for all steps, s; inf for no limit. gap: relative width at
+    which bounds are narrow enough. If the joints cannot move, `end` of the result says why.
     """
     limit = min((1.0 - _MOVING) * seconds, _FIRST)
     # the layout that the scene states is what a gain is measured by
@@ -345,7 +357,10 @@ def move_one(
 
 
 def refine_one(layout: MovedLayout, seconds: float, gap: float) -> MovedLayout:
-    """Return a moved layout with refined bounds by fields, in at most some seconds."""
+    """Return a moved layout with refined bounds by fields.
+
+    seconds: largest time, s. gap: relative width at which refinement ends.
+    """
     assembly = build_assembly(layout.scene)
     low, high = _bounds(assembly, assembly.labels, min(seconds, _REFINED), gap)
     known = layout.fields if layout.moved.any() else layout.fields_start
@@ -355,7 +370,11 @@ def refine_one(layout: MovedLayout, seconds: float, gap: float) -> MovedLayout:
 
 @one_thread()
 def _bounds(assembly: Assembly, labels: Bits, seconds: float, gap: float) -> tuple[float, float]:
-    """Return bounds on the governing λ of one layout by fields; seconds: time for all load cases."""
+    """Return the bounds by fields on the governing factor of one layout.
+
+    labels: (m,) True = dry. seconds: time for all load cases, s; a part of it refines the governing case. gap: relative
+    width at which refinement ends.
+    """
     cases, required = assembly.by_case, assembly.required.tolist()
     first = [
         bounds_by_fields(case, labels, gap=gap, seconds=(1.0 - _GOVERNING) * seconds / len(cases)) for case in cases
@@ -370,5 +389,5 @@ def _bounds(assembly: Assembly, labels: Bits, seconds: float, gap: float) -> tup
 
 
 def _order(layout: MovedLayout) -> tuple[float, int, int]:
-    """Return the key by which layouts are ranked."""
+    """Return the sort key of a moved layout: by lower bound, then round, then row."""
     return -layout.low, layout.number, layout.row

@@ -64,7 +64,7 @@ def moved_table(done: MovedSearch) -> pd.DataFrame:
 
 
 def moved_facts(done: MovedSearch) -> dict[str, Any]:
-    """Return what summary.json and `jld explore --move --json` say about moved layouts."""
+    """Return the entry "moved" of summary.json and of `jld explore --move --json`."""
     best = done.best
     stated = next((one for one in done.layouts if one.row == 0), None)
     bounds = best.fields if best.moved.any() else best.fields_start
@@ -94,7 +94,10 @@ def words_of_move(facts: dict[str, Any]) -> str:
 
 
 def write_moved(done: MovedSearch, folder: Path, *, pictures: bool = True) -> dict[str, Any]:
-    """Write table, scene, picture and page into the folder of the first search; return their facts."""
+    """Write table, scene, picture and page of moved layouts; return the entry "moved".
+
+    folder: folder of the first search, whose summary also gets the entry. pictures: False omits picture and page.
+    """
     table, facts, best = moved_table(done), moved_facts(done), done.best
     write_text(folder / FILES[0], csv_of(table))
     write_text(folder / FILES[1], best.scene.model_dump_json(indent=1, exclude_defaults=True) + "\n")
@@ -128,5 +131,5 @@ def _number(value: float) -> float | None:
 
 
 def _said(value: float | None) -> str:
-    """Return a number in words."""
+    """Return a number as text for the page and the picture."""
     return "none" if value is None else f"{value:.5g}"

@@ -35,7 +35,7 @@ def refuse_together(scene: Scene, settings: ExploreSettings, assembly: Assembly)
 
 
 def refuse_beside_own_objective(scene: Scene, settings: ExploreSettings) -> None:
-    """Raise InputError for settings that do not go with an objective of the user.
+    """Raise InputError for settings that exclude an objective of the user.
 
     These need bounds on λ, or rank by something else. Without such an objective nothing is refused.
     """
@@ -56,7 +56,7 @@ def refuse_beside_own_objective(scene: Scene, settings: ExploreSettings) -> None
 
 
 def refuse_beside_cracks(scene: Scene, settings: ExploreSettings, assembly: Assembly) -> None:
-    """Raise InputError for settings that a search with cracks beside the faces does not know.
+    """Raise InputError for settings that cracks by cells or by fields exclude.
 
     Scenes that crack along faces alone pass.
     """

@@ -31,7 +31,7 @@ _BOUND_SECONDS: Final = 20.0
 
 @dataclass(frozen=True)
 class ModelSettings:
-    """What is modelled, and what the search maximises.
+    """Model of a search, and the objective that the search maximises.
 
     Attributes
     ----------
@@ -91,14 +91,14 @@ class ModelSettings:
 
 @dataclass(frozen=True)
 class BudgetSettings:
-    """When a search ends at the latest.
+    """Limits at which a search ends.
 
     Attributes
     ----------
     budget : int or None
-        Largest number of classes to evaluate.
+        Largest number of classes to evaluate; None for no limit.
     seconds : float or None
-        Time limit, s.
+        Time limit, s; None for no limit.
     """
 
     budget: int | None = None
@@ -113,14 +113,14 @@ class BudgetSettings:
 
 @dataclass(frozen=True)
 class ParallelSettings:
-    """Where labellings are evaluated.
+    """Workers on which labellings are evaluated.
 
     Attributes
     ----------
     jobs : int
         Number of worker processes.
     cluster : str or None
-        URL of a dask scheduler whose workers evaluate.
+        URL of a dask scheduler whose workers evaluate; None for local processes.
     """
 
     jobs: int = 1
@@ -133,7 +133,7 @@ class ParallelSettings:
 
 @dataclass(frozen=True)
 class SearchMethod:
-    """Which labellings are tried, and in which order.
+    """Driver of a search, which decides the labellings to try and their order.
 
     Attributes
     ----------
@@ -163,7 +163,7 @@ class SearchMethod:
 
 @dataclass(frozen=True)
 class OutputSettings:
-    """What is written, and what is refused before the search begins.
+    """Files that a search writes, and checks before it begins.
 
     Attributes
     ----------
@@ -176,7 +176,7 @@ class OutputSettings:
     strict : bool
         Treat plausibility warnings as errors.
     csv : bool
-        Write results.csv whatever the number of rows; otherwise of up to 100 000 rows only.
+        Write results.csv for any number of rows; False only for up to 100 000 rows.
     """
 
     resume: bool = False

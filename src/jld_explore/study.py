@@ -106,7 +106,7 @@ class Study:
 
     @property
     def header(self) -> dict[str, Any]:
-        """Facts in which a record must agree with a study that resumes it."""
+        """Return the facts in which a record must agree with a study that resumes it."""
         model, own = self.settings.model.facts(), self.settings.own_objective
         return {
             "scene": self.scene.fingerprint,
@@ -129,26 +129,26 @@ class Study:
 
     @property
     def table_records(self) -> Records | RefinedRecords:
-        """Records whose evaluations the tables show."""
+        """Return the records whose evaluations the tables show."""
         return self.records
 
     @property
     def elapsed(self) -> float:
-        """Seconds since the study began."""
+        """Return the time since the study began, s."""
         return self.deadline.elapsed()
 
     @property
     def bound(self) -> float | None:
-        """Smallest proven upper bound on λ over the whole space, scene units, None if unknown.
+        """Return the smallest proven upper bound on λ over the whole space; None if unknown.
 
-        Bounds of earlier runs on the same record count as well.
+        It is in scene units. Bounds of earlier runs on the same record count as well.
         """
         known = [bound for bound in (self.driver.bound, self.records.bound) if bound is not None]
         return min(known, default=None)
 
     @property
     def finite(self) -> bool:
-        """True if the driver can be expected to end with a proof."""
+        """Return True if the driver can be expected to end with a proof."""
         return self.driver.modular or (self.driver.exhaustive and self.total is not None)
 
     def facts(self, results: pd.DataFrame) -> dict[str, Any]:
@@ -168,12 +168,12 @@ class Study:
 
     @property
     def undecided(self) -> int:
-        """Number of layouts left out because the search for their assembly order was cut short."""
+        """Return the number of layouts left out because a search for an assembly order stopped."""
         return 0 if self.space.laying is None else self.space.laying.undecided
 
     @property
     def complaints(self) -> list[str]:
-        """Problems of the record and of proofs in this study, one line each."""
+        """Return the problems of the record and of proofs in this study, one line each."""
         anew = f"{self.records.path.name} was empty: nothing had been finished, and the search began anew"
         left_out = (
             f"{self.undecided} layouts are left out: the search for an order whose stages stand stopped at its limit"
@@ -295,7 +295,10 @@ class Study:
         self.driver.restore(rows, restored)
 
     def _reason(self, dry: bool) -> StopReason:
-        """Return why the study ends when no labelling is requested or in progress."""
+        """Return the reason why the study ends.
+
+        dry: True if the driver proposed no labelling and no evaluation is in progress.
+        """
         if self._empty:
             return StopReason.EXHAUSTED
         if self.driver.exhaustive and self.total is not None and len(self.records) >= self.total:
@@ -312,15 +315,15 @@ class Study:
         return StopReason.TIME if self.driver.working else StopReason.EXHAUSTED
 
     def _discard_proof(self) -> None:
-        """Withdraw the bound and the conflicts on record of a proof that ended but failed its check."""
+        """Withdraw the bound and all conflicts on record, because a proof failed its check."""
         self.records.withdraw_bound(next(iter(self.driver.complaints), "the proof did not pass its check"))
         self.records.forget_conflicts()
 
     def _asked(self, limit: int | None) -> Bits:
-        """Return labellings (k, m) from the driver; none after its time is up.
+        """Request labellings (k, m) from the driver; none after its time is up.
 
-        If the driver proposes none in most of the time, return the first labelling that is found without it, so that
-        the study has a result.
+        If nothing has been evaluated and the driver spends most of the time without a proposal, the first layout found
+        without the driver is returned. limit: largest number k; None for no limit.
         """
         begun = self._begun
         until = self.deadline if begun else self.deadline.within(_FIRST * self.deadline.remaining())
@@ -343,7 +346,7 @@ class Study:
 
     @property
     def _begun(self) -> bool:
-        """True if a labelling has been evaluated or requested."""
+        """Return True if a labelling has been evaluated or requested."""
         return self.asked > 0 or len(self.records) > 0
 
     def _count(self, evaluations: list[Evaluation]) -> None:

@@ -32,7 +32,7 @@ class Interrupted(BaseException):
     done : Exploration or None
         Results of the interrupted search, once written.
     words : str
-        What the terminal is told.
+        Message for the terminal.
     """
 
     done: Any = None

@@ -275,7 +275,8 @@ def test_rows_are_found_by_number_whatever_they_tie_with(searched: Path) -> None
         done.layout(len(done.results) + 1)
 
 
-@pytest.mark.parametrize("kind", ["time", "budget", "interrupt"])
+# test_drivers.py tests the end by a budget of every driver as well
+@pytest.mark.parametrize("kind", ["time", pytest.param("budget", marks=pytest.mark.long), "interrupt"])
 def test_every_driver_ends_quietly(kind: str, tmp_path: Path) -> None:
     """Nothing on stderr but our own line, the exit code it should be, and the end soon after the limit."""
     scene = tmp_path / "scene.json"

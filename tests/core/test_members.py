@@ -14,6 +14,7 @@ from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysis
 from jld_core.mechanics import equilibrium_matrix, load_vectors, scaling_of, yield_set
 from jld_core.sub_assembly import faces_of
+from jld_core.views.notebook import facts_of_assembly, facts_of_result
 
 Document = dict[str, Any]
 
@@ -354,6 +355,10 @@ def test_members_have_no_label() -> None:
     assert short.load_factor == solve(assembly, np.ones(len(assembly.interfaces), dtype=bool)).load_factor
     told = short.to_json()
     assert told["interfaces"] == len(told["faces"]) == len(told["forces"]) == len(short.to_frame()) == count
+    facts = {**facts_of_assembly(assembly), **facts_of_result(short)}
+    assert facts["members"] == "5: 2 ties, 2 tendons, 1 pins"
+    assert facts["interfaces"].startswith(f"{count}: ")
+    assert facts["tension"].startswith("tie 1 ")
     assert [one["name"] for one in told["members"]] == ["tie 1", "tie 2", "tendon 3", "tendon 4", "pin 5"]
     with pytest.raises(InputError, match=f"expected {count} labels"):
         solve(assembly, "d" * (count + 1))

@@ -192,3 +192,27 @@ def test_what_cannot_be_refined_is_said() -> None:
     }
     with pytest.raises(InputError, match="'L': it is not convex"):
         refine(parse_scene(document), (0.5,))
+
+
+def test_moving_loads_stay_and_pressure_on_a_split_element_is_refused() -> None:
+    def box(name: str, left: float, low: float, right: float, high: float, **more: Any) -> dict[str, Any]:
+        return {"id": name, "polygon": [[left, low], [right, low], [right, high], [left, high]], **more}
+
+    def scene_of(loads: dict[str, Any]) -> Scene:
+        elements = [box("s", 0, -1, 4, 0, support=True), box("a", 0, 0, 2, 1), box("b", 2, 0, 4, 1)]
+        stone = {"tensile_strength": 1e5, "shear_strength": 1e5}
+        materials = {"density": 2000, "dry": {"friction_angle": 30}, "inner": stone}
+        return parse_scene({"elements": elements, "materials": materials, "loads": loads})
+
+    moving = [{"axles": [{"weight": 1e3}], "path": [[0, 1], [4, 1]], "steps": 3}]
+    for more in ({}, {"cases": [{"name": "push", "live": [{"element": "a", "force": [1, 0]}]}]}):
+        scene = scene_of({"moving": moving, **more})
+        refined = refine(scene, (1.0,)).scene
+        assert refined.loads.moving == scene.loads.moving
+        assert len(build_assembly(refined).cases) == len(build_assembly(scene).cases) == 3 + len(more)
+    pressure = scene_of({"live": [{"face": {"between": ["a", "outside"]}, "pressure": 10.0}]})
+    with pytest.raises(InputError, match="free boundary of 'a', which is split"):
+        refine(pressure, (1.0,))
+    along = scene_of({"live": [{"face": {"along": [[0, 0], [0, 1]]}, "pressure": 10.0}]})
+    one, other = build_assembly(along), build_assembly(refine(along, (1.0,)).scene)
+    assert np.allclose(one.live.sum(axis=0)[:2], other.live.sum(axis=0)[:2], rtol=1e-12)

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from command import Command
-from jld_core import InputError, Scene, build_assembly, solve
+from jld_core import InputError, Scene, build_assembly, load_scene, solve
 from jld_explore.design import run, tessellations
 from jld_explore.design.loads import with_loads
 from jld_explore.design.options import DesignOptions
 from jld_explore.design.outline import read_outline
-from jld_explore.design.page import gain_of
+from jld_explore.design.page import facts_of, gain_of, words_of
 from jld_explore.design.tessellations import Tessellation
 from jld_explore.design.trials import NONE, Design, Trial, at_low_friction, field_bounds, labelled, one_case
 from jld_explore.study_state import Interrupted
@@ -128,6 +128,23 @@ def test_a_gain_compares_like_with_like(wall: Path) -> None:
     assert gain_of(Design(options, outline, wall.parent, trials=[usual, best])) is None
     known = Trial("bond", "stated", scene, 2.0, (2.0, 2.0), (1.6, 2.0), "")
     assert gain_of(Design(options, outline, wall.parent, trials=[known, best])) == pytest.approx(2.5)
+
+
+def test_what_fields_deny_is_not_claimed_by_faces(wall: Path) -> None:
+    """An upper bound by fields below λ by faces takes the claim away, and ranks the layout by what it can carry."""
+    options = DesignOptions(**ASKED)
+    outline = read_outline(wall, options)
+    denied = Trial("stones", "searched", outline.scene, 933.0, (933.0, 933.0), (-np.inf, 5.4), "")
+    plain = Trial("bond", "searched", outline.scene, 7.0, (7.0, 7.0), NONE, "")
+    known = Trial("voronoi", "searched", outline.scene, 3.0, (3.0, 3.0), (1.5, 3.0), "")
+    assert (denied.proven, denied.most, denied.stands) == (-np.inf, 5.4, True)
+    work = Design(options, outline, wall.parent, trials=[denied, plain, known])
+    assert [one.tessellation for one in work.allowed] == ["voronoi", "bond", "stones"]
+    work.trials = [denied]
+    assert "carries at most 5.4" in words_of(work)
+    assert facts_of(work)["best"] is None
+    usual = Trial("bond", "stated", outline.scene, 2.0, (2.0, 2.0), NONE, "", allowed=False)
+    assert gain_of(Design(options, outline, wall.parent, trials=[usual, denied])) is None
 
 
 @pytest.fixture
@@ -257,3 +274,33 @@ def test_a_vault_spans_across_its_axis(tmp_path: Path) -> None:
     assembly = build_assembly(scene)
     whole = build_assembly(outline.scene)
     assert assembly.elements.volume[assembly.elements.free].sum() == pytest.approx(whole.elements.volume[0], rel=1e-9)
+
+
+def test_a_scene_of_cells_is_one_outline() -> None:
+    """Area, weight, loads and supports of the flagship stay; what speaks of its cells is left out, and said."""
+    path = Path(__file__).parents[2] / "scenes" / "flat_beam_arch.json"
+    old = build_assembly(load_scene(path))
+    outline = read_outline(path, DesignOptions())
+    new = build_assembly(outline.scene)
+    assert len(new.elements.free) == 1
+    free = old.elements.free
+    assert new.elements.volume[new.elements.free].sum() == pytest.approx(old.elements.volume[free].sum(), rel=1e-9)
+    assert int(new.elements.support.sum()) == int(old.elements.support.sum())
+    assert new.live[:, :2].sum(axis=0) == pytest.approx(old.live[:, :2].sum(axis=0))
+    assert any("are one outline" in note for note in outline.assumed)
+
+
+@pytest.mark.usefixtures("small")
+def test_without_time_for_a_search_the_usual_bond_is_the_best(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, wall: Path
+) -> None:
+    """Where the limits allow it, the stated bond is what is left, with its proven λ; else the design says why not."""
+    monkeypatch.setattr(run, "_search_all", lambda *_: None)
+    done = run.design_outline(wall, tmp_path / "out", DesignOptions(push=0.1, thickness=0.3, seconds=10.0, jobs=1))
+    assert done.winner is done.usual
+    assert done.winner is not None
+    assert done.winner.proven > 0.0
+    limited = DesignOptions(push=0.1, thickness=0.3, seconds=10.0, jobs=1, shapes=1)
+    with pytest.raises(InputError, match="no layout keeps the limits"):
+        run.design_outline(wall, tmp_path / "none", limited)
+    assert json.loads((tmp_path / "none" / "summary.json").read_text())["best"] is None

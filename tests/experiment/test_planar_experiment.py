@@ -96,7 +96,7 @@ def test_reach_of_a_block_on_springs() -> None:
     ("number", "expected", "tolerance", "length", "periods"),
     [
         (1, 0.6428590033, 3e-4, 30.0, 1500.0),
-        (2, 0.5799986113, 3e-4, 75.0, 1500.0),
+        pytest.param(2, 0.5799986113, 3e-4, 75.0, 1500.0, marks=pytest.mark.long),
         pytest.param(4, 0.3319483952, 5e-4, 24.0, 5000.0, marks=pytest.mark.long),
     ],
 )
@@ -108,7 +108,10 @@ def test_walls_with_dilation(number: int, expected: float, tolerance: float, len
     assert plateau(found) == pytest.approx(expected, rel=tolerance)
 
 
-@pytest.mark.parametrize(("number", "expected", "length"), [(1, 0.6413, 10.0), (4, 0.2638, 8.0)])
+@pytest.mark.parametrize(
+    ("number", "expected", "length"),
+    [(1, 0.6413, 10.0), pytest.param(4, 0.2638, 8.0, marks=pytest.mark.long)],
+)
 def test_walls_without_dilation(number: int, expected: float, length: float) -> None:
     """An earlier engine's end from gravity, at 20 000 periods; never above the associative λ (limit theorem)."""
     assembly = wall(number)

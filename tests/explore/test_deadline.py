@@ -6,9 +6,11 @@ import json
 import pickle
 import re
 import signal
+import sqlite3
 import subprocess
 import threading
 import time
+from contextlib import closing
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -34,6 +36,7 @@ from jld_explore.drivers.exact.possible_blocks import possible_blocks
 from jld_explore.drivers.first import first_layout
 from jld_explore.evaluation import EvaluatorSettings
 from jld_explore.evaluation.evaluator import Evaluator
+from jld_explore.evaluation.records import RECORDS_FILE
 from jld_explore.report import write_report
 from jld_explore.space import search_space
 from jld_explore.space.labelling import canonical
@@ -150,6 +153,17 @@ def test_nothing_found_in_time_is_one_line_and_no_folder(tmp_path: Path) -> None
     assert not (tmp_path / "out").exists()
 
 
+def evaluated(folder: Path) -> int:
+    """How many labellings a search has on record, also while it writes them."""
+    if not (folder / RECORDS_FILE).exists():
+        return 0
+    with closing(sqlite3.connect(folder / RECORDS_FILE)) as file:
+        try:
+            return int(file.execute("SELECT count(*) FROM evaluations").fetchone()[0])
+        except sqlite3.OperationalError:  # no table yet
+            return 0
+
+
 def test_an_interrupted_search_leaves_its_page_and_says_the_best(tmp_path: Path) -> None:
     """C10: the page was missing after Ctrl-C, and the best λ was not printed."""
     file = tmp_path / "scene.json"
@@ -160,9 +174,8 @@ def test_an_interrupted_search_leaves_its_page_and_says_the_best(tmp_path: Path)
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment(),
     )  # fmt: skip
     until = time.monotonic() + 60.0
-    while not (out / "scene.json").exists() and time.monotonic() < until:
+    while not evaluated(out) and time.monotonic() < until:
         time.sleep(0.05)
-    time.sleep(1.0)
     search.send_signal(signal.SIGINT)
     said, warned = search.communicate(timeout=60.0)
     assert search.returncode == 3

@@ -378,3 +378,30 @@ def test_a_structure_that_falls_has_a_bound_below_zero() -> None:
     found = PartialUpperBound(setting.problem(setting.coarse)).field(space.fixed, space.candidates)
     assert found is not None
     assert found.bound < 0.0
+
+
+def test_labellings_evaluated_together_have_the_bounds_of_each_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Groups grow to what fits in their time; time that is up ends between groups."""
+    assembly = build_assembly(parse_scene(document()))
+    labellings = np.random.default_rng(4).random((9, len(assembly.labels))) < 0.5
+    alone = [FieldEvaluator(assembly).evaluate(labels) for labels in labellings]
+    evaluator, sizes = FieldEvaluator(assembly), list[int]()
+    together = CoarseBounds.both
+
+    def watched(self: CoarseBounds, some: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        sizes.append(len(some))
+        return together(self, some)
+
+    monkeypatch.setattr(CoarseBounds, "both", watched)
+    monkeypatch.setattr("jld_explore.evaluation.field_evaluator._SECONDS", 1e9)
+    found = evaluator.evaluate_all(labellings)
+    assert sizes == [1, 2, 4, 2]
+    assert [one.status for one in found] == [one.status for one in alone]
+    bounds, expected = (np.array([(one.low, one.high) for one in some]) for some in (found, alone))
+    assert np.array_equal(bounds, expected, equal_nan=True)
+    monkeypatch.setattr("jld_explore.evaluation.field_evaluator._SECONDS", 0.0)
+    sizes.clear()
+    evaluator.evaluate_all(labellings)
+    evaluator.evaluate_all(labellings)
+    assert sizes == [9, 8, 1]
+    assert evaluator.evaluate_all(labellings, deadline=Deadline(0.0)) == []

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from benchmarks.claims import Tally, members
 
 from jld_core import build_assembly, parse_scene, solve
 from jld_core.errors import InputError
@@ -117,8 +118,8 @@ def test_symmetry_needs_members_that_are_symmetric() -> None:
     down = {"live": [{"element": "c0r0", "force": [0, -1]}, {"element": "c1r0", "force": [0, -1]}]}
     ends = {"from": {"element": "c0r0", "at": [0.2, 2.8]}, "to": {"element": "c0r2", "at": [0.2, 0.5]}}
     other = {**STRAP, "name": "other", **ends}
-    for members, size in (([], 2), ([STRAP], 1), ([STRAP, other], 2), ([STRAP, {**other, "tension": 1e4}], 1)):
-        scene = parse_scene(wall(members, loads=down))
+    for held, size in (([], 2), ([STRAP], 1), ([STRAP, other], 2), ([STRAP, {**other, "tension": 1e4}], 1)):
+        scene = parse_scene(wall(held, loads=down))
         assert len(search_space(scene, build_assembly(scene)).group) == size
 
 
@@ -225,3 +226,24 @@ def test_one_line_refuses_members(use: Callable[[], None]) -> None:
     words = r"members: .* does not model them \('strap'\); expected a scene without members"
     with pytest.raises(InputError, match=words):
         use()
+
+
+@pytest.mark.parametrize("command", ["thrust", "settlement", "assembly", "experiment"])
+def test_commands_end_with_two_and_name_the_file(command: str, tmp_path: Path, jld: Callable[..., Any]) -> None:
+    down = [{"name": "s", "supports": [{"elements": ["c0r2"], "move": [0, -1]}]}]
+    file = tmp_path / "wall.json"
+    file.write_text(json.dumps(wall([STRAP], settlements=down)))
+    done = jld(command, str(file))
+    assert (done.code, done.out) == (2, "")
+    said = [line for line in done.err.splitlines() if "warning" not in line]
+    assert len(said) == 1
+    assert said[0].startswith(f"jld: {file}: members: ")
+
+
+@pytest.mark.usefixtures("without_pictures", "without_field_check")
+@pytest.mark.parametrize("seed", [8, 26])
+def test_random_wall_of_the_claim(seed: int) -> None:
+    """Two of the scenes of the claim `members`; seed 8 has a certificate."""
+    tally = Tally(members.CLAIM)
+    assert members.case(seed, tally) == ""
+    assert "not proven" not in tally.notes

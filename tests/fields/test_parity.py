@@ -129,8 +129,8 @@ def upper_by_cvxpy(assembly: Assembly, mesh: Mesh, loads: Any, labels: Bits, mat
     return float(program.value)
 
 
-# the third and the 20th have what the others have between them, and more elements
-@pytest.mark.parametrize("seed", [7, 13, 16, 24, *(pytest.param(seed, marks=pytest.mark.long) for seed in (3, 20))])
+# the 24th has what the 13th has, and the third and the 20th what the others have between them, with more elements
+@pytest.mark.parametrize("seed", [7, 13, 16, *(pytest.param(seed, marks=pytest.mark.long) for seed in (3, 20, 24))])
 def test_both_programs_by_a_modelling_language(seed: int) -> None:
     """Random structures with and without friction of the material, cohesion and crushing, to 1e-5."""
     scenes = fields.random_scenes(np.random.default_rng([seed, 2026]), [Move(np.eye(2), 1.0, np.zeros(2))])
@@ -155,9 +155,9 @@ def test_both_programs_by_a_modelling_language(seed: int) -> None:
 
 
 def test_a_share_of_the_claims() -> None:
-    """A share of `python -m benchmarks.claims fields`: four of its cases, however busy the machine is."""
-    found = fields.run(0, 4, 600.0)
-    assert found.cases == 4
+    """A share of `python -m benchmarks.claims fields`: two of its cases, however busy the machine is."""
+    found = fields.run(0, 2, 600.0)
+    assert found.cases == 2
     assert not found.disagreements
 
 

@@ -33,6 +33,7 @@ def scene(elements: list[dict[str, Any]], live: list[Any], label: str, **materia
     return build_assembly(parse_scene(document))
 
 
+@pytest.mark.long  # test_space_limit_loads.py bends a cantilever as well
 def test_cantilever_within_fifteen_percent() -> None:
     """λ lies between M/l and M/(l − h/2) with M = σt b h²/4, as in benchmarks/space_fields.py."""
     length, width, depth = 2.0, 0.25, 0.5
@@ -150,3 +151,16 @@ def test_a_mesh_without_dry_joints_is_left_as_it_is() -> None:
     assembly = scene(parts, [{"body": [1, 0, 0]}], "inner")
     mesh, loads = loaded_solids(assembly)
     assert fitted_joints(mesh, SpatialSetting.of(assembly, assembly.labels, loads).problem, 0.15) is mesh
+
+
+def test_a_mesh_grows_as_far_as_its_limit_allows() -> None:
+    """Where half as many again do not fit, the worst tetrahedra are bisected; nested meshes narrow both bounds."""
+    parts = [box("base", [0, 0, -1], [1, 1, 0], support=True), box("stone", [0, 0, 0], [1, 1, 0.6])]
+    stone = scene(parts, [{"element": "stone", "force": [1, 0, -0.2], "at": [0.5, 0.5, 0.6]}], "inner")
+    found = spatial_bounds(stone, gap=1e-6, most_tetrahedra=34)
+    sizes = [step.tetrahedra for step in found.history]
+    assert 1.05 * sizes[0] <= sizes[1] <= 34 < 1.5 * sizes[0]
+    first, second = found.history[:2]
+    assert second.lower >= first.lower - 1e-6 * first.upper
+    assert second.upper <= first.upper * (1.0 + 1e-6)
+    assert second.upper - second.lower < 0.999 * (first.upper - first.lower)

@@ -31,7 +31,7 @@ def problem(material: Material, stress: tuple[float, float, float], parts: int) 
     pull = np.where(free[:, None, None], (mesh.edges.normal @ tensor)[:, None], 0.0).repeat(2, axis=1)
     zero: Floats = np.zeros((len(mesh), 2))
     found = Problem(
-        Units(1.0, 1.0, 1.0, np.zeros(2)),
+        Units(1.0, 1.0, 1.0, 1.0, np.zeros(2)),
         material,
         Joints(none, none, none),
         mesh,

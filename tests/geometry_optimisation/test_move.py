@@ -13,6 +13,7 @@ from structures import HEIGHT, Document, block, flat_arch, flat_arch_load
 
 from command import Command
 from jld_core import InputError, Status, build_assembly, parse_scene, samples, solve
+from jld_core.geometry_optimisation.equal_shapes import EqualShapes, equal_corners
 from jld_core.geometry_optimisation.optimise import MovedJoints, move_joints
 from jld_core.geometry_optimisation.search import GeometrySearch
 
@@ -206,6 +207,48 @@ def test_crackable_blocks_are_checked_by_fields(tmp_path: Path, jld: Command, mo
     assert min(facts["fields"]["before"], facts["fields"]["after"]) > 0.0
     gains = facts["fields"]["after"] > facts["fields"]["before"]
     assert [("gain nothing" in sentence) for sentence in facts["warnings"]] == ([] if gains else [True])
+
+
+def test_elements_of_equal_shape_stay_equal() -> None:
+    """Wedges and piers of a flat arch are mirror images: kept equal, its optimum is that of the mirrored one, (11.8).
+
+    Loads beside the middle would have them differ, by more than is gained when they have to be equal.
+    """
+    keys = {"vertices": "along", "box": 0.15, "angle": [20, 160], "along": TOPS}
+    alike = moved(flat_arch(10.0, 1.2, 0.2, ties="equal-shapes", **keys))
+    assert alike.parameters == 2
+    tops = np.sort(alike.places[abs(abs(alike.places - alike.moved) - [1.2, HEIGHT]).max(axis=1) < 1e-9][:, 0])
+    assert tops[0] == pytest.approx(-tops[1], rel=1e-8)
+    assert alike.value == pytest.approx(flat_arch_load(float(tops[1]), 0.2, 0.1), rel=1e-8)
+    beside = flat_arch(10.0, 1.2, 0.2, ties="equal-shapes", **keys)
+    beside["loads"]["live"][0] |= {"element": "wedge right", "at": [0.6, HEIGHT]}
+    free = {**beside, "move": {**beside["move"], "ties": "none"}}
+    tied, loose = moved(beside), moved(free)
+    assert tied.start < tied.value < loose.value
+    polygons = {one.id: np.array(one.polygon) for one in tied.scene.elements or []}
+    for name in ("wedge", "pier"):
+        left, right = (polygons[f"{name} {side}"] for side in ("left", "right"))
+        edges = [np.sort(np.linalg.norm(np.roll(one, -1, axis=0) - one, axis=1)) for one in (left, right)]
+        assert edges[0] == pytest.approx(edges[1], rel=1e-8)
+
+
+def test_equal_shapes_know_turned_and_mirrored_outlines() -> None:
+    """An L turned, mirrored, and a longer one: the first two are equal to it, corner by corner; the third is not."""
+    shape = np.array([[0, 0], [3, 0], [3, 1], [1, 1], [1, 2], [0, 2]], dtype=float)
+    turned = shape @ np.array([[0.0, 1.0], [-1.0, 0.0]]) + [10.0, 0.0]
+    longer = shape + np.array([[0, 20], [0.01, 20], [0.01, 20], [0, 20], [0, 20], [0, 20]])
+    places = np.concatenate([shape, turned, shape * [-1.0, 1.0] - [5.0, 0.0], longer])
+    outlines = [np.arange(6), 6 + np.roll(np.arange(6), 2), 12 + np.arange(6)[::-1], 18 + np.arange(6)]
+    pairs = equal_corners(outlines, places, np.ones(4, dtype=bool))
+    assert [other.tolist() for _, other in pairs] == [list(range(6, 12)), list(range(12, 18))]
+    assert equal_corners(outlines, places, np.array([False, False, False, True])) == []
+    equations = EqualShapes(pairs, places)
+    random = np.random.default_rng(1)
+    shaken, way = places + 0.1 * random.normal(size=places.shape), random.normal(size=places.shape)
+    _, slopes = equations.at(shaken)
+    differences = (equations.at(shaken + 1e-6 * way)[0] - equations.at(shaken - 1e-6 * way)[0]) / 2e-6
+    assert slopes @ way.ravel() == pytest.approx(differences, rel=1e-7)
+    assert equations.at(shaken @ np.array([[0.6, 0.8], [-0.8, 0.6]]))[0] == pytest.approx(equations.at(shaken)[0])
 
 
 def test_robust_values_are_those_of_the_low_material(tmp_path: Path, jld: Command) -> None:

@@ -77,7 +77,14 @@ def test_throughput() -> None:
     assert len(throughput.draw([found]).axes) == 2
 
 
-@pytest.mark.parametrize("scene", [grid(bonded(GRIDS[33])), brick_wall(2, 2)], ids=["planar", "spatial"])
+# in space more routes do the same
+@pytest.mark.parametrize(
+    "scene",
+    [
+        pytest.param(grid(bonded(GRIDS[33])), id="planar"),
+        pytest.param(brick_wall(2, 2), id="spatial", marks=pytest.mark.long),
+    ],
+)
 def test_speed_against_error(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(speed_error, "REPEATED", 0.0)
     assembly = build_assembly(scene)

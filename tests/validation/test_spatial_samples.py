@@ -113,7 +113,7 @@ def random_pile(seed: int) -> tuple[dict[str, Any], Assembly]:
     return document, build_assembly(parse_scene(document))
 
 
-@settings(max_examples=16, deadline=None, derandomize=True)
+@settings(max_examples=8, deadline=None, derandomize=True)
 @given(st.integers(0, 10_000))
 @pytest.mark.filterwarnings("ignore")
 def test_random_assemblies_against_an_independent_statement(seed: int) -> None:

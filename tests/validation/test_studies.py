@@ -189,6 +189,9 @@ def test_joints_that_move(tmp_path: Path) -> None:
     """With either flank the best key is neither the shallowest nor the deepest, and carries 20 % more than none."""
     table = joints_that_move.run(tmp_path, quick=True)
     written(tmp_path, joints_that_move.NAME)
+    voussoirs, radial, turned = joints_that_move.least_thickness(quick=True)
+    assert turned < 0.999 * radial
+    assert f"a semicircle of {voussoirs} voussoirs" in (tmp_path / f"{joints_that_move.NAME}.md").read_text("utf-8")
     for _, part in table.groupby("flank"):
         values = part["load_factor"].to_numpy()
         assert 0 < int(values.argmax()) < len(values) - 1

@@ -16,7 +16,9 @@ ROWS = [
 ]
 
 
-@pytest.mark.parametrize("value", [one for one in VALUES if not one.slow], ids=lambda value: value.what)
+@pytest.mark.parametrize(
+    "value", [pytest.param(one, id=one.what, marks=[pytest.mark.long] if one.slow else []) for one in VALUES]
+)
 def test_value(value: Value) -> None:
     ours = value.ours()
     assert value.agrees(ours)

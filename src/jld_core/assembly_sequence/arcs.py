@@ -145,10 +145,10 @@ class Arcs:
 
     @cached_property
     def turns(self) -> Floats:
-        """Directions to be tried for groups of blocks: the angles (k,) at which blocking changes.
+        """Return the directions to be tried for groups of blocks: angles (k,) in radians.
 
-        They are the end angles of all arcs in [0, 2π), radians, ascending. An assembly of many pieces or many ends has
-        the directions along its contacts instead, at most 2000.
+        They are the angles at which blocking changes, the ends of all arcs, ascending. An assembly of many pieces or
+        many ends has the directions along its contacts instead, at most 2000.
         """
         if len(self.owner) <= _PIECES:
             every = np.concatenate([self.ends(piece) for piece in range(len(self.owner))]).ravel()
@@ -160,10 +160,10 @@ class Arcs:
         return _different(np.concatenate([angles, angles + np.pi]))[:_TURNS]
 
     def blocking(self, of: Ints, count: int) -> Bools:
-        """Return, for each direction in `turns`, which block keeps which other block from moving.
+        """Return a table (k, b, b) of the blocks that obstruct others, by direction of `turns`.
 
-        of: (n,) block of each element. count: number b of blocks. Entry (angle, i, j) of the result (k, b, b) is True
-        where block i, moved along the direction, meets block j.
+        of: (n,) block of each element. count: number b of blocks. Entry (direction, i, j) is True where block i, moved
+        along the direction, meets block j.
         """
         place = of[self.owner]
         table = np.array([self.of(piece) for piece in range(len(self.owner))])
@@ -181,7 +181,7 @@ class Arcs:
 
 
 def _turned(angle: Floats | float) -> Floats:
-    """Reduce angles to −π … π."""
+    """Reduce angles of any shape to −π … π, radians."""
     return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)
 
 

@@ -88,17 +88,23 @@ class SequenceConstraint:
 
     @property
     def counted(self) -> int:
-        """Number of labellings that can be tested one by one within seconds, a limit for callers."""
+        """Return the number of labellings that can be tested one by one within seconds.
+
+        Callers do not test more of them.
+        """
         return COUNTED[self.wish]
 
     @property
     def refused(self) -> int:
-        """Number of different labellings tested so far for which no sequence was found."""
+        """Return the number of different labellings tested so far without finding a sequence."""
         return sum(lock is not None for lock in self._known.values())
 
     @property
     def undecided(self) -> int:
-        """Number of refused labellings for which an unlimited search might find a sequence."""
+        """Return the number of refused labellings whose conflict is not proven.
+
+        An unlimited search might find a sequence for them.
+        """
         return sum(lock is not None and not lock.proven for lock in self._known.values())
 
     def lock(self, labels: Bits) -> Lock | None:
@@ -113,9 +119,9 @@ class SequenceConstraint:
         return self._known[key]
 
     def possible(self, labellings: Bits) -> Bools:
-        """Return which of several labellings have an assembly sequence that was found.
+        """Return a mask (k,) of the labellings for which an assembly sequence was found.
 
-        labellings: (k, m), True = dry. The result is a (k,) bool array.
+        labellings: (k, m), True = dry.
         """
         return np.array([self.lock(labels) is None for labels in labellings], dtype=bool)
 
@@ -123,17 +129,17 @@ class SequenceConstraint:
         """Test a labelling (m,) and return its conflict, or None."""
         members = locked_blocks(self.assembly, labels, group=self.group, bodies=self._bodies)
         if members:
-            lock = self._blamed(labels, np.array(members, dtype=np.int64))
+            lock = self._lock_conflict(labels, np.array(members, dtype=np.int64))
             self.locks.append(lock)
             return lock
-        return None if self.wish == "translation" else self._falls(labels)
+        return None if self.wish == "translation" else self._stage_conflict(labels)
 
-    def _falls(self, labels: Bits) -> Lock | None:
-        """Return the conflict of a labelling without an order whose every stage stands, or None.
+    def _stage_conflict(self, labels: Bits) -> Lock | None:
+        """Return the conflict of a labelling without an order whose every stage stands.
 
-        The labelling (m,) has an order by translations. The conflict covers all faces where the complete structure does
-        not stand, or blocks may be laid in groups. It is not proven where a search stopped at its limit or a stage was
-        undecided.
+        The result is None if such an order was found. labels: (m,) True = dry; blocks can be laid by translations. The
+        conflict covers all faces if the complete structure does not stand, or if blocks may be laid in groups. The
+        conflict is not proven if a search stopped at its limit or a stage was undecided.
         """
         every, elements = np.arange(len(labels)), self.assembly.elements
         whole = Lock(every, labels, elements.free)
@@ -148,7 +154,7 @@ class SequenceConstraint:
             if built.possible:
                 return None
             if built.possible is False:
-                return self._blamed_for(built.seen, labels)
+                return self._visited_conflict(built.seen, labels)
         laying = assembly_order(
             self.assembly, labels, wish="standing", group=self.group, bodies=self._bodies, parts=self._parts
         )
@@ -156,8 +162,11 @@ class SequenceConstraint:
             return None
         return replace(whole, proven=not laying.undecided and laying.stands is not None)
 
-    def _blamed_for(self, seen: Bools, labels: Bits) -> Lock:
-        """Return the conflict of all faces of elements (n,) visited by an unsuccessful search."""
+    def _visited_conflict(self, seen: Bools, labels: Bits) -> Lock:
+        """Return the conflict that an exhaustive search without success proves, and store it.
+
+        It has all faces of the elements that the search visited. seen: (n,) mask of these. labels: (m,) True = dry.
+        """
         faces, free = self.assembly.interfaces, ~self.assembly.elements.support
         seen = seen & free
         about = np.flatnonzero(seen[faces.a] | seen[faces.b])
@@ -166,10 +175,10 @@ class SequenceConstraint:
             self.locks.append(lock)
         return lock
 
-    def _blamed(self, labels: Bits, members: Ints) -> Lock:
+    def _lock_conflict(self, labels: Bits, members: Ints) -> Lock:
         """Return the conflict of blocks that lock one another.
 
-        members: (e,) their elements.
+        labels: (m,) True = dry. members: (e,) elements of the blocks.
         """
         elements, faces, count = self.assembly.elements, self.assembly.interfaces, len(self.assembly.elements)
         # represent all supports by one node
@@ -202,7 +211,11 @@ class SequenceConstraint:
         return Lock(found, labels[found], members)
 
     def _tree(self, among: Bools, a: Ints, b: Ints, labels: Bits) -> Ints:
-        """Return few inner faces that join some elements: a spanning forest of their inner faces."""
+        """Return a spanning forest of the inner faces between some elements, as face indices.
+
+        among: (n,) mask of the elements. a, b: (m,) nodes of each face, all supports being one node. labels: (m,) True
+        = dry.
+        """
         faces = self.assembly.interfaces
         inside = np.flatnonzero(among[faces.a] & among[faces.b] & ~labels)
         _, first = np.unique(np.sort(np.column_stack([a[inside], b[inside]]), axis=1), axis=0, return_index=True)
@@ -210,9 +223,11 @@ class SequenceConstraint:
         return np.asarray(inside[first[np.round(tree).astype(np.int64) - 1]])
 
     def _in_the_way(self, labels: Bits, among: Bools, ground: Bools) -> Bools:
-        """Return (n,) True for grounded free elements that the lock needs.
+        """Return a mask (n,) of elements that lock blocks as obstacles held by supports.
 
         Elements are removed one by one while the blocks remain locked, so that the set is small but not minimum.
+        labels: (m,) True = dry. among: (n,) elements of the locked blocks. ground: (n,) free elements that a support
+        holds, the candidates.
         """
         faces, support = self.assembly.interfaces, self.assembly.elements.support
         blocks = blocks_of_labelling(self.assembly, labels | ground[faces.a] | ground[faces.b])

@@ -53,17 +53,20 @@ class Bodies:
 
     @cached_property
     def arcs(self) -> Arcs:
-        """Directions in which pairs of elements block each other; planar only, else use `solids`."""
+        """Return the directions in which pairs of elements block each other (planar only)."""
         return Arcs(self.assembly)
 
     @cached_property
     def solids(self) -> Solids:
-        """Sweep tests between the elements of a spatial assembly."""
+        """Return the sweep tests between the elements of a spatial assembly."""
         return Solids(self.assembly)
 
     @cached_property
     def common(self) -> Floats:
-        """Unit directions in space (k, 3) tried for groups: at most 400, from contact normals."""
+        """Return the unit directions in space (k, 3) that are tried for groups, at most 400.
+
+        They follow from the contact normals of the assembly.
+        """
         return _directions(self.assembly.interfaces.normal)
 
     def ways_of(self, mine: Bools) -> Floats:
@@ -128,7 +131,11 @@ class Freedom:
         return next((found for found in self._groups(there, most) if self._planar or self._separable(found[0])), None)
 
     def _groups(self, there: Bools, most: int) -> list[tuple[Ints, Floats]]:
-        """Return all smallest sets that can leave together along some direction, smallest first."""
+        """Return the smallest sets that can leave together for each start block and direction.
+
+        there: (k,) mask of the blocks present. most: largest size of a set. Each set comes with a unit direction (d,);
+        smaller sets come first.
+        """
         blocks = self.blocks
         ways, table = self._blocking
         standing = np.flatnonzero(there)
@@ -144,7 +151,10 @@ class Freedom:
         return sorted(found.values(), key=lambda one: (len(one[0]), one[0].tolist()))
 
     def _separable(self, group: Ints) -> bool:
-        """Return True if the blocks of a group can be separated by translations."""
+        """Return True if the blocks of a group can be separated by translations.
+
+        group: indices of the blocks, ascending. Results are stored.
+        """
         if len(group) < 2:
             return True
         key = group.tobytes()
@@ -159,7 +169,10 @@ class Freedom:
 
     @cached_property
     def _blocking(self) -> tuple[Floats, Bools]:
-        """Return directions (k, d) and the blocking table (k, b, b): who is blocked by whom."""
+        """Return directions (k, d) and a table (k, b, b) of the blocks that obstruct others.
+
+        Entry (direction, i, j) is True where block i, moved along the direction, meets block j.
+        """
         blocks, count = self.blocks, len(self.blocks)
         if self._planar:
             angle = self.bodies.arcs.turns

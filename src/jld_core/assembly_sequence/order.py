@@ -75,12 +75,12 @@ class Laying:
 
     @property
     def possible(self) -> bool:
-        """True if an order that meets the requested rule was found."""
+        """Return True if an order that meets the requested rule was found."""
         return not self.locked and not self.searched
 
     @property
     def stands(self) -> bool | None:
-        """True if every stage of the order stands without props; None where one is undecided."""
+        """Return True if every stage of the order stands without props; None if one is undecided."""
         verdicts = [step.stage.stands for step in self.steps]
         return False if False in verdicts else None if None in verdicts else True
 
@@ -112,8 +112,8 @@ def assembly_order(
     group : int
         Largest number of blocks that are moved together where single blocks are locked.
     start : {"ground", "left", "right", "springings"}
-        Where laying starts, as far as directions and stages allow it: by courses from the ground, from a side, or from
-        all supports alike, as an arch from its springings.
+        Start of laying: by courses from the ground, from a side, or from all supports alike, as an arch from its
+        springings. Directions and stages may enforce another order.
     bodies : Bodies, optional
         Translation data of the assembly, for reuse.
     parts : Parts, optional
@@ -133,7 +133,7 @@ def assembly_order(
     blocks = blocks_of_labelling(assembly, labels)
     freedom, standing = Freedom(blocks, sideways, bodies), Standing(blocks, labels, parts)
     turn = turn_of(blocks, start)
-    taken, there = _apart(freedom, standing, group, turn)
+    taken, there = _disassembly(freedom, standing, group, turn)
     if taken is None:
         return Laying(blocks, (), _smallest_lock(freedom, there, group))
     steps = _steps(blocks, standing, taken)
@@ -190,7 +190,11 @@ Move = tuple[tuple[int, ...], Floats]
 
 
 def _moves(freedom: Freedom, there: Bools, group: int) -> list[Move]:
-    """Return the blocks that can be removed now, or else the smallest group."""
+    """Return all single blocks that can be removed now; if there are none, the smallest group.
+
+    there: (k,) mask of the blocks present. group: largest number of blocks that are moved together. The list is empty
+    if neither exists.
+    """
     blocks = freedom.blocks
     found: list[Move] = []
     for block in np.flatnonzero(there & ~blocks.fixed).tolist():
@@ -205,16 +209,18 @@ def _moves(freedom: Freedom, there: Bools, group: int) -> list[Move]:
 
 
 def _without(there: Bools, move: Move) -> Bools:
-    """Return the blocks present after a move."""
+    """Return a mask (k,) of the blocks present after a move."""
     left = there.copy()
     left[list(move[0])] = False
     return left
 
 
-def _apart(freedom: Freedom, standing: Standing, group: int, turn: Turn) -> tuple[list[Move] | None, Bools]:
-    """Return moves that take the structure apart, or None and the locked remainder.
+def _disassembly(freedom: Freedom, standing: Standing, group: int, turn: Turn) -> tuple[list[Move] | None, Bools]:
+    """Return moves that remove all blocks, and the blocks (k,) that remain.
 
-    Moves whose remaining stage stands, or needs the least prop force, come first.
+    The moves are None if the blocks that remain lock one another. Of the first moves in the order of `turn`, the first
+    whose remaining stage stands is taken, or else the one that needs the least prop force. group: as in `_moves`. turn:
+    sort key of a removal.
     """
     blocks = freedom.blocks
     there = np.ones(len(blocks), dtype=bool)
@@ -255,7 +261,10 @@ def emptied(freedom: Freedom, there: Bools, group: int) -> Bools:
 
 
 def _smallest_lock(freedom: Freedom, there: Bools, group: int) -> tuple[int, ...]:
-    """Return an irreducible set of blocks that lock one another."""
+    """Return an irreducible set of blocks that lock one another.
+
+    there: (k,) mask of the blocks present. group: as in `_moves`.
+    """
     there = emptied(freedom, there, group)
     blocks = freedom.blocks
     for block in np.flatnonzero(there & ~blocks.fixed).tolist():
@@ -272,7 +281,8 @@ def _smallest_lock(freedom: Freedom, there: Bools, group: int) -> tuple[int, ...
 def _standing_order(freedom: Freedom, standing: Standing, group: int, turn: Turn) -> tuple[list[Move] | None, bool]:
     """Search moves whose every stage stands, depth first with memory of failures.
 
-    Return the moves or None, and whether the search neither stopped at its limit nor met an undecided stage.
+    The results are the moves, None if none were found, and True if the search was exhaustive: it neither stopped at its
+    limit nor met an undecided stage. turn: sort key of a removal.
     """
     blocks = freedom.blocks
     failed: set[bytes] = set()

@@ -39,7 +39,7 @@ class Solids:
         self.convex = np.array([hull.volume for hull in hulls]) <= (1.0 + SHARED) * _volumes(elements)
 
     def swept(self, mine: Ints, others: Ints, direction: Floats) -> Ints:
-        """Return those of `others` (k,) that one of the elements `mine` meets along a direction.
+        """Return the elements of `others` (k,) that an element of `mine` meets along a direction.
 
         mine, others, and the result: indices of elements. direction: (3,) unit vector.
         """
@@ -66,7 +66,10 @@ class Solids:
         return self._met[key]
 
     def _meets(self, moving: int, still: int, direction: Floats) -> bool:
-        """Return True if an element moved along a direction ever overlaps another one."""
+        """Return True if an element moved along a direction would overlap another at rest.
+
+        It computes the result of `meets` without the store.
+        """
         if self.convex[still]:
             if self.convex[moving]:
                 return self._solid_meets(moving, still, direction)
@@ -94,7 +97,10 @@ class Solids:
         return bool(self._inside(rows, -np.concatenate([p[:, 3], q[:, 3]]), None) > depth)
 
     def _solid_meets_face(self, moving: int, face: Floats, direction: Floats) -> bool:
-        """Return True if a point inside a moving convex element comes to lie on a triangle (3, 3)."""
+        """Return True if a point inside a moving convex element comes to lie on a triangle.
+
+        moving: index of the element. face: (3, 3) corners of the triangle. direction: (3,) unit vector.
+        """
         p = self.planes[moving]
         normal = np.cross(face[1] - face[0], face[2] - face[0])
         normal = normal / np.linalg.norm(normal)
@@ -122,7 +128,11 @@ class Solids:
         return float(SHARED ** (2.0 / 3.0) * min(self.size[moving], self.size[still]))
 
     def _inside(self, rows: Floats, right: Floats, equal: tuple[Floats, Floats] | None) -> float:
-        """Maximise the last unknown, depth, over x, t ≥ 0 and depth; −inf where infeasible."""
+        """Maximise the depth over the unknowns (x, t, depth) with t ≥ 0; −inf if infeasible.
+
+        rows, right: inequalities rows · unknowns ≤ right. equal: matrix and right-hand side of equations, None for
+        none. x: point in space, t: distance along the direction.
+        """
         bounds = [(None, None)] * 3 + [(0.0, None), (None, float(self.size.max()))]
         matrix, values = equal or (None, None)
         from scipy.optimize import linprog

@@ -46,10 +46,9 @@ class Stage:
 
     @property
     def stands(self) -> bool | None:
-        """True if the stage stands without props, False if not; None if it was not solved.
+        """Return True if the stage stands without props, False if not; None if it was not solved.
 
-        A stage is solved where its error is at most 1e-6. It stands where all props together are at most 1e-5 of its
-        weight.
+        A stage is solved if its error is at most 1e-6. It stands if all props together are at most 1e-5 of its weight.
         """
         if not self.error <= _NONE:
             return None
@@ -111,7 +110,7 @@ class Parts:
 
     @cached_property
     def template(self) -> Template:
-        """Program template of the first load case; the others differ in loads, which are not used."""
+        """Return the program template of the first load case; its loads are not used."""
         return Template(self.assembly.by_case[0])
 
     def of(self, here: Bools, labels: Bits) -> list[_Part]:
@@ -129,7 +128,10 @@ class Parts:
         return [self._part(here & (support | (name == one)), labels) for one in np.unique(name[free])]
 
     def _part(self, here: Bools, labels: Bits) -> _Part:
-        """Return one part from the cache, or solve it."""
+        """Return one part from the store, or solve and store it.
+
+        here: (n,) mask of the elements of the part. labels: (m,) True = dry.
+        """
         faces = self.assembly.interfaces
         key = np.packbits(here).tobytes() + np.packbits(labels[here[faces.a] & here[faces.b]]).tobytes()
         if key not in self._known:
@@ -138,7 +140,10 @@ class Parts:
         return self._known[key]
 
     def _solved(self, here: Bools, labels: Bits) -> _Part:
-        """Minimise the sum of prop forces of one part."""
+        """Minimise the sum of prop forces of one part.
+
+        here: (n,) mask of the elements of the part. labels: (m,) True = dry. A part without weight needs no props.
+        """
         assembly, template = self.assembly, self.template
         elements, faces, q = assembly.elements, assembly.interfaces, assembly.freedoms
         props = np.zeros(len(here))
@@ -182,7 +187,11 @@ class Parts:
         return _Part(np.where(props > _NONE * weight, props, 0.0), error * relative, weight)
 
     def _props(self, standing: Ints) -> tuple[Floats, Ints]:
-        """Return columns of scaled unit props on the equations of laid elements, and their owners."""
+        """Return the unit props of a stage as columns (q·k, props), and their elements (props,).
+
+        A column holds the scaled force and moment of one prop in the equations of the laid elements. standing: (k,)
+        laid elements as indices among the free elements.
+        """
         assembly, template = self.assembly, self.template
         elements, q, d = assembly.elements, assembly.freedoms, assembly.dimension
         total = elements.weight[elements.free].sum(axis=0)

@@ -1,4 +1,4 @@
-"""Where laying starts: which block is removed next when a structure is taken apart."""
+"""Start of laying: the order in which blocks are removed when a structure is taken apart."""
 
 from __future__ import annotations
 
@@ -56,7 +56,10 @@ def turn_of(blocks: Blocks, start: LayingStart = "ground") -> Turn:
 
 
 def _to_the_right(blocks: Blocks, up: Floats) -> Floats:
-    """Return the horizontal direction (d,) from left to right; in space along the longer side of the plan."""
+    """Return the horizontal unit direction (d,) from left to right.
+
+    In space it runs along the longer side of the plan. up: (d,) unit vector.
+    """
     if blocks.assembly.dimension == 2:
         return np.array([up[1], -up[0]])
     elements = blocks.assembly.elements
@@ -66,7 +69,7 @@ def _to_the_right(blocks: Blocks, up: Floats) -> Floats:
 
 
 def _steps_from_supports(blocks: Blocks) -> Floats:
-    """Return for each element (n,) the number of blocks between its block and the nearest support."""
+    """Return the number of blocks between each element's block and the nearest support, (n,)."""
     steps = np.where(blocks.fixed, 0.0, np.inf)
     while True:
         across = np.concatenate([steps[blocks.first], steps[blocks.second]])

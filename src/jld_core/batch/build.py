@@ -33,14 +33,19 @@ UNITS: Final = (
     "spatial_labellings.cpp",
     "block_program.cpp",
     "labellings.cpp",
+    "cones.cpp",
     "graphs.cpp",
     "fronts.cpp",
 )
 """Translation units, slowest first: bounds and conflicts by kind of face, the relaxation by blocks, the interface of
-labellings, graphs, and one sparse factor. They are compiled at the same time.
+labellings, cone programs, graphs, and one sparse factor. They are compiled at the same time.
 """
+UNIT_FLAGS: Final[dict[str, tuple[str, ...]]] = {"cones.cpp": ("-ffp-contract=off",)}
+"""Compiler flags of single units. Cone programs write fused products out, and round alike alone and together."""
 INTERFACE: Final = Path(__file__).parent / "interface.py"
 """Module that states the C interface; the header of the sources is written from it."""
+INTERFACES: Final = (INTERFACE, INTERFACE.with_name("cone_interface.py"))
+"""All modules that state it: the hash of the sources depends on them."""
 PATIENCE: Final = 600.0
 """Seconds after which a compiler is given up on first use; 24 s of one core were measured for the largest variant."""
 FLAGS: Final = ("-std=c++17", "-O3", "-fno-math-errno", "-fno-trapping-math", "-g0")
@@ -125,8 +130,8 @@ def digest() -> str:
 
     A cached library is valid while the hash is the same.
     """
-    content = hashlib.sha256(repr((FLAGS, VARIANT_FLAGS)).encode())
-    for path in [INTERFACE, *sorted(SOURCE.iterdir())]:
+    content = hashlib.sha256(repr((FLAGS, VARIANT_FLAGS, UNIT_FLAGS)).encode())
+    for path in [*INTERFACES, *sorted(SOURCE.iterdir())]:
         content.update(path.name.encode() + path.read_bytes())
     return content.hexdigest()[:16]
 
@@ -203,7 +208,10 @@ def compile_variant(
         objects = [str(Path(place) / f"{unit}.o") for unit in UNITS]
         with ThreadPoolExecutor(len(UNITS)) as pool:
             tasks = zip(UNITS, objects, strict=True)
-            pending = [pool.submit(run, f"-I{place}", "-c", str(SOURCE / unit), "-o", one) for unit, one in tasks]
+            pending = [
+                pool.submit(run, *UNIT_FLAGS.get(unit, ()), f"-I{place}", "-c", str(SOURCE / unit), "-o", one)
+                for unit, one in tasks
+            ]
         for task in pending:
             task.result()
         run("-shared", *objects, "-o", str(made))

@@ -5,15 +5,19 @@ from it. The header asserts the size of each structure and the offset of each fi
 This module imports nothing of the package, because `setup.py` loads it before the package exists.
 
 All quantities are scaled, (8.1) to (8.3) of docs/method.md. Sizes: n elements, m faces, k labellings, q freedoms of an
-element (3 planar, 6 spatial), L labels (2, or 3 where faces may be undecided).
+element (3 planar, 6 spatial), L labels (2, or 3 where faces may be undecided). `cone_interface.py` has cone programs.
 """
 
 from __future__ import annotations
 
 import ctypes
+import runpy
 import textwrap
+from pathlib import Path
 from typing import Any, Final
 
+CONES: Final[dict[str, Any]] = runpy.run_path(str(Path(__file__).with_name("cone_interface.py")))
+"""The part of the interface for cone programs. It is run by its path, as this module is."""
 CODES: Final[dict[str, tuple[str, str, dict[str, int]]]] = {
     "JldLabel": ("uint8_t", "Label of a face.", {"INNER": 0, "DRY": 1, "UNDECIDED": 2}),
     "JldVerdict": (
@@ -33,6 +37,7 @@ CODES: Final[dict[str, tuple[str, str, dict[str, int]]]] = {
         "State of a choice of blocks: open; multipliers accurate; below the threshold.",
         {"UNSOLVED": 0, "SOLVED": 1, "BELOW": 2},
     ),
+    **CONES["CODES"],
     "JldOutcome": (
         "int32_t",
         "Outcome of a call: done; no memory; a problem of another shape; an unexpected C++ exception.",
@@ -212,6 +217,7 @@ STRUCTURES: Final[dict[str, tuple[str, tuple[tuple[str, str, str], ...]]]] = {
     "JldAnswers": ("Bounds on lambda of k labellings.", _ANSWERS),
     "JldBlocks": ("Linear program of the relaxation by blocks, (6.5) and (6.6), for all possible blocks.", _BLOCKS),
     "JldBlockTask": ("Choices of allowed blocks, and their results.", _BLOCK_TASK),
+    **CONES["STRUCTURES"],
     "JldFronts": ("Fronts of a sparse Cholesky factorisation, in the order of elimination.", _FRONTS),
 }
 """Structures of C: meaning, and name, type and meaning of each field in order."""
@@ -253,6 +259,7 @@ FUNCTIONS: Final[dict[str, tuple[str, str, tuple[tuple[str, str], ...]]]] = {
         "Solve for right-hand sides x (columns, unknowns), which the solutions replace.",
         (("const JldFronts*", "fronts"), ("double*", "factor"), ("int32_t", "columns"), ("double*", "x")),
     ),
+    **CONES["FUNCTIONS"],
     "jld_find_blocks": (
         "int32_t",
         "Name the block of each element by its smallest element: names (count, elements). joins (number_of_joins, 2): "
@@ -337,7 +344,7 @@ class JldFronts(ctypes.Structure):
 _CLASSES: Final[dict[str, type[ctypes.Structure]]] = {
     one.__name__: one
     for one in (JldFactorPattern, JldProblem, JldTry, JldMinimization, JldAnswers, JldBlocks, JldBlockTask, JldFronts)
-}
+} | {one.__name__: one for one in CONES["CLASSES"]}
 
 
 def ctypes_type(declared: str) -> Any:

@@ -38,6 +38,7 @@ Answers = interface.JldAnswers
 Blocks = interface.JldBlocks
 BlockTask = interface.JldBlockTask
 Fronts = interface.JldFronts
+Cones, ConeTask = interface.CONES["CLASSES"]
 
 _POINTERS: Final[dict[str, Any]] = {
     "float64": ctypes.POINTER(ctypes.c_double),

@@ -129,7 +129,10 @@ def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
 
 
 def _face_materials(scene: Scene, elements: Elements, interfaces: Interfaces) -> list[FaceMaterial | None]:
-    """Return per interface the entry of "materials.faces" for its two elements, or None."""
+    """Return the entry of "materials.faces" of each interface, None for those without one.
+
+    Raises InputError for unknown elements, and for a pair with two entries.
+    """
     found: list[FaceMaterial | None] = [None] * len(interfaces)
     for position, entry in enumerate(scene.materials.faces):
         where = f"materials.faces[{position}].between"
@@ -159,9 +162,11 @@ def _check_paths(geometry: Geometry) -> None:
 
 
 def _own_labels(scene: Scene, elements: Elements, interfaces: Interfaces, given: list[Contact | None]) -> Bits:
-    """Compute the scene's labels (m,), True = dry.
+    """Return the labels (m,) that the scene states, True = dry.
 
-    Precedence, highest first: the interface's own label, the lists, the default, membership in blocks.
+    The first of these that exists counts: label of the interface, lists "dry" and "inner", default, membership in
+    blocks. given: the scene's entry for each interface. Raises InputError for unknown elements, or a pair in both
+    lists.
     """
     number = {name: n for n, name in enumerate(dict.fromkeys(elements.blocks))}
     block = np.array([-1 if name is None else number[name] for name in elements.blocks])
@@ -218,7 +223,7 @@ def _case(
 ) -> LoadCase:
     """Return one load case; raise InputError if its live load is zero.
 
-    dead, total: (n, q) generalised forces.
+    key: key of the case in the scene. dead: (n, q) generalised forces. live: load entries. required: required factor.
     """
     total = loads.generalised(live, elements)
     if not np.any(total):
@@ -237,6 +242,9 @@ def _points(live: Sequence[PlacedLoad], elements: Elements) -> Points:
 
 
 def _widths(live: Sequence[PlacedLoad]) -> tuple[float | None, ...]:
-    """Return the width of the patch of each live point load; () where none states one."""
+    """Return the width of the patch of each live point load, None for a load without one.
+
+    The result is () if no load has a width.
+    """
     widths = tuple(entry.width for _, entry, _ in live if isinstance(entry, PointLoad) and entry.force is not None)
     return widths if any(width is not None for width in widths) else ()

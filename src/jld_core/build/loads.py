@@ -19,7 +19,10 @@ from jld_core.shape_loads import ShapeLoads
 
 
 class PlacedLoad(NamedTuple):
-    """Load entry with its key in the scene, for error messages, and whether it is the sum of a pressure on a face."""
+    """Load entry of a scene, with its key for error messages.
+
+    from_pressure: True for the resultant of a pressure on a face.
+    """
 
     where: str
     load: PointLoad | BodyLoad

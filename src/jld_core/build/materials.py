@@ -17,13 +17,13 @@ from jld_core.scene.schema import Contact, Element
 def friction(source: Dry | Inner | Contact) -> float | None:
     """Return the friction coefficient of an entry that states it or the friction angle.
 
-    None where the entry states neither.
+    The result is None if the entry states neither.
     """
     return _coefficient(source.friction_coefficient, source.friction_angle)
 
 
 def _coefficient(coefficient: float | None, angle: float | None) -> float | None:
-    """Return the friction coefficient, from an angle in degrees if given."""
+    """Return the tangent of an angle in degrees, or else the coefficient; None without both."""
     return coefficient if angle is None else math.tan(math.radians(angle))
 
 
@@ -76,7 +76,7 @@ def self_weight(element: Element, volume: float, materials: Materials, direction
     """Return the self-weight (d,) of one element as a force, scene units.
 
     It is the entry's "weight" if stated, else density × volume × gravity; without a density it is zero. volume: of the
-    element. direction: unit vector of gravity. gravity: its magnitude, an acceleration.
+    element. direction: unit vector of gravity. gravity: magnitude of the acceleration.
     """
     if element.weight is not None:
         return element.weight * direction
@@ -108,7 +108,7 @@ def strengths(
     "materials.faces" for its two elements, or None. Keys of a contact override those of faces, which override the
     materials.
 
-    Friction, tension and shear that nobody states are NaN; compressive strengths are inf, cohesion and inner friction
+    Friction, tension and shear that are not stated are NaN; compressive strengths are inf, cohesion and inner friction
     0. Raises InputError where a tensile strength exceeds the apex of its friction cone.
     """
     dry, inner = materials.dry, materials.inner

@@ -66,7 +66,7 @@ _Arrays = TypeVar("_Arrays", Interfaces, Strengths)
 
 
 def _joined(one: _Arrays, other: _Arrays) -> _Arrays:
-    """Return two sets of interfaces or strengths as one."""
+    """Return two sets of interfaces, or of strengths, as one set."""
     parts: dict[str, Any] = {}
     for part in fields(one):
         first, second = getattr(one, part.name), getattr(other, part.name)
@@ -75,7 +75,7 @@ def _joined(one: _Arrays, other: _Arrays) -> _Arrays:
 
 
 def _members(assembly: Assembly, entries: Sequence[Member]) -> Members:
-    """Return the members of the scene's entries, before interfaces are numbered."""
+    """Return the members of the scene's entries; their interfaces are not numbered yet."""
     names, held, points, axes = [], [], [], []
     for position, entry in enumerate(entries):
         where = f"members[{position}]"
@@ -120,7 +120,10 @@ def _anchored(assembly: Assembly, anchor: Anchor, where: str) -> tuple[int, Floa
 
 
 def _require_two(assembly: Assembly, elements: Ints, where: str) -> None:
-    """Raise InputError if a member holds on to a single element, or to supports alone."""
+    """Raise InputError if a member connects a single element, or supports only.
+
+    elements: element of each point. where: key of the member, for the message.
+    """
     if len(np.unique(elements)) == 1:
         problem = f"all its points belong to element {assembly.elements.ids[elements[0]]!r}"
         raise InputError(where, problem, "points of two elements, since an element is rigid")
@@ -157,7 +160,7 @@ def _axis(assembly: Assembly, entry: Member, elements: Ints, points: Floats, whe
 def _interfaces(assembly: Assembly, members: Members, rows: Ints) -> Interfaces:
     """Return the interfaces of the members at the positions `rows`.
 
-    Both sides are the same element, so that an interface never joins or parts blocks. Area and sizes are 1, which
+    Both sides are the same element, so that an interface never joins or separates blocks. Area and sizes are 1, which
     makes a stress of the same number a force.
     """
     d, support = assembly.dimension, assembly.elements.support
@@ -186,7 +189,10 @@ def _interfaces(assembly: Assembly, members: Members, rows: Ints) -> Interfaces:
 
 
 def _strengths(members: Members, rows: Ints) -> Strengths:
-    """Return the strengths of the interfaces of members: those of an inner face without bending."""
+    """Return the strengths of the interfaces of members: those of inner faces without bending.
+
+    rows: positions of the members.
+    """
     none, never = np.zeros(len(rows)), np.full(len(rows), np.inf)
     tension, compression = (members.tension - members.prestress)[rows], members.compression[rows]
     # A pin without axial capacity has no column of N; the range of N only has to leave its yield set an interior.
@@ -203,7 +209,10 @@ def _strengths(members: Members, rows: Ints) -> Strengths:
 
 
 def _prestress(assembly: Assembly, members: Members) -> Floats:
-    """Return the forces and moments (n, q) of all prestress about the centroids; zero on supports."""
+    """Return forces and moments (n, q) of all prestress about the centroids of elements.
+
+    They are zero on supports.
+    """
     elements, d = assembly.elements, assembly.dimension
     total = np.zeros_like(assembly.dead)
     for k in np.flatnonzero(members.prestress).tolist():

@@ -71,7 +71,11 @@ def cases_of(moving: MovingLoad, elements: Elements, downwards: Floats, where: s
 def _positions(
     moving: MovingLoad, points: Floats, legs: Floats
 ) -> Iterator[tuple[float, list[tuple[Floats, Floats, float]]]]:
-    """Yield the distance of the first axle along a path, and place, direction and weight of each axle on the path."""
+    """Yield the positions of a vehicle on a path, in equal steps.
+
+    points: (k, 2) of the path. legs: (k − 1,) lengths between them. A position is given by the distance of the first
+    axle along the path, and by place, direction and weight of each axle on the path.
+    """
     behind = np.cumsum([0.0, *(axle.distance for axle in moving.axles[1:])])
     ends = np.append(0.0, np.cumsum(legs))
     whole = float(ends[-1])
@@ -87,7 +91,11 @@ def _positions(
 
 
 def _element_under(elements: Elements, at: Floats, unit: Floats) -> int | None:
-    """Return the element that a point touches, of several the one farthest along the path; None without one."""
+    """Return the index of the element that a point touches; None if there is none.
+
+    Of several, the one whose centroid is farthest along the path counts. at: (2,) the point. unit: (2,) direction of
+    the path.
+    """
     reach = tolerances.ON_OUTLINE * elements.size
     near: Ints = np.flatnonzero(((elements.lower - reach <= at) & (at <= elements.upper + reach)).all(axis=1))
     point = shapely.Point(*at)

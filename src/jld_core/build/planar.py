@@ -69,10 +69,11 @@ def planar_geometry(scene: Scene) -> Geometry:
 
 
 def _closed(scene: Scene, ids: list[str], outlines: list[Floats]) -> tuple[list[Floats], float]:
-    """Close gaps and overlaps up to the tolerance; return outlines and largest displacement.
+    """Close gaps and overlaps up to the tolerance; return outlines, largest displacement.
 
     Grids and scenes with stated interfaces stay unchanged. So do scenes whose largest displacement is within the
-    tolerance of contact detection.
+    tolerance of contact detection, and scenes without a stated tolerance in which an element would vanish. Raises
+    InputError if an element vanishes within a stated tolerance.
     """
     if scene.grid is not None or scene.interfaces is not None:
         return outlines, 0.0
@@ -158,7 +159,11 @@ def _misfits(scene: Scene, contacts: list[PlanarContact], elements: Elements) ->
 
 
 def _given_contact(entry: Contact, position: int, elements: Elements) -> PlanarContact:
-    """Convert an interface stated by the scene to a contact."""
+    """Convert an interface stated by the scene to a contact.
+
+    position: index of the entry, for messages. The normal points out of the first element. Raises InputError for an
+    unknown element, or a polygon that is no straight line of two points.
+    """
     where = f"interfaces[{position}]"
     a, b = pair_index(entry.elements, elements, f"{where}.elements")
     if len(entry.polygon) != 2 or any(len(point) != 2 for point in entry.polygon):

@@ -52,7 +52,7 @@ class Resultant:
 
     @property
     def cancels(self) -> bool:
-        """True if the forces add up to zero within rounding."""
+        """Return True if the forces add up to zero within rounding."""
         return bool(np.isnan(self.point).any())
 
 
@@ -102,7 +102,7 @@ def implausible(scene: Scene, assembly: Assembly) -> list[str]:
 
 
 def _of_no_use(scene: Scene) -> Iterator[str]:
-    """Warn about keys that have no effect."""
+    """Warn about a thickness in a spatial scene, which has no effect."""
     if scene.dimension == 3 and scene.thickness is not None:
         yield f"thickness is {scene.thickness:g} and the elements are spatial, so it changes nothing"
 

@@ -72,11 +72,15 @@ class Boundary:
 
     @property
     def _reach(self) -> float:
-        """Distance up to which a point lies on an outline, length."""
+        """Return the distance up to which a point counts as on an outline, length."""
         return tolerances.ON_OUTLINE * self.elements.size
 
     def _around(self, entry: FaceLoad, where: str) -> list[PointLoad]:
-        """Return the loads of a uniform pressure on the whole free boundary of one element."""
+        """Return the loads of a uniform pressure on the whole free boundary of one element.
+
+        where: key of the entry. Raises InputError for a support or an unknown element, pressure that varies, or no free
+        boundary.
+        """
         name, other = entry.face.between or ("", "")
         if other != OUTSIDE or name not in self.elements.index:
             problem = f"no free face lies between {name!r} and {other!r}"
@@ -114,7 +118,11 @@ class Boundary:
         return found
 
     def _along(self, entry: FaceLoad, along: list[list[float]], where: str) -> list[PointLoad]:
-        """Return the loads of a pressure along a polyline on the free boundary of a planar structure."""
+        """Return the loads of a pressure along a polyline on the free boundary (planar).
+
+        Pieces on supports get no load. entry: the pressure at both ends. along: points of the polyline. where: key in
+        the scene. Raises InputError if two points coincide or a part of the polyline is no free boundary.
+        """
         if self.elements.centroid.shape[1] == 3 or any(len(point) != 2 for point in along):
             raise InputError(f"{where}.face.along", "it is for planar scenes", f'"between": [element, "{OUTSIDE}"]')
         points = np.array(along, dtype=float)
@@ -143,7 +151,11 @@ class Boundary:
         return found
 
     def _on_leg(self, start: Floats, unit: Floats, length: float) -> Iterator[tuple[int, float, float, bool]]:
-        """Yield element, first and last distance along a leg, and whether its edge has the direction of the leg."""
+        """Yield the pieces of free boundary along one leg of a polyline.
+
+        start: (2,) first point of the leg. unit: (2,) direction. length: of the leg. A piece is given by its element,
+        its first and last distance along the leg, and True if the edge of the element has the direction of the leg.
+        """
         reach = self._reach
         ends = np.array([start, start + length * unit])
         low, high = ends.min(axis=0) - reach, ends.max(axis=0) + reach
@@ -161,7 +173,10 @@ class Boundary:
                         yield index, least, most, forward
 
     def _edges(self, index: int) -> Iterator[tuple[Floats, Floats, list[tuple[Floats, Floats]]]]:
-        """Yield both ends of each edge of a planar element, and its free pieces: pairs of points in its direction."""
+        """Yield both ends of each edge of a planar element, and the free pieces of this edge.
+
+        A piece is a pair of points in the direction of the edge. index: of the element.
+        """
         reach = self._reach
         outline = self.elements.shape[index]
         mine = np.flatnonzero((self.interfaces.a == index) | (self.interfaces.b == index))
@@ -184,9 +199,10 @@ class Boundary:
             yield first, last, free
 
     def _piece(self, index: int, start: Floats, end: Floats, pressures: tuple[float, float]) -> PointLoad:
-        """Return the force at the middle of a straight free piece of an outline, and the moment about it.
+        """Return the load of a linear pressure on a straight free piece of an outline (planar).
 
-        start, end: in the direction of the outline, which is counter-clockwise. pressures: at both, positive inwards.
+        It is a force at the middle of the piece, and a moment about this point. index: of the element. start, end: in
+        the direction of the outline, which is counter-clockwise. pressures: at start and end, positive inwards.
         """
         length = float(np.hypot(*(end - start)))
         inward = np.array([start[1] - end[1], end[0] - start[0]]) / length

@@ -59,7 +59,10 @@ def settlements_of(scene: Scene, assembly: Assembly) -> tuple[Settlement, ...]:
 
 
 def _velocity(scene: Scene, assembly: Assembly, place: int) -> Floats:
-    """Return the velocities (n, q) of all elements for one settlement."""
+    """Return the velocities (n, q) of all elements for one settlement.
+
+    place: index of the settlement. Raises InputError as `settlements_of`.
+    """
     elements, d, q = assembly.elements, assembly.dimension, assembly.freedoms
     velocity = np.zeros((len(elements), q))
     faces = assembly.interfaces

@@ -93,7 +93,8 @@ def _closed(scene: Scene, vertices: list[Floats], faces: list[Faces]) -> tuple[l
 def _given_contacts(entries: list[Contact], elements: Elements, facets: Facets) -> list[SpatialContact]:
     """Convert interfaces stated by the scene to contacts.
 
-    Normals point out of the first element of each.
+    Normals point out of the first element of each. Raises InputError for an unknown element, or a polygon that is not
+    spatial and plane.
     """
     if not entries:
         return []

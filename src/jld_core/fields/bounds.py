@@ -109,10 +109,9 @@ class Velocities:
     mesh : Mesh
         Triangles, scene units.
     velocity : (t, 3, 2) float array
-        Velocities at the three corners of each triangle, scaled (see `Units`) so that the scaled live load does unit
-        work.
+        Velocities u at the three corners of each triangle, scene units: b_λ·u = 1 for the live load b_λ of λ = 1.
     dissipation : (t,) float array
-        Power in each triangle with half of its edges, scaled.
+        Power in each triangle with half of its edges, a work as b_λ·u. Their sum less the work of the dead load is λ.
     """
 
     mesh: Mesh
@@ -335,7 +334,8 @@ class _Best:
             self.stresses = Stresses(mesh, units.stress * np.stack([m + d, m - d, s], axis=-1))
         if fields.velocity is not None and upper < self.upper:
             self.upper = upper
-            self.velocities = Velocities(mesh, fields.velocity.velocity, fields.velocity.dissipation)
+            power = units.load * fields.velocity.dissipation
+            self.velocities = Velocities(mesh, units.velocity * fields.velocity.velocity, power)
 
     def result(self, steps: tuple[FieldStep, ...], gap: float) -> FieldBounds:
         """Return the result after some meshes."""

@@ -1,4 +1,4 @@
-"""Conic programs by Clarabel, set up once and updated where labels change rows."""
+"""Conic programs, set up once and updated where labels change rows: by Clarabel, or many by a compiled solver."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from jld_core.arrays import Bools, Floats, Ints
+from jld_core.fields.cone_batch import ConeBatch, is_installed
 
 _RESIDUAL = 1e-9
 """Residuals and duality gap that the solver is asked to reach, absolute and relative."""
@@ -100,10 +101,15 @@ class ConeProgram:
         b.
     sizes : tuple of int
         Numbers of equations, of inequalities s ≥ 0, and of second-order cones of 3 rows; A has them in this order.
+    many : bool
+        True where hundreds of programs are solved. They are solved by `ConeBatch`, which takes its time to set up, and
+        by Clarabel where that leaves them open or is not installed.
     """
 
-    def __init__(self, objective: Floats, matrix: sp.csr_array, rhs: Floats, sizes: tuple[int, int, int]) -> None:
-        self._objective, self._rhs = objective, rhs
+    def __init__(
+        self, objective: Floats, matrix: sp.csr_array, rhs: Floats, sizes: tuple[int, int, int], many: bool = False
+    ) -> None:
+        self._objective, self._rhs, self._sizes, self._many = objective, rhs, sizes, many
         self._matrix = sp.csc_matrix(matrix)
         self._matrix.sort_indices()
         self._row = self._matrix.indices.copy()
@@ -115,6 +121,7 @@ class ConeProgram:
         head = zero + linear + np.arange(3 * cones).reshape(-1, 3)
         self._idle[head[:, 1:]] = 0.0
         self._solvers: dict[bool, Any] = {}
+        self._batch: ConeBatch | None = None
 
     def solve(self, off: Bools | None = None, objective: Floats | None = None) -> Answer:
         """Solve the program, with some rows switched off or with another objective.
@@ -125,6 +132,32 @@ class ConeProgram:
         Linear systems are refined iteratively only in a second attempt, where the first did not converge: refinement
         costs a third of the time. A failure shows in `Answer.usable` alone; no exception is raised.
         """
+        if self._many and off is not None:
+            return self.solve_all(off[None], None if objective is None else objective[None])[0]
+        return self._by_clarabel(off, objective)
+
+    def solve_all(self, off: Bools, objective: Floats | None = None) -> list[Answer]:
+        """Solve k programs; see `solve`. The answer to each does not depend on the others.
+
+        off: (k, rows) True for rows switched off. objective: (k, columns) costs, None for those of the constructor.
+        """
+        costs = None if objective is None else list(objective)
+        if not (self._many and is_installed()):
+            return [self._by_clarabel(rows, None if costs is None else costs[k]) for k, rows in enumerate(off)]
+        if self._batch is None:
+            self._batch = ConeBatch(sp.csr_array(self._matrix), self._rhs, self._idle, self._sizes)
+        wide = np.broadcast_to(self._objective, (len(off), len(self._objective))) if objective is None else objective
+        found, answers = self._batch.solve(off, wide), list[Answer]()
+        for k, status in enumerate(found.status):
+            if status == "Open":
+                answers.append(self._by_clarabel(off[k], None if costs is None else costs[k]))
+            else:
+                value = float(found.objective[k])
+                answers.append(Answer(found.point[k], found.dual[k], value, status == "Solved", status))
+        return answers
+
+    def _by_clarabel(self, off: Bools | None, objective: Floats | None) -> Answer:
+        """Solve by Clarabel, a second time with refined linear systems where it did not converge."""
         answer = self._solve(off, objective, careful=False)
         if answer.status in _ENDED or (answer.status == "AlmostSolved" and self._residual(False) <= _NEAR):
             return answer

@@ -69,17 +69,19 @@ class LowerBound:
     ----------
     problem : Problem
         The scaled problem on one mesh.
+    many : bool
+        True where hundreds of labellings are bounded; see `ConeProgram`.
 
     Attributes
     ----------
     problem : Problem
         As the parameter.
     status : str
-        Status by the solver at the last call of `bound`, "" before.
+        Status by the solver of the last labelling that was bounded, "" before.
     """
 
-    def __init__(self, problem: Problem) -> None:
-        self.problem = problem
+    def __init__(self, problem: Problem, many: bool = False) -> None:
+        self.problem, self._many = problem, many
         self._triangles = len(problem.mesh)
         self._width = 12 * self._triangles + 1
         self._programs: dict[float, tuple[ConeProgram, Ints]] = {}
@@ -92,7 +94,16 @@ class LowerBound:
         labels: (m,) True = dry. Where the proposed field violates yield, larger margins and a mean with an interior
         field are tried. None: the solver failed, or no attempt passed the check.
         """
-        answer = self.propose(labels, _MARGIN)
+        return self._bound_by(self.propose(labels, _MARGIN), labels)
+
+    def bound_all(self, labellings: Bits) -> list[StressField | None]:
+        """Find stress fields for labellings (k, m), solved together where possible; see `bound`."""
+        program, owner = self._program_with(_MARGIN)
+        answers = program.solve_all(np.array([self._off(owner, labels) for labels in labellings]))
+        return [self._bound_by(answer, labels) for answer, labels in zip(answers, labellings, strict=True)]
+
+    def _bound_by(self, answer: Answer, labels: Bits) -> StressField | None:
+        """Certify an answer of the solver, or what further programs propose instead; see `bound`."""
         self.status = answer.status
         if not answer.usable:
             return None
@@ -139,13 +150,18 @@ class LowerBound:
         joints without friction and cohesion has no slack. `Answer.point` begins with the stresses (9t,), as
         `StressField.stress` in C order, and ends with λ.
         """
+        program, owner = self._program_with(margin)
+        return program.solve(self._off(owner, labels))
+
+    def _program_with(self, margin: float) -> tuple[ConeProgram, Ints]:
+        """Return the program of a margin, set up once, and the edge that owns each row."""
         if margin not in self._programs:
             self._programs[margin] = self._program(margin)
-        program, owner = self._programs[margin]
-        dry = self.problem.is_dry(labels)
-        off = np.zeros(len(owner), dtype=bool)
-        off[owner >= 0] = ~dry[owner[owner >= 0]]
-        return program.solve(off)
+        return self._programs[margin]
+
+    def _off(self, owner: Ints, labels: Bits) -> Bools:
+        """Return (rows,) True for rows on joints that are not dry."""
+        return (owner >= 0) & ~self.problem.is_dry(labels)[owner]
 
     def certify(self, stress: Floats, factor: float, labels: Bits) -> StressField | None:
         """Project stresses onto equilibrium and check yield, without a solver for cone programs.
@@ -346,4 +362,6 @@ class LowerBound:
         owners = np.full(len(right), -1, dtype=np.int64)
         owners[len(rhs) : len(rhs) + linear.count] = np.concatenate(owner)
         sizes = (len(rhs), linear.count, len(every))
-        return ConeProgram(objective, sp.csr_array(whole), right, sizes), owners
+        # further margins are for few labellings
+        many = self._many and margin == _MARGIN
+        return ConeProgram(objective, sp.csr_array(whole), right, sizes, many), owners

@@ -19,13 +19,14 @@ from jld_core.fields.outlines import FREE
 class Units:
     """Units of a scaled problem: scene value = unit × scaled value.
 
-    length, stress: in scene units. load: unit of λ. origin: (2,) or (3,) point of the scene that becomes zero. Scaled
-    velocities are those on which the scaled live load does unit work.
+    length, stress: in scene units. load: unit of λ, and of power at live work one. velocity: of velocities on which the
+    live load does unit work, one over a force. origin: (2,) or (3,) point of the scene that becomes zero.
     """
 
     length: float
     stress: float
     load: float
+    velocity: float
     origin: Floats
 
 
@@ -124,7 +125,8 @@ def units_of(assembly: Assembly, material: Material) -> Units:
     # between strength and weight, whichever governs; a weight of nothing is no measure
     stress = min(strength, float(np.sqrt(strength * max(dead, 1e-4 * strength)))) if dead > 0.0 else strength
     origin = 0.5 * (elements.lower[free].min(axis=0) + elements.upper[free].max(axis=0))
-    return Units(length, stress, stress * length * thickness / assembly.total_live, origin)
+    live = assembly.total_live
+    return Units(length, stress, stress * length * thickness / live, 1.0 / live, origin)
 
 
 def problem_of(assembly: Assembly, material: Material, units: Units, mesh: Mesh, loads: FieldLoads) -> Problem:

@@ -132,12 +132,12 @@ class SpatialFields:
         shares = np.bincount(self.mesh.cell, np.maximum(self.velocity.dissipation, 0.0))
         return np.flatnonzero(shares > _DEFORMS * shares.sum())
 
-    def finer(self, adaptive: bool) -> SolidMesh:
+    def finer(self, adaptive: bool, most: int) -> SolidMesh:
         """Return the next mesh, scene units: refined where the fields disagree, or everywhere.
 
-        adaptive: False bisects every tetrahedron once, as is done without a stress field. True bisects, until the mesh
-        has grown enough, the tetrahedra with the largest error. It is the sum of the multipliers of yield, of
-        dissipation less stress power, and of a share of the volume.
+        adaptive: False bisects every tetrahedron, as is done without a stress field. True bisects those with most
+        dissipation less stress power, and most multipliers of yield, until the mesh has grown enough. most: number of
+        tetrahedra that such a mesh does not exceed; where fewer fit than wanted, the worst are bisected.
         """
         if not adaptive or self.stress is None:
             return bisect(self.mesh, np.ones(len(self.mesh), dtype=bool))
@@ -151,13 +151,21 @@ class SpatialFields:
             corner = corner + self._joint_corners(self.stress, moved)
         error = error + _EVERYWHERE * error.sum() * volume / volume.sum()
         finer = replace(mesh, root=np.arange(len(mesh)))
-        while len(finer) < _GROWTH * len(mesh):
+        fits = True
+        while fits and len(finer) < _GROWTH * len(mesh):
             # half of a tetrahedron keeps a quarter of its share: strips along hinges lose in proportion to their width
             left = error[finer.root] * (finer.volume / volume[finer.root]) ** 2
             away = finer.corners[:, :, None] - mesh.corners[finer.root][:, None]
             share = 1.0 + np.einsum("tcki,tki->tck", away, mesh.gradient[finer.root])
             weight = np.maximum(np.einsum("tck,tk->tc", share, corner[finer.root]), 0.0)
-            finer = bisect(finer, _marks(left), weight / np.maximum(weight.sum(axis=1, keepdims=True), 1e-300))
+            weight /= np.maximum(weight.sum(axis=1, keepdims=True), 1e-300)
+            marks = _marks(left)
+            larger = bisect(finer, marks, weight)
+            fits = len(larger) <= most
+            while len(larger) > most and marks.any():
+                marks &= left > np.median(left[marks])
+                larger = bisect(finer, marks, weight)
+            finer = larger
         units = self.problem.units
         return replace(finer, points=finer.points * units.length + units.origin, root=self.mesh.root[finer.root])
 

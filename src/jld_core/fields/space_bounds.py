@@ -24,6 +24,9 @@ _MOST_TETRAHEDRA = 12_000
 _POWER = 1.7
 """Exponent of the number of tetrahedra in the time of both programs, to predict the time of the next mesh."""
 
+_LEAST_GROWTH = 1.05
+"""Growth of a mesh below which it is not worth its time."""
+
 _PATIENCE = 8
 """Number of meshes after which refinement ends if a bound is still missing."""
 
@@ -73,10 +76,10 @@ class SpatialVelocities:
     mesh : SolidMesh
         Tetrahedra, scene units.
     velocity : (t, 4, 3) float array
-        Velocities at the four corners of each tetrahedron, scaled (see `Units`) so that the scaled live load does unit
-        work.
+        Velocities u at the four corners of each tetrahedron, scene units: b_λ·u = 1 for the live load b_λ of λ = 1.
     dissipation : (t,) float array
-        Power in each tetrahedron with half of its triangles, scaled.
+        Power in each tetrahedron with half of its triangles, a work as b_λ·u. Their sum less the work of the dead load
+        is λ.
     """
 
     mesh: SolidMesh
@@ -173,8 +176,8 @@ def spatial_bounds(
     if layered is not None and run.allows(layered[1]):
         fields, setting = _narrower((fields, setting), (run.solve(*layered), layered[0]))
     while not run.ended:
-        mesh = fields.finer(adaptive)
-        if len(mesh) == len(fields.mesh) or not run.allows(mesh):
+        mesh = fields.finer(adaptive, run.most)
+        if len(mesh) < _LEAST_GROWTH * len(fields.mesh) or not run.allows(mesh):
             break
         fields = run.solve(setting, mesh)
     return run.best
@@ -201,16 +204,18 @@ class _Refinement:
         lone = status is not FieldStatus.OPEN and len(self.best.history) >= _PATIENCE
         return status in (FieldStatus.CLOSED, FieldStatus.UNSTABLE) or lone
 
-    def allows(self, mesh: SolidMesh) -> bool:
-        """Return True if a mesh is small enough, and expected to be done in time.
-
-        A mesh must have been solved before: its time is extrapolated.
-        """
+    @property
+    def most(self) -> int:
+        """Tetrahedra up to which a mesh is small enough, and expected to be done in time."""
+        if self._seconds is None:
+            return self._most
         count, took = self._last
-        late = self._seconds is not None and (
-            time.perf_counter() - self._start + (len(mesh) / count) ** _POWER * took > self._seconds
-        )
-        return not late and len(mesh) <= self._most
+        left = max(self._seconds - (time.perf_counter() - self._start), 0.0)
+        return min(self._most, int(count * (left / took) ** (1.0 / _POWER)))
+
+    def allows(self, mesh: SolidMesh) -> bool:
+        """Return True if a mesh is small enough, and expected to be done in time."""
+        return len(mesh) <= self.most
 
     def solve(self, setting: SpatialSetting, mesh: SolidMesh) -> SpatialFields:
         """Solve for both fields on a mesh, take their bounds over into `best`, and return them."""
@@ -260,7 +265,8 @@ def _improved(best: SpatialBounds, fields: SpatialFields, seconds: float, gap: f
         held = SpatialStresses(fields.split, units.stress * tensors(fields.stress.stress))
         best = replace(best, lower=lower, stresses=held)
     if fields.velocity is not None and upper < best.upper:
-        moved = SpatialVelocities(fields.mesh, fields.velocity.velocity, fields.velocity.dissipation)
+        velocity, power = units.velocity * fields.velocity.velocity, units.load * fields.velocity.dissipation
+        moved = SpatialVelocities(fields.mesh, velocity, power)
         best = replace(best, upper=upper, velocities=moved)
     steps = (*best.history, SpatialStep(len(fields.mesh), lower, upper, seconds))
     best = replace(best, tetrahedra=len(fields.mesh), seconds=seconds, history=steps)

@@ -101,7 +101,8 @@ def spatial_units(assembly: Assembly, material: Material) -> Units:
     # between strength and weight, whichever governs; a weight of nothing is no measure
     stress = min(strength, float(np.sqrt(strength * max(dead, 1e-4 * strength)))) if dead > 0.0 else strength
     origin = 0.5 * (elements.lower[free].min(axis=0) + elements.upper[free].max(axis=0))
-    return Units(length, stress, stress * length**2 / assembly.total_live, origin)
+    live = assembly.total_live
+    return Units(length, stress, stress * length**2 / live, 1.0 / live, origin)
 
 
 def spatial_problem(

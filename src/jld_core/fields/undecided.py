@@ -56,6 +56,8 @@ class PartialUpperBound:
     ----------
     problem : Problem
         The scaled problem on the mesh.
+    many : bool
+        True where hundreds of partial labellings are bounded; see `ConeProgram`.
 
     Attributes
     ----------
@@ -63,8 +65,8 @@ class PartialUpperBound:
         Number of programs solved.
     """
 
-    def __init__(self, problem: Problem) -> None:
-        self._upper = UpperBound(problem)
+    def __init__(self, problem: Problem, many: bool = False) -> None:
+        self._upper, self._many = UpperBound(problem, many), many
         self._settling: Settling | None = None
         self._weightless: PartialUpperBound | None = None
         joints, material = problem.joints, problem.material
@@ -163,7 +165,7 @@ class PartialUpperBound:
         """
         p, size = self._upper.problem, float(abs(ray).max())
         if self._weightless is None:
-            self._weightless = PartialUpperBound(replace(p, dead=np.zeros_like(p.dead)))
+            self._weightless = PartialUpperBound(replace(p, dead=np.zeros_like(p.dead)), self._many)
         base = self._weightless.field(labels, undecided)
         if base is None or not size > 0.0:
             return None

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -82,6 +83,8 @@ class UpperBound:
     ----------
     problem : Problem
         The scaled problem on one mesh.
+    many : bool
+        True where hundreds of labellings are bounded; see `ConeProgram`.
 
     Attributes
     ----------
@@ -90,13 +93,12 @@ class UpperBound:
     live, dead : (t, 3, 2) float array
         Nodal forces at the corners of the triangles, equivalent to the loads, scaled.
     status : str
-        Status by the solver at the last call of `bound`, "" before.
+        Status by the solver of the last labelling that was bounded, "" before.
     """
 
-    def __init__(self, problem: Problem) -> None:
-        self.problem = problem
+    def __init__(self, problem: Problem, many: bool = False) -> None:
+        self.problem, self._many = problem, many
         self._triangles = len(problem.mesh)
-        self._program: VelocityProgram | None = None
         self._motion: Floats | None = None
         self._settling: Settling | None = None
         self._tried = False
@@ -125,7 +127,15 @@ class UpperBound:
         The factor is below 0 for blocks that collapse under their dead load, whatever λ ≥ 0. None: the solver failed,
         or no field could be repaired.
         """
-        answer = self.propose(labels)
+        return self._bound_by(self.propose(labels), labels)
+
+    def bound_all(self, labellings: Bits) -> list[VelocityField | None]:
+        """Find velocity fields for labellings (k, m), solved together where possible; see `bound`."""
+        answers = self._velocity_program.solve_all(np.array([self.problem.is_dry(labels) for labels in labellings]))
+        return [self._bound_by(answer, labels) for answer, labels in zip(answers, labellings, strict=True)]
+
+    def _bound_by(self, answer: Answer, labels: Bits) -> VelocityField | None:
+        """Certify an answer of the solver, or what programs with margins propose instead; see `bound`."""
         self.status = answer.status
         # a ray of an unbounded program is a mechanism too: the blocks are too weak for their dead load
         if not (answer.usable or answer.status == "DualInfeasible"):
@@ -160,10 +170,13 @@ class UpperBound:
         labels: (m,) True = dry; ignored where undecided. undecided: (m,) True where a face keeps the flow rules of both
         labels. The first 6t entries of `Answer.point` are velocities (t, 3, 2), scaled. Test `usable` before using it.
         """
-        if self._program is None:
-            self._program = VelocityProgram(self.problem, self.live, self.dead)
         either = None if undecided is None else self.problem.is_dry(undecided)
-        return self._program.solve(self.problem.is_dry(labels), either)
+        return self._velocity_program.solve(self.problem.is_dry(labels), either)
+
+    @cached_property
+    def _velocity_program(self) -> VelocityProgram:
+        """The program without margins."""
+        return VelocityProgram(self.problem, self.live, self.dead, many=self._many)
 
     def certify(self, velocity: Floats, labels: Bits, expected: float = -math.inf) -> VelocityField | None:
         """Repair proposed velocities until every flow rule holds, and compute their upper bound.

@@ -57,9 +57,11 @@ class VelocityProgram:
         Nodal forces of the loads at the corners of triangles, scaled.
     margin : float
         Room that all flow rules keep, scaled velocity.
+    many : bool
+        True where hundreds of labellings are solved; see `ConeProgram`.
     """
 
-    def __init__(self, problem: Problem, live: Floats, dead: Floats, margin: float = 0.0) -> None:
+    def __init__(self, problem: Problem, live: Floats, dead: Floats, margin: float = 0.0, many: bool = False) -> None:
         """Set up the program; see the class for the parameters."""
         self.problem, self._margin = problem, margin
         self._linear, self._cones = Rows(), Rows()
@@ -87,7 +89,7 @@ class VelocityProgram:
         self._fixed = np.concatenate([self._base, *self._costs])
         rhs = np.concatenate([part.right for part in parts])
         sizes = (1, self._linear.count, self._cones.count // 3)
-        self._program = ConeProgram(self._fixed, matrix, rhs, sizes)
+        self._program = ConeProgram(self._fixed, matrix, rhs, sizes, many)
 
     def solve(self, dry: Bools, undecided: Bools | None = None) -> Answer:
         """Solve the program for labels of the edges; the answer is not certified.
@@ -96,6 +98,15 @@ class VelocityProgram:
         labels; `dry` is ignored there. Their cost is that of inner ones and of crushing. Cohesion of undecided joints
         costs nothing, as cracks rarely dissipate less.
         """
+        return self._program.solve(*self._switched(dry, undecided))
+
+    def solve_all(self, dry: Bools) -> list[Answer]:
+        """Solve the programs of k labellings; see `solve`. dry: (k, e)."""
+        off, objective = zip(*(self._switched(one) for one in dry), strict=True)
+        return self._program.solve_all(np.array(off), np.array(objective))
+
+    def _switched(self, dry: Bools, undecided: Bools | None = None) -> tuple[Bools, Floats]:
+        """Return the rows (rows,) that are off, and the costs (columns,); see `solve`."""
         off = (self._off_owner >= 0) & (dry[self._off_owner] != self._off_dry)
         if undecided is not None:
             either = (self._off_owner >= 0) & undecided[self._off_owner]
@@ -104,7 +115,7 @@ class VelocityProgram:
         objective = self._fixed.copy()
         for edge, column, cost in self._edge_costs:
             np.add.at(objective, column, np.where(dry[edge], 0.0, cost))
-        return self._program.solve(off, objective)
+        return off, objective
 
     def _new(self, cost: Floats) -> Ints:
         """Add variables with costs (k,), and return their columns (k,)."""

@@ -10,7 +10,7 @@
 - `merge_points`: number points, merging those within a tolerance
 - `moment_about`: compute arm × force in the plane or in space
 - `near_pairs`: find pairs of boxes that touch or overlap
-- `reach_of`: return the distance within which two corners of blocks coincide
+- `reach_of`: return half the largest distance at which two corners of blocks coincide
 - `snap_solids`: close gaps between polyhedra
 - `solids`: orient faces outward and compute volumes and centroids of polyhedra
 - `spun`: compute spin × arm in the plane or in space

@@ -17,14 +17,15 @@ Rings = tuple[Floats, tuple[Floats, ...]]
 
 
 def clean_parts(region: shapely.Geometry, reach: float) -> list[Rings]:
-    """Split a region into its parts, and remove what is narrower than a tolerance.
+    """Split a region into its parts, and remove details narrower than a tolerance.
 
     Parameters
     ----------
     region : shapely geometry
         Polygons, lines and points; lines and points are dropped.
     reach : float
-        Width up to which spikes and holes are removed, a length. Parts and necks are removed up to half of it.
+        Width up to which spikes and holes are removed, a length. Parts and necks are removed if they are narrower than
+        half of it.
 
     Returns
     -------
@@ -50,9 +51,9 @@ def _polygons(region: shapely.Geometry) -> list[shapely.Polygon]:
 
 
 def _without_necks(part: shapely.Polygon, reach: float) -> list[shapely.Polygon]:
-    """Split a polygon at necks narrower than half the tolerance.
+    """Split a polygon at necks narrower than half of `reach`.
 
-    The list is empty where the whole polygon is narrower.
+    The list is empty if the whole polygon is narrower.
     """
     wide = _polygons(shapely.buffer(part, -0.25 * reach, join_style="mitre"))
     if len(wide) < 2:

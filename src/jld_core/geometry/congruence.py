@@ -29,7 +29,7 @@ class Kinds:
     Parameters
     ----------
     reach : float
-        Distance within which corners coincide, scene units.
+        Half the largest distance at which two corners coincide, scene units.
     rotate : bool
         Treat rotated copies as the same shape.
     flip : bool
@@ -74,7 +74,10 @@ class Kinds:
         return self._count - 1
 
     def _moments(self, points: Floats) -> Floats:
-        """Compute squares of lengths that are invariant under the allowed moves."""
+        """Compute numbers that are nearly equal for outlines of one shape, squares of lengths.
+
+        They do not change under the allowed moves. points: (k, d) of an outline.
+        """
         square = (points**2).sum(axis=1)
         found = [square.mean(), np.sqrt((square**2).mean())]
         if not self.rotate:
@@ -92,7 +95,7 @@ def shape_numbers(outlines: Sequence[Outline], reach: float, *, rotate: bool = T
     outlines : sequence of Outline
         Outlines to number.
     reach : float
-        Distance within which corners coincide, scene units.
+        Half the largest distance at which two corners coincide, scene units; see `reach_of`.
     rotate, flip : bool
         Treat rotated or mirrored copies as the same shape, as in `Kinds`.
 
@@ -123,7 +126,11 @@ def alike(one: Outline, other: Outline, reach: float, *, rotate: bool = False, f
 
 
 def _falls_on(points: Floats, count: int, other: Outline, reach: float) -> bool:
-    """Return True if corners coincide with corners and middles with middles, one to one."""
+    """Return True if points coincide one to one with the points of an outline.
+
+    points: (k + e, d), of which the first `count` are corners and the others middles; corners must coincide with
+    corners. reach: half the largest distance at which two points coincide.
+    """
     for part in (slice(0, count), slice(count, None)):
         mine, there = points[part], other.points[part]
         if not len(mine):
@@ -146,9 +153,10 @@ def _axis_mirrors(dimension: int) -> list[Floats]:
 
 
 def _turns(one: Outline, other: Outline, reach: float, flip: bool) -> list[Floats]:
-    """Return orthogonal matrices that may map one block onto the other.
+    """Return orthogonal matrices (d, d) that may map one outline onto the other.
 
-    They are rotations and, with `flip`, also rotations combined with a mirror.
+    They are rotations and, with `flip`, also rotations combined with a mirror. Each maps one or two far corners onto
+    corners as far away. reach: half the largest distance at which two points coincide.
     """
     d = one.points.shape[1]
     corners, images = one.points[: one.count], other.points[: other.count]

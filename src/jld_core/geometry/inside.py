@@ -12,9 +12,10 @@ _Loops = tuple[tuple[int, ...], ...]
 
 
 def contains(shape: Floats, faces: _Loops, point: Floats, reach: float) -> bool:
-    """Return True if a point lies in a polygon or polyhedron, or within `reach` of its boundary.
+    """Return True if a point (d,) lies in a polygon or polyhedron, or near its boundary.
 
-    shape: (k, 2) outline, or (k, 3) vertices. faces: loops of vertices, empty in the plane. reach: length.
+    shape: (k, 2) outline, or (k, 3) vertices. faces: loops of vertices, empty in the plane. reach: distance up to which
+    a point counts as near.
     """
     if shape.shape[1] == 2:
         ends = np.roll(shape, -1, axis=0)

@@ -17,7 +17,7 @@ _SHOWN: Final = 3  # largest number of pairs named in a warning
 class Overlap:
     """Two elements that share an area or a volume.
 
-    a, b: names of the elements. depth: of the overlap, length. place: (d,) a point of it.
+    a, b: names of the elements. depth: depth of the overlap, length. place: (d,) a point of the overlap.
     """
 
     a: str
@@ -44,7 +44,7 @@ class NearMiss:
 def refuse_overlaps(pairs: Sequence[Overlap], expected: str) -> None:
     """Raise InputError if elements overlap, naming up to ten pairs with depth and place.
 
-    pairs: overlaps found; nothing happens where there are none. expected: what the message asks for.
+    pairs: overlaps found; nothing happens where there are none. expected: remedy, for the message.
     """
     if not pairs:
         return
@@ -98,5 +98,5 @@ def _gap(miss: NearMiss, unit: str) -> str:
 
 
 def _point(place: Floats) -> str:
-    """Format coordinates, with more digits far from the origin."""
+    """Format the coordinates (d,) of a point, with more digits far from the origin."""
     return ", ".join(f"{value:.{5 if abs(value) < 1e4 else 10}g}" for value in place)

@@ -94,7 +94,7 @@ class Outline:
 
 
 def reach_of(assembly: Assembly) -> float:
-    """Return the distance within which two corners of blocks of an assembly coincide.
+    """Return half the largest distance at which two corners of blocks coincide.
 
     Parameters
     ----------
@@ -157,8 +157,8 @@ class Outlines:
 def flat_outline(polygons: Sequence[Floats], reach: float, edges: Sequence[_Edges] | None = None) -> Outline:
     """Compute the outline of a planar block from the polygons of its elements.
 
-    polygons: corners (k, 2) of each element, scene units. reach: distance within which corners coincide. edges: edges
-    of each polygon, where already computed.
+    polygons: corners (k, 2) of each element, scene units. reach: distance from the line of its neighbours within which
+    a corner is left out; a share of it is the grid of the union. edges: edges of each polygon, where already computed.
     """
     if edges is None:
         edges = [_edges(polygon, _SNAP * reach) for polygon in polygons]
@@ -248,8 +248,7 @@ def _solid_outline(
 ) -> Outline:
     """Compute the outline of the union of solids.
 
-    corners: (k, 3) of all solids; facets: faces of all solids; volumes: (n,); centroids: (n, 3); reach: distance
-    within which corners coincide.
+    corners: (k, 3) of all solids. facets: faces of all solids. volumes: (n,). centroids: (n, 3). reach: see `_skin`.
     """
     volume = float(volumes.sum())
     from scipy.spatial import ConvexHull  # local imports here and below: slow to import and seldom needed
@@ -307,9 +306,10 @@ def _merged(points: Floats, reach: float) -> Floats:
 
 
 def _skin(facets: Sequence[_Facet], reach: float) -> list[Floats]:
-    """Compute the outlines of the outer faces of a union of solids.
+    """Compute the outlines (k, 3) of the outer faces of a union of solids.
 
-    Corners in straight edges are left out, and so are the parts of faces that two solids share.
+    Parts of faces that two solids share are left out, and so are corners in straight edges. reach: distance from the
+    line of its neighbours within which a corner is left out, and width up to which a face is.
     """
     seen: dict[frozenset[tuple[int, ...]], _Facet] = {}
     for facet in facets:
@@ -347,7 +347,10 @@ def _planes(facets: Sequence[_Facet], reach: float) -> list[list[_Facet]]:
 
 
 def _united(facets: Sequence[_Facet], reach: float) -> list[Floats]:
-    """Compute the outlines (k, 3) of coplanar facets, without parts where opposite ones meet."""
+    """Unite facets of one plane, and return the outlines (k, 3) of the regions.
+
+    Regions where facets of opposite normals meet are inside the union and left out. reach: see `_skin`.
+    """
     normal, offset, grid = facets[0].normal, facets[0].offset, _SNAP * reach
     plane = across(normal)
     members: tuple[list[shapely.Polygon], list[shapely.Polygon]] = ([], [])
@@ -368,7 +371,10 @@ def _united(facets: Sequence[_Facet], reach: float) -> list[Floats]:
 
 
 def _box_aspect(corners: Floats, hull: ConvexHull) -> float:
-    """Compute longest over shortest side of the smallest box with a side in a hull face."""
+    """Compute longest over shortest side of the smallest box with a side in a hull face.
+
+    corners: (k, 3) of the block. hull: convex hull of these.
+    """
     best, sides_of = np.inf, np.ones(3)
     for normal in np.unique(np.round(hull.equations[:, :3], 9), axis=0):
         plane = across(normal / np.linalg.norm(normal))

@@ -30,7 +30,8 @@ def intersections(first: Sequence[shapely.Geometry], second: Sequence[shapely.Ge
     Parameters
     ----------
     first, second : (n,) sequences of shapely geometries
-        Regions in any unit and at any place; each pair has its own grid, about the middle of the boxes' common part.
+        Regions in any unit and at any place. Each pair has a grid of its own, about the middle of the intersection of
+        both bounding boxes.
 
     Returns
     -------

@@ -186,8 +186,8 @@ class _FacingEdges:
     """Pairs of edges of near polygons that face one another, with the part where they do.
 
     pair: (k,) row of the pair of polygons. ends: (k, 2, 2) of the overlap, on the edge of the first. outward: (k, 2)
-    normal of that edge. offset: (k,) signed distance to the other edge, the larger one of both ends. least: (k,) the
-    smaller one, without sign; 0 where the edges cross. length: (k,) of the shorter edge.
+    normal of that edge. offset: (k,) signed distance to the other edge, at the end where it is larger in size. least:
+    (k,) smaller distance of both ends, without sign; 0 where the edges cross. length: (k,) of the shorter edge.
     """
 
     pair: Ints
@@ -199,9 +199,10 @@ class _FacingEdges:
 
 
 def _facing_edges(polygons: list[Floats], near: Ints, share: float) -> _FacingEdges:
-    """Find edges that face one another within a share of the shorter one's length.
+    """Find pairs of edges that face one another within a share of the shorter one's length.
 
-    The order is that of pairs, then of edges.
+    polygons: (k, 2) corners of each element. near: (p, 2) pairs of polygons. Results are in the order of pairs, then of
+    the edges of both.
     """
     count = np.array([len(polygon) for polygon in polygons])
     first = np.concatenate([[0], np.cumsum(count)])
@@ -287,7 +288,10 @@ def near_misses(polygons: list[Floats]) -> list[NearMiss]:
 
 
 def _join_in_line(pieces: list[tuple[Floats, Floats]]) -> list[tuple[Floats, Floats]]:
-    """Join pieces of contact that continue one another in a straight line."""
+    """Join pieces of contact that continue one another in a straight line.
+
+    pieces: ends (2, 2) and outward normal (2,) of each. The result has the same form.
+    """
     if len(pieces) == 1:
         return pieces
     joined: list[tuple[Floats, Floats]] = []

@@ -103,11 +103,11 @@ def rectangle_torsion_length(l1: Floats, l2: Floats) -> Floats:
 
 
 def is_rectangle(polygons: Floats, tolerance: float) -> Bools:
-    """Return which polygons are rectangles, as a (n,) bool array.
+    """Return a mask (n,) of the polygons that are rectangles.
 
     polygons: (n, k, d), without corners in straight edges. A rectangle has four corners, and equal diagonals that halve
-    one another. tolerance: allowed difference of the diagonals' lengths, and twice the distance of their middles,
-    relative to the length of the first diagonal.
+    one another. tolerance: allowed difference of the diagonals' lengths, and twice the allowed distance of their
+    middles, relative to the length of the first diagonal.
     """
     if polygons.shape[1] != 4:
         return np.zeros(len(polygons), dtype=bool)
@@ -125,9 +125,9 @@ def sizes(polygons: Floats) -> Floats:
 def corners(polygon: Floats, tolerance: float) -> Floats:
     """Remove the corners of a polygon (k, d) that lie in straight edges or are tips of spikes.
 
-    polygon: simple, without bridges to holes. The order of its corners is kept.
-    tolerance: distance from the line of its neighbours up to which a point is removed, and width up to which the way to
-    a point and back is a spike.
+    polygon: simple, without bridges to holes. The order of the remaining corners is kept. tolerance: distance from the
+    line of both neighbours up to which a corner is removed. A corner is the tip of a spike if one of its edges lies
+    within this distance of the other.
     """
     points = np.asarray(polygon)
     while len(points) > 3:

@@ -82,7 +82,10 @@ class _Surface:
 
 
 def _lay_out(vertices: list[Floats], faces: list[Faces]) -> _Surface:
-    """Put the faces of all elements into flat arrays."""
+    """Put the faces of all elements into flat arrays.
+
+    vertices: (k, 3) of each element. faces: loops of vertex indices of each element.
+    """
     shift = np.concatenate([[0], np.cumsum([len(v) for v in vertices])])[:-1].astype(np.int64)
     element = np.repeat(np.arange(len(faces)), [len(f) for f in faces])
     count = np.array([len(loop) for loops in faces for loop in loops], dtype=np.int64)
@@ -148,7 +151,10 @@ def solids(
 
 
 def _closed(surface: _Surface, count: int) -> Bools:
-    """Return (n,) True for elements whose every edge occurs equally often in both directions."""
+    """Return a mask (n,) of elements in which every edge occurs equally often in both senses.
+
+    count: number n of elements.
+    """
     width = len(surface.points)
     low, high = np.minimum(surface.vertex, surface.after), np.maximum(surface.vertex, surface.after)
     _, edge = np.unique(low * width + high, return_inverse=True)
@@ -289,7 +295,11 @@ def _repeats(surface: _Surface) -> Bools:
 
 
 def _join_coplanar(surface: _Surface, vector: Floats, size: Floats) -> tuple[Ints, Bools]:
-    """Return the facet of each face, numbered by first face, and True for single-face facets."""
+    """Join neighbouring faces that lie in one plane to facets.
+
+    vector: (faces, 3) area vector of each face. size: (faces,) largest extent of each. The results are the facet
+    (faces,) of each face, numbered by first face, and a mask (faces,) of faces that are a facet alone.
+    """
     width = len(surface.points)
     low, high = np.minimum(surface.vertex, surface.after), np.maximum(surface.vertex, surface.after)
     key = low * width + high
@@ -319,9 +329,10 @@ def _join_coplanar(surface: _Surface, vector: Floats, size: Floats) -> tuple[Int
 
 
 def _boundary(surface: _Surface, members: Ints, vector: Floats) -> tuple[Floats, ...]:
-    """Return the boundary loops of joined faces, the outer one first.
+    """Return the boundary loops (k, 3) of joined faces, the outer one first.
 
-    Edges that occur in both directions are inside and left out.
+    Edges that occur in both senses are inside and left out. members: indices of the faces. vector: (3,) area vector of
+    the facet, by which loops are sorted.
     """
     _, position = spread(surface.start[members], surface.count[members])
     edges = list(zip(surface.vertex[position].tolist(), surface.after[position].tolist(), strict=True))

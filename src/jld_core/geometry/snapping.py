@@ -177,9 +177,10 @@ def _edges(rings: Sequence[Sequence[int]], closed: Sequence[bool]) -> Ints:
 
 
 def _hits(place: Floats, edges: Ints, tolerance: float) -> tuple[Ints, Ints, Floats, Floats]:
-    """Find nodes near the interior of edges they do not belong to.
+    """Find nodes within the tolerance of the interior of edges to which they do not belong.
 
-    Returns node, edge, distance, and the foot point as a share of the edge's length.
+    place: (n, 2) positions of the nodes. edges: (e, 2) nodes of each edge. The results (h,) are node, edge, distance,
+    and position of the foot point as a share of the edge's length. They are sorted by node, then by distance.
     """
     if not len(edges):
         none = np.zeros(0, dtype=np.int64)
@@ -205,7 +206,9 @@ def _onto_edges(
     """Move nodes onto the nearest edge within the tolerance, repeatedly.
 
     The repetition ends when nothing moves, or after `_ROUNDS` rounds. Where joints cross, corners may be further apart
-    than the tolerance, along both joints; they meet on an edge.
+    than the tolerance, along both joints; they meet on an edge. place: (n, 2) positions of the nodes. rings: nodes of
+    each path. node_of: node of each corner. closed: True for each closed path. The results are new positions, rings and
+    nodes of the corners.
     """
     place, size = place.copy(), float(np.ptp(place, axis=0).max())
     for _ in range(_ROUNDS if tolerance > 0.0 else 0):
@@ -229,9 +232,10 @@ def _onto_edges(
 
 
 def _without_swaps(place: Floats, node: Ints, ends: Ints, tolerance: float) -> Bools:
-    """Return (k,) True for nodes to move: of two near nodes that would swap, only one moves.
+    """Return a mask (k,) of nodes to move, so that no two near nodes swap places.
 
-    ends: (k, 2) nodes of the edge that each node moves onto.
+    Two nodes swap if each moves onto an edge that ends at the other; only one of them may move. place: (n, 2) positions
+    of all nodes. node: (k,) nodes that are to move. ends: (k, 2) nodes of the edge that each moves onto.
     """
     goal = dict(zip(node.tolist(), ends.tolist(), strict=True))
 
@@ -245,7 +249,7 @@ def _without_swaps(place: Floats, node: Ints, ends: Ints, tolerance: float) -> B
 def _meeting(place: Floats, rings: Sequence[Sequence[int]], tolerance: float) -> Ints:
     """Return the node (n,) that each node becomes after moves onto edges.
 
-    A node merges with a node of another ring that is within the tolerance.
+    A node merges with a node of another path within the tolerance. place: (n, 2) positions. rings: nodes of each path.
     """
     into = np.arange(len(place))
     owners: dict[int, set[int]] = {}
@@ -268,9 +272,10 @@ def _meeting(place: Floats, rings: Sequence[Sequence[int]], tolerance: float) ->
 def _with_hanging(
     place: Floats, rings: Sequence[Sequence[int]], closed: Sequence[bool], tolerance: float
 ) -> tuple[list[list[int]], list[list[bool]]]:
-    """Insert nodes that lie on the edges of rings as corners.
+    """Insert nodes that lie on the edges of paths as corners.
 
-    Returns the rings and, for every corner, True where it is an original corner of the ring.
+    place: (n, 2) positions. rings: nodes of each path. closed: True for each closed path. The results are the paths
+    and, for every corner, True where it is an original corner of the path.
     """
     edges = _edges(rings, closed)
     size = float(np.ptp(place, axis=0).max()) if len(place) else 0.0
@@ -300,7 +305,11 @@ def _with_hanging(
 
 
 def _without_straight(place: Floats, ring: list[int], own: list[bool], *, closed: bool) -> list[int]:
-    """Remove inserted nodes of a ring that cause no kink."""
+    """Remove inserted nodes of a path that lie in a straight edge.
+
+    place: (n, 2) positions. ring: nodes of the path. own: True for original corners, which stay. closed: True if the
+    last node is joined to the first.
+    """
     if not any(not mine for mine in own):
         return ring
     points, mine = place[ring], np.array(own)

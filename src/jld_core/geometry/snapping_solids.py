@@ -86,9 +86,11 @@ def snap_solids(vertices: Sequence[Floats], faces: Sequence[Faces], tolerance: f
 
 
 def _planes(place: Floats, loops: list[Ints], solid: Ints, tolerance: float) -> tuple[Ints, Floats, Floats]:
-    """Return the plane of every face, and the planes' normals (p, 3) and points (p, 3).
+    """Group faces that lie in one plane within the tolerance.
 
-    Normal and point are those of the largest face in each plane.
+    place: (n, 3) positions of the nodes. loops: nodes of each face. solid: (faces,) solid of each face. The results are
+    the plane (faces,) of each face, and normal (p, 3) and point (p, 3) of each plane, those of its largest face. The
+    plane is −1 for faces that are not plane themselves.
     """
     vector = np.zeros((len(loops), 3))
     middle = np.zeros((len(loops), 3))
@@ -162,7 +164,11 @@ def _stacked(loops: list[Ints]) -> list[tuple[Ints, Ints]]:
 def _onto_planes(
     place: Floats, loops: list[Ints], group: Ints, normal: Floats, origin: Floats, tolerance: float
 ) -> Floats:
-    """Move every node by the least distance onto the planes of the faces that meet in it."""
+    """Move every node by the least distance onto the planes of the faces that meet in it.
+
+    Nodes that would move further than a multiple of the tolerance stay. place: (n, 3) positions. loops: nodes of each
+    face. group: (faces,) plane of each face, −1 for none. normal, origin: (p, 3) of the planes. The result is (n, 3).
+    """
     count = np.array([len(loop) for loop in loops])
     node = np.concatenate(loops)
     pairs = np.unique(np.column_stack([node, np.repeat(group, count)]), axis=0)

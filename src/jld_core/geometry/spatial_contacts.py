@@ -166,10 +166,10 @@ def near_solids(facets: Facets, pairs: tuple[Ints, Ints]) -> list[NearMiss]:
 
 
 def _touches_throughout(facets: Facets, one: Ints, two: Ints, size: Floats) -> Bools:
-    """Return True for facets whose corners all lie so near the plane of another that they can only touch it.
+    """Return a mask (p,) of facet pairs that can only touch, so that no gap need be measured.
 
-    The gap between two facets is largest at corners of the second, so no overlap need be computed. Facets without four
-    corners are left for the overlap. size: (p,) of the smaller facet.
+    All corners of the second facet lie near the plane of the first. The mask is False if the second facet has not four
+    corners or has holes. one, two: (p,) facets. size: (p,) size of the smaller facet of each pair.
     """
     found = np.zeros(len(one), dtype=bool)
     four = np.flatnonzero([len(facets.loops[k]) == 1 and len(facets.loops[k][0]) == 4 for k in two.tolist()])
@@ -187,7 +187,7 @@ def _near_miss(
 ) -> NearMiss | None:
     """Return the gap between two facets over a region; None for a contact or a wide gap.
 
-    shared: the region, in the frame of the first facet. size: of the smaller facet.
+    one, two: facets. shared: the region, in the frame of the first facet. size: of the smaller facet.
     """
     axes, normal, slope = np.array([frames.e1[one], frames.e2[one]]), facets.normal[one], facets.normal[two]
     flat = np.concatenate([shapely.get_coordinates(shapely.point_on_surface(shared)), shapely.get_coordinates(shared)])
@@ -204,9 +204,10 @@ def _near_miss(
 
 
 def _opposite_facets(facets: Facets, a: Ints, b: Ints, share: float = tolerances.FACE) -> tuple[Ints, Ints]:
-    """Return pairs of facets of the element pairs that face one another in nearly one plane.
+    """Return pairs of facets that face one another in nearly one plane.
 
-    share: distance in units of the facet size by which bounding boxes are enlarged.
+    a, b: (p,) elements of each pair. share: distance by which bounding boxes are enlarged, in units of the facet size.
+    The results are the facets (r,) of the first and of the second element.
     """
     count = np.bincount(facets.element)
     start = np.concatenate([[0], np.cumsum(count)])[:-1]
@@ -246,9 +247,10 @@ def _opposite_facets(facets: Facets, a: Ints, b: Ints, share: float = tolerances
 def _cut_rectangles(
     facets: Facets, frames: FacetFrames, one: Ints, two: Ints
 ) -> tuple[Bools, list[tuple[int, SpatialContact]]]:
-    """Intersect rectangles with parallel sides.
+    """Intersect pairs of rectangles with parallel sides.
 
-    Returns the mask of pairs with parallel sides, which need no other treatment, and their contacts with positions.
+    one, two: (p,) facets. The results are a mask (p,) of pairs with parallel sides, which need no other treatment, and
+    their contacts, each with its position in the pairs.
     """
     first = np.array([facets.loops[index][0] for index in one])
     second = np.array([facets.loops[index][0] for index in two])
@@ -285,7 +287,10 @@ def _cut_rectangles(
 
 
 def _cut_polygons(facets: Facets, frames: FacetFrames, one: Ints, two: Ints) -> list[tuple[int, SpatialContact]]:
-    """Intersect arbitrary facets with shapely in the plane of the first one."""
+    """Intersect pairs of facets of any shape with shapely, in the plane of the first one.
+
+    one, two: (p,) facets. The result lists contacts, each with its position in the pairs.
+    """
     if not len(one):
         return []
     first, second = regions_in_planes(facets, frames, one, one), regions_in_planes(facets, frames, two, one)

@@ -28,8 +28,9 @@ _OFF: Final = 0.1
 class Fit:
     """Misfit of a stated contact and one of its elements, lengths in scene units.
 
-    size: largest extent of the contact. beyond: distance or length by which it exceeds the faces of the element. depth:
-    how far it lies inside the element. gap: how far it lies in front of the element.
+    size: largest extent of the contact. beyond: length or distance by which the contact exceeds the faces of the
+    element, see `fit_of_line` and `fit_of_polygon`. depth: largest distance of the contact inside the element. gap:
+    largest distance in front of the element.
     """
 
     size: float
@@ -211,7 +212,10 @@ def refuse_repeated(pairs: Sequence[tuple[int, int]], places: Sequence[Floats]) 
 
 
 def _cover(one: Floats, other: Floats) -> bool:
-    """Return True if two stated contacts share more than an end or an edge."""
+    """Return True if two stated contacts share more than an end or an edge.
+
+    one, other: ends (2, 2) or corners (k, 3) of each contact.
+    """
     size = min(float(np.linalg.norm(np.ptp(points, axis=0))) for points in (one, other))
     reach = tolerances.FACE * size
     if one.shape[1] == 2:

@@ -203,7 +203,10 @@ def union_solids(vertices: Sequence[Floats], faces: Sequence[Faces]) -> Surface:
 
 
 def _planes(facets: Facets, reach: float) -> list[list[int]]:
-    """Group facets by the plane they lie in, regardless of the sense of their normals."""
+    """Group facets by the plane they lie in, regardless of the sense of their normals.
+
+    reach: largest distance from the plane of the first facet of a group. The result lists the facets of each plane.
+    """
     groups: list[list[int]] = []
     first = np.zeros(len(facets), dtype=np.int64)
     for k in range(len(facets)):
@@ -234,7 +237,11 @@ def _weld(points: Floats, reach: float) -> Ints:
 
 
 def _outside(facets: Facets, plane: list[int], size: float) -> list[tuple[Floats, list[Floats]]]:
-    """Return the outer surface in one plane: outward normals and loops, the outer one first."""
+    """Return the outer surface in one plane, as a normal and boundary loops for each region.
+
+    plane: facets in the plane. size: extent of the solids. Normals point outwards; the outer loop of a region comes
+    first.
+    """
     normal = facets.normal[plane[0]]
     if len(plane) == 1:
         return [(normal, list(facets.loops[plane[0]]))]
@@ -311,7 +318,7 @@ def _triangles(points: Floats, loops: Sequence[Sequence[int]]) -> list[tuple[int
 
 
 def _fans(ring: Floats) -> bool:
-    """Return True if a counter-clockwise outline is strictly convex at every corner."""
+    """Return True if a counter-clockwise outline (k, 2) is strictly convex at every corner."""
     after = np.roll(ring, -1, axis=0) - ring
     before = np.roll(after, 1, axis=0)
     bend = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]

@@ -132,6 +132,9 @@ class _Search:
         mesh = vertex_mesh(assembly)
         variables = variables_of(assembly, labels, mesh, move, named=True)
         basis = variables.basis
+        if move.ties == "equal-shapes":
+            problem = 'the ties "equal-shapes" are not linear in the positions'
+            raise ParameterError("prove", problem, '"mirror-x" or lists of points')
         if move.maximise != "load_factor":
             raise ParameterError("prove", f'it bounds λ, not "{move.maximise}"', '"maximise": "load_factor"')
         if not np.isnan(variables.centre).all():

@@ -12,6 +12,7 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly, blocks_of
 from jld_core.errors import InputError
+from jld_core.geometry_optimisation.equal_shapes import EqualShapes, equal_corners
 from jld_core.geometry_optimisation.planar_rates import AreaRates, area_rates
 from jld_core.geometry_optimisation.vertex_mesh import VertexMesh
 from jld_core.scene import PointLoad, Scene
@@ -51,7 +52,7 @@ class LimitValues:
 
 
 class Limits:
-    """Limits on angles, edges, areas, masses, draft and places of loads, as r numbers.
+    """Limits on angles, edges, areas, masses, draft, equal shapes and places of loads, as r numbers.
 
     A limit that the start does not keep is relaxed to what the start keeps.
 
@@ -100,6 +101,11 @@ class Limits:
         )
         self._fixed_mass = self._masses @ np.ones(len(free)) if self._masses.shape[0] else np.zeros(0)
         self._joints = np.flatnonzero(labels & moving[mesh.ends].any(axis=1)) if move.draft else np.empty(0, np.int64)
+        outlines = [_corners_alone(loop, mesh.places) for loop in mesh.loops]
+        changing = np.array([moving[loop].any() for loop in mesh.loops])
+        chosen = np.flatnonzero(free).tolist() if move.ties == "equal-shapes" else []
+        pairs = equal_corners([outlines[k] for k in chosen], mesh.places, changing[chosen])
+        self._shapes = EqualShapes(pairs, mesh.places)
         self._loads = _loads_on_edges(scene, assembly, mesh)
         self._sign = np.ones(len(self._joints))
         start = self.at(mesh.places, drafted=True)
@@ -125,6 +131,7 @@ class Limits:
         found = np.zeros(count, dtype=bool)
         if self._move.straight:
             found[: len(self._straight)] = True
+        found[count - len(self._shapes) :] = True
         return found
 
     def at(self, places: Floats, *, drafted: bool = False) -> LimitValues:
@@ -134,7 +141,12 @@ class Limits:
         """
         rates = area_rates(VertexMesh(places, self._mesh.loops, self._mesh.ends))
         parts = [self._of_straight(places), self._of_angles(places), self._of_edges(places), self._of_areas(rates)]
-        parts += [self._of_masses(rates), self._of_loads(places), self._of_draft(places, drafted)]
+        parts += [
+            self._of_masses(rates),
+            self._of_loads(places),
+            self._of_draft(places, drafted),
+            self._shapes.at(places),
+        ]
         values = np.concatenate([value for value, _ in parts])
         return LimitValues(values, sp.csr_array(sp.vstack([rates for _, rates in parts])))
 

@@ -34,6 +34,8 @@ def require_spatial(assembly: Assembly, labels: Bits, move: Move) -> None:
             raise InputError(f"move.{key}", "it has no meaning in space", '"edge", "box", "block_mass" or "ties"')
     if move.maximise != "load_factor":
         raise InputError("move.maximise", f'"{move.maximise}" is for planar arches', '"load_factor" in space')
+    if move.ties == "equal-shapes":
+        raise InputError("move.ties", '"equal-shapes" is for planar scenes', '"mirror-x" or lists of points in space')
     if any(path.circle is not None for path in move.along):
         raise InputError("move.along", "circles are for planar scenes", '"at" with "direction" in space')
     if assembly.shape_loads is not None and assembly.shape_loads.pressed:

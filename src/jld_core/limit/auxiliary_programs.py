@@ -125,9 +125,9 @@ class LargestSupport:
     def boundary_direction(self, start: int, size: int, least: float = 0.5) -> Floats | None:
         """Return the direction of the point in one second-order cone, if it lies on the boundary.
 
-        The direction is the unit vector (size − 1,) of the rows after the first. The result is None where the first row
-        is at most `least`, or where the other rows are shorter than half of it. start, size: first row and number of
-        rows of the cone.
+        The direction is the unit vector (size − 1,) of the rows after the first. The result is None if the value of the
+        first row is at most `least`, or the norm of the others is below half of that value. start, size: first row and
+        number of rows of the cone.
         """
         vector = self.values[start : start + size]
         length = float(np.linalg.norm(vector[1:]))

@@ -141,7 +141,7 @@ class Prover:
         Notes
         -----
         The slack of a face is divided by its largest resultant where that is below 1. The error is that of `imbalance`.
-        Rounding of large live loads elsewhere must not hide what a small one needs.
+        Rounding errors of large live loads elsewhere must not hide the forces that a small load needs.
         """
         if not usable(point) or not point[-1] > 0.0:
             return self._nothing()

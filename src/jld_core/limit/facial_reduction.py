@@ -326,7 +326,7 @@ def _along_axes(program: ConicProgram, columns: int) -> LargestSupport | None:
     """Find a self-stress by an interior-point method, and project it onto faces of the cones.
 
     Shear that is nearly along an axis of a face is put on that axis. columns: number of leading columns that a
-    self-stress uses. The point has no row with slack if there is no self-stress.
+    self-stress uses. The result is never None; its point has no row with slack if there is no self-stress.
     """
     found = largest_support(program, columns, largest=LARGEST)
     point = project_onto_faces(program, found, np.zeros(program.structure.equalities), _ALONG)
@@ -336,7 +336,7 @@ def _along_axes(program: ConicProgram, columns: int) -> LargestSupport | None:
 def _without_projection(program: ConicProgram, columns: int) -> LargestSupport | None:
     """Find a self-stress of any size by an interior-point method, without projection.
 
-    columns: number of leading columns that a self-stress uses.
+    columns: number of leading columns that a self-stress uses. The result is never None.
     """
     return largest_support(program, columns, largest=np.inf)
 

@@ -12,10 +12,11 @@ from jld_core.geometry import spun
 
 
 def without_idle(assembly: Assembly, forces: Floats) -> Floats:
-    """Return resultants (m, q) with zeros where the interface of a member carries nothing.
+    """Return resultants (m, q) with zeros for components that a member cannot carry.
 
     A bar has no bending, no torsion and no shear, and a pin has axial force only where it states a capacity. The
-    program leaves these numbers free, because nothing depends on them. N of faces is that without bond. forces: (m, q).
+    program leaves these numbers free, because nothing depends on them. The bond of joints is subtracted from N. forces:
+    (m, q).
     """
     members, found = assembly.members, forces
     if members.bond is not None:
@@ -68,10 +69,10 @@ def effects(assembly: Assembly, forces: Floats) -> Floats:
 
 
 def members_to_json(assembly: Assembly, forces: Floats | None, mechanism: Floats | None) -> list[dict[str, Any]]:
-    """Return one object for each member: name, kind, elements, force, shear of a pin, and elongation.
+    """Return one JSON object for each member, with forces and elongation.
 
-    Forces are positive in tension. forces: (m, q) resultants, and mechanism: (n, q) velocities; None where there are
-    none.
+    Entries are name, kind, elements, force (positive in tension), shear of a pin, and elongation. forces: (m, q)
+    resultants, and mechanism: (n, q) velocities; None where there are none.
     """
     members, ids = assembly.members, assembly.elements.ids
     force = None if forces is None else tensions(assembly, forces)

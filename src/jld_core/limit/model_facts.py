@@ -76,13 +76,13 @@ class ZeroDilation:
 
 @dataclass(frozen=True)
 class EffectiveAreas:
-    """How well the torsion limits of dry faces agree with their areas in compression.
+    """Agreement of the torsion limits of dry faces with their areas in compression.
 
     Attributes
     ----------
     change : float or None
-        Largest difference between the effective areas of the proof and those of its forces, relative to the face, or
-        between their centres; 0 at a proven fixed point. None if no forces were found.
+        Largest change of effective areas from those assumed in the proof to those under the forces found. It is the
+        change of c_T,e / c_T or of x / c_T, see docs/method.md (2.14); 0 at a proven fixed point. None without forces.
     load_factor_whole_faces : float or None
         λ with torsion on whole faces, scene units; None where there is none.
     """

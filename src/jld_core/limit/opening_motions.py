@@ -66,14 +66,16 @@ class OpeningMotions:
         Returns
         -------
         Motion or None
-            Motion with positive margin on every face; None if no motion of this form opens every face.
+            Motion with positive margin on every face; None if no motion of this form opens every face. It is also None
+            without supports or weight, with an additional equation, and where joints crush or inner faces have the
+            larger friction.
         """
         if not self._expansion_known:
             self._expansion, self._expansion_known = self._expanding(), True
         return self._expansion
 
     def _expanding(self) -> Motion | None:
-        """Compute the motion that `expansion` returns."""
+        """Compute the motion that `expansion` returns and stores; None as there."""
         template = self.template
         elements, faces = template.assembly.elements, template.assembly.interfaces
         held = elements.support[faces.a] | elements.support[faces.b]

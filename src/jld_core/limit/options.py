@@ -59,7 +59,7 @@ class SolveOptions:
     Raises
     ------
     InputError
-        If an option has no such value, or if two options exclude each other.
+        If the value of an option is not allowed, or if two options exclude each other.
     """
 
     friction: Friction = "associative"

@@ -80,7 +80,7 @@ class PartialLabellingBounds(ABC):
 
     @abstractmethod
     def minimize_conflicts(self, request: ConflictRequest) -> list[MinimizedConflict]:
-        """Reduce the decided faces of labellings as far as bounds stay below their thresholds.
+        """Remove decided faces of labellings while the bounds stay below their thresholds.
 
         Neighbours of the labellings are treated as well. The work balance of every refutation is evaluated again here.
         It requires the batch solver, see `batched`.

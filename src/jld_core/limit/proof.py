@@ -34,7 +34,7 @@ class Proof:
     status : Status
         Outcome that the proof supports.
     stands : bool or None
-        Whether λ = 0 is admissible; None where undecided.
+        True if λ = 0 is admissible, False if not; None where undecided.
     found : State or None
         Forces to report where they differ from those of the lower bound. With zero dilation they may violate friction.
     associative : float

@@ -44,7 +44,7 @@ class LimitAnalysisResult(NotebookRepr):
     gap : float
         Relative width of the bracket; NaN for unstable and locked structures.
     stands_at_zero : bool or None
-        Whether λ = 0 is admissible; None where undecided.
+        True if λ = 0 is admissible, False if not; None where undecided.
     forces : (m, q) float array or None
         Resultants in scene units, admissible at `bracket[0]`: planar N, V, M; spatial N, V1, V2, M1, M2, MT. The last
         rows are those of members: compression beyond the prestress, and shear of pins. With load cases they are those
@@ -146,7 +146,7 @@ class LimitAnalysisResult(NotebookRepr):
 
     @property
     def falling(self) -> Floats | None:
-        """Return `instability_mechanism`, under its name of version 0.2, with a warning."""
+        """Return `instability_mechanism` under its name of version 0.2, with a warning."""
         warn_renamed("result.falling", "result.instability_mechanism")
         return self.instability_mechanism
 
@@ -267,7 +267,7 @@ class LimitAnalysisResult(NotebookRepr):
 def _faces(assembly: Assembly, labels: Bits) -> list[dict[str, Any]]:
     """Return the JSON entries of all faces: elements, label, local frame and size.
 
-    Values are in scene units. They suffice to check equilibrium and yield by hand.
+    labels: (m,) True = dry. Values are in scene units. They suffice to check equilibrium and yield by hand.
     """
     faces, ids = assembly.interfaces, assembly.elements.ids
     planar = assembly.dimension == 2

@@ -75,7 +75,7 @@ def result_of(
 
 
 def _scene(template: Template, forces: Floats, *, ray: bool = False) -> Floats:
-    """Convert scaled resultants (m, q) to scene units, without numbers of members that carry nothing.
+    """Convert scaled resultants (m, q) to scene units; see `without_idle` for members.
 
     ray: True for forces that grow with λ, to which bond adds nothing.
     """

@@ -9,7 +9,10 @@ from jld_core.sub_assembly import faces_of
 
 
 def result_of_faces(result: LimitAnalysisResult) -> LimitAnalysisResult:
-    """Return a result without the interfaces of members, for what draws or lists faces."""
+    """Return a copy of a result without the interfaces of members.
+
+    Figures and tables of faces use it.
+    """
     assembly = faces_of(result.assembly)
     if assembly is result.assembly:
         return result

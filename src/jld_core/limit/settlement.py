@@ -37,7 +37,7 @@ class Settled:
     labels : (m,) bool array
         Labels, True = dry.
     stands : bool or None
-        Whether the structure stands under this load; None where undecided.
+        True if the structure stands under this load, False if not; None where undecided.
     least, most : Thrust or None
         Ends of the range of R; None if the structure does not stand.
     seconds : float

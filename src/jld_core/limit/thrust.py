@@ -47,7 +47,7 @@ class Resultant:
     point : (d,) array
         Point about which moments are taken, scene units.
     function : ForceFunction
-        Its value for any forces at the interfaces, scene units.
+        Value of the component for any forces at the interfaces, scene units.
     """
 
     place: str
@@ -119,7 +119,7 @@ class ThrustRanges:
     load_factor : float
         Factor of the live load that acts.
     stands : bool or None
-        Whether the structure stands under this load; None where undecided.
+        True if the structure stands under this load, False if not; None where undecided.
     ranges : tuple of ResultantRange
         One per resultant; empty if the structure does not stand.
     seconds : float

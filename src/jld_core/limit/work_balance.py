@@ -32,7 +32,7 @@ class WorkBalance:
     sound : (k,) bool array
         True where the dissipation is finite and the work not negative.
     own, either : (k, m) arrays
-        Dissipation of each face under its own label, and the larger one of both labels; inf where it is not finite.
+        Dissipation of each face under the given label, and the larger one of both labels; inf where it is not finite.
     """
 
     velocities: Floats

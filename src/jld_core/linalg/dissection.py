@@ -89,10 +89,11 @@ def nested_dissection(rows: Ints, columns: Ints, count: int, leaf: int, places: 
 
 
 def _bisect(nodes: Ints, a: Ints, b: Ints, places: Floats, side: np.ndarray) -> tuple[Ints, Ints, Ints]:
-    """Split a part of a graph into two halves and a separator, the smaller one of two cuts.
+    """Split a part of a graph into two halves and a separator, and return all three.
 
-    nodes: of the part. a, b: ends of the edges. places: (n, d) coordinates of all nodes. side: work array (n,). Each of
-    the two longest directions gives a cut; the separator is the smaller of the two sets of nodes along it.
+    Each of the two longest directions gives a cut, and either set of nodes along a cut may be the separator; the
+    smallest one is taken. nodes: nodes of the part. a, b: ends of the edges. places: (n, d) coordinates of all nodes.
+    side: work array (n,), overwritten at the nodes of the part.
     """
     middle = places[nodes] - places[nodes].mean(axis=0)
     axes = np.linalg.eigh(middle.T @ middle)[1][:, ::-1]

@@ -84,7 +84,11 @@ class CaseAnalysis:
         return governing_result(self.assembly, dict(zip(names, found, strict=True)))
 
     def _solve_case(self, analysis: LimitAnalysis, labels: Bits, stands: bool) -> LimitAnalysisResult:
-        """Solve one labelling under the load case of an analysis."""
+        """Solve one labelling under the load case of an analysis.
+
+        labels, stands: as in `solve`. With `single_labelling`, the time of the result includes that of building the
+        analysis.
+        """
         start = time.perf_counter()
         proof = solve_labelling(analysis, labels, self.model, stands=stands)
         elapsed = time.perf_counter() - start

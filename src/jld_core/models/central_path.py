@@ -62,7 +62,7 @@ class PathPoint:
     z : (rows,) array
         Multipliers of the rows.
     gap : float
-        s·z: bound on what the frozen optimum lies above λ, where residuals are zero.
+        Gap s·z. Where residuals are zero, it bounds the distance of the frozen optimum above λ.
     residual : float
         Norm of the residuals of equilibrium, rows and stationarity.
     """

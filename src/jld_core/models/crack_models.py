@@ -1,4 +1,4 @@
-"""Which crack models a scene and its options allow."""
+"""Check that a scene and its options allow the crack model of the scene."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def require_cracks(
     scene : Scene
         Scene with the crack model.
     assembly : Assembly
-        Its assembly.
+        Assembly of the scene.
     options : SolveOptions, optional
         Model options. Cracks by fields require the default of every option.
     where : str

@@ -50,7 +50,8 @@ HOLDING_WEIGHT: Final = 30.0
 def require_rectangles(assembly: Assembly, labels: Bits) -> None:
     """Raise InputError if effective areas do not apply to a labelling of an assembly.
 
-    They apply to spatial scenes with a dry rectangle and without cohesion of dry faces. labels: (m,) True = dry.
+    They do not apply to planar scenes, to dry faces of which none is a rectangle, and to dry faces with cohesion.
+    labels: (m,) True = dry.
     """
     if assembly.dimension == 2:
         raise ParameterError("effective_area", "the scene is planar", "a spatial scene")
@@ -135,7 +136,7 @@ def prove_effective_area(
     Raises
     ------
     InputError
-        If the scene is planar, has no dry rectangle, or a dry face has cohesion.
+        If the scene is planar, no dry face is a rectangle, or a dry face has cohesion.
     """
     start = time.perf_counter()
     require_rectangles(analysis.assembly, labels)
@@ -180,8 +181,8 @@ def prove_effective_area(
 def _proof_of(analysis: LimitAnalysis, labels: Bits, found: FixedPoint) -> Proof:
     """Return the proof that a fixed point supports.
 
-    Its lower bound are the forces within their own areas, its upper bound the mechanism of the frozen problem. labels:
-    (m,) True = dry. found: the fixed point.
+    The forces within their own areas prove the lower bound. The mechanism of the frozen problem proves the upper bound.
+    labels: (m,) True = dry. found: the fixed point.
     """
     proof = Proof(state=found.state, motion=found.motion)
     proof.status = analysis.with_template(found.prover.template, labels).status_of(proof)
@@ -336,7 +337,7 @@ def _notes(analysis: LimitAnalysis, labels: Bits, plain: Proof, proof: Proof) ->
 def _iterate(
     analysis: LimitAnalysis, labels: Bits, forces: Floats, most: int, weight: float
 ) -> tuple[State, Proof, Floats, int]:
-    """Iterate on forces and effective areas until they agree.
+    """Iterate on forces and effective areas until the areas are those of the forces.
 
     `_STEPS` free steps come first, then steps that hold the forces. labels: (m,) True = dry. forces: (m, q) scaled
     start. most, weight: as in `prove_effective_area`. The results are a state, the proof with the areas frozen, the

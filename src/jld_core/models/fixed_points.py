@@ -172,8 +172,8 @@ def _checked(analysis: LimitAnalysis, labels: Bits, point: PathPoint, starts: in
 def _with_frozen_mechanism(analysis: LimitAnalysis, labels: Bits, found: FixedPoint) -> FixedPoint:
     """Solve the problem frozen at the areas of a fixed point, for a better mechanism.
 
-    Its mechanism is more accurate than the multipliers of an iterate. The narrower bracket is kept. labels: (m,) True =
-    dry.
+    The mechanism of the solution is more accurate than the multipliers of an iterate. The narrower bracket is kept.
+    labels: (m,) True = dry.
     """
     proof = analysis.with_template(found.prover.template, labels).prove(labels)
     width = (

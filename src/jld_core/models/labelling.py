@@ -142,7 +142,7 @@ def _proof(
 ) -> Proof:
     """Prove λ of one labelling under the friction of the options, on the contacts as given.
 
-    stands, pruning_threshold: as in `solve_labelling`.
+    labels: (m,) True = dry. stands, pruning_threshold: as in `solve_labelling`.
     """
     if options.friction == "zero-dilation":
         # Local imports: most labellings are solved with dilation, and `jld solve` is to start quickly.

@@ -165,7 +165,10 @@ class _Change:
 
 
 def _parameters(assembly: Assembly, labels: Bits) -> list[tuple[str, _Change, str]]:
-    """List name, change and unit of each parameter that the labelling uses and is not zero."""
+    """List name, change and unit of each parameter that is not zero and that a labelling uses.
+
+    labels: (m,) True = dry.
+    """
     stress = f"{assembly.units[1]}/{assembly.units[0]}²"
     found = []
     for name, strength, faces, unit in (
@@ -199,7 +202,7 @@ class SolvedProgram:
     program : ConicProgram
         The program, scaled.
     point, dual : (columns,) and (rows,) arrays
-        Its solution y and multipliers w.
+        Solution y and multipliers w of the program.
     held : (rows,) bool array
         Linear rows that count as tight: multiplier larger than slack, as the solver gives both.
     """

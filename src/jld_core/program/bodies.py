@@ -34,10 +34,10 @@ class Bodies:
 
     @cached_property
     def root(self) -> Ints:
-        """Number (free,) among the free elements of the element that stands for the block of each.
+        """Return the root (free,) of each free element: the element that represents its block.
 
-        It is the element nearest to the middle of the block. Elements of blocks that a support holds stand for
-        themselves.
+        Both are indices among the free elements. The root is the element nearest to the middle of the block. Elements
+        of blocks that contain a support are roots of themselves.
         """
         elements = self.assembly.elements
         block = blocks_of(self.assembly, self.labels)

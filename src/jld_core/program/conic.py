@@ -48,7 +48,7 @@ class Structure:
 
     @property
     def heads(self) -> Ints:
-        """First row of each second-order cone, (cones,)."""
+        """Return the first row of each second-order cone, (cones,)."""
         return self.equalities + self.linear + beginnings(self.cones)
 
 
@@ -121,7 +121,7 @@ With 42 bits all of 180 programs of random scenes are the same in other units, w
 
 
 def _round(values: Floats) -> Floats:
-    """Round to `_SHARED_BITS` bits, by Veltkamp's splitting."""
+    """Round an array of any shape to `_SHARED_BITS` bits, by Veltkamp's splitting."""
     high = (2.0 ** (53 - _SHARED_BITS) + 1.0) * values
     return np.asarray(high - (high - values))
 
@@ -152,7 +152,7 @@ class ConicProgram:
 
     @cached_property
     def rounded(self) -> ConicProgram:
-        """The program that solvers get: M and r rounded to `_SHARED_BITS` bits.
+        """Return the program that solvers get: M and r rounded to `_SHARED_BITS` bits.
 
         The last digits of a solver's answer then depend neither on units nor on the order of a sum. Bounds proven from
         that answer use the numbers as they are.
@@ -161,6 +161,6 @@ class ConicProgram:
 
     @cached_property
     def matrix(self) -> sp.csc_array:
-        """Matrix M as a sparse array (rows, columns) in compressed columns."""
+        """Return the matrix M as a sparse array (rows, columns) in compressed columns."""
         s = self.structure
         return sp.csc_array((self.data, s.indices, s.indptr), shape=s.shape)

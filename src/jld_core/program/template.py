@@ -115,7 +115,7 @@ class Template:
 
     @property
     def precision(self) -> Precision:
-        """Accuracy that an interior-point method should reach on these programs, by their cones."""
+        """Return the accuracy that an interior-point method should reach on these programs."""
         if not self.structure.cones:
             return tolerances.LINEAR
         strengths = self.assembly.strengths
@@ -123,7 +123,7 @@ class Template:
         return tolerances.CRUSHING if (crushing & ~self.assembly.of_members).any() else tolerances.FRICTION_CONES
 
     def renumbered(self, sets: YieldSet) -> Template:
-        """Return a template with another yield set, for instance of other strengths.
+        """Return a template with another yield set, for example one of other strengths.
 
         Scaling and equilibrium are shared, and so is the structure if its sparsity is the same.
         """
@@ -147,7 +147,7 @@ class Template:
 
     @property
     def columns(self) -> int:
-        """Number of columns of the programs: resultants, extra variables and λ."""
+        """Return the number of columns of the programs: resultants, extra variables and λ."""
         return self.structure.shape[1]
 
     def _lay_out(self, sets: Rows) -> None:

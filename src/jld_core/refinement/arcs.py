@@ -31,7 +31,7 @@ class Arc:
     centre : (2,) array
         Centre of the circle, scene units.
     radius : float
-        Its radius.
+        Radius of the circle, scene units.
     angles : (k,) array
         Angles of the corners about the centre, ascending, radians; the first and the last are its ends.
     hollow : bool
@@ -45,7 +45,7 @@ class Arc:
 
     @property
     def sweep(self) -> float:
-        """Angle between the ends, radians."""
+        """Return the angle between the ends, radians."""
         return float(self.angles[-1] - self.angles[0])
 
     def point(self, angle: float) -> Floats:
@@ -77,7 +77,11 @@ def find_arcs(ring: Floats) -> list[Arc]:
 
 
 def _longest(ring: Floats, turn: Floats, smooth: Floats, start: int, most: int) -> int:
-    """Return the number of corners from `start` on that lie on one circle and turn to one side, at least 1."""
+    """Return the number of corners from `start` on that form one arc, 1 if there is none.
+
+    Corners of an arc lie on one circle and turn to one side. ring: (k, 2). turn: (k,) angle at each corner. smooth:
+    (k,) True for corners inside an arc. most: largest number to try.
+    """
     count, run = len(ring), 1
     for number in range(_LEAST, most + 1):
         inside = (start + np.arange(1, number - 1)) % count
@@ -90,7 +94,10 @@ def _longest(ring: Floats, turn: Floats, smooth: Floats, start: int, most: int) 
 
 
 def _fit(points: Floats) -> tuple[Floats, float] | None:
-    """Return centre and radius of the circle nearest to points (k, 2), or None if they are not on it."""
+    """Return centre and radius of the circle through points (k, 2).
+
+    The circle is a least-squares fit. The result is None if a point is off it by more than a tolerance.
+    """
     middle, extent = points.mean(axis=0), float(np.ptp(points, axis=0).max())
     local = (points - middle) / extent
     rows = np.column_stack([2.0 * local, np.ones(len(local))])
@@ -103,7 +110,10 @@ def _fit(points: Floats) -> tuple[Floats, float] | None:
 
 
 def _arc(points: Floats) -> Arc | None:
-    """Return the arc through points (k, 2) of a counter-clockwise outline, or None if it is too flat."""
+    """Return the arc through points (k, 2) of a counter-clockwise outline.
+
+    The result is None if the points are on no circle, or turn by less than the least angle of an arc.
+    """
     fitted = _fit(points)
     if fitted is None:
         return None

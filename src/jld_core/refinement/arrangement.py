@@ -90,7 +90,11 @@ def _faces(
     extent: float,
     size: float,
 ) -> list[shapely.Polygon]:
-    """Return the faces of the arrangement of all outlines and cell boundaries."""
+    """Return the faces of the arrangement of all outlines and cell boundaries.
+
+    outlines: corners (k, 2) of each element that is cut. known: (c, 2) corners that stay exact. cells: cells. origin:
+    (2,) point about which coordinates are computed. extent: of the structure. size: of a cell, length.
+    """
     rings = [shapely.LinearRing(outline - origin) for outline in outlines]
     borders = shapely.transform(shapely.boundary(np.array(list(cells))), lambda points: points - origin)
     pieces = shapely.get_parts(shapely.union_all([*rings, *borders], grid_size=_GRID * extent))
@@ -106,9 +110,11 @@ def _faces(
 def _nodes(
     points: Floats, corners: Floats, rings: Sequence[shapely.LinearRing], extent: float, size: float
 ) -> tuple[Ints, Floats]:
-    """Return the row (k,) of each point in a table of places: unchanged corners, then points.
+    """Merge near points; return the row (k,) of each in a table of places, and the table.
 
-    A node on an outline stays on it: points merge with corners first, then with points on outlines, then with others.
+    The table holds the unchanged corners, then the points. Points merge with corners first, then with points on
+    outlines, then with others, so that a node on an outline stays on it. points: (k, 2). corners: (c, 2). rings:
+    outlines. extent: of the structure. size: of a cell, length.
     """
     near = shapely.STRtree(list(rings)).query(shapely.points(points), predicate="dwithin", distance=_ON * extent)[0]
     on = np.zeros(len(points), dtype=bool)

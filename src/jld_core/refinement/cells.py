@@ -56,7 +56,7 @@ def crack_cells(scene: Scene, assembly: Assembly, cell: float) -> CrackCells:
     scene : Scene
         Scene with inner material, without stated interfaces.
     assembly : Assembly
-        Its assembly, the joint grid; at low values of materials where it has nominal ones.
+        Assembly of the scene, the joint grid. If it has low values of materials, so have the cells.
     cell : float
         Size of the cells along every axis, length.
 
@@ -68,7 +68,7 @@ def crack_cells(scene: Scene, assembly: Assembly, cell: float) -> CrackCells:
     Raises
     ------
     InputError
-        The scene does not fit `refine`, or cells touch whose elements do not.
+        If `refine` does not accept the scene, or if two cells touch although their elements do not.
     """
     try:
         refined = refine(scene, (cell,))
@@ -85,7 +85,8 @@ def joint_faces(joints: Assembly, fine: Assembly, parent: dict[str, str]) -> Int
     """Return the face of the joint grid that each face of the cells is a piece of, (M,).
 
     It is −1 inside an element. joints: assembly of the joint grid. fine: assembly of the cells, with M interfaces.
-    parent: element of the joint grid, by the id of each cell. Raises InputError if cells touch whose elements do not.
+    parent: element of the joint grid, by the id of each cell. Raises InputError if two cells touch although their
+    elements do not.
     """
     element = np.array([joints.elements.index[parent[name]] for name in fine.elements.ids])
     between: dict[tuple[int, int], list[int]] = {}

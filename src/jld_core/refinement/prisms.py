@@ -46,7 +46,11 @@ class Prism:
     length: float
 
     def part(self, outline: Floats, low: float, high: float) -> tuple[Floats, Faces]:
-        """Return vertices and outward faces of a prism on an outline (k, 2) between two distances from the cap."""
+        """Return vertices and outward faces of a part of the prism.
+
+        outline: (k, 2) outline of the part in the profile. low, high: distances of both ends of the part from the lower
+        cap.
+        """
         count = len(outline)
         flat = self.origin + outline @ self.axes[:2]
         vertices = np.concatenate([flat + low * self.axes[2], flat + high * self.axes[2]])
@@ -55,9 +59,10 @@ class Prism:
 
 
 def prism_of(vertices: Floats, faces: Faces) -> Prism | None:
-    """Return a solid as a prism with a profile without holes, or None if it is none.
+    """Return a solid as a prism with a profile without holes; None if it is no such prism.
 
-    vertices: (k, 3). faces: outward loops. Of several axes that of the profile with the most corners is taken.
+    Of several possible axes, that whose profile has the most corners is taken. vertices: (k, 3). faces: outward loops
+    of vertex indices.
     """
     size = float(np.ptp(vertices, axis=0).max())
     facets = facets_of([vertices], [faces])
@@ -99,8 +104,10 @@ def split_prism(
 ) -> list[tuple[Floats, Faces]]:
     """Cut a prism into voussoirs, rings and courses along its axis.
 
-    down: (3,) direction of weight. courses: number of equal lengths. running: True shifts every second voussoir by half
-    a course. Raises InputError if the solid is no prism, or its profile has neither an arc nor a soffit.
+    name: of the element, for messages. vertices: (k, 3). faces: outward loops of vertex indices. down: (3,) direction
+    of weight. voussoirs, rings: as in `voussoir_cells`. courses: number of equal lengths. running: True shifts every
+    second voussoir by half a course. Returns vertices and faces of each piece. Raises InputError if the solid is no
+    prism, its axis is upright, or its profile has neither an arc nor a soffit.
     """
     prism = prism_of(vertices, faces)
     if prism is None:

@@ -69,7 +69,8 @@ def refine(
     """Split every free element of a scene into cells; supports stay whole.
 
     The scene's own labelling stays the same: inner faces join the pieces of an element, and old faces keep their
-    labels. Loads act on the piece at their point of application. Weights are distributed by volume.
+    labels. Loads act on the piece at their point of application; moving loads and pressure along a polyline stay.
+    Weights are distributed by volume.
 
     Parameters
     ----------
@@ -107,7 +108,8 @@ def refine(
     Raises
     ------
     InputError
-        Sizes or kinds do not fit the scene, an element cannot be cut, or the inner material is missing.
+        If sizes or kinds do not fit the scene, an element cannot be cut, the inner material is missing, or a pressure
+        acts on the whole free boundary of an element that is split.
     """
     grid = _Grid(cell, kind, centre, seed, bond, voussoirs, rings, courses)
     _check(scene, grid, by)
@@ -133,7 +135,7 @@ def refine(
 
 @dataclass(frozen=True)
 class _Grid:
-    """Parameters of `refine` that say what cells are made."""
+    """Parameters of `refine` that define the cells."""
 
     cell: tuple[float, ...]
     kind: str
@@ -215,7 +217,10 @@ def _planar(assembly: Assembly, grid: _Grid, down: Floats) -> list[list[Piece]]:
 def _cells(
     assembly: Assembly, outlines: list[shapely.Polygon], grid: _Grid, down: Floats
 ) -> tuple[list[shapely.Polygon], float, float]:
-    """Return the cells, their smallest length, and the area below which a piece joins its neighbour."""
+    """Return the cells, the length of the shortest side, and the least area of a piece.
+
+    Pieces of smaller area join a neighbour. outlines: elements as polygons. down: (2,) direction of weight.
+    """
     elements, free = assembly.elements, assembly.elements.free
     if grid.voussoirs is not None:
         shapes = [elements.shape[k] for k in free]
@@ -262,7 +267,11 @@ def _spatial(assembly: Assembly, grid: _Grid, down: Floats) -> list[list[Piece]]
 
 
 def _by_planes(assembly: Assembly, cell: tuple[float, ...]) -> Callable[[int], list[tuple[Floats, Faces]]]:
-    """Return the function that cuts an element by planes along the axes."""
+    """Return the function that cuts an element, given by its index, by planes along the axes.
+
+    cell: sizes along the axes. Raises ParameterError for too many cells; the function raises InputError for an element
+    that is not convex.
+    """
     elements = assembly.elements
     sizes = (cell[0], cell[min(1, len(cell) - 1)], cell[-1])
     lower = elements.lower[elements.free].min(axis=0)
@@ -291,7 +300,10 @@ def _by_planes(assembly: Assembly, cell: tuple[float, ...]) -> Callable[[int], l
 
 
 def _volume(vertices: Floats, faces: Faces) -> float:
-    """Compute the volume of a polyhedron."""
+    """Compute the volume of a polyhedron.
+
+    vertices: (k, 3). faces: outward loops of vertex indices.
+    """
     total = 0.0
     for loop in faces:
         corners = vertices[list(loop)] - vertices[0]
@@ -304,7 +316,10 @@ def _volume(vertices: Floats, faces: Faces) -> float:
 def _elements(
     scene: Scene, assembly: Assembly, cut_up: list[list[Piece]]
 ) -> tuple[list[dict[str, Any]], dict[str, str], list[str]]:
-    """Return scene entries of all pieces, the original element of each, and notes."""
+    """Return scene entries of all pieces, the original element of each by id, and notes.
+
+    cut_up: pieces of each element. Raises InputError if a piece would have the id of another element.
+    """
     elements = assembly.elements
     given = {e.id: e.model_dump(mode="json", exclude_defaults=True) for e in scene.elements or []}
     entries, parent = [], {}

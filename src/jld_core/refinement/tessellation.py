@@ -111,7 +111,7 @@ def sectors(
 
 
 def _refuse(count: float) -> None:
-    """Raise InputError for too many cells."""
+    """Raise InputError if the number of cells exceeds `MOST`."""
     if count > MOST:
         raise ParameterError("cell", f"that makes {count:.3g} cells", f"at most {MOST}")
 
@@ -131,9 +131,10 @@ def cut(vertices: Floats, faces: Faces, normal: Floats, offset: float) -> list[t
 
 
 def _half(vertices: Floats, faces: Faces, height: Floats, normal: Floats) -> tuple[Floats, Faces]:
-    """Return the part of a polyhedron above a plane, with the cut as a face.
+    """Return the part of a convex polyhedron above a plane, with the cut as its last face.
 
-    height: (k,) of the vertices above the plane. normal: (3,) upward.
+    vertices: (k, 3). faces: outward loops of vertex indices. height: (k,) signed distance of every vertex from the
+    plane, exactly 0 on it, with both signs present. normal: (3,) unit vector towards the part that is returned.
     """
     points: list[Floats] = []
     place: dict[tuple[int, int], int] = {}

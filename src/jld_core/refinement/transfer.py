@@ -10,12 +10,16 @@ import shapely
 
 from jld_core.arrays import Floats
 from jld_core.assembly import Assembly
+from jld_core.errors import InputError
 from jld_core.scene import Scene
 
 
 @dataclass(frozen=True)
 class Piece:
-    """Part of an element: geometry keys of the scene, share of the volume, and shape."""
+    """Part of an element.
+
+    keys: geometry keys of the scene. share: volume relative to the element. shape: shape by which points are located.
+    """
 
     keys: dict[str, Any]
     share: float
@@ -23,10 +27,22 @@ class Piece:
 
 
 def loads_of(loads: dict[str, Any], assembly: Assembly, cut_up: list[list[Piece]]) -> dict[str, Any]:
-    """Transfer loads on elements to the pieces at their points of application."""
+    """Transfer loads on elements to the pieces at their points of application.
+
+    loads: the scene's "loads" as plain data. cut_up: pieces of each element. A force without a point acts at the
+    centroid of the element. Moving loads and pressure along a polyline stay as they are. Raises InputError for pressure
+    on the whole free boundary of an element that is split.
+    """
 
     def moved(entry: dict[str, Any]) -> dict[str, Any]:
         """Return a load entry that refers to a piece."""
+        between = entry.get("face", {}).get("between")
+        if between is not None and len(cut_up[assembly.elements.index[between[0]]]) > 1:
+            raise InputError(
+                "loads",
+                f"a pressure acts on the free boundary of {between[0]!r}, which is split",
+                '"along" with points of its outline (planar), or pressure on the pieces after the split',
+            )
         if "element" not in entry:
             return entry
         k = assembly.elements.index[entry["element"]]
@@ -38,6 +54,8 @@ def loads_of(loads: dict[str, Any], assembly: Assembly, cut_up: list[list[Piece]
         return {**entry, "element": f"{entry['element']}.{number}", **more}
 
     found: dict[str, Any] = {key: [moved(entry) for entry in loads[key]] for key in ("live", "dead") if key in loads}
+    if "moving" in loads:
+        found["moving"] = loads["moving"]
     if "cases" in loads:
         found["cases"] = [
             {**case, **{key: [moved(e) for e in case[key]] for key in ("live", "dead") if key in case}}
@@ -47,7 +65,10 @@ def loads_of(loads: dict[str, Any], assembly: Assembly, cut_up: list[list[Piece]
 
 
 def members_of(members: list[dict[str, Any]], assembly: Assembly, cut_up: list[list[Piece]]) -> list[dict[str, Any]]:
-    """Transfer members to the pieces that their points lie in."""
+    """Transfer members to the pieces that contain their points.
+
+    members: the scene's "members" as plain data. cut_up: pieces of each element.
+    """
 
     def moved(anchor: dict[str, Any]) -> dict[str, Any]:
         """Return an anchor that refers to a piece."""
@@ -66,7 +87,7 @@ def members_of(members: list[dict[str, Any]], assembly: Assembly, cut_up: list[l
 
 
 def _nearest(parts: list[Piece], at: Floats) -> int:
-    """Return the piece that contains a place, or is nearest to it."""
+    """Return the index of the piece that contains a point (d,), or is nearest to it."""
     if len(at) == 2:
         away = [part.shape.distance(shapely.Point(at)) for part in parts]
         return int(np.argmin(np.round(away, 12)))
@@ -78,7 +99,7 @@ def _nearest(parts: list[Piece], at: Floats) -> int:
 
 
 def _old_faces(assembly: Assembly) -> dict[tuple[str, str], list[int]]:
-    """Return the faces between each pair of elements, by the sorted ids."""
+    """Return the indices of the faces between each pair of elements, by the sorted ids."""
     ids, faces = assembly.elements.ids, assembly.interfaces
     found: dict[tuple[str, str], list[int]] = {}
     for k, (a, b) in enumerate(zip(faces.a.tolist(), faces.b.tolist(), strict=True)):
@@ -109,7 +130,11 @@ def labels_of(old: Assembly, new: Assembly, parent: dict[str, str]) -> dict[str,
 def search_of(
     search: dict[str, Any], scene: Scene, old: Assembly, new: Assembly, parent: dict[str, str], by: str | None
 ) -> dict[str, Any]:
-    """Transfer the search to the pieces, and keep old joints as `by` requires."""
+    """Change the search of a scene to refer to pieces, and keep old joints as `by` requires.
+
+    search: the scene's "search" as plain data, changed and returned. old, new: assemblies before and after the split.
+    parent: element of each piece by id. by: "block", "material" or None, see `refine`.
+    """
     ids, faces = new.elements.ids, new.interfaces
     couples = [(ids[a], ids[b]) for a, b in zip(faces.a.tolist(), faces.b.tolist(), strict=True)]
     by_parents: dict[tuple[str, str], list[list[str]]] = {}

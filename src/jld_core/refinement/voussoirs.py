@@ -45,8 +45,8 @@ class VoussoirCells:
 class _Fan:
     """Rays from one centre, with the distances at which rings end.
 
-    directions: (s, 2) unit vectors of rays, and of corners between them. ray: numbers of those that are joints.
-    distance: (k, s) distance of each end of a ring from the centre, without the last one, which is far outside.
+    directions: (s, 2) unit vectors of rays, and of corners between them. ray: indices of those directions that are
+    joints. distance: (k, s) distance of each end of a ring from the centre, without the last one, which is far outside.
     first, last: springings (2,). width: of a voussoir at the intrados. depth: of a ring at the crown. opening: number
     of the opening, whose arcs may be several.
     """
@@ -86,12 +86,13 @@ def voussoir_cells(
     """Return cells of voussoirs that cover a structure.
 
     Joints radiate from the centre of each arc of an opening, and divide the arc between its springings in equal parts.
-    Rings divide the depth below an extrados; without one they have the depth of the crown over their number and go on
-    outwards. What no ray reaches is cut in courses. A structure without an arc is a flat arch: its sides, or `centre`,
-    say where joints meet, and the soffit is divided in equal parts.
+    Rings divide the depth below an extrados. Without an extrados, a ring has the depth of the crown over the number of
+    rings, and rings go on outwards. Parts of the structure that no ray reaches are cut in courses. A structure without
+    an arc is a flat arch. Its joints meet at `centre`, or where its sides meet, and divide the soffit in equal parts.
 
-    region: union of all free elements. down: (2,) direction of weight. centre: where the joints of a flat arch meet.
-    Raises InputError if there is neither an arc nor such a centre.
+    region: union of all free elements. down: (2,) direction of weight. voussoirs: number for each opening. rings:
+    number over the depth of the arch. centre: point where the joints of a flat arch meet, None if its sides define it;
+    with a centre arcs are not used. Raises InputError if there is neither an arc nor such a centre.
     """
     if voussoirs < 1 or rings < 1:
         name, value = ("voussoirs", voussoirs) if voussoirs < 1 else ("rings", rings)
@@ -127,7 +128,11 @@ def _fans(
     centre: tuple[float, float] | None,
     number: int,
 ) -> list[_Fan]:
-    """Return the fans of one connected part: one for each arc, or that of a flat arch; `number`: of its opening."""
+    """Return the fans of one connected part: one for each arc, or one for a flat arch.
+
+    down, voussoirs, rings, centre: as in `voussoir_cells`. number: number of the first opening. Without an arc and
+    without a flat arch the list is empty.
+    """
     region = region_of(part)
     arcs = [arc for ring in (region.shell, *region.holes) for arc in find_arcs(ring)]
     hollow = [arc for arc in arcs if arc.hollow]
@@ -143,7 +148,7 @@ def _fans(
 
 
 def _chains(arcs: list[Arc]) -> list[list[Arc]]:
-    """Group arcs that end where another begins, as those of a basket arch or a pointed arch."""
+    """Group arcs that meet at an end, as those of a basket arch or a pointed arch."""
     chains: list[list[Arc]] = []
     for arc in arcs:
         for chain in chains:
@@ -158,7 +163,10 @@ def _chains(arcs: list[Arc]) -> list[list[Arc]]:
 
 
 def _shared(chain: list[Arc], voussoirs: int) -> list[int]:
-    """Distribute voussoirs over the arcs of one chain by their lengths, at least one each."""
+    """Distribute voussoirs over the arcs of one chain by their lengths, at least one each.
+
+    Raises ParameterError if there are fewer voussoirs than arcs.
+    """
     if len(chain) == 1:
         return [voussoirs]
     if voussoirs < len(chain):
@@ -172,7 +180,11 @@ def _shared(chain: list[Arc], voussoirs: int) -> list[int]:
 
 
 def _of_arc(arc: Arc, arcs: list[Arc], part: shapely.Polygon, voussoirs: int, rings: int) -> _Fan:
-    """Return the fan of one arc."""
+    """Return the fan of one arc.
+
+    arcs: all arcs of the part, among which is the extrados. voussoirs: number for this arc. rings: number over the
+    depth. Raises ParameterError for too many cells, and InputError if no material lies above the arc.
+    """
     joints = np.linspace(arc.angles[0], arc.angles[-1], voussoirs + 1)
     near = 1e-3 * (joints[1] - joints[0])
     corners = [angle for angle in arc.angles if abs(joints - angle).min() > near]
@@ -201,7 +213,7 @@ def _of_arc(arc: Arc, arcs: list[Arc], part: shapely.Polygon, voussoirs: int, ri
 
 
 def _at_corners(arc: Arc, angles: Floats) -> Floats:
-    """Return the distance (s,) of the arc's chords from the centre at angles (s,)."""
+    """Return the distances (s,) from the centre of an arc to its chords, at angles (s,)."""
     after = np.clip(np.searchsorted(arc.angles, angles), 1, len(arc.angles) - 1)
     left, right = arc.angles[after - 1], arc.angles[after]
     half = 0.5 * (right - left)
@@ -209,7 +221,11 @@ def _at_corners(arc: Arc, angles: Floats) -> Floats:
 
 
 def _extrados(arc: Arc, arcs: list[Arc], directions: Floats) -> Floats | None:
-    """Return the distance (s,) of the extrados from the centre of an intrados along rays, None without one."""
+    """Return the distances (s,) along rays from the centre of an intrados to the extrados.
+
+    arc: the intrados. arcs: candidates for the extrados. directions: (s, 2) unit vectors of the rays. The result is
+    None without an extrados.
+    """
     for other in arcs:
         if other.hollow or other.radius <= arc.radius:
             continue
@@ -228,7 +244,10 @@ def _extrados(arc: Arc, arcs: list[Arc], directions: Floats) -> Floats | None:
 
 
 def _crown(arc: Arc, part: shapely.Polygon) -> float:
-    """Return the depth of material above the middle of an arc."""
+    """Return the depth of material above the middle of an arc.
+
+    part: connected part of the structure. Raises InputError if there is none.
+    """
     middle = 0.5 * (arc.angles[0] + arc.angles[-1])
     direction = np.array([np.cos(middle), np.sin(middle)])
     far = _reach(part, arc.centre) + arc.radius
@@ -252,7 +271,10 @@ def _flat(
     rings: int,
     centre: tuple[float, float] | None,
 ) -> _Fan | None:
-    """Return the fan of a flat arch, or None if its sides do not meet below the soffit."""
+    """Return the fan of a flat arch; None if its sides do not meet below the soffit.
+
+    ring: (k, 2) corners of the part, counter-clockwise. down, voussoirs, rings, centre: as in `voussoir_cells`.
+    """
     edge = np.roll(ring, -1, axis=0) - ring
     length = np.hypot(*edge.T)
     outward = np.column_stack([edge[:, 1], -edge[:, 0]]) / length[:, None]
@@ -286,7 +308,10 @@ def _flat(
 
 
 def _exit(part: shapely.Polygon, centre: Floats, direction: Floats, start: float) -> float:
-    """Return the distance from a centre at which a ray that enters a structure at `start` leaves it."""
+    """Return the distance from a centre at which a ray leaves a part of the structure.
+
+    direction: (2,) unit vector of the ray. start: distance at which the ray enters the part.
+    """
     far = 2.0 * (_reach(part, centre) + start)
     line = shapely.LineString([centre, centre + far * direction])
     points = shapely.get_coordinates(shapely.intersection(line, part.buffer(1e-9 * far)))
@@ -300,7 +325,11 @@ def _reach(region: shapely.Geometry, centre: Floats) -> float:
 
 
 def _zones(fans: list[_Fan], down: Floats, far: float) -> list[shapely.Polygon]:
-    """Return the part of the plane that belongs to each fan: strips with borders in the middle of piers."""
+    """Return the strip of the plane that belongs to each fan.
+
+    Borders lie in the middle of the piers between openings. Fans of one opening share a strip. down: (2,) direction of
+    weight. far: extent of the structure.
+    """
     right = np.array([-down[1], down[0]])
     spans: dict[int, tuple[float, float]] = {}
     for fan in fans:
@@ -323,7 +352,11 @@ def _zones(fans: list[_Fan], down: Floats, far: float) -> list[shapely.Polygon]:
 
 
 def _courses(region: shapely.Geometry, fans: list[shapely.Polygon], fan: _Fan, down: Floats) -> list[shapely.Polygon]:
-    """Return cells in courses from a springing on, for what no ray reaches."""
+    """Return cells in courses that cover the part of a structure that no ray reaches.
+
+    region: the structure. fans: cells of the voussoirs. fan: fan whose first springing and size of voussoirs define the
+    courses. down: (2,) direction of weight.
+    """
     rest = shapely.difference(region, shapely.union_all(fans))
     if rest.area <= 1e-9 * region.area:
         return [shapely.box(*region.bounds)]  # slivers along springings join their neighbours

@@ -1,4 +1,4 @@
-"""How blocks crack: along the faces of the grid, in finer cells, or anywhere by fields."""
+"""Crack models of a scene: along the faces of the grid, in finer cells, or by fields."""
 
 from __future__ import annotations
 
@@ -135,6 +135,6 @@ def cracks_to_json(cracks: CrackModel) -> Any:
     Returns
     -------
     str or dict
-        What a scene file holds.
+        Value of the key in a scene file.
     """
     return cracks if isinstance(cracks, str) else cracks.model_dump(mode="json")

@@ -82,7 +82,7 @@ class FaceLoad(Part):
     Attributes
     ----------
     face : FacePlace
-        Where it acts.
+        Part of the boundary on which the pressure acts.
     pressure : float or list of float
         Force per area. Two numbers: at the first and at the last point of "along", linear between them.
     """
@@ -95,7 +95,7 @@ class FaceLoad(Part):
 
     @property
     def ends(self) -> tuple[float, float]:
-        """Pressure at the first and at the last point."""
+        """Return the pressure at the first and at the last point."""
         if isinstance(self.pressure, float):
             return self.pressure, self.pressure
         return self.pressure[0], self.pressure[1]
@@ -161,10 +161,10 @@ class Case(Part):
     Attributes
     ----------
     name : str
-        Name of its own.
-    live : list of PointLoad or BodyLoad
+        Name, different from those of other cases.
+    live : list of PointLoad, BodyLoad or FaceLoad
         Loads that are multiplied by λ.
-    dead : list of PointLoad or BodyLoad
+    dead : list of PointLoad, BodyLoad or FaceLoad
         Loads that act beside the dead loads of all cases.
     required : float
         Required load factor, by which λ of the case is divided.
@@ -179,7 +179,10 @@ class Case(Part):
 
 
 class Axle(Part):
-    """Axle of a vehicle: its weight, and its distance to the axle before it."""
+    """Axle of a vehicle.
+
+    weight: force. distance: from the axle before it, length; ignored for the first axle.
+    """
 
     weight: Annotated[Positive, Field(description="a force above 0")]
     distance: NonNegative = 0.0
@@ -248,7 +251,7 @@ class Loads(Part):
 
     @property
     def has_cases(self) -> bool:
-        """Whether the loads are load cases, stated or from moving loads."""
+        """Return True if the loads are load cases, stated or from moving loads."""
         return self.live is None
 
 
@@ -282,11 +285,11 @@ class Settling(Part):
     Attributes
     ----------
     name : str
-        Name of its own.
+        Name, different from those of other settlements.
     supports : list of Moved
         Supports that move; all others stay.
     load : float
-        Share of the live load that acts meanwhile.
+        Share of the live load that acts during the movement.
     """
 
     name: Annotated[str, Field(min_length=1, description="a name of its own")]

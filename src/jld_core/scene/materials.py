@@ -12,7 +12,7 @@ from jld_core.scene.part import Angle, NonNegative, Pair, Part, PositiveValue, V
 
 
 class Dry(Part):
-    """Material of dry joints: no tension, Mohr–Coulomb friction, optional cohesion.
+    """Material of dry joints: Mohr–Coulomb friction, optional cohesion and tensile bond.
 
     Attributes
     ----------
@@ -42,21 +42,21 @@ class Dry(Part):
 
 
 def lies_within_apex(tension: float | None, shear: float | None, friction: float | None, where: str = "") -> None:
-    """Refuse a tensile strength beyond the apex of the friction cone, shear strength over μ.
+    """Raise InputError if a tensile strength lies beyond the apex of the friction cone.
 
     Parameters
     ----------
     tension, shear : float or None
         Tensile and shear strength, stress.
     friction : float or None
-        Friction coefficient μ; without friction there is no apex.
+        Friction coefficient μ; without friction there is no apex. The apex is at the tension `shear` / μ.
     where : str
         Key for the error message.
 
     Raises
     ------
     InputError
-        tension × μ exceeds the shear strength.
+        If tension × μ exceeds the shear strength.
     """
     if tension is not None and shear is not None and friction and tension * friction > shear * (1.0 + 1e-12):
         raise InputError(

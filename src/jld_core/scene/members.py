@@ -14,7 +14,7 @@ MemberKind = Literal["tie", "tendon", "pin"]
 
 
 class Anchor(Part):
-    """Point of an element that a member holds on to.
+    """Point of an element at which a member is fixed, or over which it slides.
 
     Attributes
     ----------
@@ -89,5 +89,5 @@ class Member(Part):
 
     @property
     def most(self) -> float:
-        """Largest tension, a force."""
+        """Return the largest tension, a force."""
         return self.prestress if self.tension is None else self.tension

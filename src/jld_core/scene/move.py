@@ -68,10 +68,12 @@ class Move(Part):
         Vertices that move: all of dry joints, or only those that `along` names.
     along : list of Path
         Lines and circles along which vertices slide.
-    ties : {"none", "mirror-x"} or list of lists of [x, y]
-        Vertices that move alike: mirrored about the middle of the structure, or the same way within each list.
+    ties : {"none", "mirror-x", "equal-shapes"} or list of lists of points
+        Vertices that move alike: mirrored about the middle of the structure, or the same way within each list; or
+        elements of equal shape that stay equal, mirrored ones among them.
     inner : {"stay", "follow"}
-        What vertices of inner faces do: stay, or move where joints end in them, and else follow their neighbours.
+        "stay": vertices of inner faces stay. "follow": they move if joints end in them, otherwise they follow their
+        neighbours.
     straight : bool
         Keep straight faces of blocks straight where joints end in them.
     angle : [float, float]
@@ -91,8 +93,8 @@ class Move(Part):
     vertices: Literal["joints", "along"] = "joints"
     along: list[Path] = []
     ties: Annotated[
-        Literal["none", "mirror-x"] | list[Annotated[list[Vector], Field(min_length=2)]],
-        Field(description='"none", "mirror-x" or lists of vertices that move alike'),
+        Literal["none", "mirror-x", "equal-shapes"] | list[Annotated[list[Vector], Field(min_length=2)]],
+        Field(description='"none", "mirror-x", "equal-shapes" or lists of vertices that move alike'),
     ] = "none"
     inner: Literal["stay", "follow"] = "stay"
     straight: bool = True

@@ -205,7 +205,7 @@ class Scene(Part):
     search : Search
         Candidates, limits and objectives of a search.
     cracks : "faces", CellCracks or FieldCracks
-        How blocks crack.
+        Crack model of the blocks.
     move : Move or None
         Joints that `jld move` moves, and their limits.
     """
@@ -261,19 +261,22 @@ class Scene(Part):
 
     @property
     def dimension(self) -> Literal[2, 3]:
-        """Dimension of the scene: 2 planar, 3 spatial."""
+        """Return the dimension of the scene: 2 planar, 3 spatial."""
         return 3 if self.elements is not None and self.elements[0].polygon is None else 2
 
     @property
     def plane_thickness(self) -> float:
-        """Out-of-plane thickness of a planar scene, length: that of the grid or of the scene, else 1."""
+        """Return the out-of-plane thickness of a planar scene, length.
+
+        It is that of the grid if there is one, else that of the scene, else 1.
+        """
         return self.grid.thickness if self.grid is not None else (self.thickness or 1.0)
 
     @property
     def fingerprint(self) -> str:
-        """Hex digest of all keys that results depend on, by which records of a search are found.
+        """Return the hex digest of all keys that results depend on.
 
-        Name, source, notes, expected and move are left out.
+        Records of a search are found by it. Name, source, notes, expected and move are left out.
         """
         content = self.model_dump(mode="json", exclude={"name", "source", "notes", "expected", "move"})
         if not self.members:  # scenes without members keep the digest that they had before there were any

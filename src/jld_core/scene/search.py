@@ -61,7 +61,7 @@ class Front(Part):
     counts : list of two str, or None
         Names of two counts, where two are optimised.
     sense : {"max", "min"} or list of them
-        Better direction of every count, or of each.
+        Better direction: one for all counts, or a list with one for each.
     """
 
     count: Annotated[str, Field(min_length=1)] = "dry_faces"
@@ -89,7 +89,7 @@ class Front(Part):
 
     @property
     def axes(self) -> tuple[tuple[str, Sense], ...]:
-        """Name and better direction ("max" or "min") of each count."""
+        """Return the name and the better direction ("max" or "min") of each count."""
         names = self.counts or [self.count]
         senses = self.sense if isinstance(self.sense, list) else [self.sense] * len(names)
         return tuple(zip(names, senses, strict=True))
@@ -102,12 +102,15 @@ class Require(Part):
 
     @property
     def threshold(self) -> float:
-        """Least λ that meets the requirement: `load_factor`, less the tolerance of proven bounds."""
+        """Return the least λ that meets the requirement.
+
+        It is `load_factor`, less the tolerance of proven bounds.
+        """
         return self.load_factor * (1.0 - tolerances.PROVEN)
 
 
 class Moulds(Part):
-    """Which copies of a block's shape count as the same shape, beside translated ones.
+    """Copies of a block's shape that count as the same shape, beside translated ones.
 
     rotate: rotated copies. flip: mirrored copies.
     """

@@ -71,7 +71,7 @@ def with_numbers(document: dict[str, Any]) -> dict[str, Any]:
     Returns
     -------
     dict
-        Document with numbers in place of the texts. Lists without objects and texts are those of the given one.
+        New document with numbers in place of the texts. Lists in which nothing is converted are not copied.
 
     Raises
     ------
@@ -88,10 +88,10 @@ def with_numbers(document: dict[str, Any]) -> dict[str, Any]:
 
 
 def _converted(value: Any, own: tuple[str, str], where: str, powers: _Powers | None) -> Any:
-    """Return a value with its texts converted.
+    """Return a value in which numbers replace the texts under keys of `QUANTITIES`.
 
-    own: units of force and length of the scene. where: key of the value. powers: of its quantity; None for any other
-    value.
+    own: units of force and length of the scene. where: key of the value. powers: powers of force and length of its
+    quantity; None if it is no quantity.
     """
     if isinstance(value, str) and powers is not None:
         return _number(value, own, where, powers)
@@ -108,7 +108,11 @@ def _converted(value: Any, own: tuple[str, str], where: str, powers: _Powers | N
 
 
 def _number(text: str, own: tuple[str, str], where: str, powers: _Powers) -> float:
-    """Return the number of a text in the units of the scene; raise InputError where it has none or a wrong unit."""
+    """Convert a text with a number and a unit to a number in the units of the scene.
+
+    own: units of force and length of the scene. where: key of the value. powers: powers of force and length of the
+    quantity. Raises InputError for no number, an unknown unit or a unit of another quantity.
+    """
     expected = f'a number, or a text such as "{_EXAMPLES[powers]}"'
     found = _TEXT.fullmatch(text)
     if found is None or not math.isfinite(float(found[1])):
@@ -136,9 +140,9 @@ def _number(text: str, own: tuple[str, str], where: str, powers: _Powers) -> flo
 
 
 def _unit(name: str) -> tuple[float, _Powers] | None:
-    """Return size in newtons and metres, and powers of force and length, of a unit; None for an unknown one.
+    """Return the size of a unit in N and m, and its powers of force and length.
 
-    A force and a length may stand together, as in kNm.
+    The result is None for an unknown unit. A force and a length may stand together, as in kNm.
     """
     if name in NEWTONS:
         return NEWTONS[name], _FORCE

@@ -22,10 +22,10 @@ _CARRIES: Final = 1e-3
 
 
 def advice(result: LimitAnalysisResult) -> dict[str, str]:
-    """Return what explains a result without a load factor, and the next option to try.
+    """Return causes of a result without a load factor, and the next option to try.
 
-    The keys are "falls" (which elements, how), "confined" (between which supports) and "next". The result is empty for
-    a conclusive result and for several load cases.
+    The keys are "falls" (moving elements and their movement), "confined" (supports between which forces are unbounded)
+    and "next". The result is empty for a conclusive result and for several load cases.
     """
     if result.cases:
         return {}

@@ -124,7 +124,10 @@ def draw_cracks(ax: Axes, assembly: Assembly, labels: Bits, velocities: Velociti
 
 
 def _blocks(ax: Axes, assembly: Assembly, labels: Bits, velocities: Velocities, moved: Floats) -> Drawn:
-    """Draw supports and displaced triangles in the tints of their blocks; shade what deforms."""
+    """Draw supports and displaced triangles in the tints of blocks; shade deforming ones.
+
+    labels: (m,) True = dry. moved: (t, 3, 2) displaced corners. Artists are returned by name.
+    """
     mesh, tints = velocities.mesh, tints_of(assembly, labels)
     fills = [tints[cell] for cell in mesh.cell]
     support = assembly.elements.support
@@ -148,9 +151,10 @@ def _blocks(ax: Axes, assembly: Assembly, labels: Bits, velocities: Velocities, 
 
 
 def strain_power(velocities: Velocities) -> Floats:
-    """Return how fast triangles deform, (t,): rate of largest shear plus dilation, times area.
+    """Return the rate of deformation of each triangle times its area, (t,).
 
-    Velocities give the live load power 1. The measure decides which triangles figures shade.
+    The rate is that of largest shear plus that of dilation. Velocities give the live load power 1. Figures shade the
+    triangles in which it is large.
     """
     mesh = velocities.mesh
     slope = np.einsum("tki,tkj->tij", velocities.velocity, mesh.gradient)
@@ -159,9 +163,11 @@ def strain_power(velocities: Velocities) -> Floats:
 
 
 def _jumps(labels: Bits, velocities: Velocities, moved: Floats, top: float, faces: int) -> tuple[Floats, Bools, Floats]:
-    """Return both sides of dry joints and cracks, whether each is a joint, and their jumps.
+    """Return the displaced sides of dry joints and cracks, a mask of joints, and their jumps.
 
-    The sides (k, 2, 2, 2) have the axes edge, side, end and coordinate. A support does not move.
+    labels: (m,) True = dry. moved: (t, 3, 2) displaced corners. top: largest velocity; smaller jumps than a share of it
+    are no cracks. faces: number m of faces. The sides (k, 2, 2, 2) have the axes edge, side, end and coordinate. The
+    jumps (k,) are the largest velocity jump of each edge. A support does not move.
     """
     mesh, e = velocities.mesh, velocities.mesh.edges
     face = np.where(e.tag < faces, e.tag, -1)

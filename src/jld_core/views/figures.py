@@ -122,7 +122,10 @@ def draw_forces(ax: Axes, result: LimitAnalysisResult) -> Drawn:
 
 
 def _draw_face_forces(ax: Axes, result: LimitAnalysisResult, forces: Floats, drawn: Drawn) -> list[Floats]:
-    """Draw arrows and couples, add them to `drawn`, and return the points (k, 2) they cover."""
+    """Draw arrows and couples of face forces, and return the points (k, 2) that they cover.
+
+    forces: (m, q) resultants. drawn: receives the artists by name.
+    """
     assembly, projection = result.assembly, projection_of(result.assembly)
     vectors = quantities.down_the_load_path(assembly, quantities.face_vectors(assembly, forces))
     size = np.linalg.norm(vectors, axis=1)
@@ -158,7 +161,7 @@ def _draw_face_forces(ax: Axes, result: LimitAnalysisResult, forces: Floats, dra
 
 
 def _draw_thrust(ax: Axes, result: LimitAnalysisResult, forces: Floats, drawn: Drawn) -> None:
-    """Draw the thrust line and add it to `drawn`."""
+    """Draw the thrust line of forces (m, q), if there is one, and add it to `drawn`."""
     projection = projection_of(result.assembly)
     pieces = [projection(piece) for piece in quantities.thrust_segments(result.assembly, forces)]
     if pieces:
@@ -168,7 +171,10 @@ def _draw_thrust(ax: Axes, result: LimitAnalysisResult, forces: Floats, drawn: D
 
 
 def _draw_yielding(ax: Axes, result: LimitAnalysisResult, forces: Floats, used: Floats, drawn: Drawn) -> None:
-    """Mark yielding faces, on the half of the face opposite to the arrow."""
+    """Mark yielding faces, on the half of the face opposite to the arrow.
+
+    forces: (m, q) resultants. used: (m,) utilisation. drawn: receives the artists by name.
+    """
     faces, labels = result.assembly.interfaces, result.labels
     size = float(np.clip(0.11 * element_points(ax, result.assembly), 2.0, 5.5))
     at = quantities.pressure_points(result.assembly, forces)[0]

@@ -78,7 +78,7 @@ _MARKERS: Final[dict[Shape, str]] = {
 class Mark:
     """Marker that figures and pages draw alike, with its legend text.
 
-    shape: its name. fill, edge: colours #rrggbb. meaning: legend text.
+    shape: name of the shape. fill, edge: colours #rrggbb. meaning: legend text.
     """
 
     shape: Shape
@@ -88,7 +88,7 @@ class Mark:
 
     @property
     def style(self) -> dict[str, Any]:
-        """Keyword arguments of matplotlib that draw a line's marker in this style."""
+        """Return the keyword arguments of matplotlib that draw a line's marker in this style."""
         return {"marker": _MARKERS[self.shape], "color": self.fill, "markeredgecolor": self.edge}
 
 
@@ -117,7 +117,7 @@ EVIDENCE: Final[dict[str, Mark]] = {
 def rules() -> dict[str, Any]:
     """Return all colours, dashes and marks as the object `look` of a page's data.
 
-    Its format is in docs/guide/page.md.
+    The format of the object is in docs/guide/page.md.
     """
 
     def mark(of: Mark) -> dict[str, str]:

@@ -58,7 +58,10 @@ def _written(ax: Axes, line: Floats, force: float) -> Artist:
 
 
 def member_handles(drawn: Drawn, words: str = "member") -> list[Artist]:
-    """Return the legend handle of members, where some were drawn; words: its text."""
+    """Return the legend handle of members in a list, empty if none were drawn.
+
+    words: text of the legend.
+    """
     if "members" not in drawn:
         return []
     return [Line2D([], [], color=MEMBER, linewidth=_WIDTH, marker="o", markersize=2.0 + _WIDTH, label=words)]

@@ -16,6 +16,7 @@ import numpy as np
 from jld_core.assembly import Assembly
 from jld_core.build.plausibility import Resultant, resultant
 from jld_core.limit import LimitAnalysisResult, number
+from jld_core.limit.member_results import tensions
 from jld_core.notebook_repr import register_repr
 from jld_core.program import Template
 from jld_core.views.advice import advice
@@ -25,6 +26,10 @@ if TYPE_CHECKING:
 
 LARGEST: Final = 1500
 """Largest number of elements that a notebook draws automatically; larger drawings take megabytes and many seconds."""
+
+
+_MEMBERS: Final = 6
+"""Largest number of members whose tension the facts of a result name."""
 
 
 def facts_of_assembly(assembly: Assembly) -> dict[str, str]:
@@ -40,15 +45,17 @@ def facts_of_assembly(assembly: Assembly) -> dict[str, str]:
     dict of str to str
         Facts by name, with units.
     """
-    elements, faces = assembly.elements, assembly.interfaces
+    elements, faces, members = assembly.elements, assembly.faces, assembly.members
     length = assembly.units[0]
     structure = Template(assembly.by_case[0]).structure
     dry = int(np.count_nonzero(assembly.labels))
+    kinds = [f"{members.kinds.count(kind)} {kind}s" for kind in ("tie", "tendon", "pin") if kind in members.kinds]
     kind = "second-order cone program" if structure.cones else "linear program"
     return {
         "dimension": "planar" if assembly.dimension == 2 else "spatial",
         "elements": f"{len(elements)}: {len(elements.free)} free, {int(elements.support.sum())} supports",
-        "interfaces": f"{len(faces)}: {dry} dry, {len(faces) - dry} inner in the scene's own labelling",
+        "interfaces": f"{faces}: {dry} dry, {faces - dry} inner in the scene's own labelling",
+        **({"members": f"{len(members)}: {', '.join(kinds)}"} if members else {}),
         **_loads(assembly),
         "program": f"{kind}, {structure.shape[1]} unknowns, {structure.equalities} equations, "
         f"{structure.linear - 1} inequalities, {len(structure.cones)} cones",
@@ -64,7 +71,9 @@ def _loads(assembly: Assembly) -> dict[str, str]:
     names = [case.name for case in assembly.cases] or [""]
     for name, required, one in zip(names, assembly.required, assembly.by_case, strict=True):
         after = f" {name}" if name else ""
-        found[f"dead load{after}"] = _load(resultant(one.dead, one.elements), force, length)
+        stress = one.members.self_stress
+        dead = one.dead if stress is None else one.dead - stress
+        found[f"dead load{after}"] = _load(resultant(dead, one.elements), force, length)
         found[f"live load{after}"] = "λ × " + _load(resultant(one.live, one.elements), force, length)
         if required != 1.0:
             found[f"live load{after}"] += f", λ of {required:g} required"
@@ -83,6 +92,17 @@ def _load(sum_of: Resultant, force: str, length: str) -> str:
     if sum_of.total > 1.000001 * float(np.linalg.norm(sum_of.force)):
         words += f", of forces of {sum_of.total:.6g} {force} in all"
     return words + (f", and {moment} about that line" if abs(sum_of.moment) > 1e-9 * sum_of.total else "")
+
+
+def _tensions(result: LimitAnalysisResult) -> dict[str, str]:
+    """Describe the tensions of members; nothing without members or forces."""
+    assembly = result.assembly
+    if not assembly.members or result.forces is None:
+        return {}
+    values = tensions(assembly, result.forces).tolist()
+    shown = [f"{n} {v + 0.0:.6g}" for n, v in zip(assembly.members.names[:_MEMBERS], values, strict=False)]
+    left = len(values) - len(shown)
+    return {"tension": f"{', '.join(shown)} {assembly.units[1]}" + (f", and of {left} more members" if left else "")}
 
 
 def facts_of_result(result: LimitAnalysisResult) -> dict[str, str]:
@@ -112,6 +132,7 @@ def facts_of_result(result: LimitAnalysisResult) -> dict[str, str]:
         facts["reason"] = result.reason
     for note in result.notes:
         facts["note"] = f"{facts['note']}; {note}" if "note" in facts else note
+    facts |= _tensions(result)
     if result.friction == "zero-dilation":
         extra = result.facts
         facts["associative"] = (

@@ -123,7 +123,10 @@ def pressure_points(assembly: Assembly, forces: Floats) -> tuple[Floats, Bools]:
 
 
 def _gauge(assembly: Assembly, face: int, point: Floats) -> float:
-    """Return the gauge of a point (x1, x2) of a face: 0 at the centroid, 1 on the hull."""
+    """Return the gauge of a point (x1, x2) of a face: 0 at the centroid, 1 on the hull.
+
+    face: index of the face. The result is inf for a point with a NaN or infinite coordinate.
+    """
     faces = assembly.interfaces
     if not np.all(np.isfinite(point)):
         return np.inf
@@ -148,7 +151,7 @@ def face_vectors(assembly: Assembly, forces: Floats) -> Floats:
 
 
 def utilisation(result: LimitAnalysisResult) -> Floats:
-    """Return how much of its strength each face of a result uses, (m,): 1 is at yield.
+    """Return the utilisation of each face of a result, (m,): 1 is at yield.
 
     It is the largest of bending, shear, tension and crushing, by the yield set of the result's own model. Faces without
     force have 0. Raises ValueError where the result holds no forces, and TypeError for yield sets without a

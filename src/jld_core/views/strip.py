@@ -71,7 +71,10 @@ def figure_of_laying(laying: Laying, title: str) -> Figure:
 
 
 def figure_of_stage(laying: Laying, number: int) -> Figure:
-    """Return a figure of one stage of an assembly sequence, drawn as in the strip; `number`: of its step, from 1."""
+    """Return a figure of one stage of an assembly sequence, drawn as in the strip.
+
+    number: number of the step, from 1.
+    """
     low, high = _span(laying)
     ratio = (high[1] - low[1]) / max(high[0] - low[0], 1e-12)
     figure = Figure(figsize=(5.0, 5.0 * min(max(ratio, 0.25), 2.5) + 0.4), layout="constrained")
@@ -92,7 +95,10 @@ def _span(laying: Laying) -> tuple[Floats, Floats]:
 
 
 def _draw(ax: Axes, laying: Laying, step: Step, before: Bools, number: int, low: Floats, high: Floats) -> None:
-    """Draw one stage."""
+    """Draw one stage of an assembly sequence on axes, with its arriving blocks and props.
+
+    before: (k,) mask of the blocks laid before. number: of the stage. low, high: (2,) corners of the drawing.
+    """
     blocks = laying.blocks
     assembly = blocks.assembly
     elements, projection = assembly.elements, projection_of(assembly)

@@ -127,7 +127,7 @@ def paint(
 def _paint_planar(
     ax: Axes, assembly: Assembly, labels: Bits, fills: list[str], ink: LineStyle, move: Move | None
 ) -> Drawn:
-    """Draw a planar structure."""
+    """Draw a planar structure on axes; parameters and result as in `paint`."""
     place = move or (lambda _, points: points)
     shapes = [place(k, shape) for k, shape in enumerate(assembly.elements.shape)]
     support = assembly.elements.support
@@ -174,7 +174,11 @@ def _lines(
     dash: Any,
     zorder: float,
 ) -> LineCollection:
-    """Draw segments as one line collection."""
+    """Draw segments as one line collection, and return it.
+
+    segments: points (k, 2) of each. colours, widths: of each segment, or one width in points. dash: matplotlib line
+    style.
+    """
     style: dict[str, Any] = {"colors": colours, "linewidths": widths, "linestyles": [dash]}
     lines = LineCollection(segments, label=name, zorder=zorder, capstyle="butt", **style)
     ax.add_collection(lines, autolim=False)
@@ -182,9 +186,10 @@ def _lines(
 
 
 def _outlines(assembly: Assembly, shapes: list[Floats], blocks: Ints) -> list[Floats]:
-    """Return the boundaries of the blocks' free parts.
+    """Return the boundaries of the free part of each block.
 
-    Seams of touching elements are closed, open cracks are not.
+    Lines between touching elements of a block are left out; open cracks are drawn. shapes: corners of each element as
+    drawn. blocks: (n,) block of each element.
     """
     seam = 2e-3 * typical(assembly)
     lines: list[Floats] = []
@@ -239,7 +244,7 @@ def painter_order(assembly: Assembly, toward: Floats) -> list[int]:
 def _paint_spatial(
     ax: Axes, assembly: Assembly, labels: Bits, fills: list[str], ink: LineStyle, move: Move | None
 ) -> Drawn:
-    """Draw a spatial structure."""
+    """Draw a spatial structure on axes; parameters and result as in `paint`."""
     projection, faces, elements = projection_of(assembly), assembly.interfaces, assembly.elements
     place = move or (lambda _, points: points)
     order = painter_order(assembly, projection.toward)
@@ -286,18 +291,24 @@ def _paint_spatial(
 
 
 def _visible(shape: Floats, faces: tuple[tuple[int, ...], ...], toward: Floats) -> list[tuple[int, ...]]:
-    """Return the outward faces that point to the viewer, the farthest first."""
+    """Return the faces of an element that point to the viewer, the farthest first.
+
+    shape: (k, 3) vertices. faces: outward loops of vertex indices. toward: (3,) unit vector to the viewer.
+    """
     seen = [face for face in faces if float(area_vector(shape[list(face)]) @ toward) > 0.0]
     return sorted(seen, key=lambda face: float(shape[list(face)].mean(axis=0) @ toward))
 
 
 def _closed(points: Floats) -> Floats:
-    """Return a ring with its first point repeated at the end."""
+    """Return a ring (k, 2) with its first point repeated at the end."""
     return np.vstack([points, points[:1]])
 
 
 def _shade(colour: str, corners: Floats) -> tuple[float, float, float, float]:
-    """Darken a tint on faces that point sideways, for light from above and from the right."""
+    """Darken a tint on faces that point sideways, for light from above and from the right.
+
+    corners: (k, 3) of the face, counter-clockwise seen from outside. The result is (red, green, blue, opacity).
+    """
     from matplotlib.colors import to_rgb
 
     normal = area_vector(corners)
@@ -307,7 +318,10 @@ def _shade(colour: str, corners: Floats) -> tuple[float, float, float, float]:
 
 
 def _front_edges(corners: Floats, normal: Floats, toward: Floats) -> Bools:
-    """Return (k,) True for the visible edges of a contact, on the viewer's side."""
+    """Return a mask (k,) of the edges of a contact polygon on the viewer's side of its middle.
+
+    corners: (k, 3). normal: (3,) unit normal of the contact, of either sense. toward: (3,) unit vector to the viewer.
+    """
     along = np.roll(corners, -1, axis=0) - corners
     outward = np.cross(along, normal)
     sense = float(area_vector(corners) @ normal)

@@ -57,7 +57,7 @@ class AveragedStresses:
         return np.stack(parts, axis=1)
 
     def holds(self, points: Floats) -> Bools:
-        """Return which points (k, 2) lie inside free elements, by the nearest grid point."""
+        """Return a mask of the points (k, 2) whose nearest grid point is inside free elements."""
         column, row = np.round((points - self.origin) / self.spacing).astype(np.int64).T
         rows, columns = self.inside.shape
         known = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
@@ -80,7 +80,7 @@ class Trajectory:
 def averaged(assembly: Assembly, stresses: Stresses) -> AveragedStresses:
     """Average a stress field on a grid, so that its trajectories can be drawn.
 
-    Jumps between triangles are smoothed over about one grid spacing, which is a share of a typical element.
+    The average extends over about one grid spacing, a share of a typical element, and smooths jumps between triangles.
     """
     elements = assembly.elements
     lower, upper = elements.lower[elements.free].min(axis=0), elements.upper[elements.free].max(axis=0)
@@ -148,18 +148,25 @@ def trajectories(grid: AveragedStresses, kind: Sign, apart: float) -> list[Traje
 
 
 class _Taken:
-    """Points of trajectories that were traced, in squares of the distance between them."""
+    """Points of the trajectories traced so far, stored by squares for fast look-up.
+
+    The side of a square is the distance between trajectories. grid: supplies the origin. apart: that distance.
+    """
 
     def __init__(self, grid: AveragedStresses, apart: float) -> None:
         self._origin, self._apart = grid.origin, apart
         self._squares: dict[tuple[int, int], list[tuple[float, float]]] = {}
 
     def add(self, points: Floats) -> None:
+        """Store the points (k, 2) of a trajectory."""
         for x, y in points.tolist():
             self._squares.setdefault(self._square(x, y), []).append((x, y))
 
     def near(self, point: Floats, share: float) -> bool:
-        """Return whether a trajectory passes nearer than a share of the distance."""
+        """Return True if a stored point is near: at less than `share` of the distance.
+
+        The distance is that between trajectories. point: (2,).
+        """
         x, y = float(point[0]), float(point[1])
         column, row = self._square(x, y)
         limit = share * self._apart
@@ -171,6 +178,7 @@ class _Taken:
         )
 
     def _square(self, x: float, y: float) -> tuple[int, int]:
+        """Return column and row of the square that contains a point."""
         return math.floor((x - self._origin[0]) / self._apart), math.floor((y - self._origin[1]) / self._apart)
 
 
@@ -182,7 +190,11 @@ def _followed(
     least: float,
     taken: _Taken,
 ) -> Floats:
-    """Points (k, 2) of a trajectory from its seed one way, by the midpoint rule."""
+    """Trace a trajectory from its seed in one direction; return its points (k, 2).
+
+    The midpoint rule is used. kind: sign of the stress. seed: (2,). sign: 1 or −1 for the direction. least: stress
+    below which the trajectory ends. taken: other trajectories, near which it ends.
+    """
     step, points, point = 0.5 * grid.spacing, [seed], seed
     ahead = sign * principal(grid.at(seed[None]), kind)[1][0]
     for _ in range(_STEPS):

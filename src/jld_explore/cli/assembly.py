@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from jld_core.assembly_sequence import Laying, assembly_order
-from jld_core.errors import ParameterError
+from jld_core.errors import ParameterError, error_context
 from jld_core.files import require_folder, write_text
 from jld_explore.cli.layout import layout_of
 from jld_explore.cli.options import Rank, Source
@@ -45,7 +45,8 @@ def assembly(
         raise ParameterError("stages", "there is no folder for the pictures", "`out` with a folder")
     scene, found, labels = layout_of(source, rank)
     sideways = scene.search.assemble_out_of_plane
-    laying = assembly_order(found, labels, wish=wish, sideways=sideways, group=group, start=start)
+    with error_context(source):
+        laying = assembly_order(found, labels, wish=wish, sideways=sideways, group=group, start=start)
     table = table_of(laying)
     if out is not None:
         from jld_core.views.figures import save_figure
@@ -115,7 +116,7 @@ def words_of(laying: Laying) -> str:
 
 
 def _first_fall(laying: Laying) -> str:
-    """Name the first stage of an order that does not stand, and what it needs."""
+    """Describe the first stage of an order that does not stand, and the props that it needs."""
     blocks = laying.blocks
     falls = [(number, step) for number, step in enumerate(laying.steps, 1) if step.stage.stands is False]
     if not falls:

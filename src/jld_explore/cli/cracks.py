@@ -95,8 +95,8 @@ def _draw(found: FieldResult, out: Path) -> None:
 def rigid_cells(scene: Scene, assembly: Assembly, labels: Bits) -> tuple[Assembly, Bits]:
     """Return the assembly and labels that a command for rigid elements solves.
 
-    They are finer cells where blocks crack by cells. labels: (m,) True = dry. Raises InputError where blocks crack by
-    fields, or the crack model does not fit the scene.
+    If blocks crack by cells, these are the finer cells. labels: (m,) True = dry. Raises InputError where blocks crack
+    by fields, or the crack model does not fit the scene.
     """
     if isinstance(scene.cracks, FieldCracks):
         raise InputError("cracks", "this command needs rigid cells, and fields have none", '"faces" or "cells"')
@@ -118,7 +118,7 @@ def of_cells(scene: Scene, assembly: Assembly, labels: Bits) -> tuple[Assembly, 
 
 
 def named(scene: Scene, result: LimitAnalysisResult) -> LimitAnalysisResult:
-    """Return a result with the scene's crack model in its `facts`, for JSON output."""
+    """Return a result whose `facts` also hold the scene's crack model, for JSON output."""
     return replace(result, facts={"cracks": cracks_to_json(scene.cracks), **result.facts})
 
 

@@ -79,7 +79,7 @@ def import_command(
 
 
 def _in_file(words: str, found: Imported) -> str:
-    """Return words about the tolerance of a scene as words about `--tolerance`, in the unit of the file."""
+    """Replace the tolerance of a scene in a text by `--tolerance`, in the unit of the file."""
 
     def option(match: re.Match[str]) -> str:
         return f"--tolerance {match[1] or ''}{float(match[2]) / found.scale:.2g} (in {found.unit})"

@@ -103,7 +103,7 @@ def _tangent(text: str) -> float:
 def _without_dilation(assembly: Assembly, labels: Bits) -> dict[str, Any]:
     """Return the lowest and highest λ without dilation, and the proven bound on the lowest.
 
-    In space only one λ is computed, since the search for the range takes long.
+    labels: (m,) True = dry. In space only one λ is computed, since the search for the range takes long.
     """
     planar = assembly.dimension == 2
     found = solve(assembly, labels, friction="zero-dilation", range=planar, floor_seconds=_FLOOR)

@@ -25,8 +25,8 @@ def layout_of(source: Path, rank: int | None) -> tuple[Scene, Assembly, Bits]:
     """Return the scene, assembly and labels (m,) of the layout that a command refers to.
 
     source: scene file, or results folder. rank: row of the folder's results from 1; None for the strongest. The layout
-    of a scene file is its own labelling. Raises InputError for a rank of a scene file, or one that the folder does not
-    have.
+    of a scene file is its own labelling. Raises InputError for a rank with a scene file, or a rank that the folder does
+    not have.
     """
     if not source.is_dir():
         if rank is not None:

@@ -25,7 +25,12 @@ def write_move(
     titles: tuple[str, str],
     out: Path,
 ) -> None:
-    """Write scene, table and picture beside one another."""
+    """Write scene, table and picture of moved joints to files of one name.
+
+    after: moved assembly; None omits the picture. labels: (m,) True = dry. places, moved: (v, 2) vertices after the
+    move and their displacements, scene units. titles: of both drawings. out: file of the scene; the others get its name
+    with other endings.
+    """
     import pandas as pd  # slow to import and needed for tables only
 
     names = ["start", "step", "value", "bracket_lo", "bracket_hi", "predicted", "radius", "solves", "seconds"]
@@ -41,7 +46,7 @@ def write_move(
 
 
 def value_text(value: float | None) -> str:
-    """Return a number in words."""
+    """Return a number as text for the terminal."""
     return "none" if value is None or math.isnan(value) else "locked" if value == math.inf else f"{value:.6g}"
 
 

@@ -132,7 +132,10 @@ def _check_out(source: Path, out: Path) -> None:
 
 
 def _check_certificate(source: Path, out: Path, certificate: Path, prove: str | None) -> None:
-    """Raise InputError for a certificate that cannot be written or proves nothing, before any work."""
+    """Raise InputError for a certificate that cannot be written, or without `--prove`.
+
+    It is called before any work.
+    """
     if prove is None:
         raise ParameterError("certificate", "it holds a proof, and none is asked for", "it with `prove`")
     if certificate.is_dir() or not certificate.absolute().parent.is_dir():
@@ -147,9 +150,8 @@ def _check_certificate(source: Path, out: Path, certificate: Path, prove: str | 
 def _check_by_fields(assembly: Assembly, done: MovedJoints, labels: Bits) -> dict[str, Any] | None:
     """Return lower bounds on λ by fields before and after, with blocks that crack anywhere.
 
-    None without inner faces, and where nothing moved.
-
-    λ by faces may be false where blocks moved away from their crack planes.
+    labels: (m,) True = dry. The result is None without inner faces, and if nothing moved. λ by faces may be false if
+    blocks moved away from their crack planes.
     """
     if labels.all() or done.after is None or not done.moved.any():
         return None
@@ -200,7 +202,7 @@ def _facts(done: MovedJoints) -> dict[str, Any]:
 
 
 def _crack_words(checked: dict[str, Any] | None) -> dict[str, str]:
-    """Return the line of a check by fields."""
+    """Return the line on the check by fields for the terminal, by name."""
     if checked is None or checked["skipped"] is not None:
         return {}
     return {"by fields": f"λ ≥ {value_text(checked['before'])} before, λ ≥ {value_text(checked['after'])} after"}

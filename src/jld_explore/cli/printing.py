@@ -83,7 +83,7 @@ def report(
 
 
 def _content(source: Path, rank: int | None) -> Printed:
-    """Return what the report of a scene or a folder says."""
+    """Return the content of the report of a scene or a results folder."""
     design = source / "best.json"
     if source.is_dir() and design.exists():
         if rank is not None:
@@ -131,7 +131,7 @@ def _printed(
 
 
 def _bounds(values: tuple[float | None, ...]) -> tuple[float, float]:
-    """Return bounds with infinite ends where nothing is proven."""
+    """Return bounds with infinite ends in place of None."""
     low, high = values
     return (
         float(low) if low is not None and math.isfinite(low) else -math.inf,

@@ -23,7 +23,7 @@ from jld_explore import study_state
 class ProgressBar:
     """Progress bar of a search on stderr: count, rate, best λ and remaining time.
 
-    Use it as a context, and call it with each progress report. It shows nothing if stderr is no terminal.
+    Use it as a context, and call it with each progress report. Nothing is shown if stderr is no terminal.
     """
 
     def __init__(self, label: str) -> None:

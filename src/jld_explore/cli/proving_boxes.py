@@ -33,7 +33,8 @@ def prove_positions(
 ) -> None:
     """Prove a bound over a box, check the proof, write the best scene and print both bounds.
 
-    certificate: file for the proof, or None for none.
+    labels: (m,) True = dry. box: value of `--prove`. gap: relative distance of both bounds at which the proof ends.
+    seconds: time limit, s. out: file of the best scene. certificate: file for the proof, or None for none.
     """
 
     def progress(best: float, bound: float, boxes: int) -> None:
@@ -68,7 +69,10 @@ def prove_positions(
 
 
 def _box(text: str) -> float | tuple[Floats, Floats]:
-    """Return a length, or the ends (p,), (p,) of a box; raise InputError for anything else."""
+    """Convert the value of `--prove` to a length, or to both ends (p,) of a box.
+
+    Raises InputError for anything else.
+    """
     try:
         numbers = [float(part) for part in text.split(",")]
     except ValueError:

@@ -47,7 +47,11 @@ def shape_of(text: str) -> Shape:
 def move_shape(
     scene: Scene, assembly: Assembly, labels: Bits, text: str, seconds: float, out: Path, as_json: bool
 ) -> None:
-    """Search the best shape of all joints; write scene, table and picture, and print what was found."""
+    """Search the best shape of all joints, write the files and print the result.
+
+    labels: (m,) True = dry. text: value of `--joint`. seconds: time limit, s. out: file of the scene; table and picture
+    have its name with other endings.
+    """
 
     def progress(shape: Shape, value: float) -> None:
         """Print a shape that was tried."""
@@ -90,7 +94,11 @@ def _facts(done: ShapedJoints) -> dict[str, Any]:
 
 
 def _by_fields(assembly: Assembly, labels: Bits, done: ShapedJoints) -> dict[str, Any]:
-    """Return lower bounds on λ by fields with straight joints and with the best shape."""
+    """Return lower bounds on λ by fields with straight joints and with the best shape.
+
+    labels: (m,) True = dry. The entries are "before", "after" (None if unknown) and "skipped", the reason if nothing
+    was computed.
+    """
     found: dict[str, Any] = {"before": None, "after": None, "skipped": None}
     try:
         for name, one, own in (("before", assembly, labels), ("after", done.after.assembly, done.after.labels)):
@@ -115,12 +123,12 @@ def _write(done: ShapedJoints, out: Path) -> None:
 
 
 def _named(shape: Shape) -> str:
-    """Return a shape in words."""
+    """Return a shape as text for the terminal."""
     return ", ".join(f"{name} {value:.4g}" for name, value in vars(shape).items())
 
 
 def _said(result: LimitAnalysisResult) -> str:
-    """Return λ of a result in words."""
+    """Return λ of a result as text, or its status."""
     return f"{result.load_factor:.6g}" if result.status is Status.COLLAPSE else str(result.status)
 
 

@@ -113,7 +113,7 @@ def solve(
 
 
 def _own_labelling(path: Path, strict: bool) -> tuple[Scene, Assembly, Bits]:
-    """Return a scene, its assembly and its own labelling."""
+    """Return the scene, the assembly and the labelling (m,) that a scene file states."""
     scene, assembly = load(path, strict)
     return scene, assembly, assembly.labels
 
@@ -133,9 +133,10 @@ def _checked(
     *,
     robust: bool,
 ) -> tuple[Scene, Assembly, Bits]:
-    """Return the scene, assembly and labels of a layout as they are solved.
+    """Check that a layout can be solved under the options; return it as it is solved.
 
-    Raises InputError where the options do not fit them.
+    given: scene, assembly and labels (m,) of the layout; the result has the same form. Raises InputError for options
+    that do not fit.
     """
     scene, assembly, labels = given
     if "search" in scene.model_fields_set:

@@ -26,7 +26,7 @@ def verify_command(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Check the certificate of a proof: no labelling, or no position of joints, carries more than it says.
+    """Check the certificate of a proof: no layout or position carries more than its bound.
 
     Print the proven bound. The exit code is 2, with the first reason that does not hold, if the certificate is wrong.
     """

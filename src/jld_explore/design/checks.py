@@ -34,6 +34,9 @@ from jld_explore.design.trials import (
 _SHARES: Final = {"laying": 0.2, "experiment": 0.3, "by fields": 0.6, "low friction": 1.0}
 """Share of the time that is left for each check, in their order."""
 
+_LEAST: Final = 0.3
+"""Shortest time in which a check is begun, s."""
+
 _LEAST_EXPERIMENT: Final = 4.0
 """Shortest time in which a virtual experiment may end, s: its program starts anew."""
 
@@ -43,7 +46,10 @@ def check_winner(work: Design, until: Deadline, say: Callable[[str], None]) -> l
     makes = {"laying": _laid, "experiment": _in_experiment, "by fields": _by_fields, "low friction": _at_low_friction}
     found = []
     for name, make in makes.items():
-        one = make(work, until.within(_SHARES[name] * until.remaining()))
+        share = until.within(_SHARES[name] * until.remaining())
+        # a first mesh and a first solve end late rather than never
+        late = share.remaining() < _LEAST
+        one = Check(name, f"{name}: no time was left") if late else make(work, share)
         say(f"check        {one.words}")
         found.append(one)
     return found

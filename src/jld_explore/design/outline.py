@@ -13,6 +13,7 @@ import shapely
 
 from jld_core.arrays import Floats
 from jld_core.build import build_assembly
+from jld_core.build.assemble import build_geometry
 from jld_core.errors import InputError, ParameterError
 from jld_core.exchange import ImportOptions
 from jld_core.exchange.drawing import planar_scene
@@ -21,11 +22,15 @@ from jld_core.exchange.options import DEFAULT_MATERIALS, Notes
 from jld_core.exchange.paths import Path
 from jld_core.exchange.readers import read_content, reading
 from jld_core.exchange.solids import Part, Solids, spatial_scene
+from jld_core.geometry.unions import union_outlines
 from jld_core.scene import Scene, load_scene, parse_scene
 from jld_explore.design.options import LAID, LOW_FRICTION, DesignOptions
 
 _LEVEL: Final = 1e-6
 """Height above the lowest point, relative to the size, up to which an edge or a face lies there."""
+
+_OF_CELLS: Final = ("block_cells", "dry_faces", "candidates", "keep", "except", "symmetry", "void")
+"""Keys of a search that speak of the cells of a scene, which a design cuts anew."""
 
 _FOOT: Final = 0.05
 """Height of supports that are added, relative to the size."""
@@ -59,7 +64,9 @@ def read_outline(file: File, options: DesignOptions) -> Outline:
                 raise ParameterError(
                     name, "the outline is a scene, which says so itself", "a drawing, or no such option"
                 )
-        scene, notes = load_scene(file), Notes()
+        notes = Notes()
+        with reading(file):
+            scene = _united(load_scene(file), notes)
     else:
         scene, notes = _imported(file, options)
     document = scene.model_dump(mode="json", exclude_defaults=True)
@@ -88,6 +95,48 @@ def _is_scene(file: File) -> bool:
     except (OSError, ValueError, RecursionError):
         return True  # the reader of scenes says in one line what is wrong
     return not isinstance(document, dict) or "loads" in document or "elements" in document or "grid" in document
+
+
+def _united(scene: Scene, notes: Notes) -> Scene:
+    """Return a planar scene whose free elements are united to outlines, without what speaks of its cells.
+
+    Spatial scenes, and those whose elements differ in density or weight, stay as they are: their joints are kept.
+    """
+    document = scene.model_dump(mode="json", exclude_defaults=True)
+    entries = [entry.model_dump(mode="json", exclude_defaults=True) for entry in build_geometry(scene).entries]
+    free = [entry for entry in entries if not entry.get("support")]
+    alike = not any(key in entry for entry in free for key in ("density", "weight", "volume", "centroid"))
+    if scene.dimension == 3 or len(free) == 1 or scene.interfaces is not None or not alike or scene.materials.faces:
+        return scene
+    elements = build_assembly(scene).elements
+    parts = union_outlines([elements.shape[k] for k in elements.free])
+    if any(part.holes for part in parts):
+        return scene
+    united = [{"id": f"outline{k}", "polygon": part.shell.tolist()} for k, part in enumerate(parts)]
+    shapes = [shapely.Polygon(part.shell) for part in parts]
+
+    def moved(entry: dict[str, Any]) -> dict[str, Any]:
+        """Return a load that refers to an outline."""
+        if "element" not in entry:
+            return entry
+        at = entry.get("at") or elements.centroid[elements.index[entry["element"]]].tolist()
+        number = int(np.argmin([shape.distance(shapely.Point(at)) for shape in shapes]))
+        return {**entry, "element": f"outline{number}", **({"at": at} if entry.get("force") is not None else {})}
+
+    for owner in (document["loads"], *document["loads"].get("cases", [])):
+        for key in ("live", "dead"):
+            if key in owner:
+                owner[key] = [moved(entry) for entry in owner[key]]
+    if scene.grid is not None:
+        document["thickness"] = scene.grid.thickness
+    left = [key for key in _OF_CELLS if document.get("search", {}).pop(key, None) is not None]
+    notes.assumed.append(f"the {len(free)} elements of the scene are one outline, whose joints are chosen anew")
+    if left:
+        notes.assumed.append(f"search.{', search.'.join(left)} left out: they speak of the cells of the scene")
+    for key in ("grid", "labels", "move"):
+        document.pop(key, None)
+    document["elements"] = [*united, *(entry for entry in entries if entry.get("support"))]
+    return parse_scene(document, scene.name)
 
 
 def _imported(file: File, options: DesignOptions) -> tuple[Scene, Notes]:

@@ -14,7 +14,7 @@ from jld_core.build import build_assembly
 from jld_core.exchange import Layout, blocks_csv
 from jld_core.files import write_text
 from jld_explore.design.tessellations import region_words
-from jld_explore.design.trials import Bounds, Design, Trial, built
+from jld_explore.design.trials import NONE, Bounds, Design, Trial, built
 
 FILES: Final = ("report.html", "summary.json", "best.json", "best.png", "blocks.csv")
 """Files of a design: page, summary, scene of the best layout, its picture and its blocks."""
@@ -102,7 +102,9 @@ def gain_of(work: Design) -> float | None:
     if winner is None or usual is None:
         return None
     # like with like: by faces a layout may seem far stronger
-    by_fields = math.isfinite(winner.fields[0])
+    if NONE in (winner.fields, usual.fields) and winner.fields != usual.fields:
+        return None
+    by_fields = winner.fields != NONE
     ours, theirs = (winner.fields[0], usual.fields[1]) if by_fields else (winner.faces[0], usual.faces[1])
     return ours / theirs if math.isfinite(ours) and 0.0 < theirs < math.inf else None
 
@@ -134,6 +136,11 @@ def _claim(trial: Trial) -> str:
     if math.isfinite(low):
         most = f", at most {high:.4g}" if math.isfinite(high) else ""
         return f"carries at least {low:.4g} times the load wherever its blocks crack{most}"
+    if math.isfinite(high):
+        told = (
+            f"carries at most {high:.4g} times the load where blocks crack anywhere; no lower bound was found in time"
+        )
+        return f"{told} (by faces λ = {trial.load_factor:.4g})"
     low, high = trial.faces
     if math.isfinite(low):
         return f"carries {low:.4g} times the load if its blocks crack along the faces of its cells only"
@@ -195,6 +202,8 @@ def _span(trial: Trial) -> str:
     low, high = trial.fields
     if math.isfinite(low):
         return f"{low:.4g} to {high:.4g}"
+    if math.isfinite(high):
+        return f"at most {high:.4g} (by faces {trial.load_factor:.4g})"
     return f"by faces {trial.load_factor:.4g}"
 
 
@@ -206,6 +215,11 @@ def _proven(work: Design) -> list[str]:
         found.append(
             f"Proven: the best layout carries at least {winner.fields[0]:.4g} times the load in every load case. A "
             "stress field that nowhere exceeds the strengths was found and weighed."
+        )
+    elif winner is not None and math.isfinite(winner.fields[1]):
+        found.append(
+            f"Proven: the best layout carries at most {winner.fields[1]:.4g} times the load. No lower bound by fields "
+            "was found in time: give more time, or jld solve DIR/best.json --cracks fields."
         )
     elif winner is not None:
         found.append(

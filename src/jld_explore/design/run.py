@@ -12,6 +12,7 @@ from typing import Final
 from jld_core.build import build_assembly
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError
+from jld_core.files import require_folder
 from jld_core.limit import Status
 from jld_core.models import solve
 from jld_core.scene import Scene
@@ -24,19 +25,32 @@ from jld_explore.design.tessellations import Tessellation, tessellations
 from jld_explore.design.trials import NONE, Bounds, Design, Trial, field_bounds, labelled
 from jld_explore.explore import BUSY, explore
 from jld_explore.moved_search import MovedLayout, explore_and_move
-from jld_explore.report import Exploration, check_folder
+from jld_explore.report import Exploration
 from jld_explore.settings import ExploreSettings
-from jld_explore.space import from_string
+from jld_explore.space import from_string, search_space
+from jld_explore.space.search_space import feasible
 from jld_explore.study_state import Interrupted
 
 _WRITING: Final = (0.05, 2.0)
 """Share of the time limit, and seconds, that are kept back for page and pictures."""
+
+_OVER: Final = (0.1, 2.0)
+"""Share of the time limit, and seconds, by which a design may end late."""
+
+_PICTURE: Final = 1.5
+"""Processor time of the picture, s; it is left out where that would end late."""
 
 _SEARCHES: Final = 0.15
 """Share of the time for the coarse searches of all tessellations."""
 
 _LEAST, _SHORT = 5.0, 0.6
 """Least time of the search of one tessellation, s, in at most this share of a short time limit."""
+
+_USUAL: Final = 0.05
+"""Share of the time that is left after the searches for bounds by fields of the usual layout."""
+
+_LEAST_BOUNDS: Final = 0.3
+"""Shortest time in which bounds by fields are begun, s."""
 
 _CHECKS: Final = 0.12
 """Share of the time for the checks of the winner."""
@@ -81,7 +95,9 @@ def design_outline(
     """
     deadline = Deadline(options.seconds, started)
     say = announce or (lambda _: None)
-    check_folder(folder, resume=False)
+    require_folder(folder)
+    if folder.exists() and any(folder.iterdir()):
+        raise InputError(str(folder), "the folder is not empty", "an empty or new folder")
     outline = read_outline(file, options)
     work = Design(options, outline, folder, tessellations(outline.scene, options))
     folder.mkdir(parents=True, exist_ok=True)
@@ -91,10 +107,11 @@ def design_outline(
     try:
         for one in work.tessellations:
             say(f"{one.name:<12} {one.words if one.scene is not None else one.problem}")
-        _measure_usual(work, until)
+        _solve_usual(work)
         _search_all(work, until, say)
         work.seconds = deadline.elapsed()
         write_design(work, pictures=False)
+        _bound_usual(work, until)
         _move_best(work, until, say)
         _refine_promising(work, until, say)
         if work.winner is not None:
@@ -105,27 +122,38 @@ def design_outline(
         write_design(work)
         stop.words = f"stopped; the best so far is in {folder}" if work.winner else "stopped; no layout was found yet"
         raise
+    work.seconds = deadline.elapsed()
+    # a picture takes seconds on a busy machine
+    write_design(work, pictures=deadline.remaining() + _OVER[0] * options.seconds + _OVER[1] > busy * _PICTURE)
     if work.winner is None:
         reasons = "; ".join(f"{name}: {words}" for name, words in work.searched.items())
         wish = "weaker limits, a longer time, or a smaller load"
         raise InputError(str(file), f"no layout keeps the limits and stands ({reasons})", wish)
-    work.seconds = deadline.elapsed()
-    write_design(work)
     return work
 
 
-def _measure_usual(work: Design, until: Deadline) -> None:
-    """Bound λ of the layout that the first tessellation states, by which a gain is measured."""
+def _solve_usual(work: Design) -> None:
+    """Solve the layout that the first tessellation states by faces, by which a gain is measured."""
     first = work.tessellations[0]
     if first.scene is None:
         return
     assembly = build_assembly(first.scene)
     found = solve(assembly)
-    share = 0.05 * until.remaining()
-    fields = field_bounds(assembly, assembly.labels, share)
-    work.trials.append(
-        Trial(first.name, "stated", first.scene, found.load_factor, _faces(found.bracket), fields, "no search")
-    )
+    try:
+        allowed = bool(feasible(search_space(first.scene, assembly), assembly.labels[None])[0])
+    except InputError:  # limits that nothing satisfies: the search says so
+        allowed = False
+    faces = _faces(found.bracket)
+    work.trials.append(Trial(first.name, "stated", first.scene, found.load_factor, faces, NONE, "no search", allowed))
+
+
+def _bound_usual(work: Design, until: Deadline) -> None:
+    """Bound the usual layout by fields, in a small share of the time."""
+    usual = work.usual
+    if usual is not None and _USUAL * until.remaining() > _LEAST_BOUNDS:
+        assembly = build_assembly(usual.scene)
+        fields = field_bounds(assembly, assembly.labels, _USUAL * until.remaining())
+        work.trials = [replace(one, fields=fields) if one is usual else one for one in work.trials]
 
 
 def _faces(bracket: tuple[float, float]) -> Bounds:

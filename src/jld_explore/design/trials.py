@@ -47,6 +47,8 @@ class Trial:
         Bounds on λ by faces, and by fields with blocks that crack anywhere.
     words : str
         How it was found.
+    allowed : bool
+        True if it keeps the limits; that a tessellation states may not.
     """
 
     tessellation: str
@@ -56,11 +58,17 @@ class Trial:
     faces: Bounds
     fields: Bounds
     words: str
+    allowed: bool = True
 
     @property
     def proven(self) -> float:
-        """Load factor that is proven: by fields where these apply, else by faces."""
-        return self.fields[0] if math.isfinite(self.fields[0]) else self.faces[0]
+        """Load factor that is proven: by fields where anything is known by fields, else by faces; −inf for none."""
+        return self.faces[0] if self.fields == NONE else self.fields[0]
+
+    @property
+    def stands(self) -> bool:
+        """True if it is proven to carry a load, by fields or at least by faces."""
+        return max(self.fields[0], self.faces[0]) > -math.inf
 
     @property
     def most(self) -> float:
@@ -68,8 +76,12 @@ class Trial:
         return min(self.fields[1], self.faces[1] if math.isnan(self.load_factor) else self.load_factor)
 
     def order(self) -> tuple[bool, float]:
-        """Return the key by which trials are ranked: those with a bound by fields first, the strongest first."""
-        return not math.isfinite(self.fields[0]), -self.proven
+        """Return the key by which trials are ranked: those with a bound by fields first, the strongest first.
+
+        The others follow by what they can carry at most.
+        """
+        known = math.isfinite(self.fields[0])
+        return not known, -(self.fields[0] if known else self.most)
 
 
 @dataclass(frozen=True)
@@ -129,8 +141,9 @@ class Design:
 
     @property
     def allowed(self) -> list[Trial]:
-        """Layouts that keep the limits, the strongest first."""
-        return sorted((one for one in self.trials if one.kind != "stated"), key=Trial.order)
+        """Layouts that keep the limits and are proven to stand, the strongest first."""
+        standing = (one for one in self.trials if one.allowed and one.stands)
+        return sorted(standing, key=Trial.order)
 
     @property
     def winner(self) -> Trial | None:

@@ -78,7 +78,7 @@ class FieldRelaxation:
     def __init__(self, problems: Sequence[FieldProblem]) -> None:
         self.problems = list(problems)
         self._order = list(range(len(problems)))
-        self._asked = [PartialUpperBound(one.setting.problem(one.mesh)) for one in problems]
+        self._asked = [PartialUpperBound(one.setting.problem(one.mesh), many=True) for one in problems]
         self._known: dict[tuple[int, bytes], FieldMechanism | None] = {}
         self._others: OrderedDict[int, PartialUpperBound] = OrderedDict()
 

@@ -93,7 +93,7 @@ class CasesEvaluator(SharedEvaluator):
 
     @cached_property
     def _order(self) -> list[int]:
-        """Positions of the load cases, most critical first.
+        """Return the positions of the load cases, most critical first.
 
         The ranking uses λ of the scene's own labelling, so that it is the same for all labellings.
         """
@@ -109,7 +109,10 @@ class CasesEvaluator(SharedEvaluator):
     def _one_by_one(
         self, labellings: Bits, pruning_thresholds: Floats | None, deadline: Deadline | None
     ) -> list[Evaluation]:
-        """Evaluate labellings in turn until the deadline passes."""
+        """Evaluate labellings (k, m) in turn until the deadline passes.
+
+        pruning_thresholds: (k,) as in `evaluate_all`.
+        """
         values = [-math.inf] * len(labellings) if pruning_thresholds is None else pruning_thresholds.tolist()
         found: list[Evaluation] = []
         for labels, pruning_threshold in zip(labellings, values, strict=True):

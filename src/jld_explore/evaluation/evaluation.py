@@ -55,7 +55,10 @@ class Evaluation:
 
     @property
     def load_factor(self) -> float:
-        """λ of the objective: without dilation if computed, else associative; NaN for a bound."""
+        """Return λ of the objective: without dilation if computed, else associative.
+
+        It is NaN for a labelling settled by a bound.
+        """
         if self.settled == BOUND:
             return math.nan
         return self.associative if math.isnan(self.zero_dilation) else self.zero_dilation

@@ -43,7 +43,7 @@ class Evaluator(SharedEvaluator):
 
     @cached_property
     def _analysis(self) -> LimitAnalysis:
-        """Limit analysis for one labelling at a time, made on first use."""
+        """Return the limit analysis for one labelling at a time, made on first use."""
         return limit_analysis(self.assembly, self.settings.model)
 
     def twin(self) -> Evaluator:
@@ -52,7 +52,10 @@ class Evaluator(SharedEvaluator):
 
     @property
     def settles_nearly_all(self) -> bool:
-        """True if the batch solver settles nearly all labellings; see `SharedEvaluator`."""
+        """Return True if the batch solver settles nearly all labellings.
+
+        See `SharedEvaluator`.
+        """
         return self._batch is not None and self._batch.settles_most
 
     def evaluate_all(
@@ -81,7 +84,10 @@ class Evaluator(SharedEvaluator):
         return found
 
     def _before_deadline(self, labels: Bits, pruning_threshold: float, deadline: Deadline | None) -> Evaluation | None:
-        """Evaluate one labelling, or return None if the deadline ends a search without dilation."""
+        """Evaluate one labelling; return None if the deadline passes meanwhile.
+
+        With associative friction, and without a deadline, the evaluation is always finished.
+        """
         if deadline is None or self.settings.model.friction == "associative":
             return self.evaluate(labels, pruning_threshold)
         with suppress(DeadlinePassed), deadline.enforced():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -47,8 +48,8 @@ def field_evaluation(
     Returns
     -------
     Evaluation
-        λ is the lower bound. Collapse where both bounds are known and the lower one is at least 0, unstable where an
-        upper bound is below 0.
+        λ is the lower bound. The status is collapse if both bounds are known and the lower one is at least 0. It is
+        unstable if an upper bound is below 0.
     """
     governing = int(np.argmin(low / required))
     least, most = float(low[governing] / required[governing]), float((high / required).min())
@@ -70,6 +71,13 @@ def field_evaluation(
     return Evaluation(status, low_end, high_end, value, settled=settled, seconds=seconds, cases=cases, governing=case)
 
 
+_TOGETHER: Final = 16
+"""Most labellings that are bounded together: two vectors of the widest processors."""
+
+_SECONDS: Final = 0.25
+"""Time that labellings take together above which fewer are, as time limits are kept between them; s."""
+
+
 class FieldEvaluator(LabellingEvaluator):
     """Evaluator of labellings by fields on the coarsest mesh, under all load cases.
 
@@ -83,7 +91,7 @@ class FieldEvaluator(LabellingEvaluator):
 
     def __init__(self, assembly: Assembly, settings: EvaluatorSettings | None = None) -> None:
         self._coarse = [CoarseBounds(FieldSetting.of(case)) for case in assembly.by_case]
-        self._required = assembly.required
+        self._required, self._count = assembly.required, 1
         self._nominal: list[CoarseBounds] | None = None
         if assembly.nominal is not None:
             self._nominal = [CoarseBounds(FieldSetting.of(case)) for case in assembly.at_nominal.by_case]
@@ -94,30 +102,36 @@ class FieldEvaluator(LabellingEvaluator):
         pruning_thresholds: Floats | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings one by one; see `LabellingEvaluator.evaluate_all`.
+        """Evaluate labellings, several at a time; see `LabellingEvaluator.evaluate_all`.
 
         Pruning thresholds are ignored: bounds by fields have no cheap part.
         """
         found: list[Evaluation] = []
-        for labels in labellings:
-            if deadline is not None and deadline.passed():
-                break
-            found.append(self.evaluate(labels))
+        while len(found) < len(labellings) and not (deadline is not None and deadline.passed()):
+            start = time.perf_counter()
+            found += self._together(labellings[len(found) : len(found) + self._count])
+            # how many are taken together does not change their bounds
+            late = time.perf_counter() - start > _SECONDS
+            self._count = max(1, self._count // 2) if late else min(_TOGETHER, 2 * self._count)
         return found
 
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
         """Bound one labelling on the coarsest mesh; see `LabellingEvaluator.evaluate`."""
-        start = time.perf_counter()
-        low = np.array([coarse.lower(labels)[0] for coarse in self._coarse])
-        high = np.array([coarse.upper(labels)[0] for coarse in self._coarse])
-        nominal = None
-        if self._nominal is not None:
-            nominal = float(min(self._nominal_low(labels) / self._required))
-        return field_evaluation(low, high, self._required, seconds=time.perf_counter() - start, nominal=nominal)
+        return self._together(labels[None])[0]
 
-    def _nominal_low(self, labels: Bits) -> Floats:
-        """Return lower bounds (c,) on λ of one labelling (m,) at nominal material values."""
-        return np.array([coarse.lower(labels)[0] for coarse in self._nominal or ()])
+    def _together(self, labellings: Bits) -> list[Evaluation]:
+        """Bound labellings (k, m) on the coarsest mesh."""
+        start = time.perf_counter()
+        lows, highs = np.moveaxis(np.array([coarse.both(labellings) for coarse in self._coarse]), 1, 0)
+        nominal: list[float | None] = [None] * len(labellings)
+        if self._nominal is not None:
+            least = np.array([coarse.both(labellings)[0] for coarse in self._nominal])
+            nominal = [float(value) for value in (least / self._required[:, None]).min(axis=0)]
+        seconds = (time.perf_counter() - start) / len(labellings)
+        return [
+            field_evaluation(low, high, self._required, seconds=seconds, nominal=value)
+            for low, high, value in zip(lows.T, highs.T, nominal, strict=True)
+        ]
 
 
 @dataclass(frozen=True)

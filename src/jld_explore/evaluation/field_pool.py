@@ -48,7 +48,7 @@ class FieldStep:
     seconds : float
         Wall-clock time, s.
     more : object
-        Additional result of the function that made the step; None without one.
+        Additional result of the function that made the step, None if there is none.
     """
 
     bounds: tuple[float, float]
@@ -74,7 +74,7 @@ def step_of(fields: Fields, start: float, more: Any = None) -> FieldStep:
 def refined_step(setting: FieldSetting, labels: Bits, mesh: Mesh, required: float, enough: float) -> FieldStep:
     """Solve for both fields of a labelling (m,) on a mesh, for one load case.
 
-    No stresses are sought where λ / required is proven to be below `enough`. required: required factor of the case.
+    No stress field is computed if λ / required is proven to be below `enough`. required: required factor of the case.
     """
     start = time.perf_counter()
     return step_of(Fields.on(setting, mesh, labels, enough * required), start)
@@ -99,11 +99,11 @@ class FieldPool:
     labellings : (k, m) bool array
         All labellings.
     settings : list of FieldSetting
-        What all labellings have in common under each load case.
+        Data that all labellings share, one entry for each load case.
     given_up : (k,) bool array
-        Labellings that are refined no more, whatever is left of their brackets.
+        Labellings that are refined no more, even if their brackets are wide.
     late : bool
-        Whether any was given up for lack of time.
+        True if a labelling was given up for lack of time.
     programs : int
         Number of cone programs solved.
     tasks : TaskPool
@@ -156,7 +156,7 @@ class FieldPool:
         self.programs += other.programs
 
     def cap(self, high: Floats) -> None:
-        """Lower the upper bounds on the governing factor to values (k,) that are proven elsewhere."""
+        """Lower the upper bounds on the governing factor to values (k,) proven elsewhere."""
         self._most = np.minimum(self._most, high)
 
     def __len__(self) -> int:
@@ -164,21 +164,22 @@ class FieldPool:
 
     @property
     def refined(self) -> int:
-        """Number of labellings that were bounded on finer meshes."""
+        """Return the number of labellings that `refine` has treated."""
         return len({row for row, _ in self._steps})
 
     @property
     def coarse(self) -> list[CoarseBounds]:
-        """Bounds on the coarsest mesh under each load case, set up when first asked for."""
+        """Return the bounds on the coarsest mesh under each load case, set up when first needed."""
         if self._coarse is None:
             self._coarse = [CoarseBounds(setting) for setting in self.settings]
         return self._coarse
 
     @property
     def bounds(self) -> tuple[Floats, Floats]:
-        """Lower and upper bounds (k, c) on λ under each load case, scene units.
+        """Return the lower and upper bounds (k, c) on λ under each load case, scene units.
 
-        They are infinite where there is none.
+        They are infinite where there is none. Upper bounds on the governing factor that were given to `add`, `cap` or
+        `take_from` are not included, since they hold for no single case; see `high`.
         """
         # bounds on the governing factor that were known before hold for every case from below
         return np.maximum(self._low, self._least[:, None] * self.required), self._high
@@ -192,9 +193,9 @@ class FieldPool:
         return np.asarray(np.minimum(self._most, (self._high / self.required).min(axis=1)))
 
     def closed(self, gap: float) -> Bools:
-        """Return (k,) True for the labellings whose bounds lie within a relative gap.
+        """Return a mask (k,) of the labellings whose bounds lie within a relative gap.
 
-        A labelling without one of its bounds is not closed.
+        A labelling that lacks a bound is not closed.
         """
         low, high = self.low(), self.high()
         known = np.isfinite(low) & np.isfinite(high)
@@ -202,9 +203,9 @@ class FieldPool:
         return np.asarray(known & (high - low <= gap * np.maximum(abs(high), abs(low))))
 
     def bound_above(self, row: int) -> None:
-        """Bound labelling number `row` from above on the coarsest mesh, under all cases.
+        """Bound the labelling of index `row` from above on the coarsest mesh, under all cases.
 
-        Its mechanisms lower the bounds of the other labellings as well.
+        The mechanisms lower the bounds of the other labellings as well.
         """
         self.bounded[row] = True
         for case, coarse in enumerate(self.coarse):
@@ -213,9 +214,9 @@ class FieldPool:
             self._learn(row, case, (-math.inf, bound), None, mechanism)
 
     def bound_below(self, row: int) -> None:
-        """Bound labelling number `row` from below on the coarsest mesh.
+        """Bound the labelling of index `row` from below on the coarsest mesh.
 
-        Only cases without a lower bound are solved. Its stresses raise the bounds of the other labellings as well.
+        Only cases without a lower bound are solved. The stresses raise the bounds of the other labellings as well.
         """
         for case, coarse in enumerate(self.coarse):
             if not math.isfinite(self._low[row, case]):
@@ -224,12 +225,18 @@ class FieldPool:
                 self._learn(row, case, (bound, math.inf), stresses, None)
 
     def _next(self, row: int) -> tuple[int, Mesh]:
-        """Return the load case of a labelling that is refined next, the one known worst, and its mesh."""
+        """Return the load case and the mesh on which a labelling is refined next.
+
+        It is the case with the least lower bound. row: index of the labelling.
+        """
         case = int(np.argmin(self._low[row] / self.required))
         return case, self._meshes.get((row, case), self.settings[case].coarse)
 
     def expected_seconds(self, row: int) -> float:
-        """Return the expected time of the next mesh of a labelling, s; 0 before any mesh was solved."""
+        """Return the expected time of the next mesh of a labelling, s; 0 if no time is known.
+
+        row: index of the labelling.
+        """
         return mesh_seconds(self.rate, len(self._next(row)[1]))
 
     def refine(
@@ -241,16 +248,18 @@ class FieldPool:
     ) -> list[tuple[int, int, Mesh, FieldStep]]:
         """Solve the load case with the least lower bound on the next mesh, for some labellings.
 
-        Bounds of all labellings improve by the fields found.
+        The first mesh of a labelling is the coarsest one. The fields found bound all other labellings as well. A
+        labelling without a finer mesh, or without bounds after several meshes, is given up.
 
         Parameters
         ----------
         rows : sequence of int
-            Labellings to refine; those that the deadline leaves no time for are given up.
+            Indices of the labellings to refine. If the time left is too short for the next mesh of a labelling, it is
+            given up.
         enough : (k,) float array
             Governing factor of each labelling below which no lower bound is asked for.
         step : callable
-            Solves on one mesh: setting, labels, mesh, required, enough, then `more`.
+            Function that solves on one mesh. Its arguments are setting, labels, mesh, required, enough, then `more`.
         more : tuple
             Further arguments of `step`.
 
@@ -288,7 +297,11 @@ class FieldPool:
         stresses: FieldStresses | None,
         mechanism: FieldMechanism | None,
     ) -> None:
-        """Take the bounds of one labelling under one load case, and what its fields prove for all others."""
+        """Update the bounds under one load case: of one labelling, and of all by its fields.
+
+        row: index of the labelling. bounds: (lower, upper) bound on λ of this labelling, scene units. stresses,
+        mechanism: fields that bound all labellings, None if there are none.
+        """
         low, high = self._low[:, case], self._high[:, case]
         if stresses is not None:
             np.maximum(low, stresses.bounds(self.labellings), out=low)

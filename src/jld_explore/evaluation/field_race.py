@@ -28,15 +28,15 @@ class RaceResult:
     gap : float
         Relative distance between the best lower and the greatest upper bound on the governing factor.
     refined : int
-        Layouts that were bounded on finer meshes.
+        Number of layouts that were refined.
     programs : int
-        Cone programs solved.
+        Number of cone programs solved.
     decided : bool
-        Whether no layout is left that the aim asks to refine.
+        True if the aim asks for no further refinement.
     best : (float, float)
         Greatest lower and greatest upper bound on the governing factor.
     rivals : int
-        Number of layouts that may carry as much as the best is proven to, itself included.
+        Number of layouts whose upper bound is at least the best lower bound, the best layout included.
     """
 
     low: Floats
@@ -61,7 +61,7 @@ class FieldRace:
     report : callable, optional
         Function called with the bounds (k,) on the governing factor while the race goes on.
     aim : RaceAim, optional
-        What is to be found out. Default: the strongest layout.
+        Aim of the race. Default: to find the strongest layout.
     """
 
     def __init__(
@@ -101,7 +101,11 @@ class FieldRace:
         return self.result()
 
     def _place(self) -> None:
-        """Bound all layouts that may still tie with the best from below, on the coarsest mesh."""
+        """Bound from below, on the coarsest mesh, the layouts that may be the strongest.
+
+        These are layouts without a lower bound whose upper bound is at least the best lower bound. The greatest upper
+        bound comes first. It ends early at the deadline if some layout has a lower bound.
+        """
         pool = self.pool
         low, high = pool.low(), pool.high()
         rows = np.flatnonzero((high >= low.max(initial=-np.inf)) & ~np.isfinite(low))

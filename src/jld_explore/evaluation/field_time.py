@@ -26,7 +26,7 @@ def time_rate(seconds: float, triangles: float) -> float:
     seconds : float
         Processor time of the mesh, s.
     triangles : float
-        Number of its triangles.
+        Number of triangles of the mesh.
 
     Returns
     -------

@@ -60,7 +60,7 @@ class OwnObjectiveEvaluator(LabellingEvaluator):
         return self.evaluate_all(labels[None])[0]
 
     def _with_value(self, labels: Bits, found: Evaluation) -> Evaluation:
-        """Return an evaluation with the value in the place of λ.
+        """Return a copy of an evaluation in which the value of the objective replaces λ.
 
         Raises InputError for a value that is no number.
         """

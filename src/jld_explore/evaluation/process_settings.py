@@ -24,9 +24,10 @@ class _OpenContexts:
 
 @contextmanager
 def switch_interval(seconds: float) -> Iterator[None]:
-    """Let threads wait at most so many seconds for the interpreter while a context is open.
+    """Set the interval after which threads release the interpreter, while a context is open.
 
-    Contexts may overlap; the shortest interval counts, and the last context to close restores the first value.
+    seconds: longest interval. Contexts may overlap; the shortest interval counts, and the last context to close
+    restores the first value.
     """
     with _CHANGING:
         if not _OpenContexts.intervals:

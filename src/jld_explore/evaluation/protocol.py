@@ -35,7 +35,10 @@ class EvaluatorSettings:
 
     @property
     def batched(self) -> bool:
-        """True if bounds on λ of many labellings suffice, so that the batch solver can be used."""
+        """Return True if the batch solver can be used.
+
+        It needs a model for which bounds over labellings exist, and `use_batch_solver`.
+        """
         return self.use_batch_solver and self.model.supports_bounds_over_labellings
 
 
@@ -96,7 +99,10 @@ class SharedEvaluator(LabellingEvaluator, Protocol):
     @property
     @abstractmethod
     def settles_nearly_all(self) -> bool:
-        """True if the batch solver settles nearly all labellings, so that one process is enough."""
+        """Return True if the batch solver settles nearly all labellings.
+
+        One process is then enough.
+        """
 
     @abstractmethod
     def twin(self) -> Self:

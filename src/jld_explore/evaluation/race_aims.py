@@ -1,4 +1,4 @@
-"""What a race of layouts is to find out, and so which of them are refined next."""
+"""Aims of a race of layouts, which select the layouts to refine next."""
 
 from __future__ import annotations
 
@@ -11,24 +11,27 @@ from jld_explore.evaluation.ranking import Envelope
 
 
 class RaceAim(Protocol):
-    """Aim of a race: which layouts are refined next, and when the race is decided.
+    """Aim of a race: it selects the layouts to refine next, and says when the race is decided.
 
     All arrays are over its k layouts; `low` and `high` are their proven bounds on the governing factor.
     """
 
     def open(self, low: Floats, high: Floats, closed: Bools, gap: float) -> Bools:
-        """Return (k,) True for the layouts to refine before the race is decided, none once it is.
+        """Return a mask (k,) of the layouts to refine; all False once the race is decided.
 
-        closed: (k,) True where the bounds of a layout lie within the relative `gap` of the race.
+        low, high: (k,) bounds. closed: (k,) True where both bounds of a layout lie within the relative `gap`.
         """
         ...
 
     def order(self, rows: Ints, high: Floats) -> Ints:
-        """Return `rows`, the numbers of the open layouts, in the order in which they are refined."""
+        """Return the indices `rows` of open layouts in the order in which they are refined.
+
+        high: (k,) upper bounds.
+        """
         ...
 
     def enough(self, low: Floats) -> Floats:
-        """Return (k,) factors below which the lower bound of a layout does not matter.
+        """Return the factor (k,) of each layout below which its lower bound does not matter.
 
         A layout whose upper bound is below its factor needs no lower bound.
         """
@@ -36,26 +39,29 @@ class RaceAim(Protocol):
 
 
 class BestAim:
-    """Find the strongest layout."""
+    """Aim to find the strongest layout."""
 
     def open(self, low: Floats, high: Floats, closed: Bools, gap: float) -> Bools:
-        """Return the layouts that may be stronger than the best; see `RaceAim`."""
+        """Return a mask (k,) of the layouts that may be stronger than the best lower bound.
+
+        See `RaceAim.open`.
+        """
         best, most = low.max(initial=-np.inf), high.max(initial=-np.inf)
         if _near(np.asarray(best), np.asarray(most), gap):
             return np.zeros(len(low), dtype=bool)
         return np.asarray(~closed & (high > best))
 
     def order(self, rows: Ints, high: Floats) -> Ints:
-        """Return the layout with the greatest upper bound first; see `RaceAim`."""
+        """Return `rows` sorted by upper bound, the greatest first; see `RaceAim.order`."""
         return rows[np.argsort(-high[rows], kind="stable")]
 
     def enough(self, low: Floats) -> Floats:
-        """Return the best lower bound, alike for all; see `RaceAim`."""
+        """Return the best lower bound, the same for all layouts; see `RaceAim.enough`."""
         return np.full(len(low), low.max(initial=-np.inf))
 
 
 class FrontAim(BestAim):
-    """Find the strongest layout for every count.
+    """Aim to find the strongest layout for every combination of counts.
 
     Parameters
     ----------
@@ -67,14 +73,17 @@ class FrontAim(BestAim):
         self._counts = counts
 
     def open(self, low: Floats, high: Floats, closed: Bools, gap: float) -> Bools:
-        """Return the layouts that may be stronger than all of equal or better counts.
+        """Return a mask (k,) of the layouts that may be stronger than all with counts as good.
 
-        See `RaceAim.open`.
+        Counts as good are equal or better counts. See `RaceAim.open`.
         """
         return np.asarray(~closed & ~_near(self.enough(low), high, gap) & (high > self.enough(low)))
 
     def enough(self, low: Floats) -> Floats:
-        """Return the best lower bound among equal or better counts; see `RaceAim`."""
+        """Return, for each layout, the best lower bound among equal or better counts.
+
+        See `RaceAim.enough`.
+        """
         envelope = Envelope(self._counts.shape[1])
         known = np.isfinite(low)
         envelope.learn(low[known], self._counts[known])
@@ -82,7 +91,7 @@ class FrontAim(BestAim):
 
 
 class RequirementAim:
-    """Find the best count among layouts that carry a required factor.
+    """Aim to find the best count among layouts that carry a required factor.
 
     Parameters
     ----------
@@ -96,28 +105,31 @@ class RequirementAim:
         self._required, self._counts = required, counts
 
     def open(self, low: Floats, high: Floats, closed: Bools, gap: float) -> Bools:
-        """Return the layouts of better count that may carry the factor and are not known to.
+        """Return a mask (k,) of layouts that may carry the factor and would improve the count.
 
-        See `RaceAim.open`.
+        The factor is not proven for them yet, and their counts are better than the best proven one. See `RaceAim.open`.
         """
         met = low >= self._required
         best = self._counts[met].min(initial=np.inf)
         return np.asarray(~met & (high >= self._required) & (self._counts < best))
 
     def order(self, rows: Ints, high: Floats) -> Ints:
-        """Return the layouts by count, best first, and by upper bound where counts are equal.
+        """Return `rows` sorted by count, then by upper bound, the best first.
 
         See `RaceAim.order`.
         """
         return rows[np.lexsort((-high[rows], self._counts[rows]))]
 
     def enough(self, low: Floats) -> Floats:
-        """Return the required factor; see `RaceAim`."""
+        """Return the required factor for all layouts; see `RaceAim.enough`."""
         return np.full(len(low), self._required)
 
 
 def _near(best: Floats, most: Floats, gap: float) -> Bools:
-    """Return where both bounds are finite and differ by at most a relative gap."""
+    """Return True where both bounds are finite and differ by at most a relative gap.
+
+    best, most: lower and upper bounds, arrays of equal or broadcastable shapes.
+    """
     known = np.isfinite(best) & np.isfinite(most)
     low, high = np.where(known, best, 0.0), np.where(known, most, 0.0)
     return np.asarray(known & (high - low <= gap * np.maximum(abs(high), abs(low))))

@@ -224,7 +224,10 @@ class Envelope:
 
 
 def _as_good(counts: Floats, others: Floats) -> Bools:
-    """Return (a, b) True where all counts (a, c) are at most those of others (b, c)."""
+    """Return a mask (a, b), True where counts are equal to or better than other counts.
+
+    counts: (a, c), others: (b, c); less is better for every count.
+    """
     found = np.ones((len(counts), len(others)), dtype=bool)
     for one, other in zip(counts.T, others.T, strict=True):
         found &= one[:, None] <= other[None]

@@ -76,5 +76,8 @@ def errors_named(path: Path) -> Iterator[None]:
 
 
 def damaged(path: Path, how: str) -> InputError:
-    """Return the InputError, not raised, for a damaged record file; `how` says what is wrong."""
+    """Return the InputError, not raised, for a damaged record file.
+
+    how: description of the damage.
+    """
     return InputError(str(path), f"it is damaged ({how})", "a file as jld explore left it, or a new folder")

@@ -103,9 +103,9 @@ class RecordedEvaluator:
         return PendingEvaluations(labellings, found, missing, run)
 
     def collect(self, pending: PendingEvaluations) -> list[Evaluation] | None:
-        """Wait for submitted labellings, record each evaluation, and return all k in their order.
+        """Wait for submitted labellings, record their evaluations, and return all k in order.
 
-        None if time ran out before all were known; those that were are recorded.
+        The result is None if time ran out before all were evaluated; finished evaluations are recorded also then.
         """
         found, labellings, missing = pending.found, pending.labellings, pending.missing
         self._report([evaluation for evaluation in found if evaluation is not None])

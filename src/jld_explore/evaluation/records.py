@@ -175,7 +175,7 @@ class Records:
 
     @property
     def rows(self) -> NDArray[np.void]:
-        """All evaluations in the order in which they finished, with the fields of `record_type`."""
+        """Return all evaluations in the order in which they finished, as rows of `record_type`."""
         return self._table[: self._count]
 
     def __len__(self) -> int:
@@ -348,9 +348,9 @@ class Records:
     # --- the file ---------------------------------------------------------------------------------------
 
     def close(self) -> None:
-        """Write all data to disk, close the file and release the lock; repeating it has no effect.
+        """Write all data to disk, close the file and release the lock.
 
-        `rows` stays; the index is freed, 0.2 GB of a million evaluations.
+        Repeated calls have no effect. `rows` stays; the index is freed, 0.2 GB for a million evaluations.
         """
         self._index = {}
         try:
@@ -384,5 +384,8 @@ class Records:
         return errors_named(self.path)
 
     def _damaged(self, how: str) -> InputError:
-        """Return the error for a damaged file."""
+        """Return the InputError, not raised, for a damaged file.
+
+        how: description of the damage.
+        """
         return damaged(self.path, how)

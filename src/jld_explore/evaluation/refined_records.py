@@ -25,7 +25,7 @@ REFINED_FILE: Final = "refined.npz"
 
 
 class RefinedRecords:
-    """Rows of a record with refined evaluations in the place of those of the coarsest mesh.
+    """Rows of a record in which refined evaluations replace those of the coarsest mesh.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ class RefinedRecords:
 
     @property
     def rows(self) -> Rows:
-        """All rows in the order of the record, with refined evaluations where there are any."""
+        """Return all rows in the order of the record, with refined evaluations where known."""
         rows = self._records.rows.copy()
         place = {key: n for n, key in enumerate(keys_of(rows))}
         for own, key in zip(self._refined, keys_of(self._refined), strict=True):
@@ -72,7 +72,7 @@ class RefinedRecords:
         return rows
 
     def keep(self, labellings: Bits, multiplicities: Sequence[int], evaluations: Sequence[Evaluation]) -> None:
-        """Write refined evaluations in one step, in the place of all that were kept before.
+        """Write refined evaluations in one step; they replace all that were kept before.
 
         Parameters
         ----------

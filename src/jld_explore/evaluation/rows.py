@@ -137,7 +137,7 @@ def statuses(rows: Rows) -> NDArray[np.object_]:
 
 
 def settled(rows: Rows) -> NDArray[np.object_]:
-    """Return how each row was settled: "solve" or "bound".
+    """Return the way in which each row was settled, "solve" or "bound".
 
     Parameters
     ----------

@@ -14,7 +14,7 @@ _Result = TypeVar("_Result")
 
 
 class TaskPool:
-    """Local processes for tasks whose results depend on their arguments alone.
+    """Pool of local processes for tasks whose results depend on their arguments alone.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class TaskPool:
         Returns
         -------
         list
-            Results in the order of the tasks. What a process that died leaves undone is done here.
+            Results in the order of the tasks. Tasks that a process left undone when it died are run in this process.
         """
         if self.jobs == 1 or len(tasks) < 2:
             return [work(*task) for task in tasks]
@@ -69,6 +69,6 @@ class TaskPool:
 
 
 def make_executor(jobs: int) -> Executor:
-    """Return a new executor of so many local processes; tests put threads in its place."""
+    """Return a new executor of `jobs` local processes; tests replace it by one of threads."""
     found: Executor = local_processes(jobs)
     return found

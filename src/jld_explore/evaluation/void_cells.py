@@ -74,7 +74,10 @@ class VoidCellsEvaluator(LabellingEvaluator):
         return evaluator.evaluate(labels[kept], pruning_threshold)
 
     def _evaluator_of(self, labels: Bits) -> tuple[LabellingEvaluator, Ints]:
-        """Return the evaluator of the remaining structure and the remaining faces."""
+        """Return the evaluator of the remaining structure, and the indices of the remaining faces.
+
+        labels: (m + c,) as in `evaluate_all`. Evaluators are stored by the cells that are left out.
+        """
         stays = labels[len(self._faces) :]
         key = np.packbits(stays).tobytes()
         if key not in self._evaluators:

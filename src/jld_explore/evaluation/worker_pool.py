@@ -158,7 +158,7 @@ class WorkerPool:
         function : callable
             Function of the task, defined at module level.
         *arguments
-            Its arguments.
+            Arguments of the function.
 
         Returns
         -------

@@ -92,7 +92,10 @@ class WorkerSpec:
 
     @property
     def settles_nearly_all(self) -> bool:
-        """True if the batch solver settles nearly all labellings; see `SharedEvaluator`."""
+        """Return True if the batch solver settles nearly all labellings.
+
+        See `SharedEvaluator`.
+        """
         evaluator = self.evaluator()
         return isinstance(evaluator, SharedEvaluator) and evaluator.settles_nearly_all
 

@@ -191,9 +191,9 @@ class Workers:
 class Run:
     """Labellings under evaluation; iterating yields (slice, evaluations) as they finish.
 
-    The slice says which of the labellings the evaluations belong to. Iteration ends early at the deadline.
-    Several runs may be in progress, so that workers stay busy while earlier results are processed.
-    If workers die, the unfinished tasks are sent again. A task lost twice yields failed evaluations.
+    The slice is the range of labellings to which the evaluations belong. Iteration ends early at the deadline. Several
+    runs may be in progress, so that workers stay busy while earlier results are processed. If workers die, the
+    unfinished tasks are sent again. A task lost twice yields failed evaluations.
     """
 
     def __init__(
@@ -272,7 +272,7 @@ class Run:
         return self._workers.spec, number, self._labellings[part], self._deadline, thresholds, required
 
     def _tasks(self, numbers: list[int]) -> Iterator[Any]:
-        """Yield joblib tasks and note them as sent."""
+        """Yield joblib tasks, and record the numbers of those that are sent."""
         for number in numbers:
             self._submitted.append(number)
             yield joblib.delayed(evaluate_batch)(*self._arguments(number))

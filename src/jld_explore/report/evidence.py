@@ -83,9 +83,10 @@ def _value(values: Sequence[Any]) -> Any:
 
 
 def known_front(front: pd.DataFrame) -> tuple[pd.DataFrame, Bools]:
-    """Return the rows of a front with better evidence than "visited", and which are proven.
+    """Return the rows of a front with better evidence than "visited", and the proven ones.
 
-    The mask (k,) belongs to the rows returned. A front without evidence is returned whole, with no row proven.
+    The mask (k,) of proven rows belongs to the rows returned. A front without evidence is returned whole, with no row
+    proven.
     """
     if COLUMN not in front:
         return front, np.zeros(len(front), dtype=bool)

@@ -95,7 +95,7 @@ def check_certificate_file(path: Path, folder: Path) -> None:
     Raises
     ------
     InputError
-        The file cannot be written, or is one that the search itself writes. Nothing stays on disk then.
+        If the file cannot be written, or is one that the search itself writes. The check leaves no file on disk.
     """
     option, expected = "certificate", "a file in a folder that can be written into"
     place, results = Path(os.path.realpath(path)), Path(os.path.realpath(folder))
@@ -119,7 +119,7 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
     reason : StopReason
         Reason why it ended.
     deadline : Deadline, optional
-        Time after which different shapes are not counted any more, so that the tables are there in time.
+        Time after which no more shapes of blocks are counted, so that the tables are written in time.
 
     Returns
     -------
@@ -188,7 +188,7 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
 
 
 def _uncounted(results: pd.DataFrame) -> list[str]:
-    """Return a warning for each count that some rows lack for want of time."""
+    """Return a warning for each count that is blank in some rows because time ran out."""
     missing = {count.name: int(results[count.name].isna().sum()) for count in registered()}
     told = "the time limit ended the counting; --resume with more time goes on with it"
     return [
@@ -265,7 +265,7 @@ class _Best:
 
     @cached_property
     def _found(self) -> LimitAnalysisResult:
-        """Limit analysis of the best layout."""
+        """Return the limit analysis of the best layout."""
         return self._done.result()
 
     def draw(self, case: str | None = None) -> Figure:
@@ -283,7 +283,10 @@ def _field_picture(done: Exploration) -> Figure:
 
 
 def _drawn(name: str, done: Exploration) -> Figure:
-    """Draw one of `PICTURES` other than the best layout."""
+    """Draw one of `PICTURES` other than the best layout.
+
+    Raises ValueError for "convergence" if the folder has no history.
+    """
     from jld_explore.report import pictures as drawings
     from jld_explore.report.pictures_of_three import front_picture
 

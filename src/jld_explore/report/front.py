@@ -16,7 +16,7 @@ _DIGITS: Final = 12
 
 
 def on_front(load_factors: Floats, counts: Floats, *senses: str) -> Bools:
-    """Return which rows are not dominated in λ and the counts.
+    """Return a mask of the rows that are not dominated in λ and the counts.
 
     A row is dominated if another is at least as good in all objectives and better in one.
 
@@ -53,7 +53,10 @@ def on_front(load_factors: Floats, counts: Floats, *senses: str) -> Bools:
 
 
 def _unbeaten(best: Floats, level: Floats) -> Bools:
-    """Return (p,) mask of non-dominated rows; the count levels (p, c) differ from row to row."""
+    """Return a mask (p,) of the non-dominated rows among rows with different counts.
+
+    best: (p,) largest λ of each row. level: (p, c) counts, larger is better, ascending; no two rows are equal.
+    """
     if level.shape[1] == 1:
         # Levels ascend, so rows with better counts follow.
         behind = np.maximum.accumulate(best[::-1])[::-1]

@@ -62,7 +62,7 @@ class Stone:
 
     @property
     def stock(self) -> float:
-        """Volume of the smallest cuboid around the stone."""
+        """Return the volume of the smallest cuboid around the stone."""
         return float(np.prod(self.size))
 
 
@@ -147,7 +147,10 @@ class Making:
 
     @property
     def waste(self) -> float:
-        """Share of the stock that is lost; no other choice of one cuboid for each planar stone loses less."""
+        """Return the share of the stock that is lost.
+
+        For planar stones, no other choice of one cuboid for each stone loses less.
+        """
         return 1.0 - self.volume / self.stock
 
 
@@ -195,5 +198,5 @@ def stones_table(layout: Layout, unit: str) -> pd.DataFrame:
 
 
 def factor_to(unit: str, own: str) -> float:
-    """Return the factor from a scene's unit of length to another, 1 where the scene's is unknown."""
+    """Return the factor from a scene's unit of length to another; 1 if the scene's is unknown."""
     return METRES[own] / METRES[unit] if own in METRES else 1.0

@@ -65,6 +65,7 @@ class Page:
     height: int = 900
 
     def _repr_html_(self) -> str:
+        """Return the page in a frame, as Jupyter calls for it."""
         frame = 'style="width: 100%; border: 1px solid #888" title="the page of a search"'
         return f'<iframe srcdoc="{html.escape(self.text)}" height="{self.height}" {frame}></iframe>'
 

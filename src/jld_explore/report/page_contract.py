@@ -125,7 +125,7 @@ class Load(TypedDict):
 
 @with_config(_EXACT)
 class CaseSolution(TypedDict):
-    """What is known of one layout under one load case; null where nothing is."""
+    """Solution of one layout under one load case; null where unknown."""
 
     name: str
     """Name of the case; the empty string in a scene with a single load."""
@@ -162,7 +162,7 @@ class CaseSolution(TypedDict):
 
 @with_config(_EXACT)
 class Solution(TypedDict):
-    """What is known of one layout: λ, bracket, status, and a solution for each load case."""
+    """Solution of one layout: λ, bracket, status, and a solution for each load case."""
 
     labelling: Annotated[str, Field(pattern="^[div]*$")]
     """Letters d, i and v (beside a cell that is left out), one for each face."""
@@ -263,7 +263,7 @@ class Curve(TypedDict):
 
 @with_config(_EXACT)
 class Picture(TypedDict):
-    """Picture drawn by Python, for what the page itself cannot draw."""
+    """Picture drawn by Python, which the page itself cannot draw."""
 
     title: str
     png: Base64

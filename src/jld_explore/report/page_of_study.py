@@ -157,9 +157,10 @@ def _pictures(done: Exploration) -> list[Picture]:
 
 
 def _solutions(rows: pd.DataFrame, done: Exploration, patience: float, dear: float) -> dict[int, Solution]:
-    """Solve rows in order of importance until time runs out; return data by position.
+    """Solve rows in order of importance until time runs out; return solutions by position.
 
-    A solve that takes longer than `dear` seconds from now, unlike the evaluation of its row, is given up.
+    The most important row is solved even after `patience` seconds. Solving ends at the first row whose evaluation took
+    longer than `dear` seconds, and `dear` seconds after the begin.
     """
     start, latest = time.perf_counter(), Deadline(dear)
     found: dict[int, Solution] = {}
@@ -180,7 +181,10 @@ def _solutions(rows: pd.DataFrame, done: Exploration, patience: float, dear: flo
 
 
 def _worth(rows: pd.DataFrame, front: pd.DataFrame) -> Sequence[int]:
-    """Return the positions of rows to solve, in order: the best, the front, the next ranks."""
+    """Return the positions of rows in the order in which they are solved.
+
+    The best row comes first, then the rows on the front, then the next ranks.
+    """
     ranked = np.flatnonzero(rows["rank"].notna())[:SOLVED].tolist()
     edge = np.flatnonzero(rows.index.isin(front.index)).tolist()
     return list(dict.fromkeys([*ranked[:1], *edge, *ranked]))

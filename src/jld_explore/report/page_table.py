@@ -91,7 +91,7 @@ def table_of(
 
 
 def _ordered(names: list[str]) -> list[str]:
-    """Order column names: rank and λ first, then counts, then how each row was found."""
+    """Order column names: rank and λ first, then counts, then the origin of each row."""
     first = [name for name in _FIRST if name in names]
     last = [name for name in _LAST if name in names]
     return [*first, *(name for name in names if name not in first and name not in last), *last]
@@ -148,9 +148,10 @@ def curve_of(name: str, history: pd.DataFrame) -> Curve:
 
 
 def facts_of_summary(summary: Mapping[str, Any], results: pd.DataFrame) -> dict[str, str]:
-    """Return what is proven by a search as texts by name: bracket of the best, bound, gap.
+    """Describe the proven results of a search: bracket of the best, bound, gap.
 
-    The versions of libraries are added if the summary has them. results: table of results, best row first.
+    The result is texts by name. The versions of libraries are added if the summary has them. results: table of results,
+    best row first.
     """
     facts: dict[str, str] = {}
     best = results[results["load_factor"].notna()].head(1)

@@ -316,12 +316,12 @@ class Gallery:
 
     @property
     def rows(self) -> int:
-        """Number of rows of layouts."""
+        """Return the number of rows of layouts."""
         return -(-self.count // self.columns) if self.count else 0
 
     @property
     def height(self) -> float:
-        """Height of the gallery, inches."""
+        """Return the height of the gallery, inches."""
         return self.rows * self.cell[1]
 
     def draw(self, figure: Figure, number: int, assembly: Assembly, labelling: object, words: str) -> None:

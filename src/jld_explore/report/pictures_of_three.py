@@ -123,7 +123,11 @@ def plot_three(
 
 
 def _squares(ax: Axes, shown: pd.DataFrame, points: Floats, sure: Bools, scale: Normalize) -> None:
-    """Draw each pair of integer counts as a square with its best λ; fill and frame the front."""
+    """Draw each pair of integer counts as a square with its best λ; fill and frame the front.
+
+    shown: columns of both counts and λ. points: (k, 3) counts and λ on the front. sure: (k,) True if proven. scale:
+    colours of λ.
+    """
     first, second, value = shown.columns
     on_front = {(x, y): (v, known) for (x, y, v), known in zip(points, sure, strict=True)}
     most = shown.groupby([first, second], as_index=False)[value].max().to_numpy(dtype=float)
@@ -161,7 +165,10 @@ def _squares(ax: Axes, shown: pd.DataFrame, points: Floats, sure: Bools, scale: 
 
 
 def _dots(ax: Axes, shown: pd.DataFrame, points: Floats, sure: Bools, scale: Normalize) -> None:
-    """Draw every layout as a dot and the front coloured by λ, for counts with many values."""
+    """Draw every layout as a dot and the front coloured by λ, for counts with many values.
+
+    Arguments as in `_squares`.
+    """
     first, second, _ = shown.columns
     ax.plot(shown[first], shown[second], "o", color=DOTS, alpha=0.4, markersize=3.0, markeredgewidth=0.0, zorder=1.0)
     for part, width, words in ((sure, 1.8, "proven"), (~sure, 0.9, "best found")):

@@ -43,7 +43,7 @@ _MARGIN: Final = 0.09
 
 @dataclass(frozen=True)
 class Printed:
-    """What a printed report says.
+    """Content of a printed report.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class Printed:
     laying : Laying or None
         Order of laying, None if it was not asked for.
     assumed : tuple of str
-        What was assumed, beside the model.
+        Assumptions beside the model, one sentence each.
     """
 
     layout: Layout
@@ -71,7 +71,7 @@ class Printed:
 
     @property
     def load_factor(self) -> float:
-        """Load factor that is proven from below: by fields where it is, else by faces."""
+        """Return the load factor that is proven from below: by fields if known, else by faces."""
         return self.fields[0] if math.isfinite(self.fields[0]) else self.faces[0]
 
 
@@ -89,12 +89,12 @@ class _Book:
 
     @property
     def scene(self) -> Scene:
-        """Scene of the layout."""
+        """Return the scene of the layout."""
         return self.content.layout.scene
 
     @property
     def length(self) -> float:
-        """Factor from the scene's lengths to the unit of the report."""
+        """Return the factor from the scene's lengths to the unit of the report."""
         return factor_to(self.unit, self.scene.units.length)
 
     def new(self, title: str) -> Figure:
@@ -105,7 +105,7 @@ class _Book:
         return figure
 
     def text(self, figure: Figure, top: float, lines: list[str], size: float = 9.0) -> float:
-        """Write lines from a height on, wrapped to the page, and return the height below them."""
+        """Write lines, wrapped to the page, from the height `top` on; return the height below."""
         width = int(150 * 7.0 / size * (1.0 - 2.0 * _MARGIN))
         for line in lines:
             for part in textwrap.wrap(line, width) or [""]:
@@ -114,7 +114,7 @@ class _Book:
         return top
 
     def table(self, figure: Figure, top: float, head: list[str], rows: list[list[str]], widths: list[float]) -> float:
-        """Write a table from a height on, and return the height below it; widths: shares of the page."""
+        """Write a table from the height `top` on, return the height below; widths: page shares."""
         step = 1.5 * 8.0 / 72.0 / _PAPER[1]
         left = _MARGIN + (1.0 - 2.0 * _MARGIN) * np.concatenate([[0.0], np.cumsum(widths)[:-1]])
         for number, row in enumerate([head, *rows]):
@@ -125,9 +125,10 @@ class _Book:
 
 
 def write_printed(content: Printed, path: Path, *, language: str = "en", unit: str = "mm") -> int:
-    """Write the printed report of a layout as PDF, completely or not at all, and return the number of its pages.
+    """Write the printed report of a layout as PDF; return its number of pages.
 
-    language: one of `LANGUAGES`. unit: of lengths. Equal reports have equal bytes.
+    The file is written completely or not at all. language: one of `LANGUAGES`. unit: of lengths. Equal reports have
+    equal bytes.
     """
     figures = pages_of(content, language=language, unit=unit)
     facts = {"CreationDate": None, "Title": content.layout.scene.name}
@@ -139,7 +140,7 @@ def write_printed(content: Printed, path: Path, *, language: str = "en", unit: s
 
 
 def pages_of(content: Printed, *, language: str = "en", unit: str = "mm") -> list[Figure]:
-    """Return the pages of a printed report: overview, stones, moulds, and laying with assumptions."""
+    """Return the pages of a printed report: overview, stones, moulds, laying, assumptions."""
     stones = stones_of(content.layout)
     book = _Book(content, language, unit, stones, making_of(stones), words_in(language))
     _overview(book)
@@ -154,7 +155,7 @@ def pages_of(content: Printed, *, language: str = "en", unit: str = "mm") -> lis
 
 
 def _overview(book: _Book) -> None:
-    """Make the page with the picture, the loads and what is proven."""
+    """Make the page with the picture, the loads and the proven results."""
     content, words = book.content, book.words
     layout = content.layout
     figure = book.new(f"{words['title']}: {textwrap.shorten(book.scene.name, 50, placeholder=' …')}")
@@ -221,7 +222,7 @@ def _finite(value: float, write: Any) -> str:
 
 
 def _proven(book: _Book) -> list[str]:
-    """Say what is proven, and what is not."""
+    """Return sentences on proven and on unproven results."""
     content, words = book.content, book.words
     found = []
     if math.isfinite(content.fields[0]):
@@ -364,7 +365,7 @@ def _laying_table(book: _Book, figure: Figure, top: float) -> float:
 
 
 def _numbers(book: _Book, laying: Laying, blocks: Sequence[int]) -> list[str]:
-    """Return the numbers of the stones that an order of laying calls blocks."""
+    """Return the numbers of the stones that are the given blocks of an order of laying."""
     layout = book.content.layout
     names = {stone.name: str(stone.number) for stone in book.stones}
     # blocks of an order of laying are named by their first elements, those of a layout also by the scene
@@ -373,7 +374,7 @@ def _numbers(book: _Book, laying: Laying, blocks: Sequence[int]) -> list[str]:
 
 
 def _assumptions(book: _Book) -> list[str]:
-    """Say which values and which model the load factor rests on."""
+    """Return sentences on the values and the model on which the load factor is based."""
     words, scene = book.words, book.scene
     materials = scene.model_dump(mode="json", exclude_defaults=True)["materials"]
     dry, inner = materials.get("dry") or {}, materials.get("inner") or {}

@@ -118,7 +118,7 @@ def read_folder(folder: Path) -> Exploration:
 def history_of(folder: Path) -> pd.DataFrame | None:
     """Return the columns solves, seconds and best of convergence.csv in a results folder.
 
-    None if the folder has no such file. Raises InputError if it is damaged.
+    The result is None if the folder has no such file. Raises InputError if it is damaged.
     """
     import pandas as pd  # here and below: slow to import and needed for tables only
 
@@ -132,7 +132,10 @@ def history_of(folder: Path) -> pd.DataFrame | None:
 
 
 def _summary(path: Path, faces: int) -> dict[str, Any]:
-    """Read and validate summary.json."""
+    """Read and validate summary.json; raise InputError if it is damaged or of another scene.
+
+    faces: number of faces, the length of labellings.
+    """
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
         if not isinstance(found, dict):
@@ -153,7 +156,10 @@ def _summary(path: Path, faces: int) -> dict[str, Any]:
 
 
 def _results(path: Path, assembly: Assembly, counts: list[str]) -> pd.DataFrame:
-    """Read and validate results.parquet."""
+    """Read and validate results.parquet; raise InputError if it is damaged.
+
+    counts: names of the counts that it has to contain. A table of another scene is refused as well.
+    """
     import pandas as pd
 
     try:
@@ -177,7 +183,7 @@ def _results(path: Path, assembly: Assembly, counts: list[str]) -> pd.DataFrame:
 
 
 def _model(path: Path, facts: dict[str, Any]) -> SolveOptions:
-    """Return the model of a summary; a custom solver is replaced by the default one."""
+    """Return the model of a summary, with the default solver in place of a custom one."""
     known = dict(facts)
     if known.get("solver") not in SOLVERS:
         known["solver"] = "auto"
@@ -192,5 +198,8 @@ def _model(path: Path, facts: dict[str, Any]) -> SolveOptions:
 
 
 def _damaged(path: Path, how: str) -> InputError:
-    """Return the error for a damaged file."""
+    """Return the InputError, not raised, for a damaged file.
+
+    how: description of the damage.
+    """
     return InputError(str(path), f"it is damaged ({how.splitlines()[0]})", LEFT)

@@ -21,7 +21,7 @@ COLUMN: Final = "meets"
 
 
 def column(low: Floats, status: NDArray[np.object_], search: Search) -> dict[str, Any]:
-    """Return the column of results that says which layouts reach the required load factor.
+    """Return the column of results with True for layouts that reach the required load factor.
 
     low: (k,) proven lower bounds on λ. status: (k,) names. Locked layouts carry any load and reach it. The result is a
     dict of name to (k,) mask; empty if no load factor is required.
@@ -49,8 +49,8 @@ def facts(table: pd.DataFrame, search: Search, *, complete: bool, finished: bool
     """Return the entries of summary.json on the required load factor: `require` and `proven`.
 
     table: results with the column of `column`. complete: True if every class has been evaluated. finished: True if the
-    driver's proof is complete. wide: True for wide brackets; λ may then exceed what is proven of it. The dict is empty
-    if no load factor is required.
+    driver's proof is complete. wide: True for wide brackets; a layout that collapses may then reach the factor although
+    its lower bound does not. The dict is empty if no load factor is required.
     """
     if search.require is None:
         return {}

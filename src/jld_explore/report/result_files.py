@@ -24,10 +24,10 @@ Parquet; spreadsheets end at 1 048 576 rows.
 
 
 def write_results(folder: Path, results: pd.DataFrame, *, csv: bool | None = None) -> None:
-    """Write the table of results into a folder.
+    """Write the table of results into a folder: Parquet always, CSV by size or request.
 
-    csv: True writes CSV whatever the number of rows, False up to `CSV_ROWS`; None: if a CSV file is there, or as False.
-    A CSV file of former rows is removed where none is written.
+    csv: True always writes CSV. False writes it for up to `CSV_ROWS` rows only. None also writes it for more rows if
+    the folder has a CSV file already. If no CSV is written, an existing one is removed.
     """
     path = folder / CSV_FILE
     if csv or len(results) <= CSV_ROWS or (csv is None and path.exists()):

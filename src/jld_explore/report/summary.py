@@ -39,9 +39,9 @@ class Summary(Mapping[str, Any]):
     evaluated : int
         Number of classes evaluated.
     solved : int
-        Number of them solved in this run.
+        Number of classes solved in this run.
     settled, pruned : int
-        Number of classes settled by proofs of other solves, and by a bound.
+        `settled` is 0, kept until version 0.4. `pruned` is the number of classes settled by a bound.
     counts_by_status : dict of str to int
         Number of classes by status.
     seconds : float
@@ -57,7 +57,7 @@ class Summary(Mapping[str, Any]):
     front : list of dict
         Points of the front: `count`, `load_factor`, `bound`, `proven`.
     next : str or None
-        What would bring a proof.
+        Advice on how to complete a proof; None if there is none.
     facts : dict
         All entries of summary.json, also those of a single driver or option.
     """

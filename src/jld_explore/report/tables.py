@@ -94,7 +94,7 @@ def results_table(
     own_objective : bool
         True if `load_factor` is the value of a function of the user; λ is then the last entry of `cases`.
     wide : bool
-        Brackets are wide, as those by fields: rows are ordered by how many others are proven stronger.
+        True for wide brackets, as those by fields. Rows are then ordered by the number of others proven stronger.
     deadline : Deadline, optional
         Time after which no outline of a block is computed. Counts that need outlines are then missing in the last
         rows, unless the front is one of such a count.
@@ -165,9 +165,10 @@ def results_table(
 
 
 def _texts(packed: NDArray[np.uint8], interfaces: int, faces: int) -> pd.Series[str]:
-    """Return packed labellings (k, bytes) of m interfaces as texts of the first faces, 'd' for dry and 'i' for inner.
+    """Return packed labellings (k, bytes) as texts, "d" for dry and "i" for inner.
 
-    The column is made from the bytes of all texts: as objects of Python a million of them took 0.4 GB on the way.
+    interfaces: number m of interfaces. faces: number of leading ones that have a letter. The column is made from the
+    bytes of all texts. As Python objects, a million of them took 0.4 GB.
     """
     import pyarrow as pa
 
@@ -190,10 +191,11 @@ def nominal_of_best(results: pd.DataFrame) -> float | None:
 
 
 def _ties(load_factor: Floats, low: Floats, high: Floats, *, wide: bool = False) -> Ints:
-    """Return (k,) group number of each row, best first; rows of one group tie.
+    """Return the group number (k,) of each row, best first; rows of one group tie.
 
-    Rows tie if their brackets overlap the bracket of the best row of the group. A wide bracket may overlap that of the
-    best while a narrow one between them does not; wide ones tie where equally many rows are proven stronger.
+    load_factor: (k,) λ, NaN for none. low, high: (k,) brackets. Rows tie if their brackets overlap the bracket of the
+    best row of the group. With `wide`, rows tie for which equally many rows are proven stronger. Group 0 holds the rows
+    without a load factor.
     """
     group = np.zeros(len(load_factor), dtype=np.int64)
     ranked = np.flatnonzero(~np.isnan(load_factor))

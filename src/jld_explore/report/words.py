@@ -52,14 +52,14 @@ def assembly(scene: Scene, found: Assembly, space: SearchSpace) -> str:
     Returns
     -------
     str
-        Lines with dimension, counts, loads, program size, candidates and symmetries.
+        Lines of text: dimension, counts, loads, program size, candidates and symmetries.
     """
     spots = int(np.count_nonzero(space.candidates))
     return aligned(
         {
             "scene": scene.name,
             **facts_of_assembly(found),
-            "candidates": f"{spots} of {len(found.interfaces)} faces may be dry or inner; a labelling says which",
+            "candidates": f"{spots} of {found.faces} faces may be dry or inner; a labelling says which",
             "symmetries": f"{len(space.group)} (with the identity); labellings alike by symmetry are one class",
         }
     )
@@ -127,7 +127,10 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
 
 
 def _of_blocks(check: dict[str, Any] | None) -> dict[str, str]:
-    """Describe what a check by fields found of the best layouts, and the command to go on."""
+    """Describe the findings of a check by fields, and the command that continues it.
+
+    check: entry `fields` of the summary, None without a check.
+    """
     if check is None:
         return {}
     if check["skipped"]:

@@ -84,7 +84,8 @@ class Api:
         """Solve a state of the page and return its solution, or that a newer one supersedes it.
 
         asked: state, "page" (name of the open page) and "revision" (number of the state). The answer has "revision" and
-        the entries of `StudioSession.solve`; "superseded" alone where the page has sent a newer revision.
+        the entries of `StudioSession.solve`; If the page has sent a newer revision, it has "revision" and "superseded"
+        only.
         """
         page, revision = str(asked.get("page", "")), _whole(asked.get("revision"))
         self._note(page, revision)
@@ -96,8 +97,8 @@ class Api:
     def fields(self, asked: dict[str, Any]) -> dict[str, Any]:
         """Solve one more mesh of the bounds by fields for a state of the page, and return them.
 
-        asked: as in `solve`. The answer has "revision" and the entries of `StudioSession.fields`; "superseded" alone
-        where the page has sent a newer revision.
+        asked: as in `solve`. The answer has "revision" and the entries of `StudioSession.fields`; If the page has sent
+        a newer revision, it has "revision" and "superseded" only.
         """
         page, revision = str(asked.get("page", "")), _whole(asked.get("revision"))
         if self._note(page, revision) > revision:
@@ -105,7 +106,10 @@ class Api:
         return {"revision": revision, **self.desk.fields(asked.get("labelling"), _changes(asked))}
 
     def improve(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Move joints by some steps from a state of the page, and return the entries of `StudioSession.improve`."""
+        """Move joints by some steps from a state of the page.
+
+        asked: state. The answer has the entries of `StudioSession.improve`.
+        """
         return self.desk.improve(asked.get("labelling"), _changes(asked))
 
     def _note(self, page: str, revision: int) -> int:

@@ -53,7 +53,7 @@ class FieldBracket:
         self._bounds: list[FieldBounds | None] = [None] * len(self._cases)
 
     def step(self) -> dict[str, Any]:
-        """Solve one more mesh, if there is time, and return what is known.
+        """Solve one more mesh, if there is time, and return the bounds so far.
 
         The mesh belongs to a load case without bounds, or else to the one with the least lower bound over its required
         factor.
@@ -80,7 +80,7 @@ class FieldBracket:
 
     @property
     def _spent(self) -> float:
-        """Time of all meshes, s of work."""
+        """Return the processor time of all meshes, s."""
         return sum(bounds.seconds for bounds in self._bounds if bounds is not None)
 
     def _next(self) -> int | None:
@@ -108,7 +108,7 @@ class FieldBrackets:
         self._turn = threading.Lock()
 
     def step(self, assembly: Assembly, labels: Bits, gap: float) -> dict[str, Any]:
-        """Solve one more mesh of the bounds by fields of a layout, and return what is known.
+        """Solve one more mesh of the bounds by fields of a layout, and return the bounds so far.
 
         Parameters
         ----------

@@ -73,7 +73,7 @@ class Job:
 
     @property
     def results(self) -> Path:
-        """Results folder of the search."""
+        """Return the results folder of the search."""
         return self.folder if self.kind == "study" else self.folder / "results"
 
     def told(self) -> dict[str, Any]:
@@ -241,7 +241,11 @@ class Jobs:
         threading.Thread(target=self._listen, args=(job, job.process, words, told), daemon=True).start()
 
     def _listen(self, job: Job, process: subprocess.Popen[str], words: IO[str], told: dict[str, Any]) -> None:
-        """Read the progress of a process until it ends, then record its state."""
+        """Read the progress of a process until it ends, then record its state in the job.
+
+        process: of the search. words: file that receives stderr of the process. told: content of the job's file, which
+        is written again with "done".
+        """
         if process.stdout is None:
             raise RuntimeError("a search was started without a pipe for its progress")
         with process.stdout, words:
@@ -285,7 +289,7 @@ def _progress_of(line: str) -> dict[str, Any] | None:
 
 
 def _orders_of(study: Path) -> dict[str, Any]:
-    """Return the settings of a study begun elsewhere, as far as its summary contains them."""
+    """Return driver and seed of a study begun elsewhere, from its summary."""
     summary = _read_object(study / "summary.json")
     return {"driver": summary.get("driver"), "seed": summary.get("seed", 0)}
 

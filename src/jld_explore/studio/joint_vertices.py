@@ -28,7 +28,7 @@ STEPS: Final = 6
 
 
 class JointVertices:
-    """Vertices of the faces of one planar scene, and the scene with some of them at other places.
+    """Vertices of the faces of one planar scene that the page of the studio may move.
 
     Vertices are numbered as in `vertex_mesh`. Those that are ends of a face and belong to no support may move: inside
     the structure freely, on a straight outline or a circle that the key "move" names along it.
@@ -38,7 +38,7 @@ class JointVertices:
     scene : Scene
         Planar scene of the studio.
     assembly : Assembly
-        Its assembly.
+        Assembly of the scene.
 
     Raises
     ------
@@ -55,7 +55,7 @@ class JointVertices:
         self._movable = set(self._variables.vertex.tolist())
 
     def facts(self) -> dict[str, Any]:
-        """Return what a page needs to drag vertices, as JSON data.
+        """Return the data by which a page drags vertices, as JSON.
 
         Returns
         -------
@@ -80,7 +80,11 @@ class JointVertices:
         }
 
     def _tied(self) -> dict[int, list[tuple[int, int]]]:
-        """Return by vertex the vertices that move with it by the key "ties", with the factor on x."""
+        """Return the vertices that move with each vertex by the key "ties".
+
+        They come with the factor on the displacement in x, 1 or −1 for mirrored ones. Vertices without ties have no
+        entry.
+        """
         ties = "none" if self._move is None else self._move.ties
         found: dict[int, list[tuple[int, int]]] = {}
         if ties == "mirror-x":
@@ -119,11 +123,14 @@ class JointVertices:
         return self.mover(base, labels).at(places)
 
     def mover(self, base: Scene, labels: Bits) -> MovedScene:
-        """Return the scenes with the vertices of a scene at other places; arguments as in `scene`."""
+        """Return the factory of the scene with its vertices at given places.
+
+        Arguments as in `scene`.
+        """
         return MovedScene(base, self._assembly, labels, self.mesh)
 
     def improved(self, scene: Scene, assembly: Assembly, labels: Bits, places: Floats) -> dict[str, Any]:
-        """Move joints by some steps of `jld move` from what a page shows.
+        """Move joints by some steps of `jld move` from the state that a page shows.
 
         Vertices of inner faces follow where the scene has no key "move". λ is maximised, whatever the key says.
 
@@ -132,7 +139,7 @@ class JointVertices:
         scene : Scene
             Scene that the page shows.
         assembly : Assembly
-            Its assembly.
+            Assembly of the scene.
         labels : (m,) bool array
             Labels shown, True = dry.
         places : (v, 2) array

@@ -38,18 +38,18 @@ CHANGEABLE: Final = ("materials", "loads", "vertices")
 
 @dataclass(frozen=True)
 class ScenarioCache:
-    """Scene with the materials, loads and vertices of one state of the page, ready to be solved.
+    """Scene of one state of the page, with all objects that solve it.
 
     Attributes
     ----------
     scene : Scene
         Scene with these materials, loads and vertices.
     assembly : Assembly
-        Its assembly.
+        Assembly of the scene.
     space : SearchSpace or None
-        Its search space, None if the scene cannot be searched, or joints were moved.
+        Search space of the scene, None if the scene cannot be searched, or joints were moved.
     solver : CaseAnalysis
-        Its solver.
+        Solver of all load cases of the scene.
     """
 
     scene: Scene
@@ -59,7 +59,7 @@ class ScenarioCache:
 
 
 class StudioSession:
-    """Solver of labellings of one scene under changing materials, loads and places of joints; thread-safe.
+    """Solver of labellings of one scene, whose materials, loads and joints may change.
 
     Parameters
     ----------
@@ -127,7 +127,10 @@ class StudioSession:
         return self.joints
 
     def _space(self, scene: Scene, assembly: Assembly) -> SearchSpace | None:
-        """Return the search space; only changed weights require a new one."""
+        """Return the search space of a scene; None if the scene cannot be searched.
+
+        The space of the studio's scene is used again unless weights differ.
+        """
         if self._first is not None and np.array_equal(assembly.elements.weight, self._first.assembly.elements.weight):
             return self._first.space
         try:
@@ -151,8 +154,8 @@ class StudioSession:
         """Solve a labelling under changed materials and loads, and return JSON data for the page.
 
         letters: d and i, one per face. changes: as in `setup`. The entries are "solution", "loads", "bodies" (of moved
-        elements, else None), "against" (why a search would not admit the labelling, None without a search space) and
-        "seconds". Raises InputError for invalid arguments.
+        elements, else None), "against" (reasons why a search would not admit the labelling, None without a search
+        space) and "seconds". Raises InputError for invalid arguments.
         """
         start = time.perf_counter()
         setup = self.setup(changes)
@@ -169,10 +172,10 @@ class StudioSession:
         }
 
     def improve(self, letters: object, changes: Mapping[str, Any]) -> dict[str, Any]:
-        """Move joints by some steps of `jld move` from a state of the page, and return where they are.
+        """Move joints by some steps of `jld move` from a state of the page.
 
-        letters, changes: as in `solve`. The entries are those of `JointVertices.improved`. Raises InputError if nothing
-        can move, or nothing stands.
+        letters, changes: as in `solve`. The entries of the result are those of `JointVertices.improved`. Raises
+        InputError if nothing can move, or nothing stands.
         """
         setup, joints = self.setup(changes), self._movable()
         places = joints.placed(changes.get("vertices") or {})
@@ -188,10 +191,10 @@ class StudioSession:
         return self._brackets.step(setup.assembly, self.labels(letters), gap)
 
     def scene_with(self, letters: object, changes: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the scene file of a labelling under changed materials, loads and vertices, as a document.
+        """Return the scene file of a state of the page as a document.
 
         letters, changes: as in `solve`. Labels are written by pairs of elements, and with moved vertices at stated
-        interfaces. Raises InputError if a scene file cannot hold them, for instance where two faces of a pair differ.
+        interfaces. Raises InputError if a scene file cannot hold them, for instance if two faces of a pair differ.
         """
         setup, labels = self.setup(changes), self.labels(letters)
         if changes.get("vertices"):

@@ -89,7 +89,7 @@ class Balances:
         self._lay_out()
 
     def _lay_out(self) -> None:
-        """Compute the rows of A_eqᵀ per face and side: jump per unit velocity of an element."""
+        """Compute the integer rows of A_eqᵀ of both sides of each face, and the integer loads."""
         assembly, faces = self.assembly, self.assembly.interfaces
         axes = [faces.normal, faces.e1] if self._planar else [faces.normal, faces.e1, faces.e2]
         anchors = list(self._anchors())
@@ -122,7 +122,10 @@ class Balances:
         self._live, self._live_digits = whole(assembly.live)
 
     def _anchors(self) -> Iterator[tuple[int, int, Floats, Floats]]:
-        """Yield what members do on elements: interface, element, point (d,), forces (d, d) of unit N, V1 and V2."""
+        """Yield the points at which members act on elements, with the forces there.
+
+        A point is given by interface, element, position (d,), and forces (d, d) for unit N, V1 and V2 of the interface.
+        """
         members, faces, d = self.assembly.members, self.assembly.interfaces, self.assembly.dimension
         for k in np.flatnonzero(members.face >= 0).tolist():
             face = int(members.face[k])
@@ -257,9 +260,10 @@ def whole(values: Floats) -> tuple[list[list[int]], int]:
 
 
 def _rows(frame: Sequence[Sequence[int]], arm: Sequence[int], far: int, near: int) -> list[list[int]]:
-    """Return the jump of a face per velocity of an element, (1.1) and (3.1), as integers.
+    """Return the jump of a face per unit velocity of an element, (1.1) and (3.1), as integers.
 
-    All values have the same power of two as denominator.
+    frame: axes of the face, as integers over 2**near. arm: centroid of the face minus that of the element, as integers
+    over 2**far. The result has integers over 2**(far + near).
     """
     if len(arm) == 2:
         along = [[x << far, y << far, arm[0] * y - arm[1] * x] for x, y in frame]

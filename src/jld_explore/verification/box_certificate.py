@@ -67,9 +67,9 @@ class Split:
     Attributes
     ----------
     axis : int
-        Number of the parameter.
+        Index of the parameter.
     at : float
-        Where both halves meet, length.
+        Value of the parameter at the common end of both halves, length.
     """
 
     axis: int
@@ -78,7 +78,7 @@ class Split:
 
 @dataclass(frozen=True)
 class Leaf:
-    """Node of the tree: a mechanism by which no position in the box carries more than the bound.
+    """Node of the tree: a mechanism that bounds λ of all positions in the box.
 
     Attributes
     ----------
@@ -100,7 +100,10 @@ Node = Split | Leaf
 
 
 def is_box_certificate(path: Path) -> bool:
-    """Return True if the first line of a file names it a certificate of a box; False if it cannot be read."""
+    """Return True if a file begins like the certificate of a proof over a box.
+
+    The result is False for a file that cannot be read.
+    """
     try:
         with path.open("rb") as file:
             return file.read(len(KEY) + 16).lstrip().startswith(f'{{"{KEY}"'.encode())

@@ -110,7 +110,10 @@ class BoxStructure:
             self.cases.append((dead, self._loads(case["live"], sizes, {}), Fraction(case["required"])))
 
     def _displacements(self, claim: BoxClaim) -> dict[Pair, list[Vector]]:
-        """Return for each point that moves its displacement by each parameter."""
+        """Return the displacement by each parameter of every point that moves.
+
+        Raises InputError if a direction names a point twice, or a point that is no corner of an element.
+        """
         corners = {point for loop in self.outlines for point in loop}
         found: dict[Pair, list[Vector]] = {}
         for parameter, motion in enumerate(claim.directions):
@@ -124,7 +127,11 @@ class BoxStructure:
         return found
 
     def _joints(self, scene: Scene) -> list[Joint]:
-        """Return the joints of a scene, whose ends have to be consecutive corners of both elements."""
+        """Return the joints of a scene, except those between two supports.
+
+        Raises InputError for faces that are not dry joints with friction alone, and for a joint that does not run
+        between consecutive corners of both elements.
+        """
         assembly = build_assembly(scene)  # for strengths, which it reads from several places of a scene
         strengths = assembly.strengths
         plain = assembly.labels.all() and not strengths.cohesion.any() and not np.isfinite(strengths.crush_dry).any()
@@ -171,7 +178,12 @@ class BoxStructure:
         return weights, sizes
 
     def _loads(self, entries: list[dict[str, Any]], sizes: dict[int, Fraction], start: dict[int, Vector]) -> Loads:
-        """Return the loads of some entries beside a load per area; sizes: magnitudes of weights per area."""
+        """Return the loads of some entries, added to loads per area.
+
+        entries: load entries of the scene. sizes: magnitude of the weight per area of each element, for body loads.
+        start: loads per area to begin with. Raises InputError for pressure, and for a force at the centroid of an
+        element whose shape changes.
+        """
         per_area = dict(start)
         points: list[tuple[int, Vector, Vector, Fraction]] = []
         for entry in entries:
@@ -196,7 +208,11 @@ class BoxStructure:
     # --- polynomials over a box ------------------------------------------------------------------------
 
     def place(self, point: Pair, low: list[Fraction], high: list[Fraction]) -> tuple[Polynomial, Polynomial]:
-        """Return the coordinates of a point over a box, by parameters that run from 0 to 1 in the box."""
+        """Return the coordinates x and y of a point over a box, as polynomials.
+
+        The variables of the polynomials run from 0 to 1 in the box. point: corner in the scene. low, high: least and
+        greatest value of each parameter.
+        """
         none = (0,) * self.parameters
         ways = self._ways.get(point)
         found: tuple[Polynomial, Polynomial] = ({}, {})
@@ -212,7 +228,7 @@ class BoxStructure:
     def moments(
         self, element: int, low: list[Fraction], high: list[Fraction]
     ) -> tuple[Polynomial, Polynomial, Polynomial]:
-        """Return area and first moments ∫x, ∫y of an element over a box."""
+        """Return area and first moments ∫x, ∫y of an element over a box, as in `place`."""
         corners = [self.place(point, low, high) for point in self.outlines[element]]
         area: Polynomial = {}
         first: tuple[Polynomial, Polynomial] = ({}, {})
@@ -228,7 +244,7 @@ class BoxStructure:
 
 
 def _require_known(scene: Scene) -> None:
-    """Raise InputError for what a certificate of a box does not know."""
+    """Raise InputError for a scene with content that certificates of a box do not cover."""
     if scene.dimension != 2 or scene.grid is not None or scene.interfaces is None:
         raise InputError("elements", "they are no polygons with stated interfaces", "a planar scene that states them")
     if scene.loads.moving or scene.settlements:
@@ -258,5 +274,5 @@ def _centroid(outline: list[Pair]) -> Vector:
 
 
 def _follows(outline: list[Pair], first: Pair, second: Pair) -> bool:
-    """Return True if one corner of an outline comes right after another."""
+    """Return True if `second` is the corner after `first` in an outline."""
     return first in outline and outline[(outline.index(first) + 1) % len(outline)] == second

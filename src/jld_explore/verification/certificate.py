@@ -158,14 +158,14 @@ def read(path: Path) -> tuple[Claim, list[Reason]]:
     Returns
     -------
     claim : Claim
-        What the certificate says; its scene is not validated.
+        Statement of the certificate; its scene is not validated.
     reasons : list of Reason
         The reasons in the order of their lines.
 
     Raises
     ------
     InputError
-        The file cannot be read, is no certificate, is not whole, or claims what no certificate can.
+        If the file cannot be read, is no certificate, is not whole, or has an invalid claim.
     """
     try:
         text = path.read_bytes()
@@ -218,7 +218,10 @@ def _claim(head: dict[str, Any], path: str) -> Claim:
 
 
 def finite(value: object) -> float | None:
-    """Return a JSON number as the double nearest to it; None for anything else and past the range of doubles."""
+    """Return the double nearest to a JSON number; None for anything else.
+
+    The result is also None beyond the range of doubles.
+    """
     if type(value) not in (int, float):
         return None
     try:

@@ -11,8 +11,8 @@ def at_least(literals: Sequence[int], least: int, top: int) -> tuple[list[list[i
     Variable (i, j) states that j of the first i literals are true. It implies (i − 1, j), or (i − 1, j − 1) together
     with literal i. One direction of the implication suffices, since the constraint is only a lower bound.
 
-    literals: nonzero integers, negative for a negation. top: largest variable used before.
-    Source: Sinz 2005, CP, LNCS 3709, 827–831.
+    literals: nonzero integers, negative for a negation. least: 1 or more, else ValueError is raised. top: largest
+    variable used before. Source: Sinz 2005, CP, LNCS 3709, 827–831.
     """
     if least > len(literals):
         return [[]], top

@@ -173,7 +173,8 @@ class Labellings:
     def too_small(self, within: Sequence[int]) -> Clause | None:
         """Return the clause that not all faces around given elements are dry, or None.
 
-        The free elements within must be below a limit; None means that the clause does not follow.
+        within: the elements; the free ones among them must be below a limit. The result is None if the clause does not
+        follow.
         """
         members = set(within)
         known = all(0 <= e < len(self._support) for e in members) and not all(self._support[e] for e in members)

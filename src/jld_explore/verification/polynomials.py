@@ -29,8 +29,8 @@ def add(total: Polynomial, term: Mapping[tuple[int, ...], Fraction | int], facto
 def is_at_least_zero(polynomial: Polynomial, parameters: int, degree: int, *, strictly: bool = False) -> bool:
     """Return True if Bernstein coefficients prove a polynomial non-negative on the unit box.
 
-    parameters: their number. degree: largest exponent of each, 1 to 3. strictly: prove it positive. False says nothing
-    about the sign: the coefficients bound the polynomial from below.
+    parameters: number of parameters. degree: largest exponent of each, 1 to 3. strictly: prove it positive. A result
+    False says nothing about the sign, since the coefficients only bound the polynomial from below.
     """
     terms = [(power, value) for power, value in polynomial.items() if value]
     if not terms:
@@ -54,6 +54,9 @@ def is_at_least_zero(polynomial: Polynomial, parameters: int, degree: int, *, st
 
 
 def _weights(degree: int) -> list[list[int]]:
-    """Return binom(k, j) / binom(degree, j), times a common denominator, for k and j from 0 to the degree."""
+    """Return the weights of powers of one parameter in Bernstein coefficients.
+
+    Entry [k][j] is binom(k, j) / binom(degree, j) for the power j in the coefficient k, times a common denominator.
+    """
     shared = math.lcm(*(math.comb(degree, j) for j in range(degree + 1)))
     return [[math.comb(k, j) * shared // math.comb(degree, j) for j in range(degree + 1)] for k in range(degree + 1)]

@@ -76,7 +76,7 @@ class ProximalOptions:
     start : str
         Forces to start from.
     effective_area : bool
-        Whether effective areas are updated.
+        True if effective areas are updated.
 
     Raises
     ------
@@ -167,8 +167,8 @@ class FixedPointSearch:
     def step_from(self, forces: Floats, alpha: float) -> RawSolution:
         """Solve one proximal step: the problem with friction frozen at N of given forces.
 
-        Where the solver fails, it is tried again from forces half way back to the last feasible ones, up to six times;
-        then the failed answer is returned. forces: (q·m,) scaled. alpha: share of the present N in friction.
+        If the solver fails, the step is tried again from forces half way back to the last feasible ones, up to six
+        times; then the failed answer is returned. forces: (q·m,) scaled. alpha: share of the present N in friction.
         """
         centre = forces[: self.count]
         for _ in range(_BACK):
@@ -187,9 +187,10 @@ class FixedPointSearch:
     ) -> State:
         """Minimise the complementarity gap Γ over forces, for given velocities.
 
-        The result is the state of true friction nearest to `forces`, as far as repairs succeed. forces: (q·m,) scaled.
-        dual: multipliers whose first entries are the velocities. areas: effective areas, None if not used. held: if
-        given, hold the forces with the larger weight `HOLDING_WEIGHT`, and require this slack.
+        The result is the state of true friction nearest to `forces`; check that it is admissible, since repairs may
+        fail. forces: (q·m,) scaled. dual: multipliers whose first entries are the velocities. areas: effective areas,
+        None if not used. held: if given, hold the forces with the larger weight `HOLDING_WEIGHT`, and require this
+        slack.
         """
         template, program = self._gap_program(forces, dual, areas, self.margin if held is None else held)
         solver = self.gap_solver if held is None else self.holding_solver

@@ -18,7 +18,7 @@ class PrimalDualPair:
     Attributes
     ----------
     state : State
-        Forces in equilibrium, inside the true friction cone as far as repairs achieved this.
+        Forces in equilibrium. They lie inside the true friction cone if repairs succeeded.
     motion : Motion or None
         Mechanism of the frozen problem; None if none has finite dissipation.
     locked : bool

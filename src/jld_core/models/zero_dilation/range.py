@@ -127,8 +127,8 @@ def _lower_bound(
     """Compute a lower bound on λ of all solutions by the function `bound`.
 
     If a solution at λ = 0 is known, the bound is 0 without a search. The result is None without any solution, without
-    time, with effective areas, and where dry faces have cohesion or inner faces friction. search: solutions found so
-    far. seconds: of processor time.
+    time, with effective areas, and where dry faces have cohesion or inner faces friction. labels: (m,) True = dry.
+    search: solutions found so far. seconds: of processor time.
     """
     found = search.found
     if found.lowest is None or not seconds > 0.0 or search.fixed_point.options.effective_area:

@@ -158,7 +158,8 @@ class BlockSweep:
     def _region(self, low: float, closed: Bools, held: Bools, high: float | None = None) -> Region:
         """Return the region of solutions from `low` to `high`; see `BoundedModes.region`.
 
-        Without `high` it reaches beyond the lowest solution found.
+        low, high: scaled λ; without `high` the region ends a little above the lowest solution found. closed, held:
+        (4m,) modes with z = 0, and with y = 0.
         """
         return self.bounded.region(low, self.problem.interval_end(low) if high is None else high, closed, held)
 

@@ -10,7 +10,7 @@ export const FORMAT = "jld-page";
 export const VERSION = 1;
 
 /**
- * @typedef {object} CaseSolution What is known of one layout under one load case; null where nothing is.
+ * @typedef {object} CaseSolution Solution of one layout under one load case; null where unknown.
  * @property {string} name Name of the case; the empty string in a scene with a single load.
  * @property {number} required Required load factor, by which λ is divided.
  * @property {number | null} load_factor
@@ -132,7 +132,7 @@ export const VERSION = 1;
  */
 
 /**
- * @typedef {object} Picture Picture drawn by Python, for what the page itself cannot draw.
+ * @typedef {object} Picture Picture drawn by Python, which the page itself cannot draw.
  * @property {string} title
  * @property {string} png Base64 of a PNG file.
  */
@@ -140,7 +140,7 @@ export const VERSION = 1;
 /** @typedef {number[]} Point */
 
 /**
- * @typedef {object} Solution What is known of one layout: λ, bracket, status, and a solution for each load case.
+ * @typedef {object} Solution Solution of one layout: λ, bracket, status, and a solution for each load case.
  * @property {string} labelling Letters d, i and v (beside a cell that is left out), one for each face.
  * @property {number | null} load_factor Load factor λ; with several load cases the least λ over what is required.
  * @property {[number | null, number | null]} bracket

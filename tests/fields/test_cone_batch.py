@@ -1,0 +1,125 @@
+"""The compiled solver of many cone programs: closed forms, Clarabel, and answers that do not depend on company."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from cases import grid_assembly
+from jld_core import Assembly
+from jld_core.arrays import Bits, Floats
+from jld_core.batch import library
+from jld_core.fields.adaptive import CoarseBounds, FieldSetting
+from jld_core.fields.cone_batch import ConeBatch, is_installed
+from jld_core.fields.cone_pattern import independent_rows
+from jld_core.fields.conic import ConeProgram
+from jld_core.fields.lower import LowerBound
+from jld_core.fields.upper import UpperBound
+
+pytestmark = pytest.mark.skipif(not is_installed(), reason="no compiled solver")
+
+PUSHED: list[dict[str, Any]] = [{"element": "c1r0", "force": [0.3, -1], "at": [0.15, 0.3]}]
+KINDS: dict[str, dict[str, Any]] = {
+    "plain": {},
+    "friction": {"inner_friction": 0.4, "tension": 4e5},
+    "crushing": {"crush_dry": 3e5, "crush_inner": 4e5},
+    "cohesion": {"cohesion": 2e4},
+}
+
+
+def frame(**more: Any) -> Assembly:
+    return grid_assembly(["aaa", "aaa", "#.#"], live=PUSHED, **{"tension": 2e6, "shear": 2e5, **more})
+
+
+def disc() -> tuple[sp.csr_array, Floats, Floats, tuple[int, int, int]]:
+    """Least a x + b y + c u where u = 1, x ≤ 1 and √(x² + y²) ≤ 2: rows are the equation, x ≤ 1, and the cone."""
+    matrix = np.array([[0.0, 0, 1], [1, 0, 0], [0, 0, 0], [-1, 0, 0], [0, -1, 0]])
+    rhs, idle = np.array([1.0, 1, 2, 0, 0]), np.array([1.0, 1, 1, 0, 0])
+    return sp.csr_array(matrix), rhs, idle, (1, 1, 1)
+
+
+def test_closed_form_with_rows_on_and_off() -> None:
+    """Least value over a disc of radius 2 is −2 √(a² + b²); where it is cut at x = 1 and a < 0: a − √3 |b|."""
+    costs = np.array([[-3.0, 0.5, 7.0], [-3.0, 0.5, 7.0], [3.0, 4.0, 0.0]])
+    off = np.zeros((3, 5), dtype=bool)
+    off[0, 1] = True
+    found = ConeBatch(*disc()).solve(off, costs)
+    assert found.status == ["Solved"] * 3
+    exact = [7.0 - 2.0 * np.hypot(3.0, 0.5), 7.0 - 3.0 - 0.5 * np.sqrt(3.0), -10.0]
+    assert found.objective == pytest.approx(exact, abs=1e-7)
+    assert found.point[1] == pytest.approx([1.0, -np.sqrt(3.0), 1.0], abs=1e-6)
+    # multipliers: q + A' z = 0
+    assert costs + found.dual @ disc()[0] == pytest.approx(np.zeros((3, 3)), abs=1e-7)
+
+
+def test_unbounded_and_infeasible_programs_are_named() -> None:
+    """Without the cone x decreases for ever, along a ray; x ≤ 1 and x ≥ 2 have no point in common."""
+    off = np.zeros((1, 5), dtype=bool)
+    off[0, 2:] = True
+    found = ConeBatch(*disc()).solve(off, np.array([[1.0, 0.0, 0.0]]))
+    assert found.status == ["DualInfeasible"]
+    assert found.point[0, 0] < 0.0
+    matrix = sp.csr_array(np.array([[1.0], [-1.0], [0], [1], [0]]))
+    nothing = ConeBatch(matrix, np.array([1.0, -2, 9, 0, 0]), np.ones(5), (0, 2, 1))
+    found = nothing.solve(np.zeros((1, 5), dtype=bool), np.array([[1.0]]))
+    assert found.status == ["PrimalInfeasible"]
+    # Farkas: multipliers ≥ 0 with A' z = 0 and b z < 0
+    assert abs(found.dual[0] @ matrix.toarray()) <= 1e-7
+    assert found.dual[0] @ [1.0, -2, 9, 0, 0] < 0.0
+
+
+def test_dependent_equations_are_left_out() -> None:
+    """Of three equations in a plane two remain, whichever; the multiplier of the other is 0."""
+    rows = sp.csr_array(np.array([[1.0, 2.0, 0.0], [0.0, 1.0, 1.0], [1.0, 3.0, 1.0]]))
+    assert independent_rows(rows).sum() == 2
+    assert independent_rows(sp.csr_array(np.eye(3))).all()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_same_bounds_as_clarabel(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both programs have one optimum each; what both solvers leave to repair is some 1e-7 of λ."""
+    assembly = frame(**KINDS[kind])
+    problem_of = FieldSetting.of(assembly)
+    problem = problem_of.problem(problem_of.coarse)
+    labellings = np.random.default_rng(5).random((11, len(assembly.interfaces))) < 0.5
+    for bounds in (LowerBound, UpperBound):
+        found = bounds(problem, many=True).bound_all(labellings)
+        expected = [bounds(problem).bound(labels) for labels in labellings]
+        for one, other in zip(found, expected, strict=True):
+            assert (one is None) == (other is None)
+            if one is not None and other is not None:
+                assert one.factor == pytest.approx(other.factor, rel=2e-6, abs=1e-7)
+    # the programs themselves are solved, not handed over
+    solved = 0
+
+    def count(*_: object) -> Any:
+        nonlocal solved
+        solved += 1
+        raise AssertionError("handed over to Clarabel")
+
+    monkeypatch.setattr(ConeProgram, "_by_clarabel", count)
+    upper = UpperBound(problem, many=True)
+    assert all(answer.status in ("Solved", "DualInfeasible") for answer in map(upper.propose, labellings))
+    assert solved == 0
+
+
+def both(assembly: Assembly, labellings: Bits) -> list[list[float]]:
+    low, high = CoarseBounds(FieldSetting.of(assembly)).both(labellings)
+    return [low.tolist(), high.tolist()]
+
+
+def test_bounds_do_not_depend_on_company(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Together, alone and in another order: the same bits; by Clarabel alone: the same but for rounding."""
+    assembly = frame()
+    labellings = np.random.default_rng(7).random((13, len(assembly.interfaces))) < 0.5
+    together = both(assembly, labellings)
+    coarse = CoarseBounds(FieldSetting.of(assembly))
+    assert together == [[coarse.lower(one)[0] for one in labellings], [coarse.upper(one)[0] for one in labellings]]
+    assert together == [part[::-1] for part in both(assembly, labellings[::-1])]
+    monkeypatch.setenv(library.SWITCH, "off")
+    assert not is_installed()
+    for found, expected in zip(both(assembly, labellings), together, strict=True):
+        assert found == pytest.approx(expected, rel=2e-6, abs=1e-7 * 1e3)
