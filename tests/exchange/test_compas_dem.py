@@ -30,17 +30,17 @@ def test_a_problem_becomes_loads_joints_and_settlements() -> None:
     assert live[2]["body"] == pytest.approx([0.1, 0.0, 0.0])  # 0.981 m/s² of 9.81
     assert live[3] == {"element": "b2", "force": [0.0, 0.0, -100.0], "at": [0.0, 0.0, 2.0]}  # 100 N/m² on 1 m²
     assert document["materials"]["gravity"] == 9.81
-    assert document["materials"]["dry"] == {"friction_coefficient": 0.6, "cohesion": 1000.0}
+    joints = {"friction_coefficient": 0.6, "cohesion": 1000.0, "tensile_strength": 500.0}
+    assert document["materials"]["dry"] == joints
     assert [entry.get("density") for entry in document["elements"]] == [2400.0] * 3
     moves = [{"elements": "b0", "move": [0.0, 0.0, -0.01]}]
     assert document["settlements"] == [{"name": "Live", "supports": moves}]
-    assert "1 tensile capacity t_c: 500: dry joints have none" in str(found.report)
     assembly = build_assembly(parse_scene(document))
     weight = np.linalg.norm(assembly.elements.weight[assembly.elements.free], axis=1)
     assert weight == pytest.approx([2400 * 9.81] * 2)
-    # the cubes rock about an edge of the lower one, held by cohesion: λ from the moments by hand
+    # the cubes rock about an edge of the lower one, held by weight and by 500 N/m² on 1 m² of the joint
     push = 1000 * 1.5 + 2 * 2354.4 * 1.0 + 5 - 100 * 0.5
-    assert solve(assembly).load_factor == pytest.approx(2 * 23544 * 0.5 / push, rel=1e-6)
+    assert solve(assembly).load_factor == pytest.approx((2 * 23544 + 500) * 0.5 / push, rel=1e-6)
 
 
 def edited(change: Any) -> dict[str, Any]:
@@ -64,6 +64,18 @@ def test_groups_are_cases_and_dead_loads(tmp_path: Path) -> None:
     assert [case["name"] for case in loads["cases"]] == ["Live", "Wind"]
     assert [len(case["live"]) for case in loads["cases"]] == [4, 3]
     assert len(loads["dead"]) == 3
+
+
+@pytest.mark.parametrize(("capacity", "strength"), [(500.0, 500.0), (5000.0, 1000 / 0.6)])
+def test_tensile_capacity_ends_at_the_apex(capacity: float, strength: float, tmp_path: Path) -> None:
+    def change(_: Any, problem: Any, __: Any) -> None:
+        problem["contact_properties"]["data"]["contact_model"]["data"]["t_c"] = capacity
+
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps(edited(change)))
+    found = import_file(path)
+    assert found.document["materials"]["dry"]["tensile_strength"] == pytest.approx(strength)
+    assert ("the apex of friction" in str(found.report)) == (strength < capacity)
 
 
 def test_model_and_problem_beside_one_another(tmp_path: Path) -> None:

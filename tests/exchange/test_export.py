@@ -278,6 +278,43 @@ def test_3dec_commands_name_every_block_and_its_properties(tmp_path: Path) -> No
         assert np.cross(b - a, c - b) @ (a - middle) < 0.0
 
 
+@pytest.mark.parametrize(("kind", "cells"), [("dxf", False), ("compas", True), ("compas", False)])
+def test_pressures_go_out_with_the_blocks(kind: str, cells: bool, tmp_path: Path) -> None:
+    """On an outline, and around an element: kept in a drawing, forces and moments elsewhere; λ is the same."""
+    document = grid_document(["ab", "ab", "##"])
+    face = {"face": {"along": [[0.0, 0.3], [0.0, 0.1]]}, "pressure": [0.0, 2000.0]}
+    around = {"face": {"between": ["c1r0", "outside"]}, "pressure": 50.0}
+    document["loads"] = {"live": [face], "dead": [around]}
+    document["labels"] = {"default": "dry"}
+    made = layout(parse_scene(document), solved=True)
+    assert made.result is not None
+    path = export(made, kind, tmp_path / f"a{FORMATS[kind]}", cells=cells)
+    found = import_file(path).document
+    assert any("face" in entry for entry in found["loads"]["live"]) == (kind == "dxf")
+    again = solve(build_assembly(parse_scene(found)))
+    assert again.load_factor == pytest.approx(made.result.load_factor, rel=2e-6)
+
+
+def test_pressures_of_a_scene_to_be_like_are_left_out_where_their_element_is_missing(tmp_path: Path) -> None:
+    document = grid_document(["ab", "ab", "##"])
+    document["loads"] = {"live": [{"face": {"between": ["c1r0", "outside"]}, "pressure": 50.0}, {"body": [0, 1]}]}
+    made = layout(parse_scene(document))
+    found = import_file(export(made, "obj", tmp_path / "a.obj"), ImportOptions(like=made.scene))
+    assert found.document["loads"]["live"] == [{"body": [1.0, 0.0, 0.0]}]
+
+
+def test_moving_loads_go_out_with_a_drawing_alone(tmp_path: Path) -> None:
+    document = grid_document(["aabb", "####"])
+    axles = [{"weight": 1000.0}, {"weight": 500.0, "distance": 0.1}]
+    document["loads"] = {"moving": [{"name": "cart", "axles": axles, "path": [[0.0, 0.2], [0.4, 0.2]], "steps": 3}]}
+    made = layout(parse_scene(document))
+    found = import_file(export(made, "dxf", tmp_path / "a.dxf")).document
+    assert found["loads"]["moving"][0]["name"] == "cart"
+    parse_scene(found)
+    with pytest.raises(InputError, match=r"loads\.moving"):
+        export(made, "compas", tmp_path / "a.json")
+
+
 def test_compas_interfaces_state_their_areas(tmp_path: Path) -> None:
     made = layout(CASES["dome"][0])
     document = json.loads(export(made, "compas", tmp_path / "a.json", cells=True).read_text())

@@ -69,8 +69,9 @@ def drawn_loads(
     for key in ("live", "dead"):
         found[key] = found[key] + list(stored.get(key, []))
     found = {key: value for key, value in found.items() if value}
-    known = stored.get("cases")
-    return {**found, "cases": known} if known and "live" not in found and "cases" not in found else found
+    if "live" in found or "cases" in found:
+        return found
+    return {**found, **{key: stored[key] for key in ("cases", "moving") if stored.get(key)}}
 
 
 def _layers(paths: list[Path], marks: list[Mark]) -> list[str]:

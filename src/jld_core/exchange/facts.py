@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 import numpy as np
 
 from jld_core.build.assemble import build_geometry
+from jld_core.build.pressure import Boundary
 from jld_core.errors import InputError
 from jld_core.exchange.layout import Layout
 from jld_core.exchange.options import rounded
 from jld_core.scene import Scene
+from jld_core.scene.loads import Case, Loads
 
 _SCENE: Final = ("name", "units", "materials", "source", "notes")
 """Scene keys that are stored unchanged."""
@@ -34,7 +36,8 @@ def facts_of(layout: Layout, *, cells: bool, spatial: bool) -> dict[str, Any]:
 
     cells: True where the file holds every element; otherwise point loads refer to blocks. spatial: True where a planar
     scene is extruded: vectors (x, y) become (x, 0, y), and places lie in the middle of the thickness. Raises InputError
-    for a scene with "materials.faces", which such a file cannot hold.
+    for a scene with "materials.faces", which such a file cannot hold, and for moving loads where `spatial`. Pressures
+    stay as they are in a planar file of elements, and are the forces that they add up to elsewhere.
     """
     layout = layout.drawn_from or layout
     document = document_of(layout)
@@ -47,17 +50,39 @@ def facts_of(layout: Layout, *, cells: bool, spatial: bool) -> dict[str, Any]:
         facts["materials"] = {**document["materials"], "gravity": [gx, 0.0, gy]}
     names = _names(layout, cells)
 
-    def carried(loads: dict[str, Any]) -> dict[str, Any]:
+    def carried(loads: dict[str, Any], parsed: Loads | Case) -> dict[str, Any]:
         """Return the live and dead loads of an entry, converted for the file."""
         given = {key: loads[key] for key in ("live", "dead") if loads.get(key)}
+        if spatial or not cells:
+            given = {key: _without_pressures(entries, getattr(parsed, key), layout) for key, entries in given.items()}
         return {key: [_load(entry, names, layout, lift) for entry in entries] for key, entries in given.items()}
 
-    facts["loads"] = carried(document["loads"])
+    loads = layout.scene.loads
+    facts["loads"] = carried(document["loads"], loads)
     if "cases" in document["loads"]:
-        facts["loads"]["cases"] = [case | carried(case) for case in document["loads"]["cases"]]
+        pairs = zip(document["loads"]["cases"], loads.cases or [], strict=True)
+        facts["loads"]["cases"] = [case | carried(case, parsed) for case, parsed in pairs]
+    if document["loads"].get("moving"):
+        if spatial:
+            raise InputError("loads.moving", "a file of this kind has no place for them", "a scene without them")
+        facts["loads"]["moving"] = document["loads"]["moving"]
     if layout.assembly.dimension == 2 and not spatial:
         facts["thickness"] = layout.thickness
     return facts
+
+
+def _without_pressures(entries: list[dict[str, Any]], parsed: Sequence[Any], layout: Layout) -> list[dict[str, Any]]:
+    """Return load entries with the forces and moments that pressures add up to in place of these."""
+    assembly = layout.assembly
+    boundary = Boundary(assembly.elements, assembly.interfaces, layout.scene.plane_thickness)
+    found = []
+    for entry, load in zip(entries, parsed, strict=True):
+        if "face" in entry:
+            forces = [placed.load for placed in boundary.plain([load], "loads")]
+            found += [force.model_dump(mode="json", exclude_defaults=True) for force in forces]
+        else:
+            found.append(entry)
+    return found
 
 
 def _names(layout: Layout, cells: bool) -> Callable[[str], str]:
@@ -73,6 +98,8 @@ def _load(entry: dict[str, Any], names: Callable[[str], str], layout: Layout, li
 
     names: from an element's id to its name in the file. lift: True if a planar scene is extruded.
     """
+    if "face" in entry:
+        return entry
     if "body" in entry:
         return {"body": _lifted(entry["body"]) if lift else entry["body"]}
     element = layout.assembly.elements.index[entry["element"]]

@@ -224,6 +224,14 @@ def listed(names: Iterable[str], most: int = 6) -> str:
     return ", ".join(every[:most]) + (f" and {len(every) - most} more" if len(every) > most else "")
 
 
+def _fits(entry: dict[str, Any], ids: set[str], dimension: int) -> bool:
+    """Return True if a load entry of another scene can act on elements of these ids, in this dimension."""
+    if "face" in entry:
+        return dimension == 2 if "along" in entry["face"] else entry["face"]["between"][0] in ids
+    vector = entry.get("body") or entry.get("force") or []
+    return entry.get("element") in (None, *ids) and len(vector) in (0, dimension)
+
+
 def complete(document: dict[str, Any], options: ImportOptions, notes: Notes, *, dimension: int) -> dict[str, Any]:
     """Add materials and a live load to a scene document that lacks them, and return it.
 
@@ -242,10 +250,9 @@ def complete(document: dict[str, Any], options: ImportOptions, notes: Notes, *, 
     loads = document.setdefault("loads", {})
     if not loads and like.get("loads", {}).get("cases"):
         notes.assumed.append("loads of the scene it is to be like are cases, and are not taken over")
-    if not loads.get("live") and "cases" not in loads:
+    if not loads.get("live") and not loads.keys() & {"cases", "moving"}:
         ids = {entry["id"] for entry in document["elements"]}
-        given = [entry for entry in like.get("loads", {}).get("live", []) if entry.get("element") in (None, *ids)]
-        fitting = [entry for entry in given if len(entry.get("body") or entry.get("force") or []) in (0, dimension)]
+        fitting = [entry for entry in like.get("loads", {}).get("live", []) if _fits(entry, ids, dimension)]
         loads["live"] = fitting or [{"body": [1.0, 0.0, 0.0][:dimension]}]
         if not fitting:
             notes.assumed.append("a horizontal body load along x: no load was found")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Final
 
 import numpy as np
@@ -106,11 +107,17 @@ def _materials(problem: dict[str, Any], notes: Notes) -> dict[str, Any]:
     if values.get("c"):
         dry["cohesion"] = float(values["c"])
     if values.get("t_c"):
-        notes.skip("tensile capacity t_c", 1, f"{values['t_c']:g}: dry joints have none")
+        apex = dry.get("cohesion", 0.0) / dry["friction_coefficient"] if dry["friction_coefficient"] else math.inf
+        dry["tensile_strength"] = min(float(values["t_c"]), apex)
+        if apex < float(values["t_c"]):
+            notes.assumed.append(f"tensile strength {apex:g} of joints for t_c {values['t_c']:g}: the apex of friction")
     if contact.get("joint_model"):
         notes.skip("joint model", 1, "limit analysis knows no stiffness")
     notes.assumed.append("inner strengths 2e5: edit materials, or --like SCENE")
-    return {"dry": dry, "inner": DEFAULT_MATERIALS["inner"]}
+    inner = DEFAULT_MATERIALS["inner"]
+    # blocks are at least as strong as their joints
+    inner = {**inner, "tensile_strength": max(inner["tensile_strength"], dry.get("tensile_strength", 0.0))}
+    return {"dry": dry, "inner": inner}
 
 
 class _Groups:
