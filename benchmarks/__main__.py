@@ -41,6 +41,7 @@ BENCHMARKS: Final = (
     "exchange",
     "moving_joints",
     "moved_opening",
+    "designs",
     "joint_shapes",
 )
 """Modules of this package that hold a `main()`, in the order in which they run."""

@@ -143,6 +143,9 @@ def test_what_fields_deny_is_not_claimed_by_faces(wall: Path) -> None:
     work.trials = [denied]
     assert "carries at most 5.4" in words_of(work)
     assert facts_of(work)["best"] is None
+    fallen = Trial("bond", "searched", outline.scene, 7.0, (7.0, 7.0), (-np.inf, -16.0), "")
+    work.trials = [fallen, denied]
+    assert work.winner is denied
     usual = Trial("bond", "stated", outline.scene, 2.0, (2.0, 2.0), NONE, "", allowed=False)
     assert gain_of(Design(options, outline, wall.parent, trials=[usual, denied])) is None
 

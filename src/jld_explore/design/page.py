@@ -136,6 +136,8 @@ def _claim(trial: Trial) -> str:
     if math.isfinite(low):
         most = f", at most {high:.4g}" if math.isfinite(high) else ""
         return f"carries at least {low:.4g} times the load wherever its blocks crack{most}"
+    if high < 0.0:
+        return "does not stand under its dead load where blocks crack anywhere"
     if math.isfinite(high):
         told = (
             f"carries at most {high:.4g} times the load where blocks crack anywhere; no lower bound was found in time"
@@ -202,6 +204,8 @@ def _span(trial: Trial) -> str:
     low, high = trial.fields
     if math.isfinite(low):
         return f"{low:.4g} to {high:.4g}"
+    if high < 0.0:
+        return "does not stand"
     if math.isfinite(high):
         return f"at most {high:.4g} (by faces {trial.load_factor:.4g})"
     return f"by faces {trial.load_factor:.4g}"

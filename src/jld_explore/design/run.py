@@ -73,6 +73,12 @@ _PREFERRED: Final = "bond"
 _FIRST: Final = 0.75
 """Share of the time for moves that the first tessellation has."""
 
+_REFINING: Final = 0.15
+"""Share of the time limit for bounds of the most promising layouts: one more mesh often doubles the lower bound."""
+
+_MOST_PROMISING: Final = 0.6
+"""Share of the time left for refined bounds that each layout has, the most promising first."""
+
 _REFINED: Final = 3
 """Number of layouts whose bounds by fields are refined before the checks."""
 
@@ -227,12 +233,13 @@ def _move_best(work: Design, until: Deadline, say: Say) -> None:
     options = work.options
     if work.outline.scene.dimension == 3 or options.shapes is not None or options.laid is not None:
         return
-    available = until.remaining() - _CHECKS * options.seconds
+    kept = (_CHECKS + _REFINING) * options.seconds
+    available = until.remaining() - kept
     ranked = sorted(work.allowed, key=_promise)
     names = list(dict.fromkeys(one.tessellation for one in ranked))[:_BEST]
     count = min(len(names), int(available / _MOVED))
     for k, name in enumerate(names[:count]):
-        seconds = until.remaining() - _CHECKS * options.seconds
+        seconds = until.remaining() - kept
         seconds *= _FIRST if k + 1 < count else 1.0
         if seconds < _MOVED:
             break
@@ -246,7 +253,8 @@ def _refine_promising(work: Design, until: Deadline, say: Say) -> None:
     open_ones = [one for one in work.allowed if one.scene.dimension == 2 and one.fields[1] > least]
     promising = sorted(open_ones, key=lambda one: -one.most)[:_REFINED]
     for k, one in enumerate(promising):
-        seconds = (until.remaining() - _CHECKS * work.options.seconds) / (len(promising) - k)
+        left = until.remaining() - _CHECKS * work.options.seconds
+        seconds = left * (_MOST_PROMISING if k + 1 < len(promising) else 1.0)
         if seconds < 1.0:
             return
         assembly = build_assembly(one.scene)

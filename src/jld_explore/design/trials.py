@@ -67,8 +67,8 @@ class Trial:
 
     @property
     def stands(self) -> bool:
-        """True if it is proven to carry a load, by fields or at least by faces."""
-        return max(self.fields[0], self.faces[0]) > -math.inf
+        """True if it is proven to carry its dead load, at least by faces, and fields do not deny it."""
+        return self.fields[1] >= 0.0 and max(self.fields[0], self.faces[0]) >= 0.0
 
     @property
     def most(self) -> float:
