@@ -8,7 +8,7 @@ import time
 from typing import Final
 
 BENCHMARKS: Final = (
-    "validation",
+    "corpus.__main__",
     "flagship",
     "zero_dilation",
     "zero_dilation_floor",

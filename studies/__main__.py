@@ -34,6 +34,7 @@ STUDIES: Final = (
     "laid",
     "drivers",
     "joints_that_move",
+    "published_wall",
 )
 
 

@@ -21,8 +21,8 @@ class Scene:
         only(s, "name units source notes expected grid elements thickness materials loads search", "a scene")
         self.materials, self.search = only(s["materials"], "density gravity dry inner", "m"), s.get("search", {})
         need(self.search.keys() <= RULES, f"search.{', search.'.join(self.search.keys() - RULES)}")
-        values = (v for kind in ("dry", "inner") for v in self.materials.get(kind, {}).values())
-        need(all(type(v) in (int, float) for v in values), "a material value with a spread")
+        values = {type(v) for kind in ("dry", "inner") for v in self.materials.get(kind, {}).values()} <= {int, float}
+        need(values and "tensile_strength" not in self.materials.get("dry", {}), "a material with a spread or bond")
         entries, self.thickness = s.get("elements", []), s.get("grid", s).get("thickness", 1.0)
         rows, (w, h) = s.get("grid", {}).get("rows", []), s.get("grid", {}).get("cell", (0, 0))
         for (r, row), c in product(enumerate(rows), range(len(rows[0]) if rows else 0)):

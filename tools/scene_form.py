@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from jld_core.scene import PointLoad, Scene, cracks, loads, materials, move, search
+from jld_core.scene import PointLoad, Scene, cracks, loads, materials, members, move, search
 from jld_core.scene import schema as structure
 from jld_core.scene.loads import BodyLoad, FaceLoad
 from jld_core.scene.units import QUANTITIES
@@ -48,7 +48,7 @@ def parts() -> Iterator[tuple[str, type[BaseModel]]]:
     models = {
         name: model
         for name, model in (
-            vars(structure) | vars(materials) | vars(loads) | vars(search) | vars(cracks) | vars(move)
+            vars(structure) | vars(materials) | vars(loads) | vars(search) | vars(cracks) | vars(move) | vars(members)
         ).items()
         if isinstance(model, type)
     }

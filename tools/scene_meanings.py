@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 from pydantic import BaseModel
 
-from jld_core.scene import cracks, loads, materials, move, schema, search
+from jld_core.scene import cracks, loads, materials, members, move, schema, search
 
 
 class Meaning(NamedTuple):
@@ -25,8 +25,9 @@ _ANGLE: Final = Meaning("degrees", "Angle of friction of the dry face; instead o
 _TENSILE: Final = Meaning("stress", "σt of the inner face.")
 _SHEAR: Final = Meaning("stress", "τ of the inner face.")
 _CRUSHING: Final = Meaning("stress", "σc of the face; without it nothing is crushed.")
-_COHESION: Final = Meaning(
-    "stress", "Shear strength of a dry face where nothing presses it: c + μ N/A; none in tension."
+_COHESION: Final = Meaning("stress", "Shear strength of a dry face where nothing presses it: c + μ N/A.")
+_BOND: Final = Meaning(
+    "stress", "σt of dry faces, their bond; at most c/μ, and at most σt of the face as an inner one."
 )
 
 MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
@@ -50,6 +51,7 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         ),
         "materials": Meaning("", "Weight and strengths of all elements and faces."),
         "loads": Meaning("", "Dead loads beside self-weight, and the live load that λ multiplies."),
+        "members": Meaning("", "Ties, tendons and pins between points of elements; they have no label."),
         "settlements": Meaning("", "Movements of supports, for `jld settlement`."),
         "labels": Meaning("", "The scene's own labelling; else blocks decide: inner within one, dry between two."),
         "search": Meaning("", "What `jld explore` may relabel, and which layouts count."),
@@ -117,6 +119,7 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "friction_coefficient": _FRICTION,
         "compressive_strength": _CRUSHING,
         "cohesion": _COHESION,
+        "tensile_strength": _BOND,
     },
     materials.InnerFace: {
         "tensile_strength": _TENSILE,
@@ -130,6 +133,7 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "friction_coefficient": Meaning("", "μ, the tangent of the angle of friction."),
         "compressive_strength": _CRUSHING,
         "cohesion": _COHESION,
+        "tensile_strength": _BOND,
     },
     materials.Inner: {
         "tensile_strength": Meaning("stress", "σt, the elastic edge stress at which a crack opens."),
@@ -137,6 +141,27 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "compressive_strength": _CRUSHING,
         "friction_angle": Meaning("degrees", "Angle of friction of cracks; 0 where neither it nor μ is given."),
         "friction_coefficient": Meaning("", "μ of cracks: shear strength is τ + μ N/A; σt is at most τ/μ."),
+    },
+    members.Member: {
+        "kind": Meaning(
+            "", "Tie: a bar with axial force. Tendon: a bar of stated tension. Pin: a bolt or dowel across a face."
+        ),
+        "from_": Meaning("", "One end."),
+        "to": Meaning(
+            "", "The other end. A pin whose ends coincide is normal to the nearest face between both elements."
+        ),
+        "through": Meaning("", "Points over which a tie or tendon slides without friction, in order."),
+        "tension": Meaning("force", "Largest tension; that of `prestress` where it is not given."),
+        "compression": Meaning("force", "Largest compression, 0 for a tie that goes slack; not beside `prestress`."),
+        "prestress": Meaning(
+            "force", "Tension that always acts, as a dead load on the elements; the force never falls below it."
+        ),
+        "shear": Meaning("force", "Largest force across a pin, in any direction; pins only."),
+        "name": Meaning("", "Name in results; kind and position where it is not given."),
+    },
+    members.Anchor: {
+        "element": Meaning("", "Id of an element, a support or not."),
+        "at": Meaning("length", "Point of the element, in the scene."),
     },
     loads.Loads: {
         "dead": Meaning("", "Loads that λ does not multiply, beside self-weight."),

@@ -7,7 +7,7 @@ potential crack plane with finite strength).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Final
 
@@ -15,6 +15,7 @@ import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.linalg import components
+from jld_core.members import Members
 from jld_core.notebook_repr import NotebookRepr
 from jld_core.shape_loads import ShapeLoads
 
@@ -205,7 +206,7 @@ class LoadCase:
     live_points : Points
         Live point forces, for drawing.
     live_widths : tuple of float or None
-        Lengths of the patches that these forces are spread on by fields, None where not stated; () for none stated.
+        Lengths of the patches that fields spread these forces on, None where not stated; () for none stated.
     shape_loads : ShapeLoads or None
         Loads that change with the shapes of elements, as in `Assembly`.
     """
@@ -264,6 +265,8 @@ class Assembly(NotebookRepr):
         Lengths of the patches of the live point forces, as in `LoadCase`.
     shape_loads : ShapeLoads or None
         Parts of the loads that change with the shapes of elements; None where they are unknown.
+    members : Members
+        Ties, tendons and pins; their interfaces are the last ones.
     """
 
     name: str
@@ -284,6 +287,7 @@ class Assembly(NotebookRepr):
     nominal: Strengths | None = None
     live_widths: tuple[float | None, ...] = ()
     shape_loads: ShapeLoads | None = None
+    members: Members = field(default_factory=Members)
 
     def __repr__(self) -> str:
         kind = "planar" if self.dimension == 2 else "spatial"
@@ -304,19 +308,10 @@ class Assembly(NotebookRepr):
         """One assembly for each load case, with its loads alone; itself alone without cases."""
         if not self.cases:
             return (self,)
-        return tuple(
-            replace(
-                self,
-                name=f"{self.name}: {case.name}",
-                dead=case.dead,
-                live=case.live,
-                live_points=case.live_points,
-                live_widths=case.live_widths,
-                shape_loads=case.shape_loads,
-                cases=(),
-            )
-            for case in self.cases
-        )
+        names = ("dead", "live", "live_points", "live_widths", "shape_loads")
+        loads = [{name: getattr(case, name) for name in names} for case in self.cases]
+        titles = [f"{self.name}: {case.name}" for case in self.cases]
+        return tuple(replace(self, name=title, cases=(), **own) for title, own in zip(titles, loads, strict=True))
 
     @cached_property
     def at_nominal(self) -> Assembly:
@@ -329,11 +324,20 @@ class Assembly(NotebookRepr):
         return np.array([case.required for case in self.cases]) if self.cases else np.ones(1)
 
     @cached_property
+    def of_members(self) -> Bools:
+        """Mask (m,), True for the interfaces that stand for members; they are inner under every labelling."""
+        return np.isin(np.arange(len(self.interfaces)), self.members.face)
+
+    @cached_property
+    def faces(self) -> int:
+        """Number of faces, which have a label: interfaces without those of members, which are the last ones."""
+        return len(self.interfaces) - int(np.count_nonzero(self.of_members))
+
+    @cached_property
     def free_faces(self) -> Bools:
         """Mask (m,), True for interfaces between two elements that are no supports."""
-        support = self.elements.support
-        faces = self.interfaces
-        return ~(support[faces.a] | support[faces.b])
+        support, faces = self.elements.support, self.interfaces
+        return ~(support[faces.a] | support[faces.b] | self.of_members)
 
     @property
     def face_sizes(self) -> Floats:
@@ -342,7 +346,7 @@ class Assembly(NotebookRepr):
 
     def pair(self, face: int) -> str:
         """Return the ids of the two elements of a face, for messages."""
-        return f"{self.elements.ids[self.interfaces.a[face]]}–{self.elements.ids[self.interfaces.b[face]]}"
+        return "–".join(self.elements.ids[side[face]] for side in (self.interfaces.a, self.interfaces.b))
 
     @cached_property
     def size(self) -> float:
@@ -351,15 +355,16 @@ class Assembly(NotebookRepr):
 
     @cached_property
     def total_dead(self) -> float:
-        """Sum of the magnitudes of the dead forces on free elements."""
-        return float(np.linalg.norm(self.dead[self.elements.free, : self.dimension], axis=1).sum())
+        """Sum of the magnitudes of the dead forces on free elements, without prestress and bond."""
+        stress = self.members.self_stress
+        dead = self.dead if stress is None else self.dead - stress
+        return float(np.linalg.norm(dead[self.elements.free, : self.dimension], axis=1).sum())
 
     @cached_property
     def total_live(self) -> float:
         """Total of the live load's magnitudes on free elements, a force by which λ is scaled.
 
-        It is the larger of two sums: of the forces, and of the moments divided by `size`. Moments count because forces
-        may cancel on each element and leave a couple.
+        It is the larger of two sums: of the forces, and of the moments over `size`, since forces may leave a couple.
         """
         live = self.live[self.elements.free]
         forces = float(np.linalg.norm(live[:, : self.dimension], axis=1).sum())
@@ -369,8 +374,7 @@ class Assembly(NotebookRepr):
 def blocks_of(assembly: Assembly, labels: Bits, joined: tuple[Ints, Ints] | None = None) -> Ints:
     """Return the block of each element under a labelling.
 
-    Elements joined by inner faces form a block. Blocks are numbered by their first elements. An element glued to a
-    support belongs to the support's block.
+    Elements joined by inner faces form a block, numbered by its first element; so do those glued to a support.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Remove elements from an assembly."""
+"""Remove elements, or the interfaces of members, from an assembly."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from jld_core.arrays import Bools, Ints
-from jld_core.assembly import Assembly
+from jld_core.arrays import Bits, Bools, Ints
+from jld_core.assembly import INNER, Assembly
 from jld_core.shape_loads import ShapeLoads
 
 
@@ -52,6 +52,56 @@ def without(assembly: Assembly, gone: Bools) -> tuple[Assembly, Ints]:
         sink=-1,
     )
     return left, kept
+
+
+def faces_of(assembly: Assembly) -> Assembly:
+    """Return an assembly without the interfaces of members, for what draws or lists faces.
+
+    The members stay, as constant forces. The result serves no analysis.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Assembly with or without members.
+
+    Returns
+    -------
+    Assembly
+        Assembly with its first `faces` interfaces.
+    """
+    rows = np.arange(assembly.faces)
+    if len(rows) == len(assembly.interfaces):
+        return assembly
+    return replace(
+        assembly,
+        interfaces=assembly.interfaces.take(rows),
+        strengths=assembly.strengths.take(rows),
+        nominal=None if assembly.nominal is None else assembly.nominal.take(rows),
+        labels=assembly.labels[rows],
+        members=replace(assembly.members, face=np.full(len(assembly.members), -1)),
+    )
+
+
+def with_members(assembly: Assembly, labels: Bits) -> Bits:
+    """Return labels of faces with the label inner of the interfaces of members after them.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Assembly with f faces, and with m interfaces in all.
+    labels : (..., f) or (..., m) bool array
+        Labels, True = dry.
+
+    Returns
+    -------
+    (..., m) bool array
+        Labels of all interfaces.
+    """
+    if assembly.faces == len(assembly.interfaces):
+        return labels
+    whole = np.full((*labels.shape[:-1], len(assembly.interfaces)), INNER)
+    whole[..., : assembly.faces] = labels[..., : assembly.faces]
+    return whole
 
 
 def _of(loads: ShapeLoads | None, rows: Ints) -> ShapeLoads | None:

@@ -15,7 +15,7 @@ from jld_experiment.specimen import Specimen, Standing, specimen_of
 
 
 def require_one_load(assembly: Assembly) -> None:
-    """Raise InputError if an assembly has load cases, since an experiment has one live load.
+    """Raise InputError if an assembly has load cases or members, which an experiment does not model.
 
     Parameters
     ----------
@@ -25,8 +25,9 @@ def require_one_load(assembly: Assembly) -> None:
     Raises
     ------
     InputError
-        If the assembly has load cases.
+        If the assembly has load cases or members.
     """
+    assembly.members.refuse("an experiment")
     if assembly.cases:
         problem = f"an experiment pushes with one live load, and there are {len(assembly.cases)} cases"
         raise InputError("loads.cases", problem, '"loads.live" with the load of one of them')

@@ -199,6 +199,7 @@ def turn_along(velocity: Floats, space: Space) -> None:
 
     velocity: (n, 6) displacement and rotation vector per step. `space.turn` is changed in place.
     """
+    # Here and below numbers are set one by one: each assignment of an array to an array adds a second to compilation.
     spin, was = np.empty((3, 3)), np.empty((3, 3))
     for i in range(len(velocity)):
         x, y, z = velocity[i, 3], velocity[i, 4], velocity[i, 5]
@@ -210,7 +211,9 @@ def turn_along(velocity: Floats, space: Space) -> None:
         spin[0, 0], spin[0, 1], spin[0, 2] = -c * (y * y + z * z), c * x * y - s * z, c * x * z + s * y
         spin[1, 0], spin[1, 1], spin[1, 2] = c * x * y + s * z, -c * (x * x + z * z), c * y * z - s * x
         spin[2, 0], spin[2, 1], spin[2, 2] = c * x * z - s * y, c * y * z + s * x, -c * (x * x + y * y)
-        was[:] = space.turn[i]
+        for row in range(3):
+            for column in range(3):
+                was[row, column] = space.turn[i, row, column]
         for row in range(3):
             for column in range(3):
                 for k in range(3):
@@ -315,7 +318,8 @@ def nearest_side(pair: int, moved: Floats, space: Space, point: Floats, nearest:
         away = (point[0] - trial[0]) ** 2 + (point[1] - trial[1]) ** 2 + (point[2] - trial[2]) ** 2
         if away < least:
             best, least = t, away
-            nearest[:] = trial
+            for k in range(3):
+                nearest[k] = trial[k]
     return best, np.sqrt(least)
 
 
@@ -359,31 +363,36 @@ def corner_forces_in_space(pairs: Ints, moved: Floats, force: Floats, space: Spa
     """Add the corner forces to `force` (n, 6), with arguments as in `corner_forces`."""
     kn, ks, friction = space.spring[0], space.spring[1], space.spring[2]
     clearance = space.spring[3] + space.spring[5]
-    point, nearest, normal, part, total, arm = np.empty((6, 3))
+    # Rows of one array would have another memory layout, for which all functions were compiled once more.
+    point, nearest, normal = np.empty(3), np.empty(3), np.empty(3)
+    part, total, arm = np.empty(3), np.empty(3), np.empty(3)
     for pair in pairs:
         t, away = nearest_side(pair, moved, space, point, nearest)
         side, c, j = space.side[t], space.pair[pair, 0], space.pair[pair, 1]
         meets = away > clearance and not is_among(space.barred, pair, side)
         if not (meets and is_inside(point, pair, space)):
             space.on[pair] = -1
-            space.stuck[pair] = 0.0
+            for k in range(3):
+                space.stuck[pair, k] = 0.0
             continue
-        if space.on[pair] == side:
-            space.stuck[pair] -= ks * (nearest - space.place[pair])
-        else:
-            space.on[pair], space.stuck[pair] = side, 0.0
-        space.place[pair] = nearest
+        goes_on = space.on[pair] == side
+        space.on[pair] = side
         # For a point inside, the nearest point lies along the outward normal.
         press = kn * (away - clearance)
+        stuck = space.stuck[pair]
         for k in range(3):
+            stuck[k] = stuck[k] - ks * (nearest[k] - space.place[pair, k]) if goes_on else 0.0
+            space.place[pair, k] = nearest[k]
             normal[k] = (nearest[k] - point[k]) / away
-        space.stuck[pair] -= dot(space.stuck[pair], normal) * normal
-        rub = np.sqrt(dot(space.stuck[pair], space.stuck[pair]))
-        if rub > friction * press:
-            space.stuck[pair] *= friction * press / rub
+        across = dot(stuck, normal)
+        for k in range(3):
+            stuck[k] -= across * normal[k]
+        rub = np.sqrt(dot(stuck, stuck))
         i = space.corner[c]
         for k in range(3):
-            part[k] = press * normal[k] + space.stuck[pair, k]
+            if rub > friction * press:
+                stuck[k] *= friction * press / rub
+            part[k] = press * normal[k] + stuck[k]
         turned(space.turn[j], part, total)
         turned(space.turn[i], space.arm[c], arm)
         pressed(force, i, arm, total, 1.0)

@@ -136,7 +136,9 @@ def angle_seen(point: Floats, triangle: Floats) -> float:
     The values of all outward triangles sum to 2π inside a solid and to 0 outside.
     Source: van Oosterom & Strackee 1983.
     """
-    x, y, z = triangle[0] - point, triangle[1] - point, triangle[2] - point
+    x, y, z = np.empty(3), np.empty(3), np.empty(3)
+    for i in range(3):
+        x[i], y[i], z[i] = triangle[0, i] - point[i], triangle[1, i] - point[i], triangle[2, i] - point[i]
     lx, ly, lz = np.sqrt(dot(x, x)), np.sqrt(dot(y, y)), np.sqrt(dot(z, z))
     volume = (
         x[0] * (y[1] * z[2] - y[2] * z[1]) + x[1] * (y[2] * z[0] - y[0] * z[2]) + x[2] * (y[0] * z[1] - y[1] * z[0])

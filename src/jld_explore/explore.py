@@ -22,6 +22,7 @@ from jld_core.models import cost_estimate, require_memory
 from jld_core.refinement.cells import crack_cells
 from jld_core.scene import Scene, load_scene
 from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_in_words
+from jld_core.sub_assembly import with_members
 from jld_core.threads import one_thread
 from jld_explore.driver_choice import CLASSES, choose_driver, nothing_found
 from jld_explore.drivers import Driver
@@ -284,7 +285,8 @@ def _space_of(scene: Scene, assembly: Assembly, driver: str | Driver | None) -> 
 def _certify(driver: Exact, scene: Scene, path: Path, done: Exploration) -> None:
     """Write the certificate of a proof, with the best labelling found."""
     best, load = done.summary.best_labelling, done.summary.best
-    certify(driver, scene, path, None if best is None or load is None else (from_string(best), load))
+    found = None if best is None or load is None else (with_members(done.assembly, from_string(best)), load)
+    certify(driver, scene, path, found)
 
 
 def _makers(scene: Scene, assembly: Assembly, settings: ExploreSettings) -> tuple[type[Study], MakeEvaluator]:

@@ -157,6 +157,7 @@ def explore_and_move(
     *,
     gap: float = GAP,
     started: float | None = None,
+    keep: Callable[[list[MovedLayout]], None] | None = None,
 ) -> MovedSearch:
     """Alternate between a search of labels and the optimisation of joints, until no bound by fields grows.
 
@@ -176,6 +177,8 @@ def explore_and_move(
         Relative width of brackets by fields at which their refinement ends.
     started : float, optional
         Start of the time limit, as `time.perf_counter` counts, s. Default: now.
+    keep : callable, optional
+        Called with all moved layouts, ranked, whenever some were added or bounded; a signal may end the search later.
 
     Returns
     -------
@@ -222,6 +225,8 @@ def explore_and_move(
         found += workers(
             joblib.delayed(move_one)(done.scene, done.assembly, labels, number, row, each, gap) for row, labels in tasks
         )
+        if keep is not None:
+            keep(sorted(found, key=_order))
         left = share * (1.0 - _SEARCH - _TASKS) if deadline.limited else math.inf
         found = _refined(found, workers, settings.jobs, min(left, deadline.remaining()), gap)
         if found and found[0].low == -math.inf:  # bounds on coarse meshes may be none: spend what time is left
@@ -229,6 +234,8 @@ def explore_and_move(
         if not found or found[0].low == -math.inf:
             problem = "no layout of the search stands by fields"
             raise InputError("move", problem, "a scene that stands, or a longer time limit")
+        if keep is not None:
+            keep(found)
         say(f"round {number}: by fields λ ≥ {found[0].low:.6g}")
         if found[0].low > before + _GAIN * abs(before) or number == 1:
             if deadline.remaining() > _LEAST:
@@ -281,6 +288,7 @@ def _refuse(scene: Scene, layouts: int, settings: ExploreSettings) -> None:
     if scene.move is not None and scene.move.maximise != "load_factor":
         raise InputError("move.maximise", f'"{scene.move.maximise}" ranks no layouts', '"load_factor"')
     assembly = build_assembly(scene)
+    assembly.members.refuse("a move of joints")
     if assembly.dimension != 2:
         raise InputError("elements", "they are spatial", "a planar scene; in space `jld move` moves one layout")
     require_fields(assembly)

@@ -31,9 +31,12 @@ class Interrupted(BaseException):
     ----------
     done : Exploration or None
         Results of the interrupted search, once written.
+    words : str
+        What the terminal is told.
     """
 
     done: Any = None
+    words: str = "stopped; everything finished is on disk, go on with --resume"
 
 
 @dataclass(frozen=True)

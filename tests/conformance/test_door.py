@@ -279,7 +279,7 @@ def test_rows_are_found_by_number_whatever_they_tie_with(searched: Path) -> None
 def test_every_driver_ends_quietly(kind: str, tmp_path: Path) -> None:
     """Nothing on stderr but our own line, the exit code it should be, and the end soon after the limit."""
     scene = tmp_path / "scene.json"
-    # a space that none of them is through with in a second, one labelling at a time
+    # a space that none of them is through with in the time, one labelling at a time
     rows = ["aaaa"] * 4 + ["####"] if kind == "budget" else ["aaaaaa"] * 6 + ["######"]
     scene.write_text(json.dumps(grid_document(rows, block_cells=[1, 3])))
     done = subprocess.run(

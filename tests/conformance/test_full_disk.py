@@ -34,6 +34,10 @@ WRITERS = {
     "export scene.json --format dxf -o FILE": "",
     "export scene.json --format vtk -o FILE": "",
     "export scene.json --format svg -o FILE": "",
+    "export scene.json --format step -o FILE": "",
+    "export scene.json --format gltf -o FILE": "",
+    "export scene.json --format ifc -o FILE": "",
+    "export scene.json --format 3dm -o FILE": "",
     "assembly scene.json --out NEW": "assembly.csv",
     "settlement settling.json --out NEW": "settlement.json",
 }
@@ -70,8 +74,9 @@ def test_a_full_disk_is_one_line(
 ) -> None:
     if "dxf" in line:
         pytest.importorskip("ezdxf")
-    if "vtk" in line:
-        pytest.importorskip("meshio")
+    for kind, library in (("vtk", "meshio"), ("ifc", "ifcopenshell"), ("3dm", "rhino3dm")):
+        if kind in line:
+            pytest.importorskip(library)
     monkeypatch.chdir(place)
     file = tmp_path / "made"
     words = [str(file) + word[4:] if word.startswith(("FILE", "NEW")) else word for word in line.split()]

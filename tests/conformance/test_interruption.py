@@ -29,6 +29,8 @@ from jld_core.batch.library import SWITCH
 from jld_explore.drivers import DRIVERS
 from jld_explore.evaluation.records import RECORDS_FILE
 
+EXPLORE = ("explore", "--check-fields", "0")
+"""What blocks that crack anywhere carry, test_field_check.py tests."""
 CLASSES = 599  # 4×3 cells on a support row, blocks of 2 to 4 cells, counted by enumeration
 KILLS = int(os.environ.get("JLD_KILLS", "4"))
 """Number of kills at random moments; each costs the start of three processes. `make bench` asks for twenty."""
@@ -53,7 +55,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def deferred_signals(scene: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a run that nothing disturbs."""
     folder = tmp_path_factory.mktemp("undisturbed") / "out"
-    outcome = process("explore", scene, "--out", folder, "--jobs", "1", "--json")
+    outcome = process(*EXPLORE, scene, "--out", folder, "--jobs", "1", "--json")
     assert outcome.code == 0
     facts = json.loads(outcome.out)
     assert (facts["evaluated"], facts["solved"]) == (CLASSES, CLASSES)
@@ -129,7 +131,7 @@ def wait_until_gone(family: list[psutil.Process], seconds: float = 20.0) -> None
 def resumed(jld: Command, scene: Path, folder: Path, jobs: int, deferred_signals: Path) -> None:
     """Go on to the end in this process; nothing that was on disk may have been evaluated again."""
     before = records(folder)
-    outcome = jld("explore", scene, "--out", folder, "--jobs", str(jobs), "--resume", "--json")
+    outcome = jld(*EXPLORE, scene, "--out", folder, "--jobs", str(jobs), "--resume", "--json")
     assert outcome.code == 0, outcome.err
     facts: dict[str, Any] = json.loads(outcome.out)
     after = records(folder)
@@ -155,7 +157,7 @@ def test_parent_killed(
     folder = tmp_path / "out"
     for count in moments:
         with started(
-            "explore", scene, "--out", folder, "--jobs", str(jobs), *(["--resume"] if folder.exists() else [])
+            *EXPLORE, scene, "--out", folder, "--jobs", str(jobs), *(["--resume"] if folder.exists() else [])
         ) as run:
             wait_for_records(run, folder, count)
             family = psutil.Process(run.pid).children(recursive=True)
@@ -182,7 +184,7 @@ def workers_of(run: subprocess.Popen[str]) -> list[psutil.Process]:
 def test_workers_killed(moments: tuple[int, ...], scene: Path, deferred_signals: Path, tmp_path: Path) -> None:
     """kill -9 of one worker, once or twice: the run goes on to the end by itself, and loses nothing."""
     folder = tmp_path / "out"
-    with started("explore", scene, "--out", folder, "--jobs", "2", "--json") as run:
+    with started(*EXPLORE, scene, "--out", folder, "--jobs", "2", "--json") as run:
         for count in moments:
             wait_for_records(run, folder, count)
             victims = workers_of(run)
@@ -200,7 +202,7 @@ def test_workers_killed(moments: tuple[int, ...], scene: Path, deferred_signals:
 @pytest.mark.long
 def test_worker_and_parent_killed(scene: Path, deferred_signals: Path, tmp_path: Path, jld: Command) -> None:
     folder = tmp_path / "out"
-    with started("explore", scene, "--out", folder, "--jobs", "2") as run:
+    with started(*EXPLORE, scene, "--out", folder, "--jobs", "2") as run:
         wait_for_records(run, folder, 150)
         family = psutil.Process(run.pid).children(recursive=True)
         workers_of(run)[0].kill()
@@ -216,7 +218,7 @@ def test_random_kills(scene: Path, tmp_path: Path, jld: Command) -> None:
     """kill -9 of the parent or of a worker at random moments of a search that learns: nothing finished is lost, and
     the table is that of a run that nothing disturbs."""
     budget = CLASSES - 20
-    asked = ("explore", scene, "--driver", "genetic", "--budget", str(budget))
+    asked = (*EXPLORE, scene, "--driver", "genetic", "--budget", str(budget))
     alone = jld(*asked, "--out", tmp_path / "alone", "--jobs", "1")
     assert alone.code == 0, alone.err
     folder, rng, kills = tmp_path / "out", random.Random(20), 0
@@ -260,7 +262,7 @@ def test_signals(
 ) -> None:
     """Exit code 3, one line, tables of what was finished, and a folder to go on with."""
     folder = tmp_path / "out"
-    with started("explore", scene, "--out", folder, "--jobs", str(jobs), pictures=number == signal.SIGTERM) as run:
+    with started(*EXPLORE, scene, "--out", folder, "--jobs", str(jobs), pictures=number == signal.SIGTERM) as run:
         wait_for_records(run, folder, 100)
         family = psutil.Process(run.pid).children(recursive=True)
         if jobs == 1:
@@ -298,7 +300,7 @@ def test_torn_or_damaged(scene: Path, deferred_signals: Path, tmp_path: Path, jl
         folder = tmp_path / str(number)
         folder.mkdir()
         (folder / RECORDS_FILE).write_bytes(text)
-        outcome = jld("explore", scene, "--out", folder, "--resume", "--jobs", "1", "--json")
+        outcome = jld(*EXPLORE, scene, "--out", folder, "--resume", "--jobs", "1", "--json")
         assert (outcome.code, outcome.out, outcome.err.count("\n")) == (2, "", 1)
         assert outcome.err.startswith(f"jld: {folder / RECORDS_FILE}: it is damaged")
         assert [path.name for path in folder.iterdir()] == [RECORDS_FILE]
@@ -311,7 +313,7 @@ def test_begun_and_nothing_more(scene: Path, tmp_path: Path, jld: Command) -> No
     folder.mkdir()
     (folder / RECORDS_FILE).write_bytes(b"")
     outcome = jld(
-        *("explore", scene, "--out", folder, "--resume"),
+        *(*EXPLORE, scene, "--out", folder, "--resume"),
         *("--jobs", "1", "--budget", "5", "--json"),
     )
     assert outcome.code == 0, outcome.err
@@ -321,10 +323,10 @@ def test_begun_and_nothing_more(scene: Path, tmp_path: Path, jld: Command) -> No
 def test_a_second_process_is_refused(scene: Path, deferred_signals: Path, tmp_path: Path) -> None:
     """While one is at work in a folder, another one is told so in one line; the first does not notice."""
     folder = tmp_path / "out"
-    with started("explore", scene, "--out", folder, "--jobs", "1", "--json") as run:
+    with started(*EXPLORE, scene, "--out", folder, "--jobs", "1", "--json") as run:
         wait_for_records(run, folder, 20)
         run.send_signal(signal.SIGSTOP)
-        second = process("explore", scene, "--out", folder, "--jobs", "1", "--resume", "--json")
+        second = process(*EXPLORE, scene, "--out", folder, "--jobs", "1", "--resume", "--json")
         run.send_signal(signal.SIGCONT)
         out, err = run.communicate(timeout=240)
     assert (second.code, second.out, second.err.count("\n")) == (2, "", 1)
@@ -339,7 +341,7 @@ def test_budget(scene: Path, deferred_signals: Path, tmp_path: Path, jld: Comman
     """Distinct classes evaluated at the most; raised step by step it gives what it gives at once."""
 
     def run(folder: Path, *options: str) -> dict[str, Any]:
-        outcome = jld("explore", scene, "--out", folder, "--jobs", "1", "--json", *options)
+        outcome = jld(*EXPLORE, scene, "--out", folder, "--jobs", "1", "--json", *options)
         assert outcome.code == 0
         facts: dict[str, Any] = json.loads(outcome.out)
         return facts
@@ -378,13 +380,13 @@ def test_another_study_is_refused(scene: Path, deferred_signals: Path, tmp_path:
     ]
     tries += [("driver", [scene, "--driver", name]) for name in DRIVERS if name != "enumeration"][:1]
     for word, arguments in tries:
-        outcome: Outcome = jld("explore", *arguments, "--out", folder, "--resume", "--jobs", "1")
+        outcome: Outcome = jld(*EXPLORE, *arguments, "--out", folder, "--resume", "--jobs", "1")
         assert (outcome.code, outcome.out, outcome.err.count("\n")) == (2, "", 1)
         assert f"{folder / RECORDS_FILE}: it was made with {word} " in outcome.err
         assert f"expected the same {word} to resume" in outcome.err
         assert [path.name for path in folder.iterdir()] == [RECORDS_FILE]
         assert (folder / RECORDS_FILE).read_bytes() == content
-    outcome = jld("explore", scene, "--out", folder)
+    outcome = jld(*EXPLORE, scene, "--out", folder)
     assert outcome.code == 2
     assert "--resume" in outcome.err
 
@@ -396,7 +398,7 @@ def test_notes_may_change_between_runs(scene: Path, deferred_signals: Path, tmp_
     document = {**json.loads(scene.read_text()), "name": "renamed", "notes": "seen again"}
     file = tmp_path / "renamed.json"
     file.write_text(json.dumps(document))
-    outcome = jld("explore", file, "--out", folder, "--resume", "--jobs", "1", "--json")
+    outcome = jld(*EXPLORE, file, "--out", folder, "--resume", "--jobs", "1", "--json")
     assert (outcome.code, json.loads(outcome.out)["solved"]) == (0, 0)
 
 

@@ -22,6 +22,7 @@ ORDER = [
     ["jld_explore.cli"],
     ["jld_explore.studio"],
     ["jld_explore"],
+    ["jld_explore.design"],
     ["jld_explore.moved_tables"],
     ["jld_explore.moved_search", "jld_explore.box_proof"],
     ["jld_explore.explore"],
@@ -52,7 +53,7 @@ ORDER = [
     ["jld_core.geometry", "jld_core.samples"],
     ["jld_core.sub_assembly"],
     ["jld_core.scene", "jld_core.assembly"],
-    ["jld_core.linalg", "jld_core.files", "jld_core.shape_loads"],
+    ["jld_core.linalg", "jld_core.files", "jld_core.shape_loads", "jld_core.members"],
     [
         "jld_core.notebook_repr",
         "jld_core.arrays",
@@ -93,22 +94,27 @@ def parsed(path: Path) -> ast.Module:
 
 
 @cache
+def import_nodes(path: Path) -> list[ast.Import | ast.ImportFrom]:
+    """Return the import statements of a file, wherever they stand."""
+    return [node for node in ast.walk(parsed(path)) if isinstance(node, ast.Import | ast.ImportFrom)]
+
+
+@cache
 def imports(path: Path) -> list[tuple[str, int, bool]]:
     """Every module that a file imports, lazily or not: name, line, whether at the top of the file."""
     return list(_imports(path))
 
 
 def _imports(path: Path) -> Iterator[tuple[str, int, bool]]:
-    tree = parsed(path)
-    top = set(map(id, tree.body))
-    for node in ast.walk(tree):
+    top = set(map(id, parsed(path).body))
+    for node in import_nodes(path):
         if isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path}:{node.lineno}: a relative import"
             module = node.module or ""
             for alias in node.names:
                 full = f"{module}.{alias.name}"
                 yield (full if _is_module(full) else module), node.lineno, id(node) in top
-        elif isinstance(node, ast.Import):
+        else:
             for alias in node.names:
                 yield alias.name, node.lineno, id(node) in top
 
@@ -146,7 +152,7 @@ def exported(package: str) -> list[str]:
 @cache
 def defined(module: str) -> set[str]:
     """The names that a module defines itself, imported ones left out."""
-    tree = ast.parse(next(path for path, name in MODULES.items() if name == module).read_text(encoding="utf-8"))
+    tree = parsed(next(path for path, name in MODULES.items() if name == module))
     found = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
@@ -161,7 +167,7 @@ def test_names_come_from_the_face_or_from_the_module_that_defines_them() -> None
     """What a package exports is imported from it; any other public name is imported from its own module."""
     wrong = []
     for path, name in MODULES.items():
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in import_nodes(path):
             if isinstance(node, ast.ImportFrom) and wing_of(node.module or "") in FLOOR:
                 wrong += [f"{path}:{node.lineno}: {problem}" for problem in _wrong_imports(node, wing_of(name))]
     assert wrong == []

@@ -37,18 +37,16 @@ EXTRA = {"crushable inner": (["aaaa", "aaaa", "####"], {"crush_inner": 3e4, "ten
 
 @pytest.fixture(scope="session")
 def kernels() -> dict[str, str]:
-    """A library for each variant that this processor has: the built one, else one compiled where first use would; first
-    the fastest."""
+    """The built libraries of this processor, the fastest first; where none is, one compiled as first use would.
+
+    `make setup` builds the fastest and the base, `make bench` all."""
     there = library.built()
     named = os.environ.get(library.SWITCH, "")
     if os.sep in named:  # `make sanitize`
         return {"given": named}
-    found = {}
-    for name in filter(build.runs_here, build.variants()):
-        if name in there:
-            found[name] = str(there[name])
-        elif build.compilers():
-            found[name] = str(build.compile_variant(name, build.cache(), build.compilers()[0]))
+    found = {name: str(there[name]) for name in filter(build.runs_here, build.variants()) if name in there}
+    if not found and build.compilers():
+        found[build.best()] = str(build.compile_variant(build.best(), build.cache(), build.compilers()[0]))
     if not found:
         pytest.skip("no compiler, and no kernel")
     return found

@@ -20,16 +20,20 @@ target.write_text(" ".join(sys.argv))
 
 
 def compile_in_place(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, *fails_on: str, options: Sequence[str] = ()
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    *fails_on: str,
+    options: Sequence[str] = (),
+    family: tuple[str, ...] = ("avx2", "base"),
 ) -> None:
     """Run `build.py --in-place` in a folder, with one made-up compiler per flag that it cannot take."""
     names = []
     for number, flag in enumerate(fails_on):
         script = folder / f"compiler{number}.py"
         script.write_text(COMPILER.format(fails_on=flag))
-        names.append([sys.executable, str(script)])
+        names.append([sys.executable, "-I", "-S", str(script)])
     monkeypatch.setattr(build, "compilers", lambda: names)
-    monkeypatch.setattr(build, "variants", lambda: ("avx2", "base"))
+    monkeypatch.setattr(build, "variants", lambda: family)
     monkeypatch.setattr(build, "__file__", str(folder / "build.py"))
     monkeypatch.setattr(sys, "argv", ["build.py", "--in-place", *options])
     build.main()
@@ -38,17 +42,21 @@ def compile_in_place(
 def test_the_best_variant_alone_is_compiled_and_only_where_it_is_not_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """`make demo` compiles one variant, and `make setup` after it the others."""
+    """`make demo` compiles one variant, `make setup` after it the base, and `make bench` the others."""
     monkeypatch.setattr(build, "processor_flags", lambda: frozenset({"avx2", "fma"}))
     assert build.runs_here("avx2")
     assert not build.runs_here("avx512")
     compile_in_place(tmp_path, monkeypatch, "none", options=["--best"])
     assert [path.name for path in tmp_path.glob("*.so")] == ["_avx2.so"]
     capsys.readouterr()
-    compile_in_place(tmp_path, monkeypatch, "none")
-    assert capsys.readouterr().out == f"base: {tmp_path / '_base.so'}\n"
-    compile_in_place(tmp_path, monkeypatch, "none")
-    assert capsys.readouterr().out == ""
+    for options, printed in (
+        (["--ends"], f"base: {tmp_path / '_base.so'}\n"),
+        (["--ends"], ""),
+        ([], f"avx512: {tmp_path / '_avx512.so'}\n"),
+        ([], ""),
+    ):
+        compile_in_place(tmp_path, monkeypatch, "none", options=options, family=("avx512", "avx2", "base"))
+        assert capsys.readouterr().out == printed
 
 
 def test_processor_flags_of_numpy_are_those_of_the_system() -> None:

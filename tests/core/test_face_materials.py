@@ -114,7 +114,11 @@ def test_low_values_of_faces_are_those_of_a_robust_search() -> None:
         ({"between": ["c0r0", "c1r1"], "dry": {"cohesion": 1.0}}, "share no interface"),
         ({"between": ["c0r0", "c1r0"]}, "materials.faces[0]: it states no value"),
         ({"between": ["c0r0"], "dry": {}}, "materials.faces[0].between"),
-        ({"between": ["c0r0", "c1r0"], "dry": {"tensile_strength": 1.0}}, "materials.faces[0].dry"),
+        ({"between": ["c0r0", "c1r0"], "dry": {"shear_strength": 1.0}}, "materials.faces[0].dry"),
+        (
+            {"between": ["c0r0", "c1r0"], "dry": {"tensile_strength": 1.0}},
+            "materials.faces of c0r0–c1r0: dry.tensile_strength: 1 is beyond the apex",
+        ),
         ({"between": ["c0r0", "c1r0"], "dry": {"friction_angle": 1, "friction_coefficient": 1}}, "given twice"),
         (
             {"between": ["c0r0", "c1r0"], "inner": {"friction_coefficient": 2.0}},

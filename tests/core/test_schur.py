@@ -56,12 +56,22 @@ def compare(built: Assembly, count: int, seed: int, template: Template | None = 
 @pytest.mark.parametrize("name", sorted(CASES))
 def test_planar_yield_sets(name: str) -> None:
     rows, options = CASES[name]
-    compare(grid_assembly(rows, **options), 8, seed=11)
+    compare(grid_assembly(rows, **options), 5, seed=11)
+
+
+def test_a_step_far_out_of_the_cones_is_a_breakdown_and_no_error() -> None:
+    """What an affine step of this labelling left of the complementarity was −10¹¹⁰, whose cube is no number."""
+    rows, options = CASES["beam"]
+    built = grid_assembly(rows, **options)
+    labels = np.array([letter == "d" for letter in "ddiddiiiiiidiii"])
+    one, two = (LimitAnalysis(built, solver=name).solve(labels, stands=False) for name in ("clarabel", "schur"))
+    assert one.status is two.status is Status.COLLAPSE
+    assert two.load_factor == pytest.approx(one.load_factor, rel=1e-6)
 
 
 @pytest.mark.parametrize("name", sorted(SPATIAL))
 def test_spatial_yield_sets(name: str) -> None:
-    compare(SPATIAL[name](), 5, seed=12)
+    compare(SPATIAL[name](), 4, seed=12)
 
 
 def test_kern_form() -> None:

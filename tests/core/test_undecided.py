@@ -26,8 +26,8 @@ from jld_core.scene import parse_scene
 from jld_explore.drivers.exact.conflict_generation import conflict_of
 from jld_explore.drivers.exact.proof_state import Conflict
 
-OPEN = 6
-"""Faces left undecided: 64 labellings each."""
+OPEN = 5
+"""Faces left undecided: 32 labellings each."""
 
 SOME = ["wall", "beam", "crushable wall", "no friction", "overhang", "in space", "crushed in space"]
 
@@ -108,15 +108,15 @@ def test_conflicts_rule_out_nothing_that_reaches_the_threshold(name: str) -> Non
     relaxation = Relaxation(analysis)
     rng = np.random.default_rng(8)
     m = len(assembly.interfaces)
-    rows = rng.random((200, m)) < 0.5
+    rows = rng.random((150, m)) < 0.5
     known = np.array([highest(analysis, row) for row in rows])
     finite = known[np.isfinite(known)]
     threshold = float(np.quantile(finite, 0.9)) if finite.size else 1.0
-    found = [conflict_of(relaxation, row, np.ones(m, dtype=bool), threshold) for row in rows[:40]]
+    found = [conflict_of(relaxation, row, np.ones(m, dtype=bool), threshold) for row in rows[:25]]
     conflicts = [c for c in found if c is not None]
     if relaxation.batched:
         asked = ConflictRequest(
-            rows[:40], np.ones(m, dtype=bool), np.full(40, threshold), how=MinimizationOptions(neighbours=2)
+            rows[:25], np.ones(m, dtype=bool), np.full(25, threshold), how=MinimizationOptions(neighbours=2)
         )
         whole = relaxation.minimize_conflicts(asked)
         refuted = {one.labelling for one in whole if one.drawn and one.bound is not None}
@@ -125,7 +125,7 @@ def test_conflicts_rule_out_nothing_that_reaches_the_threshold(name: str) -> Non
         assert refuted <= {k for k, one in enumerate(found) if one is not None}
         if any(one.decided.any() for one in whole):
             assert sum(one.bound is not None and not one.drawn for one in whole) > len(refuted)
-        outside = rng.random((40, m)) < 0.3
+        outside = rng.random((25, m)) < 0.3
         parts = relaxation.minimize_conflicts(replace(asked, how=MinimizationOptions(), undecided=outside))
         assert {one.labelling for one in parts if one.bound is not None} <= refuted
         assert not any((one.decided & outside[one.labelling]).any() for one in parts)

@@ -108,7 +108,7 @@ def test_bounds_hold_for_every_segmentation(case: Case) -> None:
     rng = np.random.default_rng(2)
     most = 1e3
     finite = 0
-    for turn in range(25 if case.wedges else 5):
+    for turn in range(12 if case.wedges else 5):
         allowed = np.ones(len(case.blocks), dtype=bool) if turn == 0 else rng.random(len(case.blocks)) < 0.8
         mine = [(load, c) for load, c in zip(case.load, case.choices, strict=True) if allowed[c].all() and load < most]
         best = max((load for load, _ in mine), default=-np.inf)
@@ -126,7 +126,7 @@ def test_a_single_segmentation_is_refuted_just_above_its_load_factor(case: Case)
     rng = np.random.default_rng(3)
     # bounds have one part in 10⁶ where strengths are up to some thousand times the forces
     collapsing = [i for i, load in enumerate(case.load) if np.isfinite(load) and load > -1e-12]
-    for place in rng.permutation(collapsing)[:12].tolist():
+    for place in rng.permutation(collapsing)[:8].tolist():
         allowed = np.zeros(len(case.blocks), dtype=bool)
         allowed[case.choices[place]] = True
         load = case.load[place]
@@ -228,7 +228,7 @@ def test_the_kernel_proves_what_the_solver_does(case: Case) -> None:
         pytest.skip("no kernel, or faces that are no wedges")
     rng = np.random.default_rng(5)
     asked = []
-    for turn in range(10):
+    for turn in range(6):
         allowed = np.ones(len(case.blocks), dtype=bool) if turn == 0 else rng.random(len(case.blocks)) < 0.8
         load = rng.choice(case.load)
         for threshold in (0.0, float(load) if np.isfinite(load) and load > 0.0 else 0.3):

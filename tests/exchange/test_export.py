@@ -278,6 +278,14 @@ def test_3dec_commands_name_every_block_and_its_properties(tmp_path: Path) -> No
         assert np.cross(b - a, c - b) @ (a - middle) < 0.0
 
 
+def test_compas_interfaces_state_their_areas(tmp_path: Path) -> None:
+    made = layout(CASES["dome"][0])
+    document = json.loads(export(made, "compas", tmp_path / "a.json", cells=True).read_text())
+    edges = document["data"]["graph"]["data"]["edge"]
+    sizes = [f["data"]["size"] for others in edges.values() for entry in others.values() for f in entry["interfaces"]]
+    assert sorted(sizes) == pytest.approx(sorted(made.assembly.interfaces.area))
+
+
 @pytest.mark.skipif(find_spec("compas_cra") is None, reason="compas_cra is not installed")
 def test_compas_assembly_opens_what_is_written_and_compas_cra_solves_it(tmp_path: Path) -> None:
     """A pile on a slab: opened by COMPAS itself, interfaces with their frames and sizes, and solved by RBE and CRA."""
@@ -380,7 +388,7 @@ def test_what_a_format_cannot_hold_is_said(tmp_path: Path) -> None:
     )
     with pytest.raises(InputError, match="'L': it is not convex"):
         export(layout(bent), "3dec", tmp_path / "no.dat")
-    with pytest.raises(InputError, match="no format is named 'step'"):
-        export(layout(bent), "step", tmp_path / "no.step")
+    with pytest.raises(InputError, match="no format is named 'dwg'"):
+        export(layout(bent), "dwg", tmp_path / "no.dwg")
     assert not list(tmp_path.iterdir())
     assert len(union_outlines([np.array(bent.elements[0].polygon)])[0].shell) == 6  # type: ignore[index]

@@ -65,7 +65,7 @@ def test_spellings(text: str, values: tuple[float, ...]) -> None:
         ("10 kN wind", "'wind'"),
         ("10 kN (live)", "'(live)'"),
         ("10 kN + 2 kN", "'+ 2 kN'"),
-        ("3 kN; 4", "one has a unit"),
+        ("3 kN; 4", "not all of its numbers have a unit"),
         ("1; 2; 3", "3 numbers"),
         ("Fx = 3; 4", "named a component"),
         ("1e999 N", "out of range"),
@@ -92,3 +92,34 @@ def test_the_unit_of_the_scene_is_the_unit_of_the_result() -> None:
     assert parse_force("7", "blocks").values == (7.0,)
     with pytest.raises(InputError, match="that of the scene"):
         parse_force("7 N", "blocks")
+
+
+@pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        ("1 kN; 2 kN; -3 kN", (1e3, 2e3, -3e3)),
+        ("Fz = -4; Fx = 1", (1.0, 0.0, -4.0)),
+        ("Fz = 5 kN", (0.0, 0.0, 5e3)),
+        ("5 kN", (5e3,)),
+    ],
+)
+def test_forces_in_space(text: str, values: tuple[float, ...]) -> None:
+    found = parse_force(text, dimension=3)
+    assert (found.values, found.components) == (values, len(values) == 3)
+
+
+@pytest.mark.parametrize(
+    ("text", "dimension", "problem"),
+    [("1; 2", 3, "2 numbers for 3"), ("Fz = 1", 2, "no component along z"), ("Fx = 1; Fx = 2", 3, "of their own")],
+)
+def test_components_that_do_not_fit(text: str, dimension: int, problem: str) -> None:
+    with pytest.raises(InputError, match=problem):
+        parse_force(text, dimension=dimension)
+
+
+@pytest.mark.parametrize(
+    ("text", "per"),
+    [("10 kN/m", (1.0, 1)), ("10 N/mm²", (1e-3, 2)), ("F = 1 kN / m^2", (1.0, 2)), ("3 lbf/ft", (0.3048, 1))],
+)
+def test_loads_per_length_or_area(text: str, per: tuple[float, int]) -> None:
+    assert parse_force(text, distributed=True).per == per

@@ -76,7 +76,7 @@ def search(document: dict[str, Any], folder: Path, **options: Any) -> tuple[Expl
     return explore(scene, folder, settings, driver=driver), driver
 
 
-@pytest.mark.parametrize("step_after", [None, 1, 20])
+@pytest.mark.parametrize("step_after", [None, 1, pytest.param(20, marks=pytest.mark.long)])
 def test_no_layout_is_lost_when_the_target_changes(step_after: int | None, tmp_path: Path) -> None:
     done, _ = search(LOST, tmp_path / "out", step_after=step_after)
     assert done.summary.proven is True
@@ -85,10 +85,10 @@ def test_no_layout_is_lost_when_the_target_changes(step_after: int | None, tmp_p
 
 
 def test_proofs_agree_with_enumeration_and_one_job(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A share of `python -m benchmarks.claims proofs`: eight of its cases, however busy the machine is."""
+    """A share of `python -m benchmarks.claims proofs`: five of its cases, however busy the machine is."""
     monkeypatch.setattr(proofs, "EVERY", 10**9)  # real processes take seconds to start
-    found = proofs.run(20_000, 8, 600.0)
-    assert found.cases == 8
+    found = proofs.run(20_000, 5, 600.0)
+    assert found.cases == 5
     assert found.disagreements == []
 
 
@@ -206,7 +206,7 @@ def test_a_proof_that_lost_a_layout_is_not_proven(tmp_path: Path, monkeypatch: p
         "jld_explore.drivers.exact.driver.Exact._lower_bound",
         lambda self, target, bound: self.found.update({target: replace(self.found[target], bound=bound)}),
     )
-    done, _ = search(grid_document([*["aaaa"] * 3, "####"], **WEAK), tmp_path / "out", jobs=1, by_blocks="off")
+    done, _ = search(grid_document([*["aaa"] * 3, "###"], **WEAK), tmp_path / "out", jobs=1, by_blocks="off")
     assert done.summary.proven is False
 
 

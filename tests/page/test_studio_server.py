@@ -329,7 +329,9 @@ def test_wrong_questions_get_one_clear_line(local: Local, name: str, body: Any, 
     assert not local.root.exists()
 
 
-@pytest.mark.parametrize(("kind", "begins"), [("svg", b"<"), ("dxf", b"  0"), ("obj", None), ("vtk", b"<")])
+@pytest.mark.parametrize(
+    ("kind", "begins"), [("svg", b"<"), ("dxf", b"  0"), ("obj", None), ("vtk", b"<"), ("gltf", b"glTF")]
+)
 def test_blocks_go_out_in_every_format(local: Local, kind: str, begins: bytes | None) -> None:
     status, found = local.api("export", {"format": kind, "labelling": letters(local)})
     assert status == 200, found

@@ -92,14 +92,16 @@ def test_flagship_sample(flagship: tuple[Assembly, Bits, Ints]) -> None:
     assert tally[Status.UNSTABLE] > 4
 
 
-def test_all_segmentations_of_three_by_three_cells() -> None:
-    """All 1 434, weak strengths, horizontal body load, blocks glued to nothing below: default route against HiGHS."""
+@pytest.mark.parametrize(("step", "number"), [(4, 359), pytest.param(1, 1434, marks=pytest.mark.long)])
+def test_all_segmentations_of_three_by_three_cells(step: int, number: int) -> None:
+    """All 1 434, or every fourth, weak strengths, horizontal body load, blocks glued to nothing below: default route
+    against HiGHS."""
     assembly, labellings, multiplicity = classes(
         grid_scene(["aaa", "aaa", "aaa", "###"], tension=2e3, shear=1.5e3, symmetry="none")
     )
     assert len(labellings) == multiplicity.sum() == 1434
-    tally = compare(assembly, labellings, solver="highs")
-    assert tally == {Status.COLLAPSE: 1434}
+    tally = compare(assembly, labellings[::step], solver="highs")
+    assert tally == {Status.COLLAPSE: number}
 
 
 @pytest.mark.filterwarnings("ignore")  # as above

@@ -49,18 +49,19 @@ def test_rotation_regime_converges() -> None:
 
 
 def test_friction_just_above_the_transition_changes_nothing() -> None:
-    assert least_thickness(120, 0.3965, 0.10, 0.12) == pytest.approx(least_thickness(120, 0.7, 0.10, 0.12), abs=2e-5)
+    near, far = (least_thickness(120, friction, 0.10, 0.12, 1e-6) for friction in (0.3965, 0.7))
+    assert near == pytest.approx(far, abs=2e-5)
 
 
 def test_mixed_regime_lies_between() -> None:
-    values = [least_thickness(120, friction, 0.10, 0.25) for friction in (0.315, 0.33, 0.36, 0.39)]
+    values = [least_thickness(120, friction, 0.10, 0.25, 1e-5) for friction in (0.315, 0.33, 0.36, 0.39)]
     assert np.all(np.diff(values) < 0.0)
     assert ROTATION - 1e-4 < values[-1] < values[0] < LIMIT_THICKNESS + 1e-4
 
 
 def test_sliding_limit() -> None:
     """At the limit friction the thickness is 0.200637; a little below it no thickness stands."""
-    assert least_thickness(240, LIMIT_FRICTION + 2e-5, 0.15, 0.25) == pytest.approx(LIMIT_THICKNESS, abs=2e-3)
+    assert least_thickness(240, LIMIT_FRICTION + 2e-5, 0.15, 0.25, 1e-5) == pytest.approx(LIMIT_THICKNESS, abs=2e-3)
     for thickness in (0.2, 0.4, 0.8, 1.2):
         assert not stands(240, thickness, LIMIT_FRICTION - 1e-4)
 

@@ -74,6 +74,7 @@ class SequenceConstraint:
     def __init__(
         self, assembly: Assembly, wish: SequenceRule, may_join: Bools, *, sideways: bool = False, group: int = GROUP
     ) -> None:
+        assembly.members.refuse("an assembly sequence")
         self.assembly, self.wish, self.group = assembly, wish, group
         self._bodies = Bodies(assembly, sideways)
         self._parts = Parts(assembly)

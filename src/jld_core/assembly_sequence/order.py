@@ -16,6 +16,7 @@ from jld_core.assembly import Assembly
 from jld_core.assembly_sequence.blocks import Blocks, blocks_of_labelling
 from jld_core.assembly_sequence.freedom import Bodies, Freedom
 from jld_core.assembly_sequence.standing import Parts, Stage, Standing
+from jld_core.assembly_sequence.start import LayingStart, Turn, turn_of
 
 SequenceRule = Literal["translation", "standing"]
 """Rule for an assembly sequence: translations only, or also stages that stand without props."""
@@ -91,6 +92,7 @@ def assembly_order(
     wish: SequenceRule = "translation",
     sideways: bool = False,
     group: int = GROUP,
+    start: LayingStart = "ground",
     bodies: Bodies | None = None,
     parts: Parts | None = None,
 ) -> Laying:
@@ -109,6 +111,9 @@ def assembly_order(
         Allow a planar wall to be assembled out of its plane.
     group : int
         Largest number of blocks that are moved together where single blocks are locked.
+    start : {"ground", "left", "right", "springings"}
+        Where laying starts, as far as directions and stages allow it: by courses from the ground, from a side, or from
+        all supports alike, as an arch from its springings.
     bodies : Bodies, optional
         Translation data of the assembly, for reuse.
     parts : Parts, optional
@@ -118,16 +123,23 @@ def assembly_order(
     -------
     Laying
         Steps with their stages, or the blocks that lock one another.
+
+    Raises
+    ------
+    InputError
+        `start` is none of these names.
     """
+    assembly.members.refuse("an assembly sequence")
     blocks = blocks_of_labelling(assembly, labels)
     freedom, standing = Freedom(blocks, sideways, bodies), Standing(blocks, labels, parts)
-    taken, there = _apart(freedom, standing, group)
+    turn = turn_of(blocks, start)
+    taken, there = _apart(freedom, standing, group, turn)
     if taken is None:
         return Laying(blocks, (), _smallest_lock(freedom, there, group))
     steps = _steps(blocks, standing, taken)
     if wish == "translation" or all(step.stage.stands for step in steps):
         return Laying(blocks, steps, ())
-    found, settled = _standing_order(freedom, standing, group)
+    found, settled = _standing_order(freedom, standing, group, turn)
     if found is None:
         return Laying(blocks, steps, (), searched=True, undecided=not settled)
     return Laying(blocks, _steps(blocks, standing, found), ())
@@ -163,6 +175,7 @@ def locked_blocks(
     tuple of int
         Element indices, ascending; empty where the labelling can be assembled by translations.
     """
+    assembly.members.refuse("an assembly sequence")
     blocks = blocks_of_labelling(assembly, labels)
     freedom = Freedom(blocks, sideways, bodies)
     there = emptied(freedom, np.ones(len(blocks), dtype=bool), group)
@@ -198,7 +211,7 @@ def _without(there: Bools, move: Move) -> Bools:
     return left
 
 
-def _apart(freedom: Freedom, standing: Standing, group: int) -> tuple[list[Move] | None, Bools]:
+def _apart(freedom: Freedom, standing: Standing, group: int, turn: Turn) -> tuple[list[Move] | None, Bools]:
     """Return moves that take the structure apart, or None and the locked remainder.
 
     Moves whose remaining stage stands, or needs the least prop force, come first.
@@ -210,7 +223,7 @@ def _apart(freedom: Freedom, standing: Standing, group: int) -> tuple[list[Move]
         moves = _moves(freedom, there, group)
         if not moves:
             return None, there
-        moves.sort(key=lambda move: _turn(blocks, there, move))
+        moves.sort(key=lambda move: turn(there, move[0]))
         choice = next((m for m in moves[:6] if standing.stage(_without(there, m)).stands), None)
         if choice is None:
             choice = min(moves[:6], key=lambda m: float(standing.stage(_without(there, m)).props.sum()))
@@ -256,7 +269,7 @@ def _smallest_lock(freedom: Freedom, there: Bools, group: int) -> tuple[int, ...
     return tuple(np.flatnonzero(there & ~blocks.fixed).tolist())
 
 
-def _standing_order(freedom: Freedom, standing: Standing, group: int) -> tuple[list[Move] | None, bool]:
+def _standing_order(freedom: Freedom, standing: Standing, group: int, turn: Turn) -> tuple[list[Move] | None, bool]:
     """Search moves whose every stage stands, depth first with memory of failures.
 
     Return the moves or None, and whether the search neither stopped at its limit nor met an undecided stage.
@@ -276,7 +289,7 @@ def _standing_order(freedom: Freedom, standing: Standing, group: int) -> tuple[l
         if looked >= _STAGES:
             settled = False
             return None
-        for move in sorted(_moves(freedom, there, group), key=lambda m: _turn(blocks, there, m)):
+        for move in sorted(_moves(freedom, there, group), key=lambda m: turn(there, m[0])):
             looked += 1
             left = _without(there, move)
             stands = standing.stage(left).stands
@@ -312,6 +325,7 @@ def built_up(freedom: Freedom, standing: Standing) -> Built:
     """
     blocks = freedom.blocks
     failed: set[bytes] = set()
+    turn = turn_of(blocks)
     tried = blocks.fixed.copy()
     looked, settled = 0, True
 
@@ -326,7 +340,7 @@ def built_up(freedom: Freedom, standing: Standing) -> Built:
         near = laid[blocks.first] != laid[blocks.second]
         border = np.unique(np.concatenate([blocks.first[near], blocks.second[near]]))
         moves = [((block,), freedom.bodies.up) for block in border[~laid[border]].tolist()]
-        for move in sorted(moves, key=lambda move: _turn(blocks, laid, move), reverse=True):
+        for move in sorted(moves, key=lambda move: turn(laid, move[0]), reverse=True):
             if looked >= _STAGES:
                 return None
             looked += 1
@@ -345,26 +359,6 @@ def built_up(freedom: Freedom, standing: Standing) -> Built:
 
     possible = search(blocks.fixed.copy())
     return Built(possible if possible or settled else None, tried[blocks.of])
-
-
-def _turn(blocks: Blocks, there: Bools, move: Move) -> tuple[float, int]:
-    """Return the sort key of a removal: highest first, then fewest contacts.
-
-    Gaps thus grow from their edges.
-    """
-    touching = sum(int(np.count_nonzero(there[blocks.contacts_of(block)[0]])) for block in move[0])
-    return -round(_height(blocks, move) / blocks.assembly.size, 6), touching
-
-
-def _height(blocks: Blocks, move: Move) -> float:
-    """Return the height of the moved blocks' centre against the direction of weight."""
-    elements = blocks.assembly.elements
-    total = elements.weight[elements.free].sum(axis=0)
-    if not np.any(total):
-        total = -np.eye(blocks.assembly.dimension)[-1]
-    chosen = np.isin(blocks.of, move[0])
-    up = -total / np.linalg.norm(total)
-    return float(np.average(elements.centroid[chosen], axis=0, weights=elements.volume[chosen]) @ up)
 
 
 def _steps(blocks: Blocks, standing: Standing, taken: list[Move]) -> tuple[Step, ...]:

@@ -167,7 +167,7 @@ class BatchSolver:
         self._start = self._starting(template, sampled_start)
 
     def _starting(self, template: Template, sampled: bool) -> _Start:
-        """Return the starting point of the iterations.
+        """Return the starting point of the iterations; store `_start` and `settled_fraction`.
 
         It lies between the least-norm forces in equilibrium and, with `sampled`, the mean solution of a few random
         labellings.
@@ -194,7 +194,7 @@ class BatchSolver:
         return _Start(forces, jumps, speed[self._ends], _SHARE * float(found.low[good].mean()), _ROOM)
 
     def _lay_out(self, template: Template, a: Ints, b: Ints) -> None:
-        """Store ends, matrix blocks and loads of all faces and elements in elimination order.
+        """Store ends, matrix block and equilibrium entries of each face, in elimination order.
 
         a, b: (m,) free elements of each face, −1 for a support.
         """
@@ -344,13 +344,16 @@ class BatchSolver:
         )
 
     def _as_elements(self, velocity: Floats) -> Floats:
-        """Reorder velocities (k, q·free) from the elimination order to that of the elements."""
+        """Reorder velocities (k, q·free) from the order of elimination to that of elements."""
         back = np.empty_like(velocity)
         back[:, self._ends] = velocity
         return back
 
     def _problem(self) -> library.Problem:
-        """Return the problem description in the layout of the compiled library."""
+        """Return the problem as a structure of the compiled library.
+
+        It points to arrays of this solver, and is valid while the solver exists.
+        """
         start = self._start
         arrays = library.pointers(
             low=self._low,

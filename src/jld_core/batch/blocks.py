@@ -32,7 +32,7 @@ _FINE: Final = 1e-8
 """Relative gap at which iterations end close to the threshold."""
 
 _ROOM: Final = 1e-6
-"""Error of the multipliers at which iterations end; the caller repairs the rest."""
+"""Error of the multipliers at which iterations end; the caller repairs the remaining error."""
 
 _MOST: Final = 50
 """Largest number of iterations of one choice; 15 to 30 were measured from the common starting point."""
@@ -40,10 +40,12 @@ _MOST: Final = 50
 
 @dataclass(frozen=True)
 class BlockColumns:
-    """Rows and columns of one block p in the relaxation by blocks, docs/method.md (6.5).
+    """Coefficients of one block p in the linear program of the relaxation by blocks.
 
-    The variables of a block are its share x_p, its λ x_p, and the multiples ≥ 0 of its columns. All row numbers below
-    count within the block: its own rows first, then the shared ones.
+    Its variables are the share x_p, the share of λ (λ x_p), and one multiplier ≥ 0 per column. Most columns hold the
+    forces of one generator of a yield set, at a side or a joint of p. A node has three rows and is a face shared by
+    blocks or an element (of which two rows are used). Rows are numbered within p: its own first, then the shared ones.
+    See docs/method.md (6.5).
 
     Attributes
     ----------
@@ -164,9 +166,10 @@ class BatchBlockSolver:
         return max((one.own + len(one.shared) for one in blocks), default=0) <= interface.BLOCK_ROWS
 
     def _places(self, rows: Ints) -> Ints:
-        """Return the positions of all pairs of these rows in the matrix, in its lower triangle.
+        """Return the positions in the factored matrix of all pairs of shared rows of one block.
 
-        rows: (r,) shared rows of one block.
+        rows: (r,) shared rows. A pair is one of a row and one before it, or itself. Positions ≥ 0 count within the
+        diagonal matrix blocks, −1 − position within the others.
         """
         starts, below = self.pattern.column_start, self.pattern.row
         found = []
@@ -190,7 +193,7 @@ class BatchBlockSolver:
         thresholds : (k,) array
             λ to reach; iterations end once λ is known to stay below it.
         least, most : (k,) arrays
-            Bounds on the λ of every block.
+            Bounds on λ in each choice: the variable λ x_p lies between `least` x_p and `most` x_p.
 
         Returns
         -------

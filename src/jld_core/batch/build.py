@@ -1,9 +1,9 @@
 """Compile the batch solver: one shared library per variant, by the system's compiler or that of `ziglang`.
 
-`setup.py` lets this module compile all variants of a processor family into the package, and so does `make setup` beside
-the installation (``--in-place``); `make demo` takes the best one (``--in-place --best``). Where that failed, the first
-use compiles the best variant of this processor into the user's cache. `python -m jld_core.batch.build` compiles into
-that cache by hand.
+`setup.py` lets this module compile all variants of a processor family into the package, and so does `make bench`
+(``--in-place``); `make demo` takes the best one (``--in-place --best``), and `make setup` the base as well
+(``--in-place --ends``). Where that failed, the first use compiles the best variant of this processor into the user's
+cache. `python -m jld_core.batch.build` compiles into that cache by hand.
 This module imports nothing of the package, because `setup.py` loads it before the package exists.
 """
 
@@ -192,6 +192,7 @@ def compile_variant(
     flags = [*compiler, *FLAGS, *VARIANT_FLAGS[variant], mark(), *_SHARED, *extra]
 
     def run(*arguments: str) -> None:
+        """Run the compiler with these arguments; raise subprocess.SubprocessError if it fails."""
         with _RUNNING:
             subprocess.run([*flags, *arguments], check=True, capture_output=True, text=True, timeout=patience)
 
@@ -254,14 +255,16 @@ def main() -> None:
     """Compile variants of the batch solver for this machine, and print their paths.
 
     Command-line arguments: names of variants (default: all); or --in-place (all that are not there, into the package);
-    or --in-place --best (the best one of this processor only); or --sanitized FOLDER (addresses and undefined
-    behaviour); or --thread-sanitized FOLDER (data races). The last two use the compiler's sanitizers.
+    or --in-place --best (the best one of this processor only); or --in-place --ends (that one and the base of the
+    family); or --sanitized FOLDER (addresses and undefined behaviour); or --thread-sanitized FOLDER (data races). The
+    last two use the compiler's sanitizers.
     """
     extra: tuple[str, ...] = ()
     folder, wanted = cache(), sys.argv[1:] or list(variants())
     in_place = wanted[0] == "--in-place"
     if in_place:
-        folder, wanted = Path(__file__).parent, [best()] if wanted[1:] == ["--best"] else list(variants())
+        options = {"--best": [best()], "--ends": list(dict.fromkeys((best(), variants()[-1])))}
+        folder, wanted = Path(__file__).parent, options.get("".join(wanted[1:]), list(variants()))
         wanted = [name for name in wanted if not _is_there(folder / f"_{name}.so")]
     elif wanted[0] in SANITIZED:
         folder, extra, wanted = Path(wanted[1]), SANITIZED[wanted[0]], [variants()[-1]]

@@ -50,10 +50,12 @@ def fits(template: Template, undecided: Rows | None = None) -> bool:
     Returns
     -------
     bool
-        False above `LARGEST` faces, above `MOST` products, or for rows of another shape.
+        False above `LARGEST` faces, above `MOST` products, for rows of another shape, or for a member that acts on more
+        than two elements.
     """
     return (
         len(template.assembly.interfaces) <= LARGEST
+        and template.assembly.members.ends is not None
         and rows_of(template, undecided) is not None
         and (len(template.assembly.interfaces) <= _SMALL or _products(template) <= MOST)
     )
@@ -73,7 +75,12 @@ def pattern_of(assembly: Assembly) -> tuple[FactorPattern, Ints, Ints]:
     elements, faces = assembly.elements, assembly.interfaces
     node = np.full(len(elements), -1, dtype=np.int64)
     node[elements.free] = np.arange(len(elements.free))
-    a, b = node[faces.a], node[faces.b]
+    first, second = faces.a.copy(), faces.b.copy()
+    members = assembly.members
+    own = members.face >= 0
+    if members.ends is not None:
+        first[members.face[own]], second[members.face[own]] = members.ends[own].T
+    a, b = node[first], node[second]
     both = (a >= 0) & (b >= 0)
     return factor_pattern(a[both], b[both], elements.centroid[elements.free]), a, b
 

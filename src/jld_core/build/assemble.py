@@ -10,8 +10,10 @@ import numpy as np
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import DRY, INNER, Assembly, Elements, Interfaces, LoadCase, Points
 from jld_core.build import loads, materials
+from jld_core.build.bond import with_bond
 from jld_core.build.elements import Geometry, faces_of_pairs, weighed
 from jld_core.build.loads import PlacedLoad
+from jld_core.build.members import with_members
 from jld_core.build.moving import cases_of
 from jld_core.build.planar import planar_geometry
 from jld_core.build.plausibility import implausible
@@ -73,8 +75,10 @@ def build_robust(scene: Scene) -> Assembly:
         No material value has a low value, or as in `build_assembly`.
     """
     low = at_low(scene)
-    nominal = build_assembly(scene)
-    return replace(nominal, strengths=build_assembly(low).strengths, nominal=nominal.strengths)
+    nominal, weak = build_assembly(scene), build_assembly(low)
+    if len(weak.interfaces) != len(nominal.interfaces):
+        raise InputError("members", "a low tension equals the prestress", "a low tension above it")
+    return replace(nominal, strengths=weak.strengths, nominal=nominal.strengths, members=weak.members)
 
 
 def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
@@ -100,6 +104,7 @@ def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
     geometry = build_geometry(scene) if geometry is None else geometry
     interfaces, given = geometry.interfaces, geometry.given
     elements = weighed(geometry.elements, geometry.entries, scene)
+    of_faces = _face_materials(scene, elements, interfaces)
     cases = _cases(scene, Boundary(elements, interfaces, scene.plane_thickness), geometry.entries)
     assembly = Assembly(
         name=scene.name,
@@ -107,7 +112,7 @@ def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
         units=(scene.units.length, scene.units.force),
         elements=elements,
         interfaces=interfaces,
-        strengths=materials.strengths(scene.materials, given, _face_materials(scene, elements, interfaces)),
+        strengths=materials.strengths(scene.materials, given, of_faces),
         dead=cases[0].dead,
         live=cases[0].live,
         labels=_own_labels(scene, elements, interfaces, given),
@@ -118,7 +123,9 @@ def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
         cases=cases if scene.loads.has_cases else (),
         touching=geometry.touching,
     )
-    return replace(assembly, warnings=(*geometry.warnings, *implausible(scene, assembly)))
+    assembly = replace(assembly, warnings=(*geometry.warnings, *implausible(scene, assembly)))
+    assembly = with_bond(assembly, scene.materials, of_faces)
+    return with_members(assembly, scene.members)
 
 
 def _face_materials(scene: Scene, elements: Elements, interfaces: Interfaces) -> list[FaceMaterial | None]:

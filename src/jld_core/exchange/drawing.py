@@ -11,11 +11,13 @@ from typing import Any
 import numpy as np
 import shapely
 
-from jld_core.arrays import Floats
 from jld_core.errors import InputError
+from jld_core.exchange.cells import find_cells, say_large
 from jld_core.exchange.drawn import MOST, Cell, Drawing, Mark
-from jld_core.exchange.drawn_loads import drawn_loads
+from jld_core.exchange.drawn_loads import Structure, drawn_loads
 from jld_core.exchange.options import (
+    CLOSED,
+    EDGE,
     FACET,
     LOWEST,
     SNAP,
@@ -27,16 +29,14 @@ from jld_core.exchange.options import (
     rounded,
     several,
 )
-from jld_core.exchange.paths import Path, flatten
+from jld_core.exchange.paths import Path, flatten, without_repeats
+from jld_core.exchange.sizes import say_size
 from jld_core.geometry import find_planar_contacts, polygons
 from jld_core.geometry.snapping import Snapped, snap_paths, straight
 from jld_core.scene.units import METRES
 
 _LEAST, _MOST_SIZE = 1e-12, 1e12
 """Limits of the size of a drawing, scene units."""
-
-_CHUNK, _CROSSINGS = 64, 5
-"""Number of lines per batch in counting crossings, and largest number of crossings in units of `MOST`."""
 
 
 def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes) -> Imported:
@@ -49,6 +49,7 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes) -> Impo
     size or load, and for more than `MOST` corners or cells.
     """
     scale, unit = _scale(drawing, options, notes)
+    drawn_in = options.unit or drawing.unit or unit
     paths = [_scaled(path, scale) for path in drawing.paths if options.role(path.layer) not in ("skip", "id")]
     ignored = len(drawing.paths) - len(paths)
     notes.skip("paths", ignored, "on layers for dimensions and texts")
@@ -62,17 +63,25 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes) -> Impo
     if sum(len(path.points) for path in paths) > MOST:
         raise InputError("", "it holds more corners than a structure has", f"at most {MOST}")
     size = float(max(np.ptp(np.concatenate([path.points[:, :2] for path in paths]), axis=0)))
+    places = [np.array(mark.at) for mark in marks] + [path.points[:, :2] for path in loads]
+    if not all((np.abs(place) <= _MOST_SIZE).all() for place in places):
+        raise InputError("", "a point, a text or an arrow lies out of range", f"coordinates up to {_MOST_SIZE:g} m")
     if not _LEAST <= size <= _MOST_SIZE:
         raise InputError("", f"it is {size:g} {unit} large, out of range", f"from {_LEAST:g} to {_MOST_SIZE:g}")
-    tolerance = SNAP * size if options.tolerance is None else options.tolerance
-    chords = flatten(paths, FACET * size if options.facet is None else options.facet, max(tolerance, 1e-9 * size))
+    tolerance = _tolerance(paths, size, options, drawing) if options.tolerance is None else scale * options.tolerance
+    facet = FACET * size if options.facet is None else scale * options.facet
+    paths = [without_repeats(path, tolerance) for path in paths]
+    chords = flatten(paths, facet, max(tolerance, 1e-9 * size))
     if chords.arcs:
         notes.found.append(f"{several(chords.arcs, 'arc')} as chords, at most {chords.deviation:.3g} off")
     snapped = snap_paths(chords.points, [path.closed for path in paths], tolerance, keep_nodes=True)
-    _say_snapped(snapped, tolerance, notes)
-    cells = _cells(paths, snapped, options, size, tolerance, notes)
+    _note_snapped(snapped, tolerance, scale, drawn_in, notes)
+    cells = find_cells(paths, snapped, options, size, tolerance, notes)
     _name(cells, marks, options)
     _support(cells, marks, options, size, tolerance, notes)
+    say_large(cells, notes)
+    if not drawing.facts:
+        say_size(size, [cell.points for cell in cells if not cell.support], unit, drawn_in, notes)
     document: dict[str, Any] = {"name": drawing.name, "units": {"length": unit, "force": "N"}}
     document |= {key: value for key, value in drawing.facts.items() if key not in ("loads", "elements")}
     keys = drawing.facts.get("elements", {})
@@ -81,17 +90,22 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes) -> Impo
         document["thickness"] = 1.0 if options.thickness is None else options.thickness
         if options.thickness is None:
             notes.assumed.append("thickness 1: give --thickness")
-    document["loads"] = drawn_loads(loads, marks, cells, options, drawing, notes)
-    document |= _labels(cells, paths, snapped, options, max(2.0 * tolerance, 1e-7 * size), notes)
+    reach = max(2.0 * tolerance, 1e-7 * size)
+    structure = Structure(cells, float(document["thickness"]), unit, reach)
+    document["loads"] = drawn_loads(loads, marks, structure, options, drawing, notes)
+    document |= _labels(cells, paths, snapped, options, reach, notes)
     free = sum(not cell.support for cell in cells)
     notes.found.insert(0, f"{several(free, 'element')} and {several(len(cells) - free, 'support')}")
-    return Imported(complete(document, options, notes, dimension=2), notes.report())
+    document = complete(document, options, notes, dimension=2)
+    return Imported(document, notes.report(), drawn_in, scale)
 
 
 def _scale(drawing: Drawing, options: ImportOptions, notes: Notes) -> tuple[float, str]:
     """Return the factor to the scene's length unit, and the name of this unit."""
-    if "units" in drawing.facts and options.unit is None:
-        return 1.0, str(drawing.facts["units"].get("length", "m"))
+    if drawing.facts:
+        own = str(drawing.facts.get("units", {}).get("length", "m"))
+        used = options.unit or drawing.unit
+        return (METRES[used] / METRES[own] if used in METRES and own in METRES else 1.0), own
     unit = options.unit or drawing.unit
     if unit is None:
         notes.assumed.append("lengths in m: the file names no unit, give --unit")
@@ -115,151 +129,39 @@ def _moved(mark: Mark, scale: float) -> Mark:
     return Mark((mark.at[0] * scale, mark.at[1] * scale), mark.layer, mark.text, end)
 
 
-def _say_snapped(snapped: Snapped, tolerance: float, notes: Notes) -> None:
-    """Note the number and size of displacements, and the collapsed paths."""
+def _tolerance(paths: list[Path], size: float, options: ImportOptions, drawing: Drawing) -> float:
+    """Return the default tolerance, scene units.
+
+    It is a share of the size, and at the most a share of the median edge. Drawings by jld are exact.
+    """
+    if drawing.facts:
+        return SNAP * size
+    ends = [
+        np.diff(np.concatenate([path.points, path.points[:1]]) if path.closed else path.points, axis=0)[:, :2]
+        for path in paths
+    ]
+    lengths = np.hypot(*np.concatenate(ends).T)
+    return max(SNAP * size, min(CLOSED * size, EDGE * float(np.median(lengths[lengths > 0.0]))))
+
+
+def _note_snapped(snapped: Snapped, tolerance: float, scale: float, drawn_in: str, notes: Notes) -> None:
+    """Note number and largest displacement of moved corners, and the collapsed paths.
+
+    tolerance: scene units. scale: scene units per unit of the drawing, `drawn_in`, which the notes use.
+    """
     notes.largest = snapped.largest
+    said = f"tolerance {tolerance / scale:.3g} {drawn_in}"
     if snapped.moved:
-        notes.snapped.append(
-            f"{several(snapped.moved, 'corner')}, by at most {snapped.largest:.3g}; tolerance {tolerance:.3g}"
-        )
-    notes.skip("paths", len(snapped.collapsed), f"nothing left of them within the tolerance {tolerance:.3g}")
-
-
-def _cells(
-    paths: list[Path], snapped: Snapped, options: ImportOptions, size: float, tolerance: float, notes: Notes
-) -> list[Cell]:
-    """Return the cells that become elements.
-
-    They are outlines, cut by lines that cross them; without outlines, the cells of the network of lines.
-    """
-    kept = [k for k in range(len(paths)) if k not in snapped.collapsed]
-    holes = [k for k in kept if paths[k].closed and options.role(paths[k].layer) == "hole"]
-    outlines = [k for k in kept if paths[k].closed and k not in holes]
-    lines = [k for k in kept if not paths[k].closed]
-    notes.skip(
-        "holes", sum(len(paths[k].holes) for k in outlines), "an element has none; what lies in them stays empty"
-    )
-    network = [k for k in outlines if options.role(paths[k].layer) != "support"] == []
-    segments = [shapely.LineString(snapped.paths[k]) for k in lines]
-    segments += [shapely.LinearRing(snapped.paths[k]) for k in holes]
-    empty = shapely.union_all([shapely.Polygon(snapped.paths[k]) for k in holes])
-    if network and not segments:
-        raise InputError("", "all it holds are supports", "at least one outline, or a network of lines, that is free")
-    _refuse_crossings(segments)
-    used = _one_outline_each(outlines, paths, snapped, notes)
-    cells: list[Cell] = []
-    if network:
-        cells = _network(segments, [paths[k].layer for k in (*lines, *holes)], options, size, notes)
-        cells += [Cell(snapped.paths[k], paths[k].layer, paths[k].name) for k in used]
-    else:
-        tree = shapely.STRtree(segments) if segments else None
-        for k in used:
-            shape = shapely.Polygon(snapped.paths[k])
-            uncut = tree is None or options.role(paths[k].layer) == "support"
-            near = [] if uncut or tree is None else [segments[i] for i in sorted(tree.query(shape).tolist())]
-            pieces = _cut(shape, near, size) if shape.is_valid else []
-            if len(pieces) > 1:
-                cells += [Cell(piece, paths[k].layer, None, owner=k) for piece in pieces]
-            else:
-                cells.append(Cell(snapped.paths[k], paths[k].layer, paths[k].name))
-        parts = sum(cell.owner is not None for cell in cells)
-        if parts:
-            whole = len({cell.owner for cell in cells if cell.owner is not None})
-            notes.found.append(f"{several(whole, 'outline')} cut into {parts} cells by the lines that cross them")
-    cells = [cell for cell in cells if not empty.contains(shapely.Polygon(cell.points).representative_point())]
-    if not cells:
-        raise InputError("", "its lines enclose nothing", "lines that meet within `tolerance` around every cell")
-    if len(cells) > MOST:
-        raise InputError("", f"it makes {len(cells)} cells", f"at most {MOST}")
-    return cells
-
-
-def _refuse_crossings(segments: list[shapely.LineString]) -> None:
-    """Refuse too many crossings before these are computed.
-
-    A few thousand lines may have millions of crossings.
-    """
-    if len(segments) ** 2 <= MOST:
-        return
-    tree, total = shapely.STRtree(segments), 0
-    for begin in range(0, len(segments), _CHUNK):
-        total += tree.query(np.array(segments[begin : begin + _CHUNK]), predicate="intersects").shape[1]
-        if total > _CROSSINGS * MOST:
-            raise InputError(
-                "", "its lines cross one another more often than those of a structure", "a network of cells"
-            )
-
-
-def _one_outline_each(outlines: list[int], paths: list[Path], snapped: Snapped, notes: Notes) -> list[int]:
-    """Remove outlines drawn twice: the same corners in any order."""
-    seen: dict[bytes, int] = {}
-    kept = []
-    for k in outlines:
-        corners = snapped.paths[k]
-        key = np.sort(corners.view([("x", corners.dtype), ("y", corners.dtype)]).ravel(), order=("x", "y")).tobytes()
-        if key in seen:
-            continue
-        seen[key] = k
-        kept.append(k)
-    notes.skip("outlines", len(outlines) - len(kept), "drawn twice")
-    return kept
-
-
-def _network(
-    segments: list[shapely.LineString], layers: list[str], options: ImportOptions, size: float, notes: Notes
-) -> list[Cell]:
-    """Return the cells enclosed by a network of lines, from below to above.
-
-    A cell is a support where more than half of its boundary lies on support lines.
-    """
-    noded = shapely.node(shapely.MultiLineString(segments))
-    cells, cuts, dangles, invalid = shapely.polygonize_full([noded])
-    notes.skip(
-        "lines", len(cuts.geoms) + len(dangles.geoms), "they end inside a cell, or between two, without dividing it"
-    )
-    notes.skip("rings", len(invalid.geoms), "they cross themselves")
-    found = []
-    supports = [s for s, layer in zip(segments, layers, strict=True) if options.role(layer) == "support"]
-    ground = shapely.union_all(supports) if supports else None
-    for cell in cells.geoms:
-        if cell.area <= 1e-12 * size**2:
-            continue
-        for piece in _without_holes(cell):
-            ring = shapely.get_coordinates(piece.exterior)[:-1]
-            drawn = 0.0 if ground is None else cell.exterior.intersection(ground).length / cell.exterior.length
-            layer = next(la for la in layers if options.role(la) == "support") if drawn > 0.5 else ""
-            found.append(Cell(ring, layer, None))
-    found.sort(key=lambda cell: tuple(np.round(cell.points.mean(axis=0)[::-1] / size, 9)))
-    notes.found.append(f"a network of {several(len(segments), 'line')} around {several(len(found), 'cell')}")
-    return found
-
-
-def _cut(shape: shapely.Polygon, lines: list[shapely.LineString], size: float) -> list[Floats]:
-    """Cut an outline by the lines that cross it."""
-    inside = [shapely.intersection(shape, line) for line in lines]
-    kept = [part for part in inside if part.length > 1e-9 * size]
-    if not kept:
-        return []
-    noded = shapely.union_all([shape.exterior, *kept])
-    pieces = [piece for piece in shapely.polygonize([noded]).geoms if piece.area > 1e-12 * size**2]
-    pieces = [part for piece in pieces if shape.covers(piece.representative_point()) for part in _without_holes(piece)]
-    rings = [shapely.get_coordinates(piece.exterior)[:-1] for piece in pieces]
-    return sorted(rings, key=lambda ring: tuple(np.round(ring.mean(axis=0)[::-1] / size, 9)))
-
-
-def _without_holes(cell: shapely.Polygon) -> list[shapely.Polygon]:
-    """Cut a cell through its holes, since an element has one outline."""
-    if not cell.interiors:
-        return [cell]
-    x0, y0, x1, y1 = cell.bounds
-    middle = shapely.Polygon(cell.interiors[0]).centroid.x
-    halves = [cell.intersection(shapely.box(a, y0, b, y1)) for a, b in ((x0, middle), (middle, x1))]
-    parts = [part for half in halves for part in shapely.get_parts(half) if part.geom_type == "Polygon"]
-    return [piece for part in parts for piece in _without_holes(part)]
+        moved = several(snapped.moved, "corner")
+        notes.snapped.append(f"{moved}, by at most {snapped.largest / scale:.3g} {drawn_in}; {said}")
+    notes.skip("paths", len(snapped.collapsed), f"nothing left of them within the {said}")
 
 
 def _name(cells: list[Cell], marks: list[Mark], options: ImportOptions) -> None:
-    """Name the cells: by a text on a name layer inside, by the outline's name, or by number."""
+    """Name the cells: by a text on a name layer inside, else by the outline, else by number.
+
+    Changes the cells; of equal names the first one stays.
+    """
     named = [mark for mark in marks if mark.text and options.role(mark.layer) == "id"]
     if named:
         tree = shapely.STRtree([shapely.Polygon(cell.points) for cell in cells])
@@ -280,7 +182,11 @@ def _name(cells: list[Cell], marks: list[Mark], options: ImportOptions) -> None:
 def _support(
     cells: list[Cell], marks: list[Mark], options: ImportOptions, size: float, tolerance: float, notes: Notes
 ) -> None:
-    """Set the supports: by layer, by a mark on a support layer inside, or by lowest point."""
+    """Mark the cells that are supports: by layer, by a support mark inside, or as lowest.
+
+    Any of the three suffices; the lowest point counts only with `LOWEST` in `options.support`. size, tolerance: of the
+    drawing, scene units. Raises InputError if no cell, or every cell, is a support.
+    """
     shapes = [shapely.Polygon(cell.points) for cell in cells]
     pins = [mark.at for mark in marks if options.role(mark.layer) == "support"]
     pinned = set()
@@ -313,15 +219,18 @@ def _element(cell: Cell, size: float) -> dict[str, Any]:
     cell.points = straight(cell.points)
     cell.points = points = cell.points if polygons.area(cell.points[None])[0] > 0.0 else cell.points[::-1]
     entry: dict[str, Any] = {"id": cell.name, "polygon": rounded(points, size)}
+    if cell.joined is not None:
+        entry["block"] = cell.joined.name
     return entry | ({"support": True} if cell.support else {})
 
 
 def _labels(
     cells: list[Cell], paths: list[Path], snapped: Snapped, options: ImportOptions, reach: float, notes: Notes
 ) -> dict[str, Any]:
-    """Return labels of faces that lie on lines of joint or crack layers.
+    """Return labels of the interfaces that lie on lines of joint or crack layers.
 
-    The result holds lists of pairs, or all interfaces where two faces of one pair have different labels.
+    The result holds lists of pairs of elements, or all interfaces where two of one pair have different labels. It is
+    empty without such lines. reach: distance within which an interface lies on a line, scene units.
     """
     drawn: dict[str, list[shapely.Geometry]] = {"dry": [], "inner": []}
     for k, path in enumerate(paths):

@@ -14,7 +14,7 @@ MOST: Final = 200_000
 
 @dataclass(frozen=True)
 class Mark:
-    """Point or text on a layer of a drawing.
+    """Point, text or arrow on a layer of a drawing.
 
     at: its place, drawing units. text: None for a bare point. end: end of an arrow, for a line on a load layer.
     """
@@ -23,6 +23,23 @@ class Mark:
     layer: str
     text: str | None = None
     end: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class SolidMark:
+    """Point, text or arrow on a layer of a spatial file.
+
+    at: (3,) its place, the tip of an arrow, file units. text: None for a bare point. tail: (3,) start of an arrow.
+    """
+
+    at: Floats
+    layer: str
+    text: str | None = None
+    tail: Floats | None = None
+
+    def scaled(self, factor: float) -> SolidMark:
+        """Return the mark with all coordinates multiplied by a factor."""
+        return SolidMark(factor * self.at, self.layer, self.text, None if self.tail is None else factor * self.tail)
 
 
 @dataclass(frozen=True)
@@ -44,13 +61,12 @@ class Drawing:
 class Cell:
     """Future planar element, before it is written to a scene document.
 
-    points: (k, 2) corners, scene units. owner: index of the closed outline from which the cell was cut, None in a
-    network of lines. name, block: ids in the scene, None where not yet known.
+    points: (k, 2) corners, scene units. name: id in the scene, None where not yet known. joined: cell with which it is
+    one block, as parts of one stone around an opening; None where it is a block by itself.
     """
 
     points: Floats
     layer: str
     name: str | None
-    owner: int | None = None
     support: bool = False
-    block: str | None = None
+    joined: Cell | None = None

@@ -1,8 +1,10 @@
-"""Loads from a drawing: arrows, points and texts on load layers."""
+"""Loads from a drawing: arrows, lines along edges, points and texts on load layers."""
 
 from __future__ import annotations
 
-from typing import Any
+import re
+from dataclasses import dataclass
+from typing import Any, Final
 
 import numpy as np
 import shapely
@@ -11,118 +13,147 @@ from jld_core.arrays import Floats
 from jld_core.errors import InputError
 from jld_core.exchange.drawn import Cell, Drawing, Mark
 from jld_core.exchange.forces import WrittenForce, parse_force
-from jld_core.exchange.options import ImportOptions, Notes
+from jld_core.exchange.options import ImportOptions, Notes, listed
 from jld_core.exchange.paths import Path
+from jld_core.scene.units import METRES
+
+_CASE: Final = re.compile(r".*[^\W\d_][\s_.:-]*\d+|.*load\W?case[\s_.:-]+\S.*", re.IGNORECASE)
+"""Pattern of the layers of a load case: a name with a number, or a name after "load case"."""
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Elements that loads act on, with the measures of their scene.
+
+    cells: future elements. thickness: out-of-plane depth. unit: unit of length. reach: distance within which a line
+    lies along an edge. All lengths are in scene units.
+    """
+
+    cells: list[Cell]
+    thickness: float
+    unit: str
+    reach: float
 
 
 def drawn_loads(
-    paths: list[Path], marks: list[Mark], cells: list[Cell], options: ImportOptions, drawing: Drawing, notes: Notes
+    paths: list[Path], marks: list[Mark], structure: Structure, options: ImportOptions, drawing: Drawing, notes: Notes
 ) -> dict[str, Any]:
     """Return the entry "loads" of a scene from the lines, points and texts of a drawing.
 
     A line on a load layer is a force that ends at its point of application. The nearest text states its magnitude;
-    without one it is 1. Any other text is a force at its place: two components, or one magnitude downwards. A force
-    acts on the nearest free cell. Keys without loads are left out.
+    without one it is 1. A text with a load per length or area makes the line a pressure along the edge that it lies on.
+    Any other text is a force at its place: two components, or one magnitude downwards. A force acts on the nearest free
+    cell. Two or more numbered load layers are load cases. Keys without loads are left out.
 
-    paths, marks: lines, and points or texts, in scene units. cells: elements of the scene. drawing: source of the force
-    unit and of stored loads. notes: receives what was found and assumed. Raises InputError for a text that is no force.
+    paths, marks: lines, and points or texts, in scene units. drawing: source of the force unit and of stored loads.
+    notes: receives what was found and assumed. Raises InputError for a text that is no force.
     """
-    entries: dict[str, list[dict[str, Any]]] = {"live": [], "dead": []}
     unit = str(drawing.facts.get("units", {}).get("force", "N"))
-    structure = _Structure(cells, [shapely.Polygon(cell.points) for cell in cells])
-    for role, key in (("load", "live"), ("dead", "dead")):
-        texts = [mark for mark in marks if options.role(mark.layer) == role and mark.text]
-        bare = [mark for mark in marks if options.role(mark.layer) == role and not mark.text]
-        arrows = [path for path in paths if options.role(path.layer) == role and len(path.points) > 1]
-        drawn, taken = _of_arrows(arrows, texts, unit, notes)
+    loads = _Loads(structure, unit, notes)
+    live = [layer for layer in _layers(paths, marks) if options.role(layer) == "load"]
+    dead = [layer for layer in _layers(paths, marks) if options.role(layer) == "dead"]
+    cases = [layer for layer in live if _CASE.fullmatch(layer)]
+    if len(cases) < 2:
+        cases = []
+    shared = loads.of(paths, marks, [layer for layer in live if layer not in cases], "live")
+    found: dict[str, Any] = {"live": shared, "dead": loads.of(paths, marks, dead, "dead")}
+    of_case = {layer: loads.of(paths, marks, [layer], f"load case {layer!r}:") for layer in cases}
+    of_case = {layer: entries for layer, entries in of_case.items() if entries}
+    if of_case:
+        notes.found.append(f"load cases by layer: {listed(of_case)}")
+        if shared:
+            notes.assumed.append("live forces on layers without a number act in every load case")
+        found["live"] = []
+        found["cases"] = [{"name": layer, "live": entries + shared} for layer, entries in of_case.items()]
+    stored = drawing.facts.get("loads", {})
+    for key in ("live", "dead"):
+        found[key] = found[key] + list(stored.get(key, []))
+    found = {key: value for key, value in found.items() if value}
+    known = stored.get("cases")
+    return {**found, "cases": known} if known and "live" not in found and "cases" not in found else found
+
+
+def _layers(paths: list[Path], marks: list[Mark]) -> list[str]:
+    """Return the layers of lines, points and texts in natural order: LOAD 2 before LOAD 10."""
+    layers = {path.layer for path in paths} | {mark.layer for mark in marks}
+
+    def parts(layer: str) -> list[tuple[int, str]]:
+        """Return numbers and words of a name."""
+        return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", layer)]
+
+    return sorted(layers, key=parts)
+
+
+class _Loads:
+    """Load entries of the lines, points and texts on some layers."""
+
+    def __init__(self, structure: Structure, unit: str, notes: Notes) -> None:
+        self._structure, self._unit, self._notes = structure, unit, notes
+        self._cells = structure.cells
+        self._shapes = [shapely.Polygon(cell.points) for cell in structure.cells]
+        self._free = [k for k, cell in enumerate(structure.cells) if not cell.support]
+
+    def of(self, paths: list[Path], marks: list[Mark], layers: list[str], kind: str) -> list[dict[str, Any]]:
+        """Return the entries of lines, points and texts on some layers, and note each.
+
+        kind: of the forces ("live", "dead", a load case), for the report. Raises InputError for a text that is no
+        force.
+        """
+        texts = [mark for mark in marks if mark.layer in layers and mark.text]
+        entries: list[dict[str, Any]] = []
+        taken: set[int] = set()
+        for path in (path for path in paths if path.layer in layers and len(path.points) > 1):
+            start, end = path.points[0, :2], path.points[-1, :2]
+            if not np.hypot(*(end - start)):
+                self._notes.skip("loads", 1, "a line without length")
+                continue
+            number = _nearest(texts, start, end, taken)
+            if number is not None:
+                taken.add(number)
+            entries.append(self._along(path, None if number is None else texts[number], kind))
         for number, mark in enumerate(texts):
             if number not in taken:
-                written = _written(mark, unit, notes)
+                written = self._written(mark, distributed=False)
                 force = written.values if written.components else (0.0, -written.values[0])
-                drawn.append((np.array(mark.at), force, repr(mark.text)))
-        for at, values, source in drawn:
-            entry = structure.entry(at, values)
-            entries[key].append(entry)
-            notes.found.append(f"{key} force {_told(entry, unit)}, {source}")
-        for mark in bare:
-            notes.skip("loads", 1, f"a point on layer {mark.layer} without a text that says its force")
-    loads: dict[str, Any] = dict(entries)
-    bodies = {key: list(drawing.facts.get("loads", {}).get(key, [])) for key in loads}
-    for key in loads:
-        loads[key] += bodies[key]
-    found = {key: value for key, value in loads.items() if value}
-    cases = drawing.facts.get("loads", {}).get("cases")
-    return {**found, "cases": cases} if cases and "live" not in found else found
+                entries.append(self._force(np.array(mark.at), force, repr(mark.text), kind))
+        for mark in (mark for mark in marks if mark.layer in layers and not mark.text):
+            self._notes.skip("loads", 1, f"a point on layer {mark.layer} without a text that says its force")
+        return entries
 
+    def _along(self, path: Path, mark: Mark | None, kind: str) -> dict[str, Any]:
+        """Return the entry of a line: a pressure for a load per length or area, else a force.
 
-def _nearest(texts: list[Mark], middle: Floats, start: Floats, end: Floats, taken: set[int]) -> int | None:
-    """Return the number of the text nearest to an arrow, or None.
-
-    The text may be at most the arrow's length away.
-    """
-    arrow = shapely.LineString([start, end])
-    away = [(arrow.distance(shapely.Point(mark.at)), k) for k, mark in enumerate(texts) if k not in taken]
-    close = [(distance, k) for distance, k in away if distance <= arrow.length]
-    return min(close)[1] if close else None
-
-
-def _of_arrows(
-    arrows: list[Path], texts: list[Mark], unit: str, notes: Notes
-) -> tuple[list[tuple[Floats, tuple[float, ...], str]], set[int]]:
-    """Return place, force and source of every arrow, and the numbers of the texts used."""
-    found: list[tuple[Floats, tuple[float, ...], str]] = []
-    taken: set[int] = set()
-    for path in arrows:
+        mark: its text, None for none. kind: as for `of`.
+        """
         start, end = path.points[0, :2], path.points[-1, :2]
-        length = float(np.hypot(*(end - start)))
-        if length == 0.0:
-            notes.skip("loads", 1, "a line without length")
-            continue
-        number = _nearest(texts, 0.5 * (start + end), start, end, taken)
-        size, source = 1.0, "an arrow without a text"
-        if number is None:
-            notes.assumed.append(f"a force of 1 {unit} along a line on layer {path.layer}: it has no text")
+        if mark is None:
+            self._notes.assumed.append(f"a force of 1 {self._unit} along a line on layer {path.layer}: it has no text")
+            size, source = 1.0, "an arrow without a text"
         else:
-            taken.add(number)
-            mark = texts[number]
-            written = _written(mark, unit, notes)
+            written = self._written(mark, distributed=True)
+            if written.per is not None:
+                return self._pressure(path, mark, written, kind)
             if written.components:
                 problem = f"the text {mark.text!r} beside an arrow states components"
                 raise InputError(f"layer {mark.layer!r}", problem, "the size alone: the arrow is the direction")
             size, source = written.values[0], f"{mark.text!r} along an arrow"
-        found.append((end, tuple((size * (end - start) / length).tolist()), source))
-    return found, taken
+        return self._force(end, tuple((size * (end - start) / np.hypot(*(end - start))).tolist()), source, kind)
 
+    def _written(self, mark: Mark, *, distributed: bool) -> WrittenForce:
+        """Parse the text of a mark, and note a missing unit.
 
-def _written(mark: Mark, unit: str, notes: Notes) -> WrittenForce:
-    """Parse the text of a mark, and note a missing unit.
+        distributed: a load per length or area is possible. Raises InputError for a text that is no force.
+        """
+        try:
+            written = parse_force(mark.text or "", self._unit, distributed=distributed)
+        except InputError as error:
+            raise error.within(f"layer {mark.layer!r}") from None
+        if not written.has_unit:
+            self._notes.assumed.append(f"the text {mark.text!r} is in {self._unit}: it names no unit")
+        return written
 
-    Raises InputError for a text that is no force.
-    """
-    try:
-        written = parse_force(mark.text or "", unit)
-    except InputError as error:
-        raise error.within(f"layer {mark.layer!r}") from None
-    if not written.has_unit:
-        notes.assumed.append(f"the text {mark.text!r} is in {unit}: it names no unit")
-    return written
-
-
-def _told(entry: dict[str, Any], unit: str) -> str:
-    """Format a force with its unit, element and place."""
-    force, at = (", ".join(f"{value:.9g}" for value in entry[key]) for key in ("force", "at"))
-    return f"({force}) {unit} on element {entry['element']!r} at ({at})"
-
-
-class _Structure:
-    """Cells with their polygons, for finding the element that a force acts on."""
-
-    def __init__(self, cells: list[Cell], shapes: list[shapely.Polygon]) -> None:
-        self._cells, self._shapes = cells, shapes
-        self._free = [k for k, cell in enumerate(cells) if not cell.support]
-
-    def entry(self, at: Floats, force: tuple[float, ...]) -> dict[str, Any]:
-        """Return the load entry of a force on the free element nearest to its place.
+    def _force(self, at: Floats, force: tuple[float, ...], source: str, kind: str) -> dict[str, Any]:
+        """Return the entry of a force on the free element nearest to its place, and note it.
 
         Among equally near elements the first one counts.
         """
@@ -130,4 +161,46 @@ class _Structure:
         chosen = min(self._free, key=lambda k: (round(self._shapes[k].distance(point), 12), k))
         name = self._cells[chosen].name
         # adding 0.0 turns a negative zero into zero
-        return {"element": name, "force": [float(f) + 0.0 for f in force], "at": [float(v) + 0.0 for v in at]}
+        vector, place = ([float(v) + 0.0 for v in values] for values in (force, at))
+        entry = {"element": name, "force": vector, "at": place}
+        size, where = (", ".join(f"{value:.9g}" for value in values) for values in (vector, place))
+        self._notes.found.append(f"{kind} force ({size}) {self._unit} on element {name!r} at ({where}), {source}")
+        return entry
+
+    def _pressure(self, path: Path, mark: Mark, written: WrittenForce, kind: str) -> dict[str, Any]:
+        """Return the entry of a load per length or area along an edge, and note it.
+
+        Raises InputError for a line that lies along no free edge.
+        """
+        size, power = written.per or (1.0, 1)
+        own = METRES.get(self._structure.unit, 1.0)
+        pressure = written.values[0] * (own / size) ** power
+        if power == 1:
+            pressure /= self._structure.thickness
+        points = path.points[:, :2]
+        probes = np.concatenate([points, 0.5 * (points[1:] + points[:-1])])
+        edges = shapely.union_all([self._shapes[k].exterior for k in self._free])
+        if shapely.distance(shapely.points(probes), edges).max() > self._structure.reach or path.points[:, 2].any():
+            problem = f"the text {mark.text!r} is a load per length or area, and its line lies along no free edge"
+            raise InputError(f"layer {mark.layer!r}", problem, "a line on the edge that it acts on")
+        ends = [[float(v) + 0.0 for v in points[k]] for k in (0, -1)]
+        touched = [
+            str(self._cells[k].name)
+            for k in self._free
+            if (shapely.distance(shapely.points(probes), self._shapes[k]) <= self._structure.reach).sum() > 1
+        ]
+        where = " to ".join(f"({x:.9g}, {y:.9g})" for x, y in ends)
+        told = f"{kind} pressure {pressure:.9g} {self._unit}/{self._structure.unit}² on elements {listed(touched)}"
+        self._notes.found.append(f"{told} from {where}, {mark.text!r} along a line")
+        return {"face": {"along": points.tolist()}, "pressure": pressure}
+
+
+def _nearest(texts: list[Mark], start: Floats, end: Floats, taken: set[int]) -> int | None:
+    """Return the number of the text nearest to a line, None if all are too far.
+
+    A text may be at most the length of the line away. taken: numbers of texts that other lines use.
+    """
+    line = shapely.LineString([start, end])
+    away = [(line.distance(shapely.Point(mark.at)), k) for k, mark in enumerate(texts) if k not in taken]
+    close = [(distance, k) for distance, k in away if distance <= line.length]
+    return min(close)[1] if close else None

@@ -36,6 +36,7 @@ def facts_of(layout: Layout, *, cells: bool, spatial: bool) -> dict[str, Any]:
     scene is extruded: vectors (x, y) become (x, 0, y), and places lie in the middle of the thickness. Raises InputError
     for a scene with "materials.faces", which such a file cannot hold.
     """
+    layout = layout.drawn_from or layout
     document = document_of(layout)
     if layout.scene.materials.faces:
         raise InputError("materials.faces", "a file of this kind has no place for them", "a scene without them")
@@ -68,7 +69,10 @@ def _names(layout: Layout, cells: bool) -> Callable[[str], str]:
 
 
 def _load(entry: dict[str, Any], names: Callable[[str], str], layout: Layout, lift: bool) -> dict[str, Any]:
-    """Convert a load entry to the names and the dimension of the file."""
+    """Return a load entry with the names and the dimension of the file.
+
+    names: from an element's id to its name in the file. lift: True if a planar scene is extruded.
+    """
     if "body" in entry:
         return {"body": _lifted(entry["body"]) if lift else entry["body"]}
     element = layout.assembly.elements.index[entry["element"]]
@@ -110,6 +114,7 @@ def interfaces_of(layout: Layout) -> list[dict[str, Any]]:
     Each entry states its two elements, polygon and label. It also holds the strengths and friction that the scene
     states for this interface alone.
     """
+    layout = layout.drawn_from or layout
     assembly = layout.assembly
     faces, ids = assembly.interfaces, assembly.elements.ids
     stated = _stated_values(layout.scene)

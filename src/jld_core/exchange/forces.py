@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from jld_core.errors import InputError
-from jld_core.scene.units import NEWTONS
+from jld_core.scene.units import METRES, NEWTONS
 
 _SPELLINGS: Final = {"KN": "kN", "kn": "kN", "n": "N", "DAN": "daN", "KG": "kg", "kips": "kip", "LBF": "lbf"}
 """Alternative spellings of units in drawings with capital letters; mN and T are ambiguous and refused."""
@@ -20,14 +20,17 @@ _DECIMAL: Final = r"[-+]?(?:\d+(?:\.\d*|,\d+)?|[.,]\d+)(?:[eE][-+]?\d+)?"
 """Pattern of a number with decimal point or decimal comma."""
 
 _FORCE: Final = re.compile(
-    rf"(?:(?P<name>[^\W\d][\w.]*)\s*[=:]\s*)?(?P<number>{_DECIMAL})\s*(?P<unit>[^\W\d]+)?(?P<per>\s*/\s*[^\W\d]\w*[²³]?)?"
+    rf"(?:(?P<name>[^\W\d][\w.]*)\s*[=:]\s*)?(?P<number>{_DECIMAL})\s*(?P<unit>[^\W\d]+)?(?P<per>\s*/\s*[^\W\d]\w*(?:[²³]|\^\d)?)?"
 )
 """Pattern of one force: optional name, number, optional unit, optional "per length or area"."""
+
+_PER: Final = re.compile(r"\s*/\s*([^\W\d]+?)(\^?2|²)?")
+"""Pattern of "per length or area": unit of length, and the power 2."""
 
 _THOUSANDS: Final = re.compile(r"[-+]?\d{1,3},\d{3}(?!\d)")
 """Pattern of a number whose comma may separate thousands."""
 
-_COMPONENT: Final = re.compile(r"[FPQV]?_?([XY])", re.IGNORECASE)
+_COMPONENT: Final = re.compile(r"[FPQV]?_?([XYZ])", re.IGNORECASE)
 """Pattern of names of components, such as Fx or Q_y."""
 
 _BETWEEN: Final = re.compile(r"\s*(?:;|,(?=\s|[-+]|[^\W\d]))\s*")
@@ -46,24 +49,32 @@ class WrittenForce:
         True if the values are components. One value with False is a magnitude without direction.
     has_unit : bool
         True if the text names a unit.
+    per : tuple of float and int, or None
+        For a load per length or area: metres in its unit of length, and 1 or 2. None for a force.
     """
 
     values: tuple[float, ...]
     components: bool
     has_unit: bool
+    per: tuple[float, int] | None = None
 
 
-def parse_force(text: str, unit: str = "N") -> WrittenForce:
+def parse_force(text: str, unit: str = "N", *, distributed: bool = False, dimension: int = 2) -> WrittenForce:
     """Parse a text that states a force.
 
     Parameters
     ----------
     text : str
-        One number with or without a unit, or two for the components along x and y. A name with ``=`` or ``:`` may stand
-        before a number; ``Fx`` and ``Fy`` name components. A comma inside a number is a decimal comma. Two numbers are
+        One number with or without a unit, or one for each component. A name with ``=`` or ``:`` may stand before a
+        number; ``Fx``, ``Fy`` and ``Fz`` name components. A comma inside a number is a decimal comma. Numbers are
         separated by a semicolon, or by a comma with a blank or a sign behind it.
     unit : str
         Force unit of the result, and of numbers without a unit.
+
+    distributed : bool
+        Accept one load per length or area, as ``10 kN/m``, as well.
+    dimension : int
+        2 or 3: number of components of a force.
 
     Returns
     -------
@@ -86,6 +97,12 @@ def parse_force(text: str, unit: str = "N") -> WrittenForce:
     parts: list[tuple[str, float, bool]] = []
     place = 0
     stripped = text.strip()
+    if distributed and (whole := _FORCE.fullmatch(stripped)) and whole["per"] and whole["unit"]:
+        length = _PER.fullmatch(whole["per"])
+        if length is None or length[1] not in METRES:
+            raise _refused(text, f"no unit of length is named {whole['per'].strip(' /')!r}")
+        _, value, _ = _part(whole, text, unit, distributed=True)
+        return WrittenForce((value,), False, True, (METRES[length[1]], 2 if length[2] else 1))
     while place < len(stripped) or not parts:
         if parts:
             gap = _BETWEEN.match(stripped, place)
@@ -96,18 +113,18 @@ def parse_force(text: str, unit: str = "N") -> WrittenForce:
             raise _refused(text, f"{rest!r} is no part of a force" if parts else "it is no force")
         parts.append(_part(found, text, unit))
         place = found.end()
-    return _joined(parts, text)
+    return _joined(parts, text, dimension)
 
 
-def _part(found: re.Match[str], text: str, unit: str) -> tuple[str, float, bool]:
+def _part(found: re.Match[str], text: str, unit: str, *, distributed: bool = False) -> tuple[str, float, bool]:
     """Return name, value and presence of a unit of one number.
 
-    Raises InputError as `parse_force`.
+    The name is "" where none is given. Raises InputError as `parse_force`.
     """
     number, given = found["number"], found["unit"]
-    if found["per"]:
+    if found["per"] and not distributed:
         problem = f"{found['number']} {given or ''}{found['per'].strip()} is a load per length or area"
-        raise _refused(text, problem, "a force: that times its length")
+        raise _refused(text, problem, "a line along the edge that it acts on, or a force")
     if _THOUSANDS.fullmatch(number):
         raise _refused(text, f"the comma in {number!r} may separate thousands or decimals", "a point for decimals")
     value = float(number.replace(",", "."))
@@ -124,24 +141,27 @@ def _part(found: re.Match[str], text: str, unit: str) -> tuple[str, float, bool]
     return found["name"] or "", value if known == target else value * NEWTONS[known] / NEWTONS[target], True
 
 
-def _joined(parts: list[tuple[str, float, bool]], text: str) -> WrittenForce:
-    """Return the force of one or two numbers.
+def _joined(parts: list[tuple[str, float, bool]], text: str, dimension: int) -> WrittenForce:
+    """Return the force that one number, or one for each component, from `_part`, states.
 
     Raises InputError as `parse_force`.
     """
-    if len(parts) > 2:
+    if len(parts) > dimension:
         raise _refused(text, f"it has {len(parts)} numbers")
     axes = [match[1].casefold() if (match := _COMPONENT.fullmatch(name)) else "" for name, _, _ in parts]
-    values = [value for _, value, _ in parts]
     if len({has_unit for _, _, has_unit in parts}) > 1:
-        raise _refused(text, "of its two numbers one has a unit")
-    if len(parts) == 1:
-        values = {"x": [values[0], 0.0], "y": [0.0, values[0]]}.get(axes[0], values)
-    elif axes == ["y", "x"]:
-        values.reverse()
-    elif axes not in (["x", "y"], ["", ""]):
-        raise _refused(text, "of its two numbers one is named a component")
-    return WrittenForce(tuple(values), len(values) == 2, parts[0][2])
+        raise _refused(text, "not all of its numbers have a unit")
+    values = [value for _, value, _ in parts]
+    if "z" in axes and dimension == 2:
+        raise _refused(text, "a force in the plane has no component along z")
+    if any(axes):
+        if "" in axes or len(set(axes)) < len(axes):
+            raise _refused(text, "not all of its numbers are named a component of their own")
+        stated = dict(zip(axes, values, strict=True))
+        values = [stated.get(axis, 0.0) for axis in "xyz"[:dimension]]
+    elif len(values) not in (1, dimension):
+        raise _refused(text, f"it has {len(values)} numbers for {dimension} components")
+    return WrittenForce(tuple(values), len(values) > 1, parts[0][2])
 
 
 def _refused(text: str, problem: str, expected: str = _EXPECTED) -> InputError:

@@ -7,8 +7,9 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import shapely
 
-from jld_core.arrays import Bits, Ints
+from jld_core.arrays import Bits, Floats, Ints
 from jld_core.assembly import Assembly, blocks_of
 from jld_core.geometry import Outlines, reach_of
 from jld_core.geometry.congruence import shape_numbers
@@ -72,12 +73,15 @@ class Layout:
         Labels, True = dry.
     result : LimitAnalysisResult or None
         Its analysis, where available.
+    drawn_from : Layout or None
+        Layout in the unit of the scene, for one whose geometry is in another unit.
     """
 
     scene: Scene
     assembly: Assembly
     labels: Bits
     result: LimitAnalysisResult | None = None
+    drawn_from: Layout | None = None
 
     @cached_property
     def block_of(self) -> Ints:
@@ -102,6 +106,22 @@ class Layout:
         return tuple(tuple(union_outlines([shapes[k] for k in one.tolist()])) for one in self.members)
 
     @cached_property
+    def openings(self) -> tuple[Floats, ...]:
+        """Outlines (k, 2) of the empty parts of holes in blocks; planar scenes only."""
+        holes = [shapely.Polygon(hole) for regions in self.regions for region in regions for hole in region.holes]
+        if not holes:
+            return ()
+        size = self.assembly.size
+        filled = shapely.union_all([shapely.Polygon(shape) for shape in self.assembly.elements.shape])
+        empty = shapely.difference(shapely.union_all(holes), filled.buffer(1e-9 * size))
+        parts = [part for part in shapely.get_parts(empty) if part.area > 1e-8 * size**2]
+        outlines = [hole for hole in holes if any(hole.covers(part.representative_point()) for part in parts)]
+        # a hole that is empty as a whole keeps its exact corners
+        whole = [hole for hole in outlines if hole.area - empty.intersection(hole).area <= 1e-6 * hole.area]
+        rest = [part for part in parts if not any(hole.covers(part.representative_point()) for hole in whole)]
+        return tuple(shapely.get_coordinates(part.exterior)[:-1] for part in [*whole, *rest])
+
+    @cached_property
     def surfaces(self) -> tuple[tuple[Surface, ...], ...]:
         """Closed surfaces of each block, in the order of `blocks`.
 
@@ -118,12 +138,14 @@ class Layout:
 
     @property
     def thickness(self) -> float:
-        """Out-of-plane depth of a planar scene, scene units."""
-        return self.scene.plane_thickness
+        """Out-of-plane depth of a planar scene, in the unit of the assembly."""
+        if self.drawn_from is None:
+            return self.scene.plane_thickness
+        return self.scene.plane_thickness * self.assembly.size / self.drawn_from.assembly.size
 
     @cached_property
     def blocks(self) -> tuple[Block, ...]:
-        """All blocks; those with a free element come first, those of supports alone last."""
+        """All blocks; those with a free element come first, blocks of supports alone last."""
         elements, faces = self.assembly.elements, self.assembly.interfaces
         weight = np.linalg.norm(elements.weight, axis=1)
         extent = self.assembly.face_sizes
@@ -134,7 +156,7 @@ class Layout:
             free = one[~elements.support[one]]
             own = free if len(free) else one
             around = self.labels & ((block_a == k) | (block_b == k))
-            inside = ~self.labels & (block_a == k) & (block_b == k)
+            inside = ~self.labels & ~self.assembly.of_members & (block_a == k) & (block_b == k)
             share = weight[own] if weight[own].sum() > 0.0 else elements.volume[own]
             found.append(
                 Block(
@@ -155,14 +177,17 @@ class Layout:
         return tuple(found)
 
     def _name(self, members: Ints) -> str:
-        """Return the scene's name of a block equal to it, else the id of its first element."""
+        """Return the scene's name of a block with exactly these elements, else the first id.
+
+        members: (k,) elements.
+        """
         elements = self.assembly.elements
         name = elements.blocks[int(members[0])]
         whole = [k for k, other in enumerate(elements.blocks) if other == name]
         return name if name is not None and whole == members.tolist() else elements.ids[int(members[0])]
 
     def _shapes(self) -> list[int]:
-        """Return the shape number of each block.
+        """Return the shape number of each block, from 1; 0 for supports alone.
 
         Planar blocks may be mirrored (turned over), spatial ones may not.
         """

@@ -10,10 +10,11 @@ from typing import Any, Final
 
 from jld_core.errors import InputError
 
-EXTRAS: Final = {"ezdxf": "dxf", "meshio": "mesh", "svgelements": "svg"}
+EXTRAS: Final = {"ezdxf": "dxf", "ifcopenshell": "ifc", "meshio": "mesh", "rhino3dm": "rhino", "svgelements": "svg"}
 """Extra of this project that installs each library."""
 
-_LARGEST: Final = 64 * 1024 * 1024  # bytes; parsers need about thirty times the file size in memory
+_LARGEST: Final = 64 * 1024 * 1024
+"""Largest size of a file, bytes; parsers need about thirty times as much memory."""
 
 
 def library(name: str, path: Path) -> Any:

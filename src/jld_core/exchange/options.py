@@ -21,7 +21,13 @@ LOWEST: Final = "lowest"
 """Value of `support` that makes every element at the lowest point a support."""
 
 SNAP: Final = 1e-6
-"""Default snapping tolerance, relative to the size of the drawing."""
+"""Default snapping tolerance of solids, and least one of drawings, relative to the size."""
+
+CLOSED: Final = 5e-4
+"""Default snapping tolerance of drawings, relative to the size: gaps of 1 mm in 2 m are closed."""
+
+EDGE: Final = 0.02
+"""Largest default snapping tolerance of drawings, relative to the median edge, so that small shapes are kept."""
 
 FACET: Final = 1e-3
 """Default distance of chords from their arcs, relative to the size of the drawing."""
@@ -33,8 +39,8 @@ ROLES: Final = {
     "load": ("*load*",),
     "dead": ("*dead*",),
     "id": ("ids", "*names*"),
-    "hole": ("holes",),
-    "skip": ("*dimension*", "defpoints", "arrows", "block ids"),
+    "hole": ("*hole*", "*opening*", "*window*", "*door*"),
+    "skip": ("*dimension*", "defpoints", "arrows", "block ids", "mechanism", "thrust"),
 }
 """Patterns of layer names by role, for roles without an option; letter case is ignored."""
 
@@ -45,14 +51,15 @@ class ImportOptions:
 
     Attributes
     ----------
-    support, dry, inner, load : tuple of str
+    support, dry, inner, load, hole : tuple of str
         Layers or groups, as patterns with * and ?; `support` may contain "lowest".
     thickness : float or None
         Out-of-plane depth of planar elements, scene units.
     tolerance : float or None
-        Snapping tolerance, scene units; default 1e-6 of the size.
+        Snapping tolerance, in the unit of the file. Default: 5e-4 of the size of a drawing and at most 0.02 of its
+        median edge; 1e-6 of the size of solids.
     facet : float or None
-        Largest distance of chords from arcs, scene units; default 1e-3 of the size.
+        Largest distance of chords from arcs, in the unit of the file; default 1e-3 of the size.
     unit : str or None
         Length unit of the file ("mm", "in", …), where its header gives none or a wrong one. Lengths are converted to m.
     like : Scene or None
@@ -63,6 +70,7 @@ class ImportOptions:
     dry: tuple[str, ...] = ()
     inner: tuple[str, ...] = ()
     load: tuple[str, ...] = ()
+    hole: tuple[str, ...] = ()
     thickness: float | None = None
     tolerance: float | None = None
     facet: float | None = None
@@ -85,7 +93,7 @@ class ImportOptions:
         count first, then those of `ROLES` for roles without an option. Letter case is ignored.
         """
         plain = layer.casefold()
-        for role in ("support", "dry", "inner", "load"):
+        for role in ("support", "dry", "inner", "load", "hole"):
             if any(fnmatchcase(plain, pattern.casefold()) for pattern in getattr(self, role) if pattern != LOWEST):
                 return role
         for role, patterns in ROLES.items():
@@ -111,13 +119,15 @@ class Report:
     Attributes
     ----------
     found : tuple of str
-        What the file holds.
+        Content of the file.
     snapped : tuple of str
-        How many corners were moved to close gaps, and by how much.
+        Number of corners moved to close gaps, and how far.
     assumed : tuple of str
         Values that the file does not state.
     skipped : tuple of str
         What was left out.
+    doubtful : tuple of str
+        What can hardly be meant, as a size or an opening that is filled.
     largest : float
         Largest displacement of a corner, scene units.
     """
@@ -126,10 +136,12 @@ class Report:
     snapped: tuple[str, ...] = ()
     assumed: tuple[str, ...] = ()
     skipped: tuple[str, ...] = ()
+    doubtful: tuple[str, ...] = ()
     largest: float = 0.0
 
     def __str__(self) -> str:
-        rows = [(kind, text) for kind in ("found", "snapped", "assumed", "skipped") for text in getattr(self, kind)]
+        kinds = ("found", "snapped", "assumed", "skipped", "doubtful")
+        rows = [(kind, text) for kind in kinds for text in getattr(self, kind)]
         return "\n".join(f"{kind:<12} {text}" for kind, text in rows)
 
 
@@ -143,10 +155,16 @@ class Imported:
         Document for `parse_scene`.
     report : Report
         What was found, snapped, assumed and skipped.
+    unit : str
+        Length unit of the file, in which the tolerance is given.
+    scale : float
+        Length of this unit in the scene's unit.
     """
 
     document: dict[str, Any]
     report: Report
+    unit: str = "m"
+    scale: float = 1.0
 
 
 @dataclass
@@ -157,6 +175,7 @@ class Notes:
     snapped: list[str] = field(default_factory=list)
     assumed: list[str] = field(default_factory=list)
     skipped: list[str] = field(default_factory=list)
+    doubtful: list[str] = field(default_factory=list)
     largest: float = 0.0
 
     def skip(self, what: str, count: int, why: str) -> None:
@@ -169,7 +188,14 @@ class Notes:
 
     def report(self) -> Report:
         """Return the sentences collected so far as a report that does not change."""
-        return Report(tuple(self.found), tuple(self.snapped), tuple(self.assumed), tuple(self.skipped), self.largest)
+        return Report(
+            tuple(self.found),
+            tuple(self.snapped),
+            tuple(self.assumed),
+            tuple(self.skipped),
+            tuple(self.doubtful),
+            self.largest,
+        )
 
 
 def rounded(points: Floats, size: float) -> list[list[float]]:

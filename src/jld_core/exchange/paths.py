@@ -61,6 +61,39 @@ class _Arc:
     sweep: float
 
 
+def without_repeats(path: Path, same: float) -> Path:
+    """Return a path that ends where it comes back to its start.
+
+    An open path that comes back to its start is closed. A path that goes on past its start along its own first edges,
+    as A B C D A B, ends at the start. same: distance within which points are equal.
+    """
+    points = path.points
+    count = len(points)
+    back = np.hypot(*(points[:, :2] - points[0, :2]).T) <= same
+    for k in np.flatnonzero(back).tolist():
+        if k > 2 or (k == 2 and points[:2, 2].any()):
+            again = points[:k]
+            onto = again[np.arange(k, count) % k]
+            apart = np.hypot(*(points[k:, :2] - onto[:, :2]).T) > same
+            if not apart[:-1].any() and (not apart[-1] or _between(points[-1], again, count - 1, same)):
+                return Path(again, True, path.layer, path.name, path.holes)
+    return path
+
+
+def _between(point: Floats, ring: Floats, step: int, same: float) -> bool:
+    """Return True if a point lies on the straight edge of a ring that ends at corner `step`.
+
+    ring: (k, 3). same: distance within which it does. False for an arc.
+    """
+    start, end = ring[(step - 1) % len(ring)], ring[step % len(ring)]
+    along = end[:2] - start[:2]
+    length = float(np.hypot(*along))
+    if length == 0.0 or start[2]:
+        return False
+    share = float((point[:2] - start[:2]) @ along) / length**2
+    return 0.0 <= share <= 1.0 and float(np.hypot(*(point[:2] - start[:2] - share * along))) <= same
+
+
 def arc_points(centre: Sequence[float], radius: float, first: float, sweep: float) -> Floats:
     """Return points (k, 3) of x, y and bulge along an arc, as rows of a `Path`.
 
@@ -90,18 +123,17 @@ def flatten(paths: Sequence[Path], facet: float, same: float) -> Chords:
     count = np.bincount(circle)
     if float((count.astype(float) ** 2).sum()) > _MOST:
         raise InputError("", f"it holds {int(count.max())} arcs of one circle", "the arcs of a structure")
+    regular = {
+        which: _divided(np.array(ends), arcs[int(np.argmax(circle == which))].radius, facet, same)
+        for which, ends in stops.items()
+    }
     inside: dict[tuple[int, int], Floats] = {}
     deviation = 0.0
     for which, arc in zip(circle.tolist(), arcs, strict=True):
-        angle = 2.0 * np.arccos(np.clip(1.0 - facet / arc.radius, np.cos(np.pi / 8.0), 1.0))
-        step = 2.0 * np.pi / np.ceil(2.0 * np.pi / max(angle, 1e-3))
         turn = 1.0 if arc.sweep > 0.0 else -1.0
-        every = np.concatenate([np.arange(0.0, 2.0 * np.pi, step), stops[which]])
-        along = np.mod(turn * (every - arc.first), 2.0 * np.pi)
+        along = np.mod(turn * (regular[which] - arc.first), 2.0 * np.pi)
         apart = max(same / arc.radius, 1e-9)
-        along = np.sort(along[(along > apart) & (along < abs(arc.sweep) - apart)])
-        # an end of another arc takes precedence over a regular angle close to it
-        kept = along[np.concatenate([[True], np.diff(along) > apart])] if len(along) else along
+        kept = np.sort(along[(along > apart) & (along < abs(arc.sweep) - apart)])
         angles = arc.first + turn * kept
         inside[arc.path, arc.edge] = arc.centre + arc.radius * np.column_stack([np.cos(angles), np.sin(angles)])
         gaps = np.diff(np.concatenate([[0.0], kept, [abs(arc.sweep)]]))
@@ -117,8 +149,30 @@ def flatten(paths: Sequence[Path], facet: float, same: float) -> Chords:
     return Chords(found, len(arcs), deviation)
 
 
+def _divided(stops: Floats, radius: float, facet: float, same: float) -> Floats:
+    """Return the angles that divide a circle at ends of its arcs and at steps between them.
+
+    The steps between two ends are equal, so that the division has every symmetry of the ends. stops: (k,) angles,
+    radians. facet: largest distance of a chord from the circle. same: distance within which two ends are equal.
+    """
+    apart = max(same / radius, 1e-9)
+    ends = np.sort(np.mod(stops, 2.0 * np.pi))
+    ends = ends[np.concatenate([[True], np.diff(ends) > apart])]
+    if len(ends) > 1 and ends[0] + 2.0 * np.pi - ends[-1] <= apart:
+        ends = ends[:-1]
+    step = max(2.0 * np.arccos(np.clip(1.0 - facet / radius, np.cos(np.pi / 8.0), 1.0)), 1e-3)
+    spans = np.append(np.diff(ends), ends[0] + 2.0 * np.pi - ends[-1])
+    parts = np.maximum(1, np.ceil(spans / step - 1e-9)).astype(int)
+    return np.concatenate(
+        [
+            begin + span * np.arange(count) / count
+            for begin, span, count in zip(ends, spans, parts.tolist(), strict=True)
+        ]
+    )
+
+
 def _arcs(number: int, path: Path) -> list[_Arc]:
-    """Return the arcs of a path."""
+    """Return the arcs of a path, without edges that are nearly straight; number: of the path."""
     found = []
     points = path.points
     for edge in range(len(points) if path.closed else len(points) - 1):

@@ -16,10 +16,14 @@ from jld_core.errors import InputError
 from jld_core.exchange.drawn import MOST
 from jld_core.exchange.libraries import text_of
 from jld_core.exchange.options import Notes
+from jld_core.exchange.read_dem import data_of, model_and_problems, problem_facts
 from jld_core.exchange.solids import Part, Solids
 
 FACTS: Final = "jld"
 """Attribute of an assembly written by jld: scene keys that COMPAS cannot represent."""
+
+_UNNAMED: Final = "Block"
+"""Name of a block of compas_dem that was given none."""
 
 _KEYS: Final = ("units", "materials", "loads", "labels", "search", "source", "notes")
 """Scene keys that are read back."""
@@ -41,39 +45,35 @@ def read_compas(path: File, notes: Notes) -> Solids:
     except RecursionError:
         raise InputError("", "it is nested too deeply", "COMPAS JSON") from None
     try:
-        data = _data(document)
-        graph = _data(data["graph"])
+        model, problems = model_and_problems(document)
+        data = data_of(model)
+        graph = data_of(data["graph"])
         if "elements" in data:
-            parts, of_node = _elements(data["elements"], graph)
+            parts, of_node = _elements(data, graph)
         else:
             parts, of_node = _nodes(graph)
         contacts = list(_contacts(graph, of_node))
-        facts = _data(data.get("attributes") or {}).get(FACTS) or {}
+        facts = data_of(data.get("attributes") or {}).get(FACTS) or {}
+        stated = problem_facts(problems, parts, of_node, notes)
     except InputError:
         raise
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
         what = f"{type(error).__name__}: {error}"[:80]
         raise InputError("", f"it is no COMPAS assembly ({what})", "an assembly or a block model") from error
-    kind = document.get("dtype", "?") if isinstance(document, dict) else "?"
+    kind = model.get("dtype", "?") if isinstance(model, dict) else "?"
     notes.found.append(f"{kind} of {len(parts)} blocks")
     name = str(facts.get("name") or (data.get("attributes") or {}).get("name") or data.get("name") or path.stem)
     if facts.get("interfaces"):
         contacts = []
-    keys = {key: facts[key] for key in (*_KEYS, "interfaces") if key in facts}
+    keys = stated | {key: facts[key] for key in (*_KEYS, "interfaces") if key in facts}
+    if "materials" in stated and (known := {part.keys["density"] for part in parts if "density" in part.keys}):
+        keys["materials"]["density"] = max(known)
     return Solids(parts, contacts, keys, name)
 
 
 def _refuse(name: str) -> float:
     """Raise InputError for NaN and infinities in the JSON text."""
     raise InputError("", f"it holds the number {name}", "finite numbers only")
-
-
-def _data(value: Any) -> dict[str, Any]:
-    """Return the data of an object, with or without its COMPAS envelope."""
-    inner = value["data"] if isinstance(value, dict) and "dtype" in value else value
-    if not isinstance(inner, dict):
-        raise InputError("", "it holds no object where COMPAS has one", "an assembly or a block model")
-    return inner
 
 
 def _nodes(graph: dict[str, Any]) -> tuple[list[Part], dict[str, str]]:
@@ -90,31 +90,42 @@ def _nodes(graph: dict[str, Any]) -> tuple[list[Part], dict[str, str]]:
         block = attributes["block"]
         if block is None:
             raise InputError(f"node {key}", "it holds no block", "a mesh at every node")
-        names[key] = str(attributes.get("name") or _data(block).get("attributes", {}).get("name") or f"b{key}")
+        names[key] = str(attributes.get("name") or data_of(block).get("attributes", {}).get("name") or f"b{key}")
         support = bool(attributes.get("is_support", default))
         keys = {name: attributes[name] for name in _ELEMENT if attributes.get(name) is not None and name != "block"}
         if attributes.get("block_name"):
             keys["block"] = str(attributes["block_name"])
-        parts.append(_part(names[key], key, _data(block), support, keys, None))
+        parts.append(_part(names[key], key, data_of(block), support, keys, None))
     return _unique(parts, names)
 
 
-def _elements(elements: dict[str, Any], graph: dict[str, Any]) -> tuple[list[Part], dict[str, str]]:
-    """Return the elements of a model (compas_dem) and their names by node of its graph."""
+def _elements(model: dict[str, Any], graph: dict[str, Any]) -> tuple[list[Part], dict[str, str]]:
+    """Return the elements of a model (compas_dem) and their names by node of its graph.
+
+    Blocks have the names that they state, unless these are those of their class.
+    """
     node_of = {str(attributes.get("element")): key for key, attributes in graph["node"].items()}
+    materials = {guid: data_of(material) for guid, material in (model.get("materials") or {}).items()}
     parts, names = [], {}
-    for number, (guid, element) in enumerate(elements.items()):
-        data = _data(element)
+    for number, (guid, element) in enumerate(model["elements"].items()):
+        data = data_of(element)
         key = node_of.get(guid, str(number))
-        names[key] = f"b{key}"
+        stated = str(data.get("name") or "")
+        names[key] = stated if stated and stated != _UNNAMED else f"b{key}"
+        density = materials.get(str(data.get("material")), {}).get("density")
+        keys = {} if density is None else {"density": float(density)}
         move = data.get("transformation")
-        matrix = None if move is None else np.array(_data(move)["matrix"], dtype=float)
-        parts.append(_part(names[key], key, _data(data["geometry"]), bool(data.get("is_support", False)), {}, matrix))
+        matrix = None if move is None else np.array(data_of(move)["matrix"], dtype=float)
+        support = bool(data.get("is_support", False))
+        parts.append(_part(names[key], key, data_of(data["geometry"]), support, keys, matrix))
     return _unique(parts, names)
 
 
 def _unique(parts: list[Part], names: dict[str, str]) -> tuple[list[Part], dict[str, str]]:
-    """Replace all names by node numbers where some names repeat."""
+    """Replace all names by "b" and the node number if any two are equal.
+
+    names: by node number. Returns parts and names.
+    """
     if len({part.name for part in parts}) == len(parts):
         return parts, names
     # repeated names identify nothing
@@ -127,7 +138,10 @@ def _unique(parts: list[Part], names: dict[str, str]) -> tuple[list[Part], dict[
 def _part(
     name: str, key: str, mesh: dict[str, Any], support: bool, keys: dict[str, Any], matrix: Floats | None
 ) -> Part:
-    """Return one block of a COMPAS mesh, optionally transformed by a (4, 4) matrix."""
+    """Return one block of a COMPAS mesh; matrix: (4, 4) transformation, None for none.
+
+    name: future id. key: node number. keys: further keys of the element. Raises InputError without faces.
+    """
     vertex, face = mesh["vertex"], mesh["face"]
     number = {label: k for k, label in enumerate(vertex)}
     points = np.array([[v[axis] for axis in "xyz"] for v in vertex.values()], dtype=float).reshape(-1, 3)
@@ -141,9 +155,9 @@ def _part(
 
 
 def _contacts(graph: dict[str, Any], names: dict[str, str]) -> Any:
-    """Yield the interfaces along the edges: name, name, corners (k, 3).
+    """Yield two element names and the corners (k, 3) of each interface along the edges.
 
-    Interfaces with fewer than three corners are no plane contacts and left out.
+    names: by node number. Interfaces with fewer than three corners are no plane contacts and left out.
     """
     for u, others in graph.get("edge", {}).items():
         for v, attributes in others.items():
@@ -151,6 +165,6 @@ def _contacts(graph: dict[str, Any], names: dict[str, str]) -> Any:
             if not faces and attributes.get("interface"):
                 faces = [attributes["interface"]]
             for face in faces:
-                corners = [p["data"] if isinstance(p, dict) else p for p in _data(face).get("points") or []]
+                corners = [p["data"] if isinstance(p, dict) else p for p in data_of(face).get("points") or []]
                 if len(corners) > 2:
                     yield names[u], names[v], np.array(corners, dtype=float)

@@ -27,7 +27,10 @@ _TRUE: Final = ("1", "true", "yes")
 
 
 def _rows(text: str, mark: str) -> Iterator[list[str]]:
-    """Yield the rows of a text; raise InputError with the line number for an invalid row."""
+    """Yield the rows of a CSV text; mark: separator.
+
+    Raises InputError with the line number for an invalid row.
+    """
     reader = csv.reader(io.StringIO(text), delimiter=mark)
     while True:
         try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from importlib import import_module
 from pathlib import Path as File
 from typing import Any, Final
@@ -15,7 +16,6 @@ from jld_core.exchange.libraries import library, parsing, readable
 from jld_core.exchange.options import FACET, ImportOptions, Notes, listed
 from jld_core.exchange.paths import Path, arc_points
 from jld_core.exchange.solids import Part, Solids
-from jld_core.scene.units import METRES
 
 _KEYS: Final = ("name", "units", "materials", "thickness", "loads", "search", "elements")
 """Scene keys that are read back."""
@@ -33,7 +33,7 @@ FACTS: Final = "jld"
 def read_dxf(path: File, options: ImportOptions, notes: Notes) -> Drawing | Solids:
     """Read the model space of a DXF file as a drawing, or as solids where it holds meshes.
 
-    Solids are in metres, a drawing is in the file's unit. options: layers and accuracy of curves. notes: receives what
+    Both are in the unit of the file. options: layers and accuracy of curves. notes: receives what
     was found and skipped. Raises InputError where the file is not DXF or broken, ezdxf is missing, or nested blocks
     hold too much.
     """
@@ -42,13 +42,14 @@ def read_dxf(path: File, options: ImportOptions, notes: Notes) -> Drawing | Soli
     with parsing("DXF", "a DXF file, ASCII or binary"):
         document = ezdxf.readfile(path)
         space = document.modelspace()
-        _refuse_bombs(document, space)
+        _refuse_large_blocks(document, space)
         return _Reader(document, options, notes).drawing(space, path.stem)
 
 
-def _refuse_bombs(document: Any, space: Any) -> None:
-    """Count the entities of nested blocks before these are expanded, and refuse too many."""
+def _refuse_large_blocks(document: Any, space: Any) -> None:
+    """Raise InputError if nested blocks hold too many entities; count them without expanding."""
     known: dict[str, int] = {}
+    open_blocks: list[str] = []
 
     def amount(layout: Any, depth: int) -> int:
         """Return the number of entities of a layout with all blocks expanded."""
@@ -61,9 +62,12 @@ def _refuse_bombs(document: Any, space: Any) -> None:
                 continue
             name = entity.dxf.name
             copies = max(1, int(entity.dxf.get("row_count", 1))) * max(1, int(entity.dxf.get("column_count", 1)))
+            if name in open_blocks:
+                raise InputError(f"block {name!r}", "it stands inside itself", "blocks within blocks without a circle")
             if name not in known:
-                known[name] = MOST + 1  # provisional count, so that a block inside itself exceeds the limit
+                open_blocks.append(name)
                 known[name] = amount(document.blocks.get(name), depth + 1) if name in document.blocks else 0
+                open_blocks.pop()
             total += copies * known[name]
             if total > MOST:
                 break
@@ -80,22 +84,24 @@ class _Reader:
         self.document, self.options, self.notes = document, options, notes
         self.paths: list[Path] = []
         self.marks: list[Mark] = []
-        self.unread: dict[str, int] = {}
+        self.unread: Counter[tuple[str, str]] = Counter()
+        self.hidden: Counter[str] = Counter()
         self._solids: list[Part] = []
 
     def drawing(self, space: Any, title: str) -> Drawing | Solids:
         """Read all entities of a model space."""
         code = int(self.document.header.get("$INSUNITS", 0))
         unit = _UNITS.get(code, None if code == 0 else f"$INSUNITS {code}")
-        self.metres = METRES.get(self.options.unit or unit or "m", 1.0)
         for entity in space:
             self._read(entity, None, 0)
-        for kind, count in sorted(self.unread.items()):
-            self.notes.skip(f"{kind} entities", count, "no outline, line, arc, text or point in the plane")
+        for (kind, layer), count in sorted(self.unread.items()):
+            what = f"{kind} entities on layer {layer}"
+            self.notes.skip(what, count, "no outline, line, arc, text or point in the plane")
+        for layer, count in sorted(self.hidden.items()):
+            self.notes.skip(f"entities on layer {layer}", count, "it is off or frozen")
         if self._solids:
             self.notes.skip("paths", len(self.paths), "the file holds solids, which are read")
-            unit_said = {"units": {"length": "m", "force": "N"}} if self.options.unit or unit else {}
-            return Solids(self._solids, facts=unit_said, name=title)
+            return Solids(self._solids, name=title, unit=unit)
         facts = self._facts()
         name = str(facts.pop("name", "") or title)
         layers = sorted({path.layer for path in self.paths} | {mark.layer for mark in self.marks})
@@ -114,32 +120,49 @@ class _Reader:
         return {key: found[key] for key in _KEYS if key in found}
 
     def _read(self, entity: Any, layer: str | None, depth: int) -> None:
-        """Read one entity.
+        """Read one entity; count it as unread if there is no reader or nothing usable in it.
 
-        layer: layer of the block reference that contains it, which replaces layer 0.
+        layer: layer of the block reference that contains it, which replaces layer 0; None outside blocks.
         """
         own = str(entity.dxf.get("layer", "0"))
         layer = layer if layer is not None and own == "0" else own
         kind = entity.dxftype()
+        off, frozen = self._switched(layer)
+        if frozen or entity.dxf.get("invisible", 0) or (off and kind != "INSERT"):
+            self.hidden[layer] += 1
+            return
         if kind == "INSERT":
             self._insert(entity, layer, depth)
             return
         reader = getattr(self, f"_{kind.lower()}", None)
         if reader is None or not reader(entity, layer):
-            self.unread[kind] = self.unread.get(kind, 0) + 1
+            self.unread[kind, layer] += 1
+
+    def _switched(self, layer: str) -> tuple[bool, bool]:
+        """Return whether a layer is off, and whether it is frozen.
+
+        What stands on other layers inside a block is shown if the layer of the block is off, not if it is frozen.
+        """
+        if layer not in self.document.layers:
+            return False, False
+        found = self.document.layers.get(layer)
+        return bool(found.is_off()), bool(found.is_frozen())
 
     def _insert(self, entity: Any, layer: str, depth: int) -> None:
-        """Read a block reference: a load, or its expanded entities, named by its attributes."""
+        """Read a block reference: a mark on a load layer, else the entities of the block.
+
+        An attribute names the outline if the block has only one. depth: of nesting.
+        """
         if depth > _DEPTH:
             raise InputError("", "its blocks are nested too deeply", f"at most {_DEPTH} levels")
         attributes = [(str(a.dxf.tag).casefold(), str(a.dxf.text)) for a in entity.attribs]
-        at = entity.dxf.insert
+        at = entity.dxf.insert  # in the system of the block, mirrored where its normal points down
         force = [text for tag, text in attributes if tag in ("force", "f", "load")]
         parts = dict(attributes)
         if "fx" in parts or "fy" in parts:
             force = ["; ".join(f"{tag} = {parts[tag]}" for tag in ("fx", "fy") if tag in parts)]
         if self.options.role(layer) in ("load", "dead"):
-            self.marks.append(Mark((at.x, at.y), layer, force[0] if force else None))
+            self.marks.append(Mark((_side(entity) * at.x, at.y), layer, force[0] if force else None))
             return
         before = len(self.paths)
         for copy in entity.multi_insert() if entity.mcount > 1 else (entity,):
@@ -151,9 +174,16 @@ class _Reader:
             path = self.paths[fresh[0]]
             self.paths[fresh[0]] = Path(path.points, path.closed, path.layer, names[0], path.holes)
 
-    def _add(self, points: Any, closed: bool, layer: str, holes: tuple[Any, ...] = ()) -> bool:
-        """Add a path; return False where it is neither a line nor an area."""
-        points = np.asarray(points, dtype=float).reshape(-1, 3)
+    def _add(self, points: Any, closed: bool, layer: str, holes: tuple[Any, ...] = (), side: int = 1) -> bool:
+        """Add a path; return False where it is neither a line nor an area in the plane.
+
+        side: as of `_side`; a path seen from below is mirrored.
+        """
+        if side == 0:
+            return False
+        mirror = np.array([side, 1, side], dtype=float)
+        points = mirror * np.asarray(points, dtype=float).reshape(-1, 3)
+        holes = tuple(mirror * hole for hole in holes)
         if not np.isfinite(points).all():
             raise InputError(f"layer {layer!r}", "it holds a coordinate that is no number", "finite numbers only")
         if len(points) > 1 and np.hypot(*(points[0] - points[-1])[:2]) <= 1e-9 * float(
@@ -172,14 +202,14 @@ class _Reader:
     def _lwpolyline(self, entity: Any, layer: str) -> bool:
         """Read a polyline with bulges."""
         points = np.array(entity.get_points("xyb"), dtype=float).reshape(-1, 3)
-        return self._upright(entity) and self._add(points, bool(entity.closed), layer)
+        return self._add(points, bool(entity.closed), layer, side=_side(entity))
 
     def _polyline(self, entity: Any, layer: str) -> bool:
         """Read an old-style polyline."""
-        if not (entity.is_2d_polyline or entity.is_3d_polyline) or not self._upright(entity):
+        if not (entity.is_2d_polyline or entity.is_3d_polyline):
             return False
         points = [(v.dxf.location.x, v.dxf.location.y, v.dxf.get("bulge", 0.0)) for v in entity.vertices]
-        return self._add(points, bool(entity.is_closed), layer)
+        return self._add(points, bool(entity.is_closed), layer, side=_side(entity) if entity.is_2d_polyline else 1)
 
     def _line(self, entity: Any, layer: str) -> bool:
         """Read a line."""
@@ -191,21 +221,20 @@ class _Reader:
         first = np.radians(entity.dxf.start_angle)
         sweep = np.mod(np.radians(entity.dxf.end_angle) - first, 2.0 * np.pi) or 2.0 * np.pi
         centre = entity.dxf.center
-        return self._upright(entity) and self._add(
-            arc_points((centre.x, centre.y), entity.dxf.radius, first, sweep), False, layer
-        )
+        points = arc_points((centre.x, centre.y), entity.dxf.radius, first, sweep)
+        return self._add(points, False, layer, side=_side(entity))
 
     def _circle(self, entity: Any, layer: str) -> bool:
         """Read a circle."""
         centre = entity.dxf.center
         points = arc_points((centre.x, centre.y), entity.dxf.radius, 0.0, 2.0 * np.pi)[:-1]
-        return self._upright(entity) and self._add(points, True, layer)
+        return self._add(points, True, layer, side=_side(entity))
 
     def _curve(self, entity: Any, layer: str) -> bool:
         """Read an ellipse or spline as chords."""
         rough = entity.flattening(1e30, segments=8) if entity.dxftype() == "SPLINE" else entity.flattening(1e30)
         size = float(np.ptp(np.array([(p.x, p.y) for p in rough]), axis=0).max())
-        facet = FACET * size if self.options.facet is None else self.options.facet / self.metres
+        facet = FACET * size if self.options.facet is None else self.options.facet
         points = list(entity.flattening(max(facet, 1e-6 * size)))
         return self._add([(p.x, p.y, 0.0) for p in points], bool(getattr(entity, "closed", False)), layer)
 
@@ -213,7 +242,9 @@ class _Reader:
 
     def _solid(self, entity: Any, layer: str) -> bool:
         """Read a filled triangle or quadrilateral."""
-        return self._add([(p.x, p.y, 0.0) for p in entity.vertices()], True, layer)
+        side = 1 if entity.dxftype() == "3DFACE" else _side(entity)
+        corners = entity.wcs_vertices() if side == 1 else entity.vertices()
+        return self._add([(p.x, p.y, 0.0) for p in corners], True, layer, side=side)
 
     _trace = _3dface = _solid
 
@@ -224,7 +255,7 @@ class _Reader:
             return False
         # the largest loop is the outline; loops inside it are holes
         loops.sort(key=lambda loop: -float(np.ptp(loop[:, :2], axis=0).prod()))
-        return self._add(loops[0], True, layer, tuple(loops[1:]))
+        return self._add(loops[0], True, layer, tuple(loops[1:]), _side(entity))
 
     _mpolygon = _hatch
 
@@ -247,7 +278,7 @@ class _Reader:
         faces = tuple(tuple(int(index) for index in face) for face in entity.faces)
         if not faces or max(map(max, faces)) >= len(vertices):
             return False
-        self._solids.append(Part("", layer, self.metres * vertices, faces))
+        self._solids.append(Part("", layer, vertices, faces))
         return True
 
     def _3dsolid(self, entity: Any, layer: str) -> bool:
@@ -257,7 +288,7 @@ class _Reader:
             for mesh in import_module("ezdxf.acis.api").mesh_from_body(body):
                 points = np.array([tuple(vertex) for vertex in mesh.vertices], dtype=float)
                 faces = tuple(tuple(face) for face in mesh.faces)
-                self._solids.append(Part("", layer, self.metres * points, faces))
+                self._solids.append(Part("", layer, points, faces))
         return len(self._solids) > before
 
     def _loop(self, path: Any) -> Any:
@@ -294,7 +325,7 @@ class _Reader:
         at = entity.dxf.insert
         if entity.dxf.get("halign", 0) or entity.dxf.get("valign", 0):
             at = entity.dxf.get("align_point", at)
-        self.marks.append(Mark((at.x, at.y), layer, str(entity.dxf.text)))
+        self.marks.append(Mark(((_side(entity) or 1) * at.x, at.y), layer, str(entity.dxf.text)))
         return True
 
     def _mtext(self, entity: Any, layer: str) -> bool:
@@ -303,7 +334,11 @@ class _Reader:
         self.marks.append(Mark((at.x, at.y), layer, str(entity.plain_text())))
         return True
 
-    def _upright(self, entity: Any) -> bool:
-        """Return True if an entity lies in the plane of the drawing, seen from above."""
-        normal = entity.dxf.get("extrusion", (0.0, 0.0, 1.0))
-        return bool(normal[2] > 0.999)
+
+def _side(entity: Any) -> int:
+    """Return 1 for an entity in the plane, −1 for one seen from below, 0 for an inclined one.
+
+    The coordinates of an entity seen from below have a reversed x axis.
+    """
+    height = float(entity.dxf.get("extrusion", (0.0, 0.0, 1.0))[2])
+    return 0 if abs(height) < 0.999 else 1 if height > 0.0 else -1

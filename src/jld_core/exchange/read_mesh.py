@@ -53,7 +53,10 @@ def read_mesh(path: File, notes: Notes) -> Solids:
 
 
 def _parts(name: str, points: Floats, faces: Faces) -> list[Part]:
-    """Split the faces of one group into solids."""
+    """Split the faces of one group, named `name` or "", into solids.
+
+    Raises InputError for a face with a vertex that does not exist.
+    """
     if not faces:
         return []
     top = max(max(loop) for loop in faces)
@@ -139,7 +142,7 @@ def _stl(meshio: Any, data: bytes) -> tuple[Floats, list[tuple[str, Faces]]]:
 
 
 def _triples(begin: int, end: int) -> Faces:
-    """Return triangles of consecutive points."""
+    """Return the triangles (k, k+1, k+2) of points `begin` to `end` − 1, three by three."""
     return tuple((k, k + 1, k + 2) for k in range(begin, end, 3))
 
 
@@ -149,7 +152,10 @@ def _is_binary(data: bytes) -> bool:
 
 
 def _refuse_counts(kind: str, data: bytes) -> None:
-    """Compare the counts in a header with the file's size, before memory is allocated."""
+    """Raise InputError for too many faces, or counts in a header that the file cannot hold.
+
+    No memory is allocated for them. kind: "obj", "ply" or "stl".
+    """
     size = len(data)
     if kind == "obj" and max(data.count(b"\nf"), data.count(b"\nv ") // 4) > MOST:
         raise InputError("", "it holds more faces than a structure has", f"at most {MOST}")

@@ -18,7 +18,6 @@ from jld_core.exchange.drawn import MOST, Drawing, Mark
 from jld_core.exchange.libraries import library, parsing, text_of
 from jld_core.exchange.options import FACET, ImportOptions, Notes, listed
 from jld_core.exchange.paths import Path
-from jld_core.scene.units import METRES
 
 _PIXEL: Final = 96.0
 """Pixels per inch, the CSS reference value."""
@@ -67,9 +66,8 @@ def _drawing(svg: Any, root: Any, name: str, options: ImportOptions, notes: Note
                 shape = svg.Path(item)
                 for part in shape.as_subpaths():
                     points, closed = _points(svg, svg.Path(part), options)
-                    if len(points) > (2 if closed else 1):
-                        bulged = np.column_stack([points, np.zeros(len(points))])
-                        paths.append(Path(bulged, closed, own.get("data-layer") or layer, own.get("data-name")))
+                    if len(points) > (2 if closed and not points[:, 2].any() else 1):
+                        paths.append(Path(points, closed, own.get("data-layer") or layer, own.get("data-name")))
                     if len(paths) > MOST:
                         raise InputError("", "it holds more shapes than a structure has", f"at most {MOST}")
             elif not isinstance(item, svg.Title):
@@ -93,39 +91,57 @@ def _named(attributes: dict[str, Any]) -> str:
 
 
 def _points(svg: Any, path: Any, options: ImportOptions) -> tuple[Floats, bool]:
-    """Return the corners of one subpath with y upwards, and whether it is closed.
+    """Return rows (k, 3) of x, y and bulge of one subpath, and True if it is closed.
 
-    Curves become chords within the facet tolerance.
+    The y axis points upwards. Arcs of circles are kept; other curves become chords within the facet tolerance.
     """
-    found: list[tuple[float, float]] = []
+    found: list[tuple[float, float, float]] = []
     closed = False
     for segment in path:
         if isinstance(segment, svg.Move):
             if segment.end is not None:
-                found.append((float(segment.end.x), -float(segment.end.y)))
+                found.append((float(segment.end.x), -float(segment.end.y), 0.0))
             continue
         if isinstance(segment, svg.Close):
             closed = True
             continue
-        if not isinstance(segment, svg.Line):
-            found += _chords(segment, options)
-        found.append((float(segment.end.x), -float(segment.end.y)))
-    points = np.array(found, dtype=float).reshape(-1, 2)
+        if isinstance(segment, svg.Arc) and _round(segment) and found:
+            found = found[:-1] + _halves(segment)
+        elif not isinstance(segment, svg.Line):
+            found += [(x, y, 0.0) for x, y in _chords(segment, options)]
+        found.append((float(segment.end.x), -float(segment.end.y), 0.0))
+    points = np.array(found, dtype=float).reshape(-1, 3)
     if not np.isfinite(points).all():
         raise InputError("", "it holds a coordinate that is no number", "finite numbers only")
-    size = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
-    if len(points) > 2 and np.hypot(*(points[0] - points[-1])) <= 1e-9 * size:
+    size = float(np.ptp(points[:, :2], axis=0).max()) if len(points) else 0.0
+    if len(points) > 2 and np.hypot(*(points[0] - points[-1])[:2]) <= 1e-9 * size:
         return points[:-1], True
     return points, closed
 
 
+def _round(arc: Any) -> bool:
+    """Return True if an arc is one of a circle."""
+    wide, tall = float(arc.rx), float(arc.ry)
+    return wide > 0.0 and abs(wide - tall) <= 1e-6 * wide
+
+
+def _halves(arc: Any) -> list[tuple[float, float, float]]:
+    """Return the rows of x, y and bulge that begin the two halves of an arc, with y upwards."""
+    bulge = -float(np.tan(float(arc.sweep) / 8.0))
+    middle = arc.point(0.5)
+    return [(float(p.x), -float(p.y), bulge) for p in (arc.start, middle)]
+
+
 def _chords(segment: Any, options: ImportOptions) -> list[tuple[float, float]]:
-    """Return points inside a curve, doubled until all chords meet the facet tolerance."""
+    """Return points inside a curve, doubled until all chords meet the facet tolerance.
+
+    Doubling ends at 2048 chords, even where these do not meet it.
+    """
     number = 8
     while number < 4096:
         points = np.array([[p.x, -p.y] for p in (segment.point(k / (2 * number)) for k in range(2 * number + 1))])
         size = float(np.ptp(points, axis=0).max())
-        facet = FACET * size if options.facet is None else options.facet / METRES[options.unit or "m"]
+        facet = FACET * size if options.facet is None else options.facet
         off = np.hypot(*(points[1::2] - 0.5 * (points[:-1:2] + points[2::2])).T)
         if off.max() <= facet:
             return [(float(x), float(y)) for x, y in points[2:-1:2]]

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
 from jld_core.errors import InputError
 from jld_core.exchange.drawing import planar_scene
+from jld_core.exchange.drawn import Drawing
 from jld_core.exchange.libraries import readable
 from jld_core.exchange.options import Imported, ImportOptions, Notes
 from jld_core.exchange.read_compas import read_compas
 from jld_core.exchange.read_csv import read_csv
 from jld_core.exchange.read_dxf import read_dxf
+from jld_core.exchange.read_ifc import read_ifc
 from jld_core.exchange.read_mesh import read_mesh
+from jld_core.exchange.read_rhino import read_rhino
 from jld_core.exchange.read_svg import read_svg
 from jld_core.exchange.solids import Solids, spatial_scene
+from jld_core.scene.reading import DRAWINGS
 
-KINDS: Final = ("dxf", "svg", "csv", "json", "obj", "ply", "stl")
+KINDS: Final = (*DRAWINGS, "json")
 """File endings that can be read; json is that of COMPAS."""
 
 
@@ -42,25 +47,38 @@ def import_file(path: str | Path, options: ImportOptions | None = None) -> Impor
         The file is broken, excessive, of an unknown kind, or holds no possible scene.
     """
     path, options, notes = Path(path), options or ImportOptions(), Notes()
+    with reading(path):
+        found = read_content(path, options, notes)
+        if isinstance(found, Solids):
+            return spatial_scene(found, options, notes)
+        return planar_scene(found, options, notes)
+
+
+@contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Name a file in errors about its content; errors about the file itself and about options stay."""
+    try:
+        yield
+    except InputError as error:
+        raise (error if error.where.startswith((str(path), "--")) else error.within(str(path))) from error.__cause__
+
+
+def read_content(path: Path, options: ImportOptions, notes: Notes) -> Drawing | Solids:
+    """Read a file by the ending of its name: the paths of a drawing, or solids.
+
+    notes: receives what was found and skipped. Raises InputError for an unknown kind and what its reader refuses.
+    """
     ending = path.suffix.lower().lstrip(".")
     if ending not in KINDS:
         known = ", ".join(f".{kind}" for kind in KINDS)
         raise InputError(str(path), f"files that end in {path.suffix or 'nothing'!r} are not read", f"one of {known}")
     readable(path)
-    try:
-        if ending == "json":
-            return spatial_scene(read_compas(path, notes), options, notes)
-        if ending in ("obj", "ply", "stl"):
-            return spatial_scene(read_mesh(path, notes), options, notes)
-        if ending == "dxf":
-            found = read_dxf(path, options, notes)
-            if isinstance(found, Solids):  # already in metres
-                return spatial_scene(found, replace(options, unit=None), notes)
-            drawing = found
-        elif ending == "svg":
-            drawing = read_svg(path, options, notes)
-        else:
-            drawing = read_csv(path, notes)
-        return planar_scene(drawing, options, notes)
-    except InputError as error:
-        raise (error if error.where.startswith((str(path), "--")) else error.within(str(path))) from error.__cause__
+    if ending == "json":
+        return read_compas(path, notes)
+    if ending in ("obj", "ply", "stl"):
+        return read_mesh(path, notes)
+    if ending == "ifc":
+        return read_ifc(path, options, notes)
+    if ending in ("dxf", "3dm"):
+        return (read_dxf if ending == "dxf" else read_rhino)(path, options, notes)
+    return read_svg(path, options, notes) if ending == "svg" else read_csv(path, notes)

@@ -13,7 +13,7 @@ from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
 from jld_core.errors import InputError
 from jld_core.exchange.drawing import check_supports
-from jld_core.exchange.drawn import MOST
+from jld_core.exchange.drawn import MOST, SolidMark
 from jld_core.exchange.options import (
     LOWEST,
     SNAP,
@@ -25,13 +25,13 @@ from jld_core.exchange.options import (
     rounded,
     several,
 )
+from jld_core.exchange.solid_contacts import contacts_of, given_contacts, labels_of
+from jld_core.exchange.solid_loads import solid_loads
 from jld_core.geometry import (
     Faces,
     area_vector,
     facets_of,
-    find_spatial_contacts,
     merge_points,
-    near_pairs,
     snap_solids,
 )
 from jld_core.geometry import solids as closed_solids
@@ -59,14 +59,19 @@ class Part:
 class Solids:
     """Content of a spatial file before it is converted to elements.
 
-    contacts: (name, name, corners (k, 3)) where the file gives interfaces. facts: keys of a scene that an earlier
-    export stored in the file. name: name of the scene.
+    parts: the solids. contacts: (name, name, corners (k, 3)) where the file gives interfaces. facts: keys of a scene
+    that an earlier export stored in the file. name: name of the scene. unit: unit of length of the file, None if
+    unknown.
+    marks: points, texts and arrows. drawn: role "dry" or "inner", and corners (k, 3), of faces with a label.
     """
 
     parts: list[Part]
     contacts: list[tuple[str, str, Floats]] = field(default_factory=list)
     facts: dict[str, Any] = field(default_factory=dict)
     name: str = "solids"
+    unit: str | None = None
+    marks: list[SolidMark] = field(default_factory=list)
+    drawn: list[tuple[str, Floats]] = field(default_factory=list)
 
 
 def _size(vertices: list[Floats]) -> float:
@@ -84,9 +89,10 @@ def _size(vertices: list[Floats]) -> float:
 
 
 def _supports(parts: list[Part], vertices: list[Floats], options: ImportOptions, near: float) -> list[bool]:
-    """Return which solids are supports.
+    """Return True for each solid that is a support: by the file, by its group, or as lowest.
 
-    near: height above the lowest point that counts as lowest.
+    Any of the three suffices; the lowest point counts only with `LOWEST` in `options.support`. near: height above it
+    that still counts as lowest.
     """
     low = min(float(v[:, 2].min()) for v in vertices)
     return [
@@ -109,19 +115,20 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes) -> Import
         raise InputError("", "it holds no solid", "closed surfaces, one for each block")
     if sum(len(part.faces) + len(part.vertices) for part in parts) > 4 * MOST:
         raise InputError("", "it holds more faces than a structure has", f"at most {MOST}")
-    scale = METRES[options.unit] if options.unit is not None else 1.0
+    scale, unit, drawn_in = _scale(found, options, notes)
     names = _names([part.name for part in parts])
     vertices = [scale * part.vertices for part in parts]
     size = _size(vertices)
-    tolerance = SNAP * size if options.tolerance is None else options.tolerance
+    tolerance = SNAP * size if options.tolerance is None else scale * options.tolerance
     snapped = snap_solids(vertices, [part.faces for part in parts], tolerance)
     notes.largest = snapped.largest
     if snapped.moved:
         moved = several(snapped.moved, "vertex", "vertices")
-        notes.snapped.append(f"{moved}, by at most {snapped.largest:.3g}; tolerance {tolerance:.3g}")
+        said = f"by at most {snapped.largest / scale:.3g} {drawn_in}; tolerance {tolerance / scale:.3g} {drawn_in}"
+        notes.snapped.append(f"{moved}, {said}")
     kept = [_without_slivers(v, part.faces) for v, part in zip(snapped.vertices, parts, strict=True)]
     bent = sum(map(len, kept))
-    kept = [_flat(v, loops) for v, loops in zip(snapped.vertices, kept, strict=True)]
+    kept = [_triangulated(v, loops) for v, loops in zip(snapped.vertices, kept, strict=True)]
     if sum(map(len, kept)) > bent:
         notes.found.append("faces that are no planes are cut into triangles, the same on both sides")
     whole, faces, volume, _ = closed_solids(names, snapped.vertices, kept)
@@ -148,22 +155,47 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes) -> Import
         for name, v, loops, support, part in zip(names, whole, faces, supports, parts, strict=True)
     ]
     if found.contacts:
-        document["interfaces"] = _given(
-            found.contacts, dict(zip((p.name for p in parts), names, strict=True)), scale, size
-        )
+        of_part = dict(zip((part.name for part in parts), names, strict=True))
+        document["interfaces"] = given_contacts(found.contacts, of_part, scale, size)
         notes.found.append(f"{several(len(found.contacts), 'interface')} as the file gives them")
     else:
-        _say_contacts(whole, faces, notes)
-    if options.unit is None and "units" not in document:
-        notes.assumed.append("lengths in m: the file names no unit, give --unit")
+        contacts = contacts_of(whole, faces, notes)
+        if found.drawn and "interfaces" not in document:
+            drawn = [(role, scale * corners) for role, corners in found.drawn]
+            document["labels"] = labels_of(contacts, names, drawn, max(2.0 * tolerance, 1e-4 * size), notes)
+    if found.marks and not found.facts.get("loads"):
+        marks = [mark.scaled(scale) for mark in found.marks]
+        document["loads"] = solid_loads(marks, names, whole, supports, options, notes)
+    if unit is not None:
+        document["units"] = {"force": "N", **document.get("units", {}), "length": unit}
     free = len(parts) - sum(supports)
     counted = f"{several(free, 'element')} and {several(sum(supports), 'support')}"
     notes.found.insert(0, f"{counted}, volume {volume.sum():.6g}")
-    return Imported(complete(document, options, notes, dimension=3), notes.report())
+    return Imported(complete(document, options, notes, dimension=3), notes.report(), drawn_in, scale)
+
+
+def _scale(found: Solids, options: ImportOptions, notes: Notes) -> tuple[float, str | None, str]:
+    """Return the factor to the scene's unit of length, that unit, and the unit of the file.
+
+    The second is None where the document need not state it. Raises InputError for an unknown unit.
+    """
+    given = options.unit or found.unit
+    if given is not None and given not in METRES:
+        raise InputError("", f"its lengths are in {given}", "`unit` " + "|".join(METRES))
+    stated = found.facts.get("units", {}).get("length")
+    if stated is not None:
+        own = str(stated)
+        return (METRES[given] / METRES[own] if given and own in METRES else 1.0), None, given or own
+    if given is None:
+        notes.assumed.append("lengths in m: the file names no unit, give --unit")
+        return 1.0, None, "m"
+    if given != "m":
+        notes.found.append(f"lengths in {given}, times {METRES[given]:g} to m")
+    return METRES[given], "m", given
 
 
 def _names(given: Sequence[str]) -> list[str]:
-    """Return unique names that are not empty."""
+    """Return unique names that are not empty; equal ones get numbers."""
     taken: set[str] = set()
     names = []
     for number, name in enumerate(given):
@@ -178,7 +210,10 @@ def _names(given: Sequence[str]) -> list[str]:
 
 
 def _without_slivers(vertices: Floats, faces: Faces) -> Faces:
-    """Remove faces that snapping collapsed to a line or point, and repeated corners."""
+    """Return faces without those that snapping collapsed, and without repeated corners.
+
+    vertices: (k, 3). Corners at one place get one index.
+    """
     node = merge_points(vertices, 0.0)
     first = np.unique(node, return_index=True)[1]
     kept = []
@@ -190,8 +225,11 @@ def _without_slivers(vertices: Floats, faces: Faces) -> Faces:
     return tuple(kept)
 
 
-def _flat(vertices: Floats, faces: Faces) -> Faces:
-    """Split faces that are not plane into triangles, equally in all solids with these corners."""
+def _triangulated(vertices: Floats, faces: Faces) -> Faces:
+    """Split faces that are not plane into triangles.
+
+    A face with the same corners is split in the same way in every solid.
+    """
     found: list[tuple[int, ...]] = []
     for loop in faces:
         corners = vertices[list(loop)]
@@ -222,7 +260,7 @@ def _apex(corners: Floats) -> int:
 
 
 def _merged(vertices: Sequence[Floats], faces: Sequence[Faces]) -> tuple[list[Floats], list[Faces]]:
-    """Merge coplanar faces of solids to one face per plane piece.
+    """Merge coplanar faces of solids to one face per plane piece; return vertices and faces.
 
     Solids with a piece that has holes keep their faces.
     """
@@ -244,39 +282,6 @@ def _merged(vertices: Sequence[Floats], faces: Sequence[Faces]) -> tuple[list[Fl
         merged_vertices.append(np.array(list(place)))
         merged_faces.append(outlines)
     return merged_vertices, merged_faces
-
-
-def _given(
-    contacts: list[tuple[str, str, Floats]], names: dict[str, str], scale: float, size: float
-) -> list[dict[str, Any]]:
-    """Return interfaces for a scene, with corners projected onto their best-fit planes."""
-    entries = []
-    for a, b, corners in contacts:
-        points = scale * corners
-        middle = points.mean(axis=0)
-        normal = np.linalg.svd(points - middle)[2][2]
-        flat = points - np.outer((points - middle) @ normal, normal)
-        entries.append({"elements": [names[a], names[b]], "polygon": rounded(flat, size)})
-    return entries
-
-
-def _say_contacts(vertices: list[Floats], faces: list[Faces], notes: Notes) -> None:
-    """Note the number of contacts, and pairs that touch along several facets.
-
-    A label given to such a pair holds for all its facets.
-    """
-    lower, upper = np.array([v.min(axis=0) for v in vertices]), np.array([v.max(axis=0) for v in vertices])
-    pairs = near_pairs(lower, upper, 1e-5 * (upper - lower).max(axis=1))
-    contacts = find_spatial_contacts(facets_of(vertices, faces), pairs)
-    of_pair: dict[tuple[int, int], int] = {}
-    for contact in contacts:
-        of_pair[contact.a, contact.b] = of_pair.get((contact.a, contact.b), 0) + 1
-    many = [count for count in of_pair.values() if count > 1]
-    notes.found.append(f"{several(len(contacts), 'contact')} of {several(len(of_pair), 'pair')}")
-    if many:
-        verb = "touches" if len(many) == 1 else "touch"
-        held = "a label given to the pair holds for all of them"
-        notes.found.append(f"{several(len(many), 'pair')} {verb} along {sum(many)} facets: {held}")
 
 
 def split(points: Floats, faces: Faces, tolerance: float) -> list[Ints]:

@@ -56,7 +56,7 @@ def command_text(layout: Layout) -> str:
             lines.append(f"block property density {density:.9g} range group '{_word(block.name)}'")
         else:
             lines.append(f"block fix range group '{_word(block.name)}'")
-    usual = {field: _usual(getattr(strengths, field)) for field in ("friction", "tension", "shear")}
+    usual = {field: _median(getattr(strengths, field)) for field in ("friction", "tension", "shear")}
     lines += [
         "",
         "block contact jmodel assign mohr",
@@ -93,7 +93,7 @@ def _convex(surface: Surface) -> bool:
     return True
 
 
-def _usual(values: np.ndarray) -> float:
+def _median(values: np.ndarray) -> float:
     """Return the median of the finite values, or 0."""
     known = values[np.isfinite(values)]
     return float(np.median(known)) if len(known) else 0.0

@@ -27,7 +27,7 @@ def compas_text(layout: Layout, *, cells: bool) -> str:
     """
     solids = list(solids_of(layout, cells=cells))
     facts = facts_of(layout, cells=cells, spatial=True)
-    keys = _weights(layout, cells)
+    keys = weights_of(layout, cells)
     if cells:
         facts["interfaces"] = [
             {**entry, "polygon": _in_space(layout, np.array(entry["polygon"])).tolist()}
@@ -50,10 +50,10 @@ def compas_text(layout: Layout, *, cells: bool) -> str:
             **own,
         }
     number = {name: k for k, (name, _, _) in enumerate(solids)}
-    for a, b, points in _faces(layout, cells):
+    for a, b, points, _ in named_faces(layout, cells):
         face = {
             "points": points.tolist(),
-            "size": 0.5 * float(np.linalg.norm(area_vector(points))),
+            "size": float(np.linalg.norm(area_vector(points))),
             "frame": _envelope("compas.geometry/Frame", _frame(points), ""),
             "forces": None,
             "mesh": None,
@@ -101,8 +101,11 @@ def _envelope(kind: str, data: Any, name: str) -> dict[str, Any]:
     return found if kind.startswith("compas.geometry") else {**found, "guid": str(uuid.uuid5(_SPACE, f"{kind} {name}"))}
 
 
-def _faces(layout: Layout, cells: bool) -> list[tuple[str, str, Floats]]:
-    """Return the interfaces between the written solids, with their corners in space."""
+def named_faces(layout: Layout, cells: bool) -> list[tuple[str, str, Floats, int]]:
+    """Return names, corners (k, 3) in space, and number of each interface between the written solids.
+
+    cells: the solids are elements, not blocks; interfaces inside a block are then written too.
+    """
     assembly = layout.assembly
     faces = assembly.interfaces
     found = []
@@ -110,14 +113,19 @@ def _faces(layout: Layout, cells: bool) -> list[tuple[str, str, Floats]]:
         if cells:
             one, two = assembly.elements.ids[a], assembly.elements.ids[b]
         else:
-            one, two = (layout.blocks[int(layout.block_of[k])].name for k in (a, b))
+            one, two = (layout.blocks[int(layout.block_of[e])].name for e in (a, b))
         if one == two:
             continue
         points = _in_space(layout, polygon)
         # corners run counter-clockwise about the normal out of the first solid, as COMPAS expects
         out = faces.normal[k] if assembly.dimension == 3 else np.array([faces.normal[k, 0], 0.0, faces.normal[k, 1]])
-        found.append((one, two, points if area_vector(points) @ out > 0.0 else points[::-1]))
+        found.append((one, two, points if area_vector(points) @ out > 0.0 else points[::-1], k))
     return found
+
+
+def point_in_space(layout: Layout, point: Floats) -> Floats:
+    """Return a point (3,) of a scene; one of a planar scene lies in the middle of the thickness."""
+    return point if len(point) == 3 else np.array([point[0], 0.5 * layout.thickness, point[1]])
 
 
 def _in_space(layout: Layout, polygon: Floats) -> Floats:
@@ -129,11 +137,12 @@ def _in_space(layout: Layout, polygon: Floats) -> Floats:
     return np.array([[x0, 0.0, z0], [x1, 0.0, z1], [x1, depth, z1], [x0, depth, z0]])
 
 
-def _weights(layout: Layout, cells: bool) -> dict[str, dict[str, Any]]:
-    """Return weight and centroid of the written solids by name.
+def weights_of(layout: Layout, cells: bool) -> dict[str, dict[str, Any]]:
+    """Return weight and centroid of the written free solids by name, as the scene has them.
 
-    Values are those of the scene, even where the geometry gives others.
+    For elements of a spatial scene only the values that the scene states are given.
     """
+    layout = layout.drawn_from or layout
     elements = layout.assembly.elements
     weight = np.linalg.norm(elements.weight, axis=1)
     found: dict[str, dict[str, Any]] = element_keys(layout) if cells and layout.assembly.dimension == 3 else {}

@@ -64,7 +64,7 @@ def write_dxf(layout: Layout, path: Path) -> None:
 
 
 def _layer(shape: int, support: bool) -> str:
-    """Return the layer of a block."""
+    """Return the name of the layer of a block; shape: its number."""
     return "SUPPORTS" if support else f"SHAPE_{shape:02d}"
 
 
@@ -81,12 +81,12 @@ def _draw(layout: Layout, space: Any) -> None:
             continue
         for region in layout.regions[k]:
             space.add_lwpolyline(region.shell.tolist(), close=True, dxfattribs={"layer": _layer(block.shape, False)})
-            for hole in region.holes:
-                space.add_lwpolyline(hole.tolist(), close=True, dxfattribs={"layer": "HOLES"})
         x, y = block.centroid
         wide, tall = (high - low for low, high in zip(block.lower, block.upper, strict=True))
         words = f"{block.name}: shape {block.shape}, {wide:.4g} × {tall:.4g}"
         _text(space, words, (x, y - 1.5 * height), 0.45 * height, "BLOCK IDS")
+    for hole in layout.openings:
+        space.add_lwpolyline(hole.tolist(), close=True, dxfattribs={"layer": "HOLES"})
     for polygon, dry in zip(faces.polygon, layout.labels, strict=True):
         space.add_line(*polygon.tolist(), dxfattribs={"layer": "JOINTS" if dry else "CRACKS"})
     for name, shape in zip(elements.ids, elements.shape, strict=True):
@@ -116,7 +116,7 @@ def _text(space: Any, words: str, at: tuple[float, float], height: float, layer:
 
 
 def _dimensions(layout: Layout, space: Any, height: float) -> None:
-    """Add dimensions of the overall width and height."""
+    """Add dimensions of the overall width and height; height: of their text."""
     style = {"dimtxt": height, "dimasz": 0.6 * height, "dimexe": 0.4 * height, "dimexo": 0.4 * height}
     look = {
         "override": {**style, "dimgap": 0.4 * height, "dimlfac": 1, "dimdec": 3},

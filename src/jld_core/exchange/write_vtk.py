@@ -38,7 +38,11 @@ class _Polygons:
             self._vectors = np.column_stack([plain[:, 0], np.zeros(len(plain)), plain[:, 1]]) if self.planar else plain
 
     def add(self, corners: Floats, loops: list[tuple[int, ...]], element: int, part: int, face: int | None) -> None:
-        """Add faces of an element or an interface with their fields."""
+        """Add faces of an element or an interface with their fields.
+
+        corners: (k, 3). loops: corner indices of each face. part: 0 for a surface, 1 for an interface. face: the
+        interface, None for a surface.
+        """
         start = sum(map(len, self.points))
         self.points.append(corners)
         self.motion.append(self._velocity(element, corners))

@@ -25,16 +25,16 @@ With 0.5 the flagship needs 3500 triangles for a bracket of 3.4 %, with 0.25 it 
 """
 
 _SHARE_WITHOUT = 0.5
-"""The same while a bound is missing: what is wanted then is any field, on few meshes."""
+"""Share as `_SHARE` while a bound is missing: larger, since any field will do and each mesh takes time."""
 
 _MOST_MARKED = 0.4
 """Largest share of triangles that one refinement marks."""
 
 _EVERYWHERE = 0.1
-"""Weight of the area in the indicator beside one of disagreement, so that no triangle stays coarse for ever."""
+"""Weight of the area in the indicator, the disagreement having 1, so that no triangle stays coarse for ever."""
 
 _STRESSED = 0.5
-"""Weight of multipliers of stresses in the indicator: by disagreement alone the lower bound stalls."""
+"""Weight of the multipliers of stresses in the indicator. By disagreement alone the lower bound stalls."""
 
 _SINGULAR = 0.7
 """Share of the multipliers of a triangle at one corner above which that corner is taken as singular."""
@@ -48,7 +48,7 @@ _LEAST_AREA = 1e-9
 
 @dataclass(frozen=True)
 class FieldSetting:
-    """What all meshes and labellings of one assembly have in common.
+    """Data that all meshes and labellings of one assembly share.
 
     Attributes
     ----------
@@ -145,9 +145,9 @@ class Fields:
 
     @cached_property
     def for_all(self) -> tuple[FieldStresses | None, FieldMechanism | None]:
-        """What the two fields prove for other labellings: lower bounds, then upper bounds.
+        """Bounds on λ of other labellings that the two fields prove: lower, then upper.
 
-        Either is None without its field; the second also where `mechanism_of` finds none.
+        Either is None without its field; the upper one also where `mechanism_of` returns None.
         """
         stresses = None if self.stress is None else stresses_of(self.lower, self.stress, self.labels)
         return stresses, None if self.velocity is None else mechanism_of(self.upper, self.velocity, self.labels)
@@ -156,7 +156,8 @@ class Fields:
         """Return the next mesh: refined where the fields disagree, or everywhere.
 
         adaptive: False splits every triangle in four. True splits the triangles with the largest criterion of
-        docs/method.md (9.12). Without a stress field the criterion uses one for the dead load alone.
+        docs/method.md (9.12). Without a stress field, that for the dead load alone takes its place; without either, all
+        but the smallest triangles are split.
         """
         if not adaptive:
             return refine(self.mesh, np.ones(len(self.mesh), dtype=bool))
@@ -166,9 +167,9 @@ class Fields:
         return refine(self.mesh, marks, _singular_corners(self.problem, stress))
 
     def _under_dead_load(self) -> StressField | None:
-        """Return the field under the largest multiple of the dead load alone.
+        """Return the stress field under the largest multiple of the dead load alone.
 
-        None without dead load, or without a field. Its multipliers show where the mesh is too coarse.
+        None without dead load, or where no field was certified. Its `rate` shows where the mesh is too coarse.
         """
         p = self.problem
         if not p.dead.any():
@@ -206,7 +207,7 @@ class CoarseBounds:
         bound : float
             Upper bound, inf where no velocity field was certified; scene units.
         mechanism : FieldMechanism or None
-            What the field proves for other labellings.
+            Bounds of other labellings by the same field; None where it proves none.
         """
         found = self._upper.bound(labels)
         if found is None:
@@ -226,7 +227,7 @@ class CoarseBounds:
         bound : float
             Lower bound, −inf where no stress field was certified; scene units.
         stresses : FieldStresses or None
-            What the field proves for other labellings.
+            Bounds of other labellings by the same field; None without a field.
         """
         found = self._lower.bound(labels)
         return (
@@ -237,7 +238,8 @@ class CoarseBounds:
 def _marks(problem: Problem, stress: StressField | None, velocity: VelocityField | None, wanted: float) -> Bools:
     """Choose the triangles to split, (t,) True, by docs/method.md (9.12).
 
-    By the disagreement alone the lower bound stalls: on the flagship [5.89, 6.49] instead of [6.15, 6.46] in 3 s.
+    wanted: share of the criterion that they hold. Without `stress` all but the smallest are chosen. By the disagreement
+    alone the lower bound stalls: on the flagship [5.89, 6.49] instead of [6.15, 6.46] in 3 s.
     """
     count = len(problem.mesh)
     small = problem.mesh.area < _LEAST_AREA * problem.mesh.area.sum()
@@ -254,7 +256,10 @@ def _marks(problem: Problem, stress: StressField | None, velocity: VelocityField
 
 
 def _leading(error: Floats, wanted: float) -> Bools:
-    """Mark the triangles (t,) of largest error (t,) that together hold a share of its sum."""
+    """Mark the triangles (t,) of largest error that together hold a share of its sum.
+
+    error: (t,), at least 0. wanted: the share, 0 to 1. No more than `_MOST_MARKED` of all are marked.
+    """
     order = np.argsort(-error, kind="stable")
     share = np.cumsum(error[order])
     enough = int(np.searchsorted(share, wanted * share[-1])) + 1
@@ -286,8 +291,8 @@ def finer_by_dissipation(mesh: Mesh, power: Floats) -> Mesh:
 def _singular_corners(problem: Problem, stress: StressField | None) -> Ints:
     """Return the corner (t,) at which each triangle should be bisected, −1 for no preference.
 
-    Stresses jump at ends of loads and at corners of blocks; only a fan of triangles about such a node can follow. A
-    corner is chosen where most of the multipliers of its triangle stand.
+    Stresses jump at ends of loads and at corners of blocks; only a fan of triangles about such a node can follow. The
+    corner is the one that holds most of `stress.rate` of its triangle, where its angle is wide as well.
     """
     none = np.full(len(problem.mesh), -1, dtype=np.int64)
     if stress is None:

@@ -20,10 +20,13 @@ _MOST_TRIANGLES = 20_000
 """Triangles at which refinement ends: programs of more take minutes."""
 
 _GROWTH = 1.3
-"""Power of the number of triangles that the time of a mesh grows with."""
+"""Exponent of the number of triangles in the time of a mesh, to predict the time of the next one."""
 
 _PATIENCE = 8
-"""Meshes after which bounds of which one is missing are given up: the dead load needs fine meshes at few places."""
+"""Number of meshes after which refinement ends if a bound is still missing.
+
+The dead load needs fine meshes at few places.
+"""
 
 
 class FieldStatus(StrEnum):
@@ -174,11 +177,11 @@ def bounds_by_fields(
     assembly : Assembly
         Planar assembly with one load case; blocks are made of its inner strengths.
     labels : (m,) bool array, optional
-        True = dry joint; False = inside a block. By default those of the scene.
+        True = dry joint; False = inside a block. By default the labels of the scene.
     gap : float
         Width of the bracket, relative, at which refinement ends; above 0.
     seconds : float, optional
-        No mesh is begun that is not expected to be done by then; the first one always is.
+        No mesh is begun that is not expected to be done by then; the first one always is. By default no limit, s.
     patch : float, optional
         Length of the patch that each live force on a free face is spread on; by default the whole face (docs/method.md
         (9.5)).
@@ -197,7 +200,8 @@ def bounds_by_fields(
     Raises
     ------
     InputError
-        Scenes in space, load cases, a gap that is not above 0, and what `material_of` and `loaded_mesh` refuse.
+        Scenes in space, several load cases, a gap that is not above 0, and scenes that `material_of` or `loaded_mesh`
+        refuses.
     """
     refinement = FieldRefinement(
         assembly, labels, gap=gap, patch=patch, parts=parts, adaptive=adaptive, most_triangles=most_triangles
@@ -249,8 +253,8 @@ class FieldRefinement:
     def ended(self) -> bool:
         """True if `step` has nothing left to solve.
 
-        The gap was reached, the upper bound is below 0, a bound is missing after eight meshes, or the next mesh would
-        exceed `most_triangles`.
+        Any of these ends refinement: the gap is reached, the upper bound is below 0, a bound is missing after eight
+        meshes, the next mesh would exceed `most_triangles`.
         """
         return self._mesh is None
 
@@ -303,7 +307,10 @@ class FieldRefinement:
 
 
 def _require(assembly: Assembly, labels: Bits | None, gap: float, parts: int, patch: float | None) -> Bits:
-    """Return the labels; raise InputError for what cannot be bounded."""
+    """Check the arguments of `bounds_by_fields`, and return the labels (m,).
+
+    Raises InputError for a spatial assembly, `parts` below 1, and all that `require_refinement` refuses.
+    """
     require_planar(assembly)
     known = require_refinement(assembly, labels, gap, patch)
     if parts < 1:
@@ -320,7 +327,7 @@ class _Best:
         self.velocities: Velocities | None = None
 
     def take(self, fields: Fields) -> None:
-        """Keep the bounds of a mesh, each with its field, where they improve."""
+        """Take over each bound of a mesh, with its field, that is better than the one held."""
         units, mesh, (lower, upper) = fields.problem.units, fields.mesh, fields.bounds
         if fields.stress is not None and lower > self.lower:
             m, d, s = np.moveaxis(fields.stress.stress, -1, 0)

@@ -13,12 +13,13 @@ import scipy.sparse as sp
 from jld_core.arrays import Bools, Floats, Ints
 
 _RESIDUAL = 1e-9
+"""Residuals and duality gap that the solver is asked to reach, absolute and relative."""
 
 _ENDED = ("Solved", "PrimalInfeasible", "DualInfeasible")
-"""Statuses of the solver that more exact linear systems would not change."""
+"""Statuses after which a second attempt with iterative refinement would change nothing."""
 
 _NEAR = 1e-7
-"""Residuals and relative duality gap up to which an answer that the solver calls almost solved is taken as it is."""
+"""Largest residual or relative gap at which an answer of status AlmostSolved needs no second attempt."""
 
 
 @dataclass
@@ -119,7 +120,7 @@ class ConeProgram:
         """Solve the program, with some rows switched off or with another objective.
 
         off: (rows,) True for rows switched off; a second-order cone only with all of its rows. objective: (columns,)
-        another q. Give each of them at every call or at none: None leaves the solver as it was.
+        another q. None keeps the rows or q of the call before: give each argument at every call, or at none.
 
         Linear systems are refined iteratively only in a second attempt, where the first did not converge: refinement
         costs a third of the time. A failure shows in `Answer.usable` alone; no exception is raised.
@@ -132,13 +133,14 @@ class ConeProgram:
     def _residual(self, careful: bool) -> float:
         """Return the larger of primal residual and relative duality gap of a solver's last answer.
 
-        The dual residual moves no bound: it belongs to the multipliers, which only steer refinement.
+        careful: which of the two solvers, as for `_solve`. The dual residual moves no bound: it belongs to the
+        multipliers, which only steer refinement.
         """
         info = self._solvers[careful].get_info()
         return max(float(info.res_primal), float(info.gap_rel))
 
     def _solve(self, off: Bools | None, objective: Floats | None, careful: bool) -> Answer:
-        """Solve with or without iterative refinement of linear systems."""
+        """Solve once; off, objective: as for `solve`; careful: refine linear systems iteratively."""
         data, rhs = self._data, self._rhs
         if off is not None:
             data = np.where(off[self._row], 0.0, data)
@@ -161,6 +163,7 @@ class ConeProgram:
 
 
 def _settings(careful: bool) -> Any:
+    """Return the settings of Clarabel; careful: with iterative refinement of linear systems."""
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.max_threads = 1

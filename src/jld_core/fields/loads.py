@@ -21,11 +21,12 @@ from jld_core.fields.mesh import Mesh, coarse_mesh
 from jld_core.fields.outlines import FREE, Outlines, outlines_of
 
 _LEAST_PATCH = 0.02
-"""Shortest patch over the free face it lies on: a shorter one stands at an end of the face."""
+"""Least length of a patch, relative to its free face. A shorter one means a force at an end of the face."""
 
 
 _COVER = 1e-5
-"""Relative difference of the length of an interface and that of its edges, above which it does not fit the mesh."""
+"""Relative difference between the length of an interface and that of its edges, above which the mesh does not fit
+it."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,11 @@ class FieldLoads:
 
 @dataclass(frozen=True)
 class _FreeFace:
-    """Straight run of free outline edges: cell, start, unit direction, length."""
+    """Straight run of free outline edges of a cell.
+
+    cell: element. start: (2,) first point. along: (2,) unit direction, the cell on its left. length: of the run. All
+    are in scene units.
+    """
 
     cell: int
     start: Floats
@@ -66,7 +71,10 @@ class _FreeFace:
 
 @dataclass(frozen=True)
 class _Force:
-    """Live force on a free face: distance from its start, vector (2,), width or None."""
+    """Live force on a free face, scene units.
+
+    at: distance of its place from the start of the face. vector: (2,). width: of its patch, None where none is stated.
+    """
 
     at: float
     vector: Floats
@@ -160,7 +168,7 @@ def _require_cover(assembly: Assembly, mesh: Mesh) -> None:
 
 
 def _points(assembly: Assembly) -> list[tuple[Floats, Floats, float | None]]:
-    """Places (2,), vectors (2,) and stated widths of the live point forces."""
+    """Return place (2,), vector (2,) and stated width or None of each live point force."""
     widths = assembly.live_widths or (None,) * len(assembly.live_points)
     return [
         (np.array(place, dtype=float), np.array(vector, dtype=float), width)
@@ -169,7 +177,7 @@ def _points(assembly: Assembly) -> list[tuple[Floats, Floats, float | None]]:
 
 
 def _free_faces(outlines: Outlines, index: int) -> list[_FreeFace]:
-    """Straight runs of free edges of one outline."""
+    """Return the straight runs of free edges of outline number `index`."""
     ring, tags = outlines.rings[index], outlines.tags[index]
     places = outlines.points[ring]
     step = np.roll(places, -1, axis=0) - places
@@ -193,9 +201,11 @@ def _free_faces(outlines: Outlines, index: int) -> list[_FreeFace]:
 
 
 def _face_of(assembly: Assembly, faces: list[_FreeFace], place: Floats, vector: Floats, taken: Floats) -> int | None:
-    """Return the free face that a live force acts on, None for a force on none of them.
+    """Return the number of the free face that a live force acts on, or None.
 
-    None means a force inside its cell or beside all free faces.
+    None: the force lies inside a cell. place, vector: (2,) of the force. taken: (n, 3) live forces that faces took
+    before. Among several faces at the place, the cell whose remaining live force is nearest to `vector` counts first,
+    then the steepest push. Raises InputError for a force on the outline of a cell without a free face there.
     """
     reach = tolerances.ON_OUTLINE * assembly.size
     loaded = [int(cell) for cell in assembly.elements.free if assembly.live[cell].any()]
@@ -208,9 +218,11 @@ def _face_of(assembly: Assembly, faces: list[_FreeFace], place: Floats, vector: 
             return None
 
     def misfit(cell: int) -> float:
+        """Return how far the remaining live force of a cell is from the vector."""
         return float(np.hypot(*(assembly.live[cell, :2] - taken[cell, :2] - vector)))
 
     def push(face: _FreeFace) -> float:
+        """Return the size of the component of the force normal to a face."""
         return float(abs(vector[0] * face.along[1] - vector[1] * face.along[0]))
 
     best: tuple[float, float, int] | None = None
@@ -230,7 +242,7 @@ def _face_of(assembly: Assembly, faces: list[_FreeFace], place: Floats, vector: 
 
 
 def _segments(assembly: Assembly, face: _FreeFace, forces: list[_Force]) -> list[Segment]:
-    """Return the loaded segments of one free face under forces; overlaps are added up."""
+    """Return the loaded segments of one free face; where they overlap, tractions are summed."""
     pieces = [_stated(assembly, face, force, force.width) for force in forces if force.width is not None]
     plain = [force for force in forces if force.width is None]
     if plain:
@@ -251,16 +263,17 @@ def _segments(assembly: Assembly, face: _FreeFace, forces: list[_Force]) -> list
 
 
 def _between(piece: _Piece, low: float, high: float) -> Floats:
-    """Tractions (2, 2) at both ends of a part of a linear piece."""
+    """Return the tractions (2, 2) of a piece at distances `low` and `high` along the face."""
     start, stop, ends = piece
     shares = (np.array([low, high]) - start) / (stop - start)
     return np.asarray(ends[0] * (1.0 - shares[:, None]) + ends[1] * shares[:, None])
 
 
 def _spread(assembly: Assembly, face: _FreeFace, forces: list[_Force]) -> _Piece:
-    """Return the linear traction of several forces on one face.
+    """Return the linear traction of several forces without a stated width on one face.
 
-    It covers the face, or is uniform about the resultant where that lies beyond the middle third.
+    It covers the face, or is uniform about the resultant where that lies beyond the middle third. Raises InputError
+    without room for that.
     """
     thickness = thickness_of(assembly)
     normal = np.array([face.along[1], -face.along[0]])
@@ -282,7 +295,7 @@ def _spread(assembly: Assembly, face: _FreeFace, forces: list[_Force]) -> _Piece
 
 
 def _stated(assembly: Assembly, face: _FreeFace, force: _Force, width: float) -> _Piece:
-    """Return a uniform patch of stated width about one force."""
+    """Return a uniform patch of stated width about one force; raise InputError without room."""
     reach = tolerances.ON_OUTLINE * assembly.size
     low, high = force.at - 0.5 * width, force.at + 0.5 * width
     if low < -reach or high > face.length + reach:
@@ -292,11 +305,13 @@ def _stated(assembly: Assembly, face: _FreeFace, force: _Force, width: float) ->
 
 
 def _segment(face: _FreeFace, low: float, high: float, traction: Floats) -> Segment:
+    """Return the segment of a face from distance `low` to `high`; traction: (2, 2) at both."""
     ends = np.array([face.start + low * face.along, face.start + high * face.along])
     return Segment(face.cell, ends, traction)
 
 
 def _no_room(assembly: Assembly, face: _FreeFace, at: float) -> InputError:
+    """Return the error for a patch that does not fit; at: distance from the start."""
     place = face.start + at * face.along
     return InputError(
         f"element {assembly.elements.ids[face.cell]!r}",
@@ -306,7 +321,10 @@ def _no_room(assembly: Assembly, face: _FreeFace, at: float) -> InputError:
 
 
 def _tagged(mesh: Mesh, segments: list[Segment], faces: int) -> Mesh:
-    """Mesh whose outline edges on loaded segments have tags of their own."""
+    """Return the mesh with tags on the outline edges that lie on loaded segments.
+
+    faces: number of interfaces. Segment i gets the tag faces + i.
+    """
     unique, number = mesh.sides
     pairs, tags = [mesh.tagged], [mesh.tag]
     for index, segment in enumerate(segments):
@@ -327,7 +345,7 @@ def _tagged(mesh: Mesh, segments: list[Segment], faces: int) -> Mesh:
 def _body(assembly: Assembly, mesh: Mesh, loads: Floats) -> Floats:
     """Return forces per volume (t, 2) in root triangles, equivalent to nodal loads of cells.
 
-    The loads are forces and moments (n, 3) about the centroids.
+    loads: (n, 3) forces and moments about the centroids of the elements, scene units.
     """
     thickness = thickness_of(assembly)
     middle = mesh.corners.mean(axis=1)

@@ -22,16 +22,16 @@ _MARGIN = 1e-7
 """Room that the solver keeps to yield, scaled stress: more than its residual, so that the projected field has room."""
 
 _WIDER = (3e-7, 1e-6)
-"""Margins with which a program is solved again whose answer violates yield: the solver often fails by chance."""
+"""Margins with which a program is solved again if its answer violates yield. The solver often fails by chance."""
 
 _INTERIOR = (1e-3, 1e-5)
-"""Room of fields that those are blended with which still violate yield."""
+"""Margins of the interior fields that are blended with a field that still violates yield, in the order tried."""
 
 _REGULAR = 1e-10
-"""Added to the diagonal of E Eᵀ, whose rows depend on each other around nodes; refinement steps undo it."""
+"""Added to the diagonal of E Eᵀ, because rows depend on each other around nodes; correction steps undo its effect."""
 
 _STEPS = 6
-"""Most steps of that refinement."""
+"""Largest number of correction steps of a projection onto equilibrium."""
 
 
 @dataclass(frozen=True)
@@ -97,11 +97,11 @@ class LowerBound:
         if not answer.usable:
             return None
         proposed = answer.point[: 9 * self._triangles], float(answer.point[-1])
-        found = self.certify(*proposed, labels) or self._again(labels) or self._blend(*proposed, labels)
+        found = self.certify(*proposed, labels) or self._with_larger_margins(labels) or self._blend(*proposed, labels)
         return replace(found, rate=self._rate(answer.dual)) if found is not None else None
 
-    def _again(self, labels: Bits) -> StressField | None:
-        """Certify what the solver proposes with larger margins; None where each violates yield."""
+    def _with_larger_margins(self, labels: Bits) -> StressField | None:
+        """Solve with larger margins, and return the first field that passes the check, else None."""
         for margin in _WIDER:
             answer = self.propose(labels, margin)
             if answer.usable:
@@ -111,9 +111,9 @@ class LowerBound:
         return None
 
     def _blend(self, stress: Floats, factor: float, labels: Bits) -> StressField | None:
-        """Certify a mean of a field that violates yield and one with ample room, else None.
+        """Certify a mean of a field that violates yield and one with ample room, or return None.
 
-        The room is concave, so that the mean has room enough.
+        stress: (9t,) of the first, factor: its λ, both scaled. The room is concave, so that the mean has room enough.
         """
         for margin in _INTERIOR:
             inner = self.propose(labels, margin)
@@ -160,7 +160,7 @@ class LowerBound:
         return StressField(factor, field, room, rest, np.zeros((self._triangles, 3))) if room >= 0.0 else None
 
     def _rate(self, dual: Floats) -> Floats:
-        """Multipliers of yield times strengths at the corners (t, 3)."""
+        """Return the `StressField.rate` (t, 3) of multipliers of all rows of the program."""
         lines = self.problem.material.lines
         start, count = len(self.equilibrium[1]), 3 * self._triangles
         shares = dual[start : start + len(lines) * count].reshape(len(lines), count)
@@ -238,7 +238,10 @@ class LowerBound:
         return rows.matrix(last + 1), rows.right
 
     def _traction(self, rows: Ints, end: int, axis: int, sign: float) -> list[tuple[Ints, Floats]]:
-        """Return entries of the traction of triangle a (sign 1) or b (sign −1) at edge ends."""
+        """Return columns and values (k,) of one component of the traction at one end of edges.
+
+        rows: (k,) edges. end: 0 or 1. axis: 0 or 1. sign: 1 for the traction of triangle a, −1 for minus that of b.
+        """
         e = self.problem.edges
         triangle, corner = (e.a, e.corner_a) if sign > 0.0 else (e.b, e.corner_b)
         base = 9 * triangle[rows] + 3 * corner[rows, end]
@@ -246,9 +249,10 @@ class LowerBound:
         return [(base + k, part) for k, part in enumerate((nx, nx, ny) if axis == 0 else (ny, -ny, nx))]
 
     def _equalities(self, labels: Bits) -> tuple[sp.csr_array, object]:
-        """Equations of stresses alone, and a factor of A Aᵀ: the column of λ would fill it.
+        """Return the matrix A of all equations on the stresses (9t,), and a factor of A Aᵀ.
 
-        They are equilibrium and, on dry joints without friction and cohesion, no shear.
+        They are equilibrium and no shear on dry joints without friction and cohesion. λ is no unknown here: its dense
+        column would fill A Aᵀ. Factors are kept.
         """
         p = self.problem
         edges = p.on_faces[p.is_dry(labels)[p.on_faces] & self.frictionless[p.face[p.on_faces]]]
@@ -266,7 +270,7 @@ class LowerBound:
         return self._factors[key]
 
     def _no_shear(self, edges: Ints) -> sp.csr_array:
-        """Rows of the shear tractions at both ends of some edges."""
+        """Return rows (2k, 9t) that give the shear tractions at both ends of k edges."""
         e, rows = self.problem.edges, Rows()
         nx, ny = e.normal[edges, 0], e.normal[edges, 1]
         for end in (0, 1):
@@ -277,8 +281,8 @@ class LowerBound:
     def _project(self, stress: Floats, factor: float, labels: Bits) -> tuple[Floats, float]:
         """Return the nearest stresses (9t,) in equilibrium under λ, and the stress to charge.
 
-        Charged are twice the next correction and the largest residual; beyond rounding the charge is infinite, since no
-        correction mends equations that contradict each other.
+        stress: (9t,), factor: λ, both scaled. The charge is twice the last correction plus the largest residual. It is
+        infinite where the residual exceeds rounding: no correction mends equations that contradict each other.
         """
         matrix, solver = self._equalities(labels)
         whole, rhs = self.equilibrium
@@ -298,9 +302,10 @@ class LowerBound:
         return stress, rest if residual <= tolerances.ROUNDING * terms else np.inf
 
     def _program(self, margin: float) -> tuple[ConeProgram, Ints]:
-        """Set up the program that maximises λ; also return the edge that owns each row, or −1.
+        """Set up the program that maximises λ.
 
-        Yield is stated at all corners through radii r ≥ R.
+        Also returns the edge whose label switches each row, −1 for none. margin: slack to yield, scaled. Yield is
+        stated at all corners through radii r ≥ R.
         """
         p, count = self.problem, self._triangles
         matrix, rhs = self.equilibrium

@@ -132,8 +132,9 @@ def material_of(assembly: Assembly) -> Material:
     Raises
     ------
     InputError
-        No inner strengths, strengths of 0, or strengths that differ between faces.
+        No inner strengths, strengths of 0, strengths that differ between faces, or members.
     """
+    assembly.members.refuse("an analysis by fields")
     given = assembly.strengths
     values = np.column_stack([given.tension, given.shear, given.inner_friction, given.crush_inner])
     named = values[~np.isnan(values[:, :2]).any(axis=1)]

@@ -21,9 +21,9 @@ _STRAIGHT = 1e-6
 class Edges:
     """Edges of a triangle mesh, as arrays over e edges.
 
-    a, b: (e,) triangles; b = −1 on an outline or support. corner_a, corner_b: (e, 2) which corner (0 to 2) of a and b
-    is at each end. normal: (e, 2) unit vector from a to b, or outward. length: (e,). tag: (e,) as `Mesh.tag`; edges
-    inside a cell and free ones have FREE.
+    a, b: (e,) triangles; b = −1 on an outline or support. corner_a, corner_b: (e, 2) corners (0 to 2) of a and b at the
+    two ends. normal: (e, 2) unit vector from a to b, or outward. length: (e,). tag: (e,) as `Mesh.tag`; edges inside a
+    cell and free ones have FREE.
     """
 
     a: Ints
@@ -184,7 +184,7 @@ def coarse_mesh(outlines: Outlines) -> Mesh:
 
 
 def _centre(ring: Floats) -> Floats | None:
-    """Inner node of a fan over a convex ring (k, 2); None for a ring that is not convex."""
+    """Return the inner node (2,) of a fan over a convex ring (k, 2); None for any other ring."""
     turn, size = _turns(ring)
     if (turn < -_STRAIGHT * size).any():
         return None
@@ -197,7 +197,10 @@ def _centre(ring: Floats) -> Floats | None:
 
 
 def _chains(points: Floats, ring: Ints) -> dict[int, list[int]]:
-    """Map each corner of an outline to the nodes of its straight edge, both ends included."""
+    """Map each corner of an outline to the nodes from it to the next corner, both included.
+
+    points: (p, 2) of all nodes. ring: (k,) nodes of the outline, in order.
+    """
     turn, size = _turns(points[ring])
     corners = np.flatnonzero(abs(turn) > _STRAIGHT * size)
     nodes = ring.tolist()
@@ -209,7 +212,7 @@ def _chains(points: Floats, ring: Ints) -> dict[int, list[int]]:
 
 
 def _turns(ring: Floats) -> tuple[Floats, Floats]:
-    """Cross products of successive edges of a ring (k, 2), and the products of their lengths."""
+    """Return cross products (k,) of successive edges of a ring, and products of lengths."""
     before, after = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
     turn = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
     return turn, np.hypot(*before.T) * np.hypot(*after.T)
@@ -340,9 +343,9 @@ def refine(mesh: Mesh, marked: Bools, singular: Ints | None = None) -> Mesh:
 
 
 def _bisected(mesh: Mesh, middle: Ints, first: Ints) -> tuple[list[tuple[int, int, int]], list[int]]:
-    """Split triangles at the middles of edges (t, 3), −1 where an edge is whole.
+    """Split triangles at middles of edges; return new triangles, and the old one of each.
 
-    Also returns the triangle that each new one lies in.
+    middle: (t, 3) node in the middle of each edge, −1 for a whole edge. first: (t,) edge that is halved first.
     """
     triangles: list[tuple[int, int, int]] = []
     parent: list[int] = []

@@ -10,7 +10,7 @@ from jld_core.fields.conic import ConeProgram, Rows
 from jld_core.fields.problem import Problem
 
 _LEAST = 1e-9
-"""Room, at velocities of one, below which no motion counts as found."""
+"""Least room in all flow rules, at velocities of one, of a motion that counts as found."""
 
 
 def opening_motion(problem: Problem) -> Floats | None:
@@ -41,8 +41,8 @@ def opening_motion(problem: Problem) -> Floats | None:
 def _convex_gradients(problem: Problem, number: Ints) -> Floats | None:
     """Find gradients (t, 2) of a function that is linear on triangles, convex in each cell.
 
-    It exists for every mesh of fans, trees of triangles and their bisections, which are regular subdivisions. A linear
-    program finds it; None where there is none.
+    number: (t,) cell of each triangle, counted from 0 without gaps. It exists for every mesh of fans, trees of
+    triangles and their bisections, which are regular subdivisions. A linear program finds it; None where there is none.
     """
     from scipy.optimize import linprog  # takes longer to import than most commands need
 
@@ -75,7 +75,8 @@ def _convex_gradients(problem: Problem, number: Ints) -> Floats | None:
 def _cell_motion(problem: Problem, number: Ints, centre: Floats, count: int) -> tuple[Floats, float] | None:
     """Find affine motions of the cells (count, 6) with the most room in all flow rules.
 
-    They are at most one in size. Also returns the room; None where there is none.
+    number: (t,) cell of each triangle, counted from 0. centre: (count, 2) points that the first two coefficients move;
+    the others are velocity gradients. No coefficient exceeds one. Also returns the room; None where there is none.
     """
     p, e, rows = problem, problem.edges, problem.on_faces
     width = 6 * count + 1

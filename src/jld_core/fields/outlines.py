@@ -65,7 +65,10 @@ def outlines_of(assembly: Assembly, extra: Floats | None = None) -> Outlines:
 
 
 def _ring(points: Floats, corners: Ints, reach: float) -> Ints:
-    """Nodes of an outline: its corners, and all nodes that lie on its edges, in order."""
+    """Return the nodes of an outline in order: its corners, and all nodes on its edges.
+
+    points: (p, 2). corners: (k,) nodes. reach: distance within which a node lies on an edge.
+    """
     corners = corners[corners != np.roll(corners, 1)]
     nodes: list[int] = []
     for a, b in zip(corners.tolist(), np.roll(corners, -1).tolist(), strict=True):
@@ -81,7 +84,11 @@ def _ring(points: Floats, corners: Ints, reach: float) -> Ints:
 
 
 def _tags(assembly: Assembly, points: Floats, cell: int, ring: Ints, face_ends: Ints, reach: float) -> Ints:
-    """Interface that covers each edge of an outline."""
+    """Return the interface (k,) that covers each edge of an outline, FREE where none does.
+
+    points: (p, 2) nodes. cell: element. ring: (k,) its nodes. face_ends: (m, 2) end nodes of interfaces. reach:
+    distance within which an edge lies on an interface.
+    """
     faces = assembly.interfaces
     own = np.flatnonzero((faces.a == cell) | (faces.b == cell))
     tags = np.full(len(ring), FREE, dtype=np.int64)

@@ -169,7 +169,10 @@ def problem_of(assembly: Assembly, material: Material, units: Units, mesh: Mesh,
 
 
 def _pull(mesh: Mesh, loads: FieldLoads, faces: int) -> Floats:
-    """Live tractions (e, 2, 2) at both ends of all edges, scene units."""
+    """Return live tractions (e, 2, 2) at both ends of edges, scene units.
+
+    faces: number of interfaces.
+    """
     edges = mesh.edges
     pull = np.zeros((len(edges), 2, 2))
     for index, segment in enumerate(loads.segments):

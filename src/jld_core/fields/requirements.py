@@ -24,8 +24,8 @@ def require_fields(assembly: Assembly, patch: float | None = None) -> None:
     Raises
     ------
     InputError
-        Spatial scenes, inner strengths that are missing, zero or different, loads without room for their patch, and
-        outlines or interfaces that no mesh fits.
+        Members, spatial scenes, inner strengths that are missing, zero or different, loads without room for their
+        patch, and outlines or interfaces that no mesh fits.
     """
     require_planar(assembly)
     material_of(assembly)

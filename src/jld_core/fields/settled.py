@@ -13,10 +13,13 @@ from jld_core.fields.problem import Problem
 from jld_core.fields.velocity_program import Entries, jump_entries, strain_entries
 
 _ACTIVE = 1e-7
-"""Rates over the largest velocity below which they count as zero: far above what the solver leaves."""
+"""Rate, relative to the largest velocity, below which it counts as zero: far above the residual of the solver."""
 
 _ROUNDS = 4
-"""Most linearisations of flow rules with friction: two leave 4e-9 of the velocities where many slide, four 1e-14."""
+"""Largest number of linearisations of flow rules with friction.
+
+Where many slide, two leave errors of 4e-9 of the velocities, four 1e-14.
+"""
 
 
 class Settling:
@@ -47,7 +50,7 @@ class Settling:
     def settled(self, velocity: Floats, dry: Bools) -> Floats:
         """Move velocities to the nearest ones for which active flow rules hold with equality.
 
-        A flow rule counts as active where it lacks, or has as room, a small share of the largest velocity.
+        A flow rule is active if it is violated, or met with a margin below a small share of the largest velocity.
 
         Parameters
         ----------
@@ -77,7 +80,10 @@ class Settling:
         return np.asarray(moved.reshape(velocity.shape))
 
     def _active(self, velocity: Floats, dry: Bools) -> sp.csr_array | None:
-        """Return rows of rates that should be zero: at rest, or at the edge of a flow rule."""
+        """Return rows over velocities (6t,) that active flow rules make zero.
+
+        None without any. velocity: (6t,). dry: (e,) edges on dry interfaces.
+        """
         p, small = self.problem, _ACTIVE * float(abs(velocity).max())
         rates = self._rates @ velocity
         rigid = bool(np.isinf(p.material.crushing))
@@ -98,9 +104,12 @@ class Settling:
 def _choose(
     chosen: Rows, rates: Floats, head: Ints, tail: list[Ints], slope: Floats, wanted: Bools, small: float
 ) -> None:
-    """Append active rules of head ≥ slope · |tail|: both where both vanish, else the tangent.
+    """Append to `chosen` the active rules among head ≥ slope · |tail|.
 
-    Slip that stands still is removed from material without friction as well: of strong blocks it would dissipate.
+    rates: all rates. head: (k,) rows of openings. tail: arrays (k,) of rows of slips. slope, wanted: (k,), the slope of
+    each rule and whether it applies. small: rate that counts as zero. Where head and tail vanish, both become zero;
+    else the tangent of the rule does. A vanishing slip is removed without friction as well: in strong blocks it would
+    dissipate.
     """
     value, parts = rates[head], [rates[part] for part in tail]
     size = np.sqrt(sum((part**2 for part in parts), np.zeros(len(value))))

@@ -20,24 +20,27 @@ from jld_core.fields.space_problem import SpatialProblem, spatial_problem, spati
 from jld_core.fields.space_upper import SpatialUpperBound, SpatialVelocity
 
 _SHARE = 0.5
-"""Share of the indicator that tetrahedra hold together which are marked at a time (Dörfler marking)."""
+"""Share of the indicator that the tetrahedra marked at a time hold together (Dörfler marking)."""
 
 _MOST_MARKED = 0.3
 """Largest share of tetrahedra that are marked at a time."""
 
 _GROWTH = 1.5
-"""Number of tetrahedra of the next mesh over that of the last: marks are set and halved again until it is reached."""
+"""Ratio of the numbers of tetrahedra of the next and the last mesh.
+
+Tetrahedra are marked and halved until it is reached.
+"""
 
 _EVERYWHERE = 0.02
-"""Share of the volume in the indicator, so that no tetrahedron stays coarse for ever."""
+"""Weight of the volume in the indicator, so that no tetrahedron stays coarse for ever."""
 
 _DEFORMS = 0.1
-"""Share of a cell in the dissipation from which it is cut in layers where it is long or flat."""
+"""Share of the dissipation from which a cell that is long or flat is cut in layers."""
 
 
 @dataclass(frozen=True)
 class SpatialSetting:
-    """What all meshes of one labelling of a spatial assembly have in common.
+    """Data that all meshes of one labelling of a spatial assembly share.
 
     assembly: with one load case. labels: (m,) True = dry. material: of the blocks, scene units. units: of the scaled
     problem. loads: over the coarsest mesh, scene units.
@@ -132,8 +135,9 @@ class SpatialFields:
     def finer(self, adaptive: bool) -> SolidMesh:
         """Return the next mesh, scene units: refined where the fields disagree, or everywhere.
 
-        adaptive: False bisects every tetrahedron, as is done without a stress field. True bisects those with most
-        dissipation less stress power, and most multipliers of yield, until the mesh has grown enough.
+        adaptive: False bisects every tetrahedron once, as is done without a stress field. True bisects, until the mesh
+        has grown enough, the tetrahedra with the largest error. It is the sum of the multipliers of yield, of
+        dissipation less stress power, and of a share of the volume.
         """
         if not adaptive or self.stress is None:
             return bisect(self.mesh, np.ones(len(self.mesh), dtype=bool))
@@ -158,14 +162,17 @@ class SpatialFields:
         return replace(finer, points=finer.points * units.length + units.origin, root=self.mesh.root[finer.root])
 
     def _moved(self, velocity: Floats) -> Floats:
-        """Velocities (4t, 4, 3) of the parts at centroids, from those of the tetrahedra."""
+        """Return velocities (4t, 4, 3) of the quarters of tetrahedra from those (t, 4, 3)."""
         rows = np.arange(4)
         parts = np.repeat(velocity[:, None], 4, axis=1)
         parts[:, rows, rows] = velocity.mean(axis=1)[:, None]
         return parts.reshape(-1, 4, 3)
 
     def _joint_corners(self, stress: SpatialStress, velocity: Floats) -> Floats:
-        """Return the power (t, 4) by corner of tractions on joints, which either open or press."""
+        """Return the power (t, 4) that tractions on joints lose, at each corner of the tetrahedra.
+
+        velocity: (4t, 4, 3) on `split`. Lost is the positive part of minus the power of tractions on the jump.
+        """
         p, s = self.fine, self.fine.sides
         shares = np.zeros((len(self.mesh), 4))
         pull, jump = _across_sides(p, stress, velocity, p.dry)
@@ -177,7 +184,10 @@ class SpatialFields:
 
 
 def _marks(error: Floats) -> Bools:
-    """Mark (t,) the tetrahedra that hold most of an error (t,) together."""
+    """Mark (t,) the tetrahedra of largest error that together hold a share of its sum.
+
+    error: (t,). No more than `_MOST_MARKED` of all are marked.
+    """
     order = np.argsort(-error, kind="stable")
     share = np.cumsum(error[order])
     enough = int(np.searchsorted(share, _SHARE * share[-1])) + 1
@@ -209,7 +219,7 @@ def stress_power(problem: SpatialProblem, stress: SpatialStress, velocity: Float
 def _weak_corners(stress: SpatialStress) -> Floats:
     """Return multipliers of yield (t, 4) at the corners of tetrahedra.
 
-    Those at the centroid count for all corners alike.
+    stress: on `split`. Multipliers at the centroid are shared by all four corners alike.
     """
     rate = np.maximum(stress.rate, 0.0).reshape(-1, 4, 4)
     middle = np.diagonal(rate, axis1=1, axis2=2)
@@ -219,7 +229,10 @@ def _weak_corners(stress: SpatialStress) -> Floats:
 def _across_sides(
     problem: SpatialProblem, stress: SpatialStress, velocity: Floats, rows: Ints
 ) -> tuple[Floats, Floats]:
-    """Tractions and jumps (k, 3, 3) at the corners of some triangles."""
+    """Return tractions on tetrahedron a and jumps, (k, 3, 3) each, at corners of triangles.
+
+    rows: (k,) triangles. velocity: (t, 4, 3).
+    """
     s = problem.sides
     jump = -velocity[s.a[rows][:, None], s.corner_a[rows]]
     both = s.b[rows] >= 0

@@ -22,10 +22,10 @@ _MOST_TETRAHEDRA = 12_000
 """Tetrahedra at which refinement ends: programs of more take many minutes and gigabytes."""
 
 _POWER = 1.7
-"""Power of the number of tetrahedra that the time of both programs grows with, for the forecast of the next mesh."""
+"""Exponent of the number of tetrahedra in the time of both programs, to predict the time of the next mesh."""
 
 _PATIENCE = 8
-"""Meshes after which bounds of which one is missing are given up."""
+"""Number of meshes after which refinement ends if a bound is still missing."""
 
 
 @dataclass(frozen=True)
@@ -181,7 +181,10 @@ def spatial_bounds(
 
 
 class _Refinement:
-    """Best bounds of a sequence of meshes, and whether there is time and need for another one."""
+    """Best bounds of a sequence of meshes, and whether there is time and need for another one.
+
+    start: time at which `seconds` begin, s by `time.perf_counter`. most: greatest number of tetrahedra.
+    """
 
     def __init__(self, start: float, gap: float, seconds: float | None, most: int) -> None:
         self._start, self._gap, self._seconds, self._most = start, gap, seconds, most
@@ -190,13 +193,19 @@ class _Refinement:
 
     @property
     def ended(self) -> bool:
-        """True where the gap is reached, no live load can be carried, or a bound stays missing."""
+        """True if the gap is reached, or `upper` is below 0, or a bound stays missing.
+
+        A bound that is missing after `_PATIENCE` meshes counts as staying so.
+        """
         status = self.best.status
         lone = status is not FieldStatus.OPEN and len(self.best.history) >= _PATIENCE
         return status in (FieldStatus.CLOSED, FieldStatus.UNSTABLE) or lone
 
     def allows(self, mesh: SolidMesh) -> bool:
-        """Return True if a mesh is small enough, and expected to be done in time."""
+        """Return True if a mesh is small enough, and expected to be done in time.
+
+        A mesh must have been solved before: its time is extrapolated.
+        """
         count, took = self._last
         late = self._seconds is not None and (
             time.perf_counter() - self._start + (len(mesh) / count) ** _POWER * took > self._seconds
@@ -204,7 +213,7 @@ class _Refinement:
         return not late and len(mesh) <= self._most
 
     def solve(self, setting: SpatialSetting, mesh: SolidMesh) -> SpatialFields:
-        """Return both fields on a mesh, whose bounds are counted."""
+        """Solve for both fields on a mesh, take their bounds over into `best`, and return them."""
         began = time.perf_counter()
         fields = SpatialFields.on(setting, mesh)
         now = time.perf_counter()
@@ -216,9 +225,10 @@ class _Refinement:
 def _layered(
     setting: SpatialSetting, fields: SpatialFields, patch: float | None
 ) -> tuple[SpatialSetting, SolidMesh] | None:
-    """Return the coarsest mesh with long deforming cells cut in layers, and its setting.
+    """Cut the long or flat cells that deform into layers.
 
-    Flat cells are cut as well. None where nothing is cut.
+    Returns setting and coarsest mesh. None where no cell is cut, where the mesh would not grow, or where a mesh with
+    layers is refused.
     """
     cut = tuple(cell for cell in fields.deforming().tolist() if setting.uniform(cell, fields.mesh))
     try:
@@ -232,15 +242,19 @@ def _layered(
 
 
 _Case = tuple[SpatialFields, SpatialSetting]
+"""Fields on a mesh, and the setting of that mesh."""
 
 
 def _narrower(one: _Case, other: _Case) -> _Case:
-    """Return the fields with the smaller gap."""
+    """Return the case whose bounds have the smaller relative gap, the first of equal ones."""
     return min(one, other, key=lambda case: relative_gap(case[0].lower, case[0].upper))
 
 
 def _improved(best: SpatialBounds, fields: SpatialFields, seconds: float, gap: float) -> SpatialBounds:
-    """Return the best bounds of those before and these, scene units, with their status."""
+    """Return `best` with each bound that the fields improve, and a further step.
+
+    Bounds are in scene units. seconds: since the start. gap: relative, for the status.
+    """
     units, lower, upper = fields.problem.units, fields.lower, fields.upper
     if fields.stress is not None and lower > best.lower:
         held = SpatialStresses(fields.split, units.stress * tensors(fields.stress.stress))
@@ -266,8 +280,8 @@ def require_spatial_fields(assembly: Assembly, patch: float | None = None) -> No
     Raises
     ------
     InputError
-        Inner strengths that are missing, zero or different, cells that are not convex, loads without room for their
-        patch, and interfaces that no mesh fits.
+        Members, inner strengths that are missing, zero or different, cells that are not convex, loads without room for
+        their patch, and interfaces that no mesh fits.
     """
     material_of(assembly)
     for case in assembly.by_case:
@@ -275,7 +289,10 @@ def require_spatial_fields(assembly: Assembly, patch: float | None = None) -> No
 
 
 def _require(assembly: Assembly, labels: Bits | None, gap: float, patch: float | None) -> Bits:
-    """Return the labels; raise InputError for what cannot be bounded."""
+    """Check the arguments of `spatial_bounds`, and return the labels (m,).
+
+    Raises InputError for a planar assembly, and for all that `require_refinement` refuses.
+    """
     if assembly.dimension != 3:
         raise InputError("cracks", "fields in tetrahedra are for spatial scenes", "`bounds_by_fields`")
     return require_refinement(assembly, labels, gap, patch)

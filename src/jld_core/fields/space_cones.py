@@ -17,24 +17,28 @@ from jld_core.arrays import Floats
 from jld_core.fields.conic import Answer
 
 ROOT_TWO = float(np.sqrt(2.0))
+"""√2, factor of the shear entries in the vector of a tensor."""
 
 DIAGONAL = (0, 2, 5)
-"""Places of xx, yy and zz in the vector of a tensor."""
+"""Positions of xx, yy and zz in the vector of a tensor."""
 
 _FEASIBILITY = 1e-9
-"""Residual that the solver is asked for: less than the margins that its answers keep to the flow rule and to yield."""
+"""Residual that the solver is asked for: below the margins to flow rules and yield in its programs."""
 
 _GAP = 1e-5
-"""Relative duality gap that the solver is asked for: far below the gap of two meshes."""
+"""Relative duality gap that the solver is asked for: far below the relative gap of two meshes."""
 
 _MOST_STEPS = 100
-"""Most steps of the interior point."""
+"""Largest number of iterations of the interior-point method."""
 
 _REGULAR = 1e-7
-"""Regularisation of the solver's equations: with its own 1e-8 it fails half way, as rows of equilibrium depend on each
-other around edges."""
+"""Regularisation of the solver's linear systems.
+
+With its default 1e-8 it fails half way, because rows of equilibrium depend on each other around edges.
+"""
 
 _PLACES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
+"""Row and column of the tensor for each entry of its vector."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +113,7 @@ def solve_cones(objective: Floats, matrix: sp.csr_array, rhs: Floats, sizes: Con
 
 
 def _settings() -> Any:
+    """Return the settings of Clarabel."""
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.max_threads = 1

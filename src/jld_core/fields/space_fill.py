@@ -15,7 +15,8 @@ from jld_core.fields.space_mesh import SolidMesh, patch_tag
 from jld_core.fields.space_surface import Facet, Surface, ring_of
 
 _COVER = 1e-4
-"""Relative difference of the area of an interface and that of its triangles, above which it does not fit the mesh."""
+"""Relative difference between the area of an interface and that of its triangles, above which the mesh does not fit
+it."""
 
 _RING = 0.7
 """Size of the inner part of a dry interface over the whole: tractions of a hinge press on the ring around it. With 0.6,
@@ -23,11 +24,15 @@ _RING = 0.7
 their load have no use for thin rings."""
 
 _CONVEX = 1e-6
-"""Share of its area by which a plane region may differ from its convex hull and is filled by a fan about its centre."""
+"""Relative difference between the areas of a region and of its convex hull up to which a fan about its centre fills
+it."""
 
 
 class _Filler:
-    """Triangles and tetrahedra under construction: nodes are added where fans need a centre."""
+    """Fills regions of facets with triangles; adds nodes to `points` where fans need a centre.
+
+    surface: surfaces of all cells. ids: names of the elements, for errors.
+    """
 
     def __init__(self, surface: Surface, ids: tuple[str, ...]) -> None:
         self.surface, self.ids = surface, ids
@@ -36,7 +41,8 @@ class _Filler:
     def triangles(self, facet: Facet, region: shapely.Polygon, ringed: bool = False) -> list[tuple[int, int, int]]:
         """Return triangles of a plane region of a facet, counter-clockwise seen from outside.
 
-        ringed: whether a convex region has a ring of triangles along its edges.
+        ringed: True if a convex region gets a ring of triangles along its edges. Raises InputError where a corner of
+        the region is no node, or the region is not valid.
         """
         reach, fixed = self.surface.reach, self.surface.points
         rings = [np.asarray(ring.coords)[:-1] for ring in (region.exterior, *region.interiors)]
@@ -49,7 +55,7 @@ class _Filler:
                 close = [k for k in near.query_ball_point(place, 4.0 * reach) if high[k] <= 4.0 * reach]
                 if not close:
                     raise self._refusal(facet)
-                nodes.append(min(close, key=lambda k: float(np.hypot(*(facet.flat(fixed[[k]])[0] - place)))))
+                nodes.append(close[int(np.linalg.norm(facet.flat(fixed[close]) - place, axis=1).argmin())])
             named.append(ring_of(fixed, np.array(nodes), reach))
         region = shapely.Polygon(
             *[facet.flat(fixed[nodes]) for nodes in named[:1]], [facet.flat(fixed[n]) for n in named[1:]]
@@ -83,6 +89,7 @@ class _Filler:
         return found
 
     def _refusal(self, facet: Facet) -> InputError:
+        """Return the error for a facet that cannot be filled."""
         return InputError(
             f"element {self.ids[facet.cell]!r}", "its faces cannot be filled with triangles", "plainer contacts"
         )
@@ -143,10 +150,14 @@ def coarse_solids(
 
 
 _Triangles = list[tuple[int, int, int]]
+"""Nodes of triangles, counter-clockwise from outside."""
 
 
 class _Skins:
-    """Outward triangles on the surface of each part of each cell, with their tags."""
+    """Outward triangles on the surface of each part of each cell, with their tags.
+
+    `of_part` holds them by cell and `Part.side`, () for a whole cell; `tags` by sorted nodes.
+    """
 
     def __init__(self, surface: Surface, filler: _Filler, layers: dict[int, Layers]) -> None:
         self.surface, self.filler, self.layers = surface, filler, layers
@@ -194,12 +205,15 @@ class _Skins:
     def _filled(
         self, index: int, region: shapely.Polygon, face: int | None = None, *, ringed: bool = False
     ) -> _Triangles:
-        """Return triangles of a region of a facet, each within one part of the cell."""
+        """Return triangles of a region of facet `index`, each within one part of the cell.
+
+        face: interface that the region is, None for any other region. ringed: as for `_Filler.triangles`.
+        """
         cut = pieces(self.surface, index, region, self.layers, face)
         return [three for one in cut for three in self.filler.triangles(self.surface.facets[index], one, ringed)]
 
     def _put(self, cell: int, triangles: _Triangles, tag: int | None = None) -> None:
-        """Add triangles to the parts of a cell that they lie on, with their tag."""
+        """Append triangles to the parts of a cell that they lie on; tag: of all, or None."""
         points, layers = self.filler.points, self.layers.get(cell)
         for three in triangles:
             side = layers.side(np.mean([points[node] for node in three], axis=0)) if layers else ()
@@ -232,7 +246,7 @@ def _require_cover(assembly: Assembly, mesh: SolidMesh) -> None:
 
 
 def _require_filled(assembly: Assembly, surface: Surface, mesh: SolidMesh, cell: int) -> None:
-    """Raise InputError unless parts have the volume of their cell and share inner triangles."""
+    """Raise InputError unless the tetrahedra of a cell fill its volume and its surface."""
     sides = mesh.sides
     in_a, in_b = mesh.cell[sides.a] == cell, (sides.b >= 0) & (mesh.cell[np.maximum(sides.b, 0)] == cell)
     area = float(sides.area[in_a != in_b].sum())

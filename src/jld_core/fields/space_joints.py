@@ -21,23 +21,25 @@ from jld_core.fields.space_problem import SpatialProblem
 from jld_core.linalg import components
 
 _SHARE = 0.4
-"""Share of the wanted gap that linear tractions may cost; the rest is left to the fields in the blocks."""
+"""Share of the gap asked for that linear tractions may cost; the fields in the blocks have the rest."""
 
 _MOST = 1.1
-"""Number of tetrahedra of the fitted mesh over that of the given one at which fitting ends."""
+"""Ratio of the numbers of tetrahedra of the fitted and the given mesh at which fitting ends."""
 
 _PRESSED = 0.25
-"""Largest pressure of a joint over the uniaxial strength of the blocks: fields cannot spread more. With 1 the lower
-bound of a corner is 0.431, with 0.25 it is 0.436."""
+"""Largest pressure of a joint, relative to the uniaxial strength of the blocks.
+
+Fields cannot spread more: with 1 the lower bound of a corner is 0.431, with 0.25 it is 0.436.
+"""
 
 _MARKED = 0.5
-"""Share of the loss that triangles hold together which are halved at a time (Dörfler marking)."""
+"""Share of the loss that the triangles halved at a time hold together (Dörfler marking)."""
 
 _EQUAL = 1e-3
-"""Relative difference of losses and of lengths below which they count as equal: symmetric meshes stay symmetric."""
+"""Relative difference below which losses or lengths count as equal, so that symmetric meshes stay symmetric."""
 
 _ASPECT = 0.05
-"""Weight that length has by itself in the choice of an edge, as in `bisect`."""
+"""Weight of the length alone in the choice of an edge, as in `bisect`."""
 
 _EDGES = np.array([[0, 1], [0, 2], [1, 2]])
 """Local corners of the three edges of a triangle."""
@@ -189,7 +191,7 @@ def _wrenches(at: Floats) -> Floats:
 
 
 def _resultants(problem: SpatialProblem, blocks: RigidBlocks, body: Floats) -> Floats:
-    """Return the forces and moments (b, 6) on blocks of forces per volume (t, 3)."""
+    """Return forces and moments about the origin (b, 6) on blocks; body: (t, 3) per volume."""
     mesh = problem.mesh
     total = np.zeros((len(blocks.free), 6))
     force = body * mesh.volume[:, None]
@@ -198,9 +200,10 @@ def _resultants(problem: SpatialProblem, blocks: RigidBlocks, body: Floats) -> F
 
 
 def _joint_cones(problem: SpatialProblem) -> tuple[Rows, Rows]:
-    """Non-negative rows and cones of 3 of (10.5) over tractions (9k,) of the dry joints.
+    """Return rows of s ≥ 0 and of cones of size 3 over tractions (9k,) of the dry joints.
 
-    They press no harder than the joints can carry, and than a share of what the blocks can carry in one direction.
+    They are docs/method.md (10.5). Pressure is limited by crushing of the joint, and by a share of the strength of the
+    blocks in one direction.
     """
     p, rows = problem, problem.dry
     face, normal = p.face[rows], p.sides.normal[rows]
@@ -223,10 +226,11 @@ def _joint_cones(problem: SpatialProblem) -> tuple[Rows, Rows]:
 
 
 def _edges_of_loss(problem: SpatialProblem, blocks: RigidBlocks, traction: Floats, velocity: Floats) -> Ints:
-    """Edges (e, 2) of the joints where tractions lose most, the longest first.
+    """Return the edges (e, 2) of joints to be halved, the longest first.
 
-    A traction loses its power on the jump of the velocities, which is 0 where it presses at a hinge. The edge of a
-    triangle is the one along which the loss changes most.
+    Nodes are in ascending order. traction: (k, 3, 3) on dry triangles. velocity: (b, 6) of blocks. Marked are the
+    triangles whose tractions lose most power on jumps; the loss is 0 where a traction presses at a hinge. Of each
+    triangle the edge along which the loss changes most is taken, long ones first.
     """
     s, rows, mesh = problem.sides, problem.dry, problem.mesh
     nodes = mesh.tetrahedra[s.a[rows][:, None], s.corner_a[rows]]

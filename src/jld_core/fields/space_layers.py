@@ -15,19 +15,19 @@ from jld_core.arrays import Floats, Ints
 from jld_core.fields.space_surface import Facet, Surface
 
 _TWICE = 2.0 - 1e-6
-"""Width of a cell over that of its end, from which it is cut in the middle."""
+"""Least ratio of the width of a cell to the size of its end at which it is cut in the middle."""
 
 _THRICE = 3.0 - 1e-6
-"""Width of a cell over that of its end, from which it is cut at the width of the end from both of its ends."""
+"""Least ratio of the width of a cell to the size of its end at which it is cut at that size from both ends."""
 
 _SNAP = 0.3
-"""Distance from a node, over the width of the end, within which a plane is moved to the node."""
+"""Distance, relative to the size of the end, within which a plane is moved to a node."""
 
 _OPPOSITE = -0.7
 """Cosine between outward normals of two facets below which they are ends of their cell."""
 
 _DIGITS = 9
-"""Digits to which distances to nodes are compared."""
+"""Decimal digits to which relative positions of nodes are compared."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Layers:
     parts: tuple[Part, ...]
 
     def side(self, place: Floats) -> tuple[bool, ...]:
-        """Return for each of the k planes whether a place (3,) lies beyond it.
+        """Return for each of the k planes True if a place (3,) lies beyond it.
 
         For a place inside the cell, the result equals `Part.side` of the part that holds it.
         """
@@ -98,10 +98,11 @@ def layers_of(surface: Surface, cell: int) -> Layers | None:
 
 
 def corners_of(surface: Surface, layers: dict[int, Layers]) -> Floats:
-    """Return the places (k, 3) that become nodes as cells are cut, scene units.
+    """Return the points (k, 3) at which cells cut into layers need nodes, scene units.
 
-    They are the corners of parts, and of the pieces of interfaces, load patches and free regions. layers: of the cells
-    that are cut, at least one. Places may repeat.
+    They are the corners of the parts of these cells, and of the pieces of interfaces, load patches and free regions on
+    their facets. surface: surfaces of all cells. layers: by cell, at least one; cells without an entry stay whole.
+    Points may repeat.
     """
     places = [outline for one in layers.values() for part in one.parts for _, outline in (*part.skin, *part.caps)]
     for index, facet in enumerate(surface.facets):
@@ -132,14 +133,14 @@ def pieces(
     region : Polygon
         Interface, load patch or free region in the plane of the facet.
     layers : dict of int to Layers
-        Layers of the cells that are cut.
+        Layers by cell, for the cells that are cut.
     face : int, optional
-        Interface that the region is: the cells on both of its sides cut it.
+        Interface that the region is: the cells on both of its sides cut it. By default only the cell of the facet does.
 
     Returns
     -------
     list of Polygon
-        The region itself where no cell is cut.
+        Pieces without slivers; the region itself where no cell is cut.
     """
     facet, found = surface.facets[index], [region]
     both = [k for k, one in enumerate(surface.facets) if face is not None and face in one.faces]
@@ -160,7 +161,10 @@ def pieces(
 
 
 def _without_straight_corners(region: shapely.Polygon, reach: float) -> shapely.Polygon:
-    """Return a polygon without corners on straight edges, which rounding may cross."""
+    """Return a polygon without corners on straight edges, which rounding may cross.
+
+    reach: distance within which a corner lies on an edge.
+    """
     plain = shapely.simplify(region, reach)
     corners = shapely.get_coordinates(plain.exterior)[:-1]
     along = corners[1] - corners[-1]
@@ -170,7 +174,7 @@ def _without_straight_corners(region: shapely.Polygon, reach: float) -> shapely.
 
 
 def _nodes(surface: Surface, own: list[int]) -> Floats:
-    """Nodes (k, 3) of the facets of a cell, of its interfaces and load patches."""
+    """Return the nodes (k, 3) of facets `own`, and of the interfaces and load patches on them."""
     rings: list[Ints] = []
     for index in own:
         facet = surface.facets[index]
@@ -180,12 +184,14 @@ def _nodes(surface: Surface, own: list[int]) -> Floats:
 
 
 def _planes(surface: Surface, one: Facet, other: Facet, nodes: Floats) -> list[tuple[Floats, float]]:
-    """Return planes (normal, offset) between two opposite facets.
+    """Return planes (normal, offset) between two opposite facets of a cell.
 
-    Where the facets lean all planes meet in one line.
+    Empty unless the cell is long or flat. nodes: (k, 3) of the surface of the cell, which planes are moved to where
+    near. Where the facets lean, all planes meet in one line.
     """
 
     def share(places: Floats) -> Floats:
+        """Return the distance (k,) of places (k, 3) from `one` over that from both facets."""
         near, far = (one.origin - places) @ one.normal, (other.origin - places) @ other.normal
         return np.asarray(near / (near + far))
 
@@ -209,14 +215,17 @@ def _planes(surface: Surface, one: Facet, other: Facet, nodes: Floats) -> list[t
 
 
 def _smaller_side(surface: Surface, facet: Facet) -> float:
-    """Smaller side of the smallest rectangle around a facet."""
+    """Return the smaller side of the smallest rectangle around a facet."""
     frame = shapely.minimum_rotated_rectangle(shapely.Polygon(facet.flat(surface.points[facet.ring])))
     corners = shapely.get_coordinates(frame)
     return float(np.linalg.norm(np.diff(corners[:3], axis=0), axis=1).min())
 
 
 def _halves(part: Part, number: int, normal: Floats, offset: float, reach: float) -> list[Part]:
-    """Cut a part by a plane; the part itself where it lies on one side of it."""
+    """Cut a part by plane `number`: return its two halves, or the part alone if on one side.
+
+    normal, offset: of the plane. reach: distance within which a corner lies on it. `Part.side` grows by one entry.
+    """
     skins: tuple[list[tuple[int, Floats]], ...] = ([], [])
     caps: tuple[list[tuple[int, Floats]], ...] = ([], [])
     on: list[Floats] = []
@@ -234,7 +243,11 @@ def _halves(part: Part, number: int, normal: Floats, offset: float, reach: float
 
 
 def _clipped(outline: Floats, normal: Floats, offset: float, reach: float) -> list[tuple[Floats, Floats]]:
-    """Return the pieces (c, 3) of a convex outline before and beyond a plane."""
+    """Cut a convex outline by a plane into pieces before and beyond it.
+
+    Returns two pairs of a piece and its points on the plane. Pieces are (c, 3), empty where the outline has nothing on
+    that side. normal, offset: of the plane. Points within `reach` lie on it.
+    """
     height = outline @ normal - offset
     height = np.where(abs(height) <= reach, 0.0, height)
     after, next_height = np.roll(outline, -1, axis=0), np.roll(height, -1)
@@ -255,7 +268,10 @@ def _clipped(outline: Floats, normal: Floats, offset: float, reach: float) -> li
 
 
 def _convex(places: Floats, normal: Floats, reach: float) -> Floats:
-    """Return the convex outline (c, 3) of places on a plane, counter-clockwise."""
+    """Return places in convex position on a plane in counter-clockwise order, (c, 3).
+
+    places: (k, 3). normal: of the plane, about which they turn. reach: distance within which places are one corner.
+    """
     one = np.eye(3)[np.argmin(abs(normal))]
     one = np.cross(normal, one)
     one /= np.linalg.norm(one)

@@ -22,15 +22,15 @@ from jld_core.fields.space_mesh import SolidMesh
 from jld_core.fields.space_surface import Facet, Patch, Surface, surface_of
 
 _LEAST_PATCH = 0.01
-"""Smallest area of a patch over the free region it lies on: a smaller one stands at an edge of the face."""
+"""Least area of a patch, relative to its free region. A smaller one means a force at an edge of the face."""
 
 
 @dataclass(frozen=True)
 class Traction:
     """Linear live traction on a patch of a free face, for λ = 1, scene units.
 
-    cell: element. origin: (3,) reference point. mean: (3,) stress vector there. slope: (3, 3) its derivatives; column k
-    is that by coordinate k.
+    cell: element. origin: (3,) reference point. mean: (3,) stress vector there. slope: (3, 3) derivatives of the stress
+    vector; column k by coordinate k.
     """
 
     cell: int
@@ -110,7 +110,7 @@ def loaded_solids(
             if width is not None:
                 raise InputError(
                     "loads.live",
-                    f"the force at {_shown(force.place)} has a width and no free face",
+                    f"the force at {_place_text(force.place)} has a width and no free face",
                     "a place on a free face of the element, or no width",
                 )
             continue
@@ -133,7 +133,12 @@ def loaded_solids(
 
 
 def _region_of(assembly: Assembly, surface: Surface, force: _Force, taken: Floats) -> tuple[int, int] | None:
-    """Return the facet and free region that a live force acts on, None for a force on none."""
+    """Return the facet and number of its free region that a live force acts on, else None.
+
+    taken: (n, 6) live loads that regions took before. Among several regions at the place, the cell whose remaining live
+    force is nearest to the force counts first, then the steepest push. None for a force inside a cell. Raises
+    InputError for a force on a surface without a free region there.
+    """
     reach = max(surface.reach, tolerances.ON_OUTLINE * assembly.size)
     height: dict[int, float] = {}
     for facet in surface.facets:
@@ -155,7 +160,7 @@ def _region_of(assembly: Assembly, surface: Surface, force: _Force, taken: Float
     if best is None:
         raise InputError(
             f"element {assembly.elements.ids[near[0]]!r}",
-            f"a live force acts on its surface at {_shown(force.place)}, where it has no free face",
+            f"a live force acts on its surface at {_place_text(force.place)}, where it has no free face",
             "a force on a free face or inside the element",
         )
     return best[2:]
@@ -181,9 +186,10 @@ def _patches(
 
 
 def _spread(assembly: Assembly, facet: Facet, region: shapely.Polygon, forces: list[_Force]) -> _Piece:
-    """Return the linear traction of forces over a region.
+    """Return the linear traction of forces without a stated width over a region.
 
-    It covers a part about the resultant where that lies beyond the kern.
+    It covers the largest part symmetric about the resultant where that lies beyond the kern. Raises InputError if that
+    part is too small.
     """
     push = np.array([force.vector @ facet.normal for force in forces])
     whole = _linear(facet, region, forces)
@@ -205,7 +211,8 @@ def _spread(assembly: Assembly, facet: Facet, region: shapely.Polygon, forces: l
 def _stated(assembly: Assembly, facet: Facet, region: shapely.Polygon, force: _Force, reach: float) -> _Piece:
     """Return a square patch of stated width about one force.
 
-    Its sides are along the longest edge of the facet.
+    Raises InputError if it does not fit. Its sides are along e1 and e2 of the facet. reach: distance by which it may
+    exceed the region.
     """
     assert force.width is not None
     x, y = facet.flat(force.place[None])[0]
@@ -219,7 +226,7 @@ def _stated(assembly: Assembly, facet: Facet, region: shapely.Polygon, force: _F
 def _linear(facet: Facet, region: shapely.Polygon, forces: list[_Force]) -> Traction:
     """Return the traction F/A + n g·x + ω n × x on a region, docs/method.md (10.3).
 
-    It has the resultants of the forces.
+    It has the resultant force and moment of the forces.
     """
     area = float(region.area)
     middle = np.array(region.centroid.coords[0])
@@ -238,7 +245,7 @@ def _linear(facet: Facet, region: shapely.Polygon, forces: list[_Force]) -> Trac
 
 
 def _second_moment(region: shapely.Polygon, middle: Floats) -> Floats:
-    """Second moments ∫ x xᵀ dA (2, 2) of a region about a place."""
+    """Return the second moments ∫ x xᵀ dA (2, 2) of a region about point `middle`."""
     total = np.zeros((2, 2))
     for sign, ring in ((1.0, region.exterior), *((-1.0, hole) for hole in region.interiors)):
         flat = np.asarray(ring.coords)[:-1] - middle
@@ -266,31 +273,34 @@ def _overlaid(pieces: list[_Piece], reach: float) -> list[_Piece]:
 
 
 def _parts(region: shapely.Geometry, reach: float) -> list[shapely.Polygon]:
-    """Polygons of a region that are wider than the reach."""
+    """Return the polygons of a geometry that are wider than about `reach`."""
     parts = shapely.get_parts(region)
     return [part for part in parts if part.geom_type == "Polygon" and part.area > reach * part.length]
 
 
 def _sum(one: Traction, two: Traction) -> Traction:
+    """Return the sum of two tractions on one facet."""
     return Traction(one.cell, one.origin, one.mean + two.at(one.origin), one.slope + two.slope)
 
 
 def _no_room(assembly: Assembly, facet: Facet, place: Floats) -> InputError:
+    """Return the error for a force whose patch does not fit its free face."""
     return InputError(
         f"element {assembly.elements.ids[facet.cell]!r}",
-        f"its free face has no room for the patch of the live force at {_shown(place)}",
+        f"its free face has no room for the patch of the live force at {_place_text(place)}",
         "a force farther from the edges of the face, or a smaller patch",
     )
 
 
-def _shown(place: Floats) -> str:
+def _place_text(place: Floats) -> str:
+    """Return a place as text, for messages."""
     return "(" + ", ".join(f"{value:g}" for value in place) + ")"
 
 
 def _body(assembly: Assembly, mesh: SolidMesh, loads: Floats) -> Floats:
     """Return forces per volume (t, 3) in root tetrahedra, equivalent to nodal loads of cells.
 
-    The loads are forces and moments (n, 6) about the centroids.
+    loads: (n, 6) forces and moments about the centroids of the elements, scene units.
     """
     middle = mesh.corners.mean(axis=1)
     body = np.zeros((len(mesh), 3))

@@ -24,13 +24,13 @@ _MARGINS = (1e-6, 1e-5)
 """Room that the solver keeps to yield, scaled stress: more than its residual, so that the projected field has room."""
 
 _INTERIOR = 1e-3
-"""Room of a field that one is blended with which still violates yield."""
+"""Margin of the interior field that is blended with a field that still violates yield."""
 
 _STEPS = 6
-"""Most corrections of a stress field towards equilibrium."""
+"""Largest number of correction steps of a projection onto equilibrium."""
 
 _REGULAR = 1e-10
-"""Added to the diagonal of E Eᵀ, whose rows depend on each other around edges; further corrections undo it."""
+"""Added to the diagonal of E Eᵀ, because rows depend on each other around edges; correction steps undo its effect."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class SpatialLowerBound:
         return None if proposed is None else self._blend(proposed)
 
     def _blend(self, proposed: Answer) -> SpatialStress | None:
-        """Certify a mean of a field that violates yield and one with ample room, else None.
+        """Certify a mean of a field that violates yield and one with ample room, or return None.
 
         The room is concave, so that the mean has room enough.
         """
@@ -193,7 +193,11 @@ class SpatialLowerBound:
         return rows.matrix(last + 1), rows.right
 
     def _traction(self, rows: Ints, corner: int, axis: int, first: bool) -> tuple[Ints, Floats]:
-        """Return entries of the traction of tetrahedron a, or of minus that of b, at one corner."""
+        """Return columns and values (k, 6) of one traction component at one corner of triangles.
+
+        rows: (k,) triangles. corner: 0 to 2. axis: 0 to 2. first: True for the traction of tetrahedron a, False for
+        minus that of b.
+        """
         s = self.problem.sides
         solid, local = (s.a, s.corner_a) if first else (s.b, s.corner_b)
         columns = 24 * solid[rows][:, None] + 6 * local[rows, corner][:, None] + np.arange(6)
@@ -201,14 +205,17 @@ class SpatialLowerBound:
         return columns, values if first else -values
 
     def _along(self, rows: Ints, corner: int, along: Floats) -> tuple[Ints, Floats]:
-        """Return entries of the traction of tetrahedron a along directions (k, 3), at one corner."""
+        """Return columns and values (k, 6) of tractions of tetrahedron a along directions.
+
+        along: (k, 3). rows: (k,) triangles. corner: 0 to 2.
+        """
         s = self.problem.sides
         columns = 24 * s.a[rows][:, None] + 6 * s.corner_a[rows, corner][:, None] + np.arange(6)
         return columns, np.einsum("ki,kij->kj", along, normal_map(s.normal[rows]))
 
     @cached_property
     def _statics(self) -> tuple[sp.csr_array, Any]:
-        """Columns E of stresses of the equations of equilibrium, and a factor of E Eᵀ."""
+        """Matrix E (rows, 24t) of equilibrium over the stresses, and a factor of E Eᵀ."""
         matrix = sp.csr_array(self.equilibrium[0][:, :-1])
         square = sp.csc_matrix(matrix @ matrix.T + _REGULAR * sp.eye_array(matrix.shape[0]))
         options = {"SymmetricMode": True}
@@ -217,8 +224,8 @@ class SpatialLowerBound:
     def _project(self, stress: Floats, factor: float) -> tuple[Floats, float]:
         """Return the nearest stresses (24t,) in equilibrium under λ, and the stress to charge.
 
-        Charged are twice the next correction and the largest residual; beyond rounding the charge is infinite, since no
-        correction mends equations that contradict each other.
+        stress: (24t,), factor: λ, both scaled. The charge is twice the last correction plus the largest residual. It is
+        infinite where the residual exceeds rounding: no correction mends equations that contradict each other.
         """
         (matrix, solver), (whole, rhs) = self._statics, self.equilibrium
         rhs = rhs - factor * whole[:, [-1]].toarray().ravel()
@@ -266,7 +273,10 @@ class SpatialLowerBound:
         return solve_cones(objective, whole, np.concatenate([rhs, *(part.right for part in parts)]), sizes)
 
     def _joint_rows(self, linear: Rows, threes: Rows, margin: float) -> None:
-        """Append N ≥ 0, crushing and friction of dry joints at the corners of their triangles."""
+        """Append pressure, crushing and friction of dry joints at all corners of triangles.
+
+        linear: takes the first two, threes: friction. margin: slack to each, scaled stress.
+        """
         p, s, rows = self.problem, self.problem.sides, self.problem.dry
         face, normal = p.face[rows], s.normal[rows]
         one, two = across(normal)
@@ -284,7 +294,7 @@ class SpatialLowerBound:
             threes.add([(np.repeat(columns[rough], 3, axis=0), wide.reshape(-1, 6))], right.ravel(), 3 * len(wide))
 
     def _rate(self, dual: Floats) -> Floats:
-        """Multipliers of yield times strengths (t, 4) at the corners."""
+        """Return the `SpatialStress.rate` (t, 4) of multipliers of all rows of the program."""
         lines = self.problem.material.lines
         start, count = self._yields
         shares = dual[start : start + len(lines) * count].reshape(len(lines), count)

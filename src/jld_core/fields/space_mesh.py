@@ -17,10 +17,10 @@ _EDGES = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
 """Local corners of the six edges of a tetrahedron."""
 
 _ASPECT = 0.05
-"""Weight that length has by itself in the choice of an edge: layers end at an aspect ratio of half its inverse."""
+"""Weight of the length alone in the choice of an edge. Layers end at an aspect ratio of half its inverse."""
 
 _DIGITS = 9
-"""Digits to which lengths of edges are compared: edges that are equal but for rounding are told apart by number."""
+"""Decimal digits to which lengths of edges are compared; edges of equal length are ordered by number."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,10 @@ class SolidMesh:
         return Sides(a, b, corner_a, corner_b, outward / double[:, None], 0.5 * double, tags)
 
     def _tags(self, whole: Ints) -> Ints:
-        """Tags (u,) of triangles by their nodes (u, 3) in ascending order, sorted by rows."""
+        """Return the tag (u,) of triangles, FREE without one.
+
+        whole: (u, 3) nodes in ascending order, rows sorted.
+        """
         tags = np.full(len(whole), FREE, dtype=np.int64)
         if len(self.tagged):
             _, number = np.unique(np.concatenate([whole, self.tagged]), axis=0, return_inverse=True)

@@ -19,13 +19,16 @@ from jld_core.fields.space_cones import DIAGONAL, ConeSizes, across, normal_map,
 from jld_core.fields.space_problem import SpatialProblem
 
 _MARGINS = (1e-8, 1e-7, 1e-6, 1e-5)
-"""Opening that the solver keeps to every flow rule, at live work one: more than its residual. The first that does."""
+"""Margins of opening to every flow rule, scaled, at live work one, in the order tried.
+
+The first whose answer passes the check is taken.
+"""
 
 _UNBOUNDED = ("DualInfeasible", "AlmostDualInfeasible")
-"""Statuses of programs whose cost has no lower end: the blocks are too weak for their dead load."""
+"""Statuses of unbounded programs: the blocks are too weak for their dead load."""
 
 _RAY = -1.0
-"""Scaled bound that stands for all below it, where the program is unbounded."""
+"""Scaled bound that is stated where the program is unbounded: any larger bound holds too."""
 
 
 @dataclass(frozen=True)
@@ -110,9 +113,10 @@ class SpatialUpperBound:
         return None
 
     def _falling(self) -> SpatialVelocity | None:
-        """Return a mechanism that the dead load drives while the live load does not resist.
+        """Return a mechanism that the dead load drives, with positive live work, or None.
 
-        The blocks fall whatever the live load. How far below zero the bound lies is chance; any larger one holds too.
+        Its factor is below 0: the blocks collapse under every live load λ ≥ 0. How far below is chance; it is at least
+        `_RAY`, and any larger bound holds too. None: the solver failed, or the field proves nothing.
         """
         answer = _Program(self.problem, self.dead, np.zeros_like(self.dead), _MARGINS[1], self.live).solve()
         if not answer.usable:
@@ -173,7 +177,10 @@ class SpatialUpperBound:
         return power
 
     def _joint_power(self, rates: SpatialRates) -> Floats:
-        """Return power (k, 3) per area at corners of dry triangles; inf beyond friction."""
+        """Return power (k, 3) per area at corners of dry triangles.
+
+        Slip costs cohesion. Opening that friction lacks costs crushing, inf where the joint cannot crush.
+        """
         p = self.problem
         face = p.face[p.dry]
         slip, opening = rates.slip[p.dry], rates.opening[p.dry]
@@ -228,7 +235,7 @@ class _Program:
         return solve_cones(np.concatenate(self._costs), matrix, rhs, sizes)
 
     def _new(self, cost: Floats) -> Ints:
-        """Columns (k,) of further variables with the given costs."""
+        """Add variables with costs (k,), and return their columns (k,)."""
         columns = self._columns + np.arange(len(cost))
         self._columns += len(cost)
         self._costs.append(cost)
@@ -255,7 +262,7 @@ class _Program:
         return total
 
     def _solids(self) -> None:
-        """Strain rates: ε + B and B are semidefinite, and tr ε + 2 tr B ≤ y1 + y2 + y3."""
+        """Append ε + B ⪰ 0, B ⪰ 0 and tr ε + 2 tr B ≤ y1 + y2 + y3 for every tetrahedron."""
         mesh = self.problem.mesh
         count = len(mesh)
         height = np.cbrt(mesh.volume)
@@ -286,7 +293,7 @@ class _Program:
         return columns, values
 
     def _cut_corners(self, corner: int) -> None:
-        """Jumps in the material: |δ| ≤ y1 + y2 + y3 with e = δn."""
+        """Append |δ| ≤ y1 + y2 + y3, e = δn, for jumps in the material at one corner."""
         rows, s = self.problem.cut, self.problem.sides
         columns, jump = self._jump(rows, corner)
         opening = np.einsum("ki,kij->kj", s.normal[rows], jump)
@@ -294,7 +301,7 @@ class _Program:
         self._cone(self._fours, total, [(columns, jump[:, axis]) for axis in range(3)], len(rows))
 
     def _dry_corners(self, corner: int) -> None:
-        """Jumps of joints: p ≥ |δs|, δn + q ≥ μ p; cost of p cohesion, of q crushing."""
+        """Append p ≥ |δs| and δn + q ≥ μ p for joints at one corner; p costs cohesion, q crushing."""
         p, s, rows = self.problem, self.problem.sides, self.problem.dry
         if not rows.size:
             return
@@ -314,7 +321,10 @@ class _Program:
 
     @staticmethod
     def _cone(rows: Rows, head: list[tuple[Ints, Floats | float]], tail: list[tuple[Ints, Floats]], count: int) -> None:
-        """Append second-order cones: head ≥ |tail|, each with all of its rows together."""
+        """Append cones head ≥ |tail| to `rows`, each with all of its rows together.
+
+        head: entries of the first row. tail: one entry (columns, values) for each further row. count: number of cones.
+        """
         parts: list[Sequence[tuple[Ints, Floats | float]]] = [head, *([one] for one in tail)]
         size = len(parts)
         entries = []

@@ -23,7 +23,7 @@ The first that costs little is taken: where cells hardly open, their motion diss
 """
 
 _COST = 1e-3
-"""Relative rise of the bound of the field's own labelling up to which a repair costs little."""
+"""Relative rise of the bound of the field's own labelling up to which a repair is accepted."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ class FieldStresses:
 
 
 def mechanism_of(upper: UpperBound, field: VelocityField, labels: Bits) -> FieldMechanism | None:
-    """Compute what a certified velocity field proves for all labellings.
+    """Compute the upper bounds that a certified velocity field proves for all labellings.
 
     Faces that stand still up to rounding are opened a little, so that they may have either label.
 

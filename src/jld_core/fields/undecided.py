@@ -20,13 +20,14 @@ from jld_core.fields.transfer import REPAIRED, FieldMechanism, weighed
 from jld_core.fields.upper import UpperBound
 
 _FAR: Final = (1e2, 1e4, 1e6)
-"""Multiples of a motion under the dead load alone that are added to a mechanism of the live load."""
+"""Multiples of a motion under the dead load alone that are added to a mechanism, in the order tried."""
 
 _COST: Final = 1e-3
-"""Relative distance from the solver's objective up to which a repaired field counts as good."""
+"""Largest distance of the bound of a repaired field from the solver's objective, relative, at which nothing else is
+tried."""
 
 _LEAST: Final = -1.0
-"""Scaled bound below which the size of such a multiple is chance."""
+"""Scaled bound that is stated for collapse under the dead load alone: any larger bound holds too."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,7 @@ class WeighedField:
     velocity : (t, 3, 2) float array
         Velocities at the corners of the triangles, scaled.
     mechanism : FieldMechanism
-        What the field dissipates, scene units of λ.
+        Dissipation of the field in the blocks and on faces, scene units of λ.
     bound : float
         λ that no labelling exceeds that agrees on the decided faces, scene units.
     """
@@ -107,9 +108,9 @@ class PartialUpperBound:
         return min((one for one in both if one is not None), key=lambda one: one.bound, default=None)
 
     def weigh(self, velocity: Floats) -> FieldMechanism | None:
-        """Compute what a velocity field (t, 3, 2) dissipates, without a solver.
+        """Compute the bounds on λ that a velocity field proves, without a solver.
 
-        None where it proves nothing for any labelling; see `transfer.weighed`.
+        velocity: (t, 3, 2), scaled. None where it proves nothing for any labelling; see `transfer.weighed`.
         """
         return weighed(self._upper, velocity)
 
@@ -137,9 +138,11 @@ class PartialUpperBound:
         return finer_by_dissipation(mesh, power)
 
     def _least(self, velocity: Floats, labels: Bits, undecided: Bools, enough: float) -> WeighedField | None:
-        """Return a field repaired as far as leads to a bound up to `enough`, else to the least.
+        """Repair a velocity field by each of `REPAIRED` and return the one with the least bound.
 
-        None where no repair gives a finite bound.
+        The first with a bound of at most `enough` (λ, scene units) ends the attempts. velocity: (t, 3, 2), scaled.
+        labels: (m,) True = dry. undecided: (m,) faces that may have either label. None if no repair gives a finite
+        bound.
         """
         best: WeighedField | None = None
         for share in REPAIRED:
@@ -153,9 +156,10 @@ class PartialUpperBound:
         return best
 
     def _along(self, ray: Floats, labels: Bits, undecided: Bools) -> WeighedField | None:
-        """Return a field of a partial labelling that falls under its dead load alone, or None.
+        """Return a field that proves collapse under the dead load alone, or None.
 
-        It is a mechanism of the live load plus a large multiple of a ray.
+        It is a mechanism of the live load plus a large multiple of `ray`, (t, 3, 2), along which the program is
+        unbounded. None: no such mechanism, or no multiple tried leads below 0. labels, undecided: (m,) as for `field`.
         """
         p, size = self._upper.problem, float(abs(ray).max())
         if self._weightless is None:

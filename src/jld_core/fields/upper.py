@@ -20,7 +20,8 @@ from jld_core.fields.settled import Settling
 from jld_core.fields.velocity_program import VelocityProgram
 
 _CHEAP = 1e-7
-"""Relative rise of λ above the solver's up to which an opened field is not settled: ten times what is usual."""
+"""Largest relative rise of λ above the solver's at which an opened field is taken without settling: ten times the usual
+rise."""
 
 _COSTLY = 1e-6
 """Relative rise of λ above the solver's from which a program with margins is tried: opening then costs too much.
@@ -33,7 +34,7 @@ _MARGINS = (1e-8, 1e-6)
 """Room of flow rules in such programs, scaled velocity: above residuals of the solver, below what moves λ."""
 
 _RAY = -1.0
-"""Scaled bound that stands for all below it, where the program is unbounded."""
+"""Scaled bound that is stated where the program is unbounded: any larger bound holds too."""
 
 
 @dataclass(frozen=True)
@@ -138,7 +139,10 @@ class UpperBound:
         return found
 
     def _with_margins(self, labels: Bits, found: VelocityField | None, expected: float) -> VelocityField | None:
-        """Return the better of a field and those of programs with room in every flow rule."""
+        """Return the best of `found` and the fields of programs with room in every flow rule.
+
+        found: field so far or None. expected: scaled λ by the solver. The first that costs little ends the attempts.
+        """
         for margin in _MARGINS:
             answer = VelocityProgram(self.problem, self.live, self.dead, margin).solve(self.problem.is_dry(labels))
             if not answer.usable:
@@ -178,7 +182,11 @@ class UpperBound:
         return min((one for one in (near, opened) if one is not None), key=lambda one: one.factor, default=None)
 
     def _opened(self, velocity: Floats, labels: Bits) -> VelocityField | None:
-        """Open one field until every flow rule holds, and compute the λ that it bounds."""
+        """Open one field until every flow rule holds, and compute its bound on λ.
+
+        velocity: (t, 3, 2), scaled. labels: (m,) True = dry. None: a flow rule stays violated, or the live load does no
+        positive work.
+        """
         rates = self.rates(velocity)
         worst, share, allowance = self._worst(rates, labels), 0.0, 0.0
         if worst > 0.0:
@@ -212,7 +220,7 @@ class UpperBound:
         """Open velocities so far that small violations of flow rules vanish, under either label.
 
         velocity: (t, 3, 2), scaled. share: a violation is small up to this share of the largest velocity; larger ones
-        remain. Velocities return unchanged where nothing small is violated, or no opening motion exists.
+        remain. Without small violations, or without an opening motion, velocities return unchanged.
         """
         every = np.ones(len(self.problem.supported), dtype=bool)
         rates = self.rates(velocity)
@@ -223,9 +231,14 @@ class UpperBound:
         return velocity if motion is None else velocity + worst * (1.0 + 1e-9) * motion
 
     def _worst(self, rates: Rates, labels: Bits) -> float:
+        """Return the largest opening that any flow rule lacks, scaled; up to 0 where all hold."""
         return max(float(part.max(initial=-np.inf)) for part in self.lacking(rates, labels))
 
     def _opening(self) -> Floats | None:
+        """Return the opening motion (t, 3, 2) with room of one or more in every flow rule.
+
+        None without such a motion. It is computed at the first call and kept.
+        """
         if not self._tried:
             self._tried = True
             motion = opening_motion(self.problem)
@@ -250,7 +263,7 @@ class UpperBound:
         return Rates(slope[:, 0, 0] + slope[:, 1, 1], shear, opening, slip)
 
     def lacking(self, rates: Rates, labels: Bits) -> tuple[Floats, Floats, Floats]:
-        """Return what flow rules lack in opening, scaled velocity; up to 0 where they hold.
+        """Return the opening that flow rules lack, scaled velocity; 0 or less where they hold.
 
         rates: of a velocity field. labels: (m,) True = dry. The arrays are for triangles (t,), edges in the material
         (k, 2) and dry edges (j, 2), with both ends in columns. −inf stands where crushing allows any rate.

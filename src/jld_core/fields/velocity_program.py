@@ -107,7 +107,7 @@ class VelocityProgram:
         return self._program.solve(off, objective)
 
     def _new(self, cost: Floats) -> Ints:
-        """Columns (k,) of further variables with the given costs."""
+        """Add variables with costs (k,), and return their columns (k,)."""
         columns = self._columns + np.arange(len(cost))
         self._columns += len(cost)
         self._costs.append(cost)
@@ -116,7 +116,8 @@ class VelocityProgram:
     def _rows(self, entries: Entries, rhs: float, count: int, owner: Ints | None, when_dry: bool, cone: bool) -> None:
         """Append rows of one kind, which always hold or depend on labels.
 
-        owner: edges (count,) whose labels switch them, None where they always hold.
+        entries, rhs, count: as for `Rows.add`. owner: edges (count,) whose labels switch them, None where they always
+        hold. when_dry: they hold where the owner is dry, otherwise where it is not. cone: rows of second-order cones.
         """
         (self._cones if cone else self._linear).add(entries, rhs, count)
         self._owner[cone].append(np.full(count, -1) if owner is None else owner)
@@ -125,7 +126,8 @@ class VelocityProgram:
     def _power(self, trace: Entries, shear: tuple[Entries, Entries], size: Floats, owner: Ints | None) -> None:
         """Append conditions and costs of the support function of the material.
 
-        trace: entries of e. shear: those of the two components of g. size: area, or length over two.
+        trace: entries of e. shear: those of the two components of g. size: (k,) area over the scale of its entries, or
+        half a length. owner: as for `_rows`.
         """
         material, count = self.problem.material, len(size)
         first = self._new(size * (material.intercept - material.tension * material.sine))
@@ -154,6 +156,7 @@ class VelocityProgram:
         self._rows(entries, 0.0, 3 * count, owners, False, True)
 
     def _triangles(self) -> None:
+        """Append the dissipation in the triangles."""
         mesh, material = self.problem.mesh, self.problem.material
         count = len(mesh)
         size = np.sqrt(mesh.area)
@@ -163,6 +166,7 @@ class VelocityProgram:
         self._power(trace, (stretch, shear), size, None)
 
     def _material_ends(self, rows: Ints, end: int) -> None:
+        """Append the dissipation at one end of edges `rows` in the material."""
         e, material = self.problem.edges, self.problem.material
         normal = e.normal[rows]
         opening = jump_entries(self.problem, rows, end, normal)
@@ -173,7 +177,10 @@ class VelocityProgram:
         self._power(opening, (opening, slip), half, rows)
 
     def _dry_ends(self, rows: Ints, end: int) -> None:
-        """δn + q ≥ μ|δs|, q ≥ 0, p ≥ |δs|: cost of q crushing, of p cohesion."""
+        """Append δn + q ≥ μ|δs|, q ≥ 0, p ≥ |δs| at one end of dry edges.
+
+        q costs crushing, p cohesion.
+        """
         p, e = self.problem, self.problem.edges
         face, normal, half = p.face[rows], e.normal[rows], 0.5 * e.length[rows]
         opening = jump_entries(self.problem, rows, end, normal)

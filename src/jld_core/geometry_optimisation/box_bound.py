@@ -131,7 +131,11 @@ class BoxProblem:
                 raise ParameterError("prove", problem, "a smaller box")
 
     def _bernstein_moments(self, low: Floats, high: Floats) -> tuple[Floats, Floats]:
-        """Return areas (4^p, n) and first moments (4^p, n, 2) about the present centroids, in Bernstein form."""
+        """Return areas (4^p, n) and first moments (4^p, n, 2) in Bernstein form over a box.
+
+        low, high: (p,) bounds on the parameters, lengths. Moments are about the present centroids. Values in the box
+        lie within the convex hull of the rows.
+        """
         count = len(low)
         shares = np.array(list(itertools.product(*[(0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)] * count))).reshape(-1, count)
         values = low + shares * (high - low)
@@ -182,9 +186,9 @@ class BoxProblem:
     def generators(self, low: Floats, high: Floats) -> tuple[Floats, Floats] | None:
         """Return forces at ends of faces whose cone holds all forces of faces in the box.
 
-        The result is the forces (g, 3·free) on free elements, scaled, and (g, 3·free) magnitudes of the terms of each
-        entry, from which rounding errors follow. None where the directions of a face span half a turn. low, high: (p,)
-        bounds on the parameters, lengths.
+        The results are the forces (g, 3·free) on free elements, scaled, and magnitudes of the terms of each entry, of
+        the same shape. Rounding errors follow from these. None where the directions of a face span half a turn. low,
+        high: (p,) bounds on the parameters, lengths.
         """
         places = self.corners(low, high)
         faces, elements = self._assembly.interfaces, self._assembly.elements
@@ -249,9 +253,11 @@ class BoxProblem:
     def _weighed(
         self, velocity: Floats, forces: Floats, sizes: Floats, dead: Floats, live: Floats, parameters: int
     ) -> tuple[float, Floats | None]:
-        """Return the bound, scaled, that velocities prove after repair, and the repaired velocities.
+        """Repair velocities over a box; return the scaled bound that they prove, and them.
 
-        Every sum is lowered by the rounding error that it can have.
+        velocity: (3·free,). forces, sizes: (g, 3·free) of `generators`. dead, live: (4^p, 3·free) of `loads`.
+        parameters: p. Every sum is lowered by the rounding error that it can have. The bound is inf, with None, where
+        no repair succeeds.
         """
         # coordinates far from the origin have lost digits before areas and moments are formed
         growth = _ROUNDED * _GROWTH**parameters * (1.0 + float(abs(self._mesh.places).max()) / self._length)
@@ -277,7 +283,7 @@ class BoxProblem:
 
 
 def _require_dry(assembly: Assembly, labels: Bits) -> None:
-    """Raise InputError for faces that the bound over a box does not know."""
+    """Raise InputError for faces that are inner, have cohesion or can crush."""
     strengths = assembly.strengths
     if not labels.all() or strengths.cohesion.any() or np.isfinite(strengths.crush_dry).any():
         problem = "a bound over a box of positions knows dry joints without cohesion and compressive strength alone"
@@ -285,7 +291,7 @@ def _require_dry(assembly: Assembly, labels: Bits) -> None:
 
 
 def _extremes(force: Floats) -> Floats | None:
-    """Return the two outermost of some directions (k, 2); None where they span half a turn."""
+    """Return the two outermost of unit vectors (k, 2); None where they span half a turn."""
     middle = force.sum(axis=0)
     angle = np.arctan2(middle[0] * force[:, 1] - middle[1] * force[:, 0], force @ middle)
     first, last = int(np.argmin(angle)), int(np.argmax(angle))
@@ -296,9 +302,10 @@ def _extremes(force: Floats) -> Floats | None:
 
 
 def _mechanism(forces: Floats, dead: Floats, live: Floats, *, standing: bool = False) -> Floats | None:
-    """Return the mechanism of least bound over a box, unverified; None where the solver finds none.
+    """Return the unverified mechanism of least bound over a box, None where none is found.
 
-    standing: seek one that shows that no position stands, in the place of a bound.
+    forces: (g, 3·free). dead, live: (4^p, 3·free). standing: seek a mechanism under which no position stands, instead
+    of one that bounds λ.
     """
     count = forces.shape[1]
     rows = np.zeros((len(forces) + len(live) + len(dead), count + 1))
@@ -318,7 +325,10 @@ def _mechanism(forces: Floats, dead: Floats, live: Floats, *, standing: bool = F
 
 
 def _opening(forces: Floats) -> Floats | None:
-    """Return velocities of at most one that all forces work on as much as possible; None where none exist."""
+    """Return velocities of at most one that maximise the least power of all forces.
+
+    forces: (g, 3·free). None where the solver fails.
+    """
     count = forces.shape[1]
     rows = np.hstack([forces, -np.ones((len(forces), 1))])
     objective = np.append(np.zeros(count), -1.0)
@@ -327,7 +337,10 @@ def _opening(forces: Floats) -> Floats | None:
 
 
 def _solved(rows: Floats, objective: Floats, low: Floats, least: Floats, most: Floats, count: int) -> Floats | None:
-    """Return the first columns of the answer of min objective·x, rows x ≥ low, least ≤ x ≤ most; None without one."""
+    """Return the first columns of a solution of min objective·x; None without a solution.
+
+    Constraints are rows @ x ≥ low and least ≤ x ≤ most. count: number of columns returned.
+    """
     high = np.full(len(low), np.inf)
     highs = highs_of(sp.csc_array(rows), objective, low, high, least, most, _HIGHS)
     highs.run()

@@ -121,11 +121,12 @@ class ProvenBox:
 
 
 class _Search:
-    """Branch and bound over the positions of one structure."""
+    """Branch and bound over the positions of one structure; keeps the best position tried."""
 
     def __init__(self, scene: Scene, assembly: Assembly, labels: Bits) -> None:
         if assembly.dimension != 2:
             raise ParameterError("prove", "it bounds planar structures alone", "a planar scene")
+        assembly.members.refuse("a bound over positions")
         if assembly.nominal is not None:
             raise ParameterError("prove", "it bounds λ at nominal values of materials", "no `robust` layout")
         move = scene.move or Move()
@@ -153,7 +154,10 @@ class _Search:
         self.best: tuple[float, Floats, LimitAnalysisResult] | None = None
 
     def bound(self, low: Floats, high: Floats) -> BoxBound:
-        """Return the least bound of all load cases over a box."""
+        """Return the least bound on the governing factor over a box, of all load cases.
+
+        low, high: (p,) lengths.
+        """
         self.boxes += 1
         found = [one.bound(low, high) for one in self.problems]
         values = [one.value / factor for one, factor in zip(found, self.required, strict=True)]
@@ -170,7 +174,7 @@ class _Search:
         return np.asarray(self.mesh.places + np.einsum("p,pvd->vd", parameters, self.directions))
 
     def try_position(self, parameters: Floats) -> LimitAnalysisResult | None:
-        """Solve one position and keep it if it is the best; None where it cannot be built."""
+        """Solve one position (p,) and keep it if it is the best; None where it cannot be built."""
         try:
             assembly = build_assembly(self.moved.at(self.places(parameters)))
         except InputError:
@@ -182,7 +186,10 @@ class _Search:
         return result
 
     def split(self, low: Floats, high: Floats, whole: Floats) -> tuple[int, list[tuple[BoxBound, Floats, Floats]]]:
-        """Return an axis and both halves of a box with their bounds: the axis that lowers the larger one most."""
+        """Return the best axis, and both halves of a box along it, each with bound, low and high (p,).
+
+        That axis gives the least larger bound. Narrow axes are not tried. whole: (p,) size of the first box.
+        """
         choices = []
         wide = np.flatnonzero((high - low) / whole >= 0.25 * ((high - low) / whole).max())
         for axis in wide.tolist():
@@ -280,7 +287,7 @@ def prove_box(
 
 
 def _ends(box: tuple[Floats, Floats] | float, count: int) -> tuple[Floats, Floats]:
-    """Return the ends (p,) of a box; raise InputError for a wrong one."""
+    """Return the ends low and high (p,) of a box; raise ParameterError for a wrong box."""
     if isinstance(box, tuple):
         low, high = (np.asarray(end, dtype=float) for end in box)
         if len(low) != count or len(high) != count:
@@ -294,7 +301,7 @@ def _ends(box: tuple[Floats, Floats] | float, count: int) -> tuple[Floats, Float
 
 
 def _gap(value: float, bound: float) -> float:
-    """Return the relative distance of both bounds."""
+    """Return the distance of `bound` from `value`, relative to the larger; 0 if not above."""
     if bound <= value:
         return 0.0
     return math.inf if not math.isfinite(bound) else (bound - value) / max(abs(value), abs(bound))
@@ -309,9 +316,12 @@ def _branch(
     deadline: float,
     progress: Callable[[float, float, int], None] | None,
 ) -> float:
-    """Split boxes, the one of the largest bound first, until the gap is closed; return the largest bound left.
+    """Split the box of largest bound until the gap is closed or time is up.
 
-    tree: root with the bound of the whole box, to which halves are added.
+    Returns a bound on all positions in the box. low, high: (p,) of the whole box, lengths. deadline: time of
+    `time.perf_counter`, s. progress: called with the best λ, the bound and the number of boxes. tree: root with the
+    bound of the whole box, to which halves are added. Boxes below a least width are not split. The middle of each box
+    is tried as a position.
     """
     whole = high - low
     heap = [(-tree.bound, 0, low, high, tree)]

@@ -181,7 +181,10 @@ class Evaluator:
         return replace(point, states=states)
 
     def _dead_states(self, values: Floats, assembly: Assembly, near: list[CaseState]) -> list[CaseState]:
-        """Return a state for every dead load of the cases, with the forces of a point nearby or any admissible ones."""
+        """Return a state for every different dead load of the cases, with admissible forces.
+
+        near: states of a point nearby, whose forces are taken if they fit. Empty where no forces are found.
+        """
         known = [state for state in near if state.dead]
         different: list[Assembly] = []
         for case in assembly.by_case:
@@ -251,7 +254,7 @@ class Evaluator:
         forces = [state.forces for state in point.states]
         for _ in range(_ROUNDS):
             states = [
-                CaseState(Template(_rubbing(one, factor)), own, 0.0, 1.0)
+                CaseState(Template(_with_friction_factor(one, factor)), own, 0.0, 1.0)
                 for one, own in zip(assembly.by_case, forces, strict=True)
             ]
             answer = self.step(Evaluated(values, 0.0, None, states), still, still, "friction")
@@ -264,7 +267,7 @@ class Evaluator:
         states = [replace(state, forces=own) for state, own in zip(states, forces, strict=True)]
         for margin in _MARGINS:
             self.solves += 1
-            result = solve(_rubbing(assembly, factor * (1.0 + margin)), self.labels)
+            result = solve(_with_friction_factor(assembly, factor * (1.0 + margin)), self.labels)
             if stands(result):
                 return Evaluated(values, -factor * (1.0 + margin), result, states, factor * (1.0 + margin))
         return None
@@ -301,8 +304,8 @@ class Evaluator:
         return None
 
 
-def _rubbing(assembly: Assembly, factor: float) -> Assembly:
-    """Return an assembly with the friction of dry faces multiplied by a factor."""
+def _with_friction_factor(assembly: Assembly, factor: float) -> Assembly:
+    """Return an assembly with all friction coefficients multiplied by a factor."""
     strengths = replace(assembly.strengths, friction=assembly.strengths.friction * factor)
     return replace(assembly, strengths=strengths)
 

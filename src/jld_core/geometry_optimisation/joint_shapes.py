@@ -52,13 +52,16 @@ class Key:
     flank: float
 
     def teeth(self) -> list[tuple[Floats, int]]:
-        """Return outline (k, 2) along and across a face of length 1, and the side (+1) into which it reaches."""
+        """Return the outline (k, 2) of the key and side 1, along and across a face of length 1.
+
+        A tooth of side 1 reaches into the second element.
+        """
         low, high = 0.5 - 0.5 * self.width, 0.5 + 0.5 * self.width
         outline = [[low, 0.0], [high, 0.0], [high - self.flank, self.depth], [low + self.flank, self.depth]]
         return [(np.array(outline), 1)]
 
     def check(self) -> None:
-        """Raise ParameterError for a key that is none."""
+        """Raise ParameterError for lengths that make no key."""
         if not (self.depth > 0.0 and 0.0 < self.width < 1.0 and 0.0 <= self.flank < 0.5 * self.width):
             problem = f"depth {self.depth:g}, width {self.width:g}, flank {self.flank:g} are no key"
             raise ParameterError("joint", problem, "depth > 0, 0 < width < 1, 0 <= flank < width/2, shares of the face")
@@ -80,7 +83,10 @@ class Sine:
     waves: int
 
     def teeth(self) -> list[tuple[Floats, int]]:
-        """Return outline (k, 2) along and across a face of length 1, and the side (±1), of each half wave."""
+        """Return outline (k, 2) and side of each half wave, along and across a face of length 1.
+
+        A tooth of side 1 reaches into the second element, one of side −1 into the first.
+        """
         found, count = [], 2 * self.waves
         share = np.linspace(0.0, 1.0, _SEGMENTS + 1)
         for k in range(count):
@@ -91,7 +97,7 @@ class Sine:
         return found
 
     def check(self) -> None:
-        """Raise ParameterError for a wave that is none."""
+        """Raise ParameterError for an amplitude or number that makes no wave."""
         if not (self.amplitude > 0.0 and self.waves >= 1):
             problem = f"amplitude {self.amplitude:g} with {self.waves} waves is no sine wave"
             raise ParameterError("joint", problem, "an amplitude > 0, a share of the face, and at least 1 wave")
@@ -129,6 +135,7 @@ def shaped_scene(scene: Scene, assembly: Assembly, labels: Bits, shape: Shape) -
         The scene is spatial, has strengths of single interfaces or slits, or a tooth does not fit into its element.
     """
     shape.check()
+    assembly.members.refuse("a shape of joints")
     if assembly.dimension != 2:
         raise InputError("elements", "they are spatial", "a planar scene; joints in space have no shape yet")
     geometry = build_geometry(scene)
@@ -165,7 +172,10 @@ def shaped_scene(scene: Scene, assembly: Assembly, labels: Bits, shape: Shape) -
 
 
 def _shape_face(assembly: Assembly, face: int, shape: Shape, cells: list[list[shapely.Polygon]]) -> None:
-    """Cut the teeth of one face out of the cells of one element and give them to the other."""
+    """Cut each tooth of a face out of the cells of one element and add it to the other.
+
+    cells: polygons of each element, changed in place. Raises InputError for a tooth that does not fit.
+    """
     faces = assembly.interfaces
     first, last = faces.polygon[face][0], faces.polygon[face][1]
     along = last - first
@@ -206,7 +216,7 @@ def _shape_face(assembly: Assembly, face: int, shape: Shape, cells: list[list[sh
 
 
 def _pieces(found: Any) -> list[shapely.Polygon]:
-    """Return the polygons of a result of set operations, without those that are rounding."""
+    """Return the polygons of a result of set operations, without those due to rounding."""
     parts = [one for one in getattr(found, "geoms", [found]) if one.geom_type == "Polygon"]
     most = max((one.area for one in parts), default=0.0)
     return [one for one in parts if one.area > _SAME * most]

@@ -71,7 +71,7 @@ class _ProgramRates:
         self._stretch = sp.diags_array(1.0 / assembly.interfaces.l1) @ lengths
 
     def of(self, column: int) -> tuple[sp.csr_array, Floats]:
-        """Return the derivatives of matrix and right-hand side by one coordinate."""
+        """Return the derivatives of matrix and right-hand side by coordinate 2·vertex + axis."""
         structure = self.solved.program.structure
         rows, columns, values = [], [], []
         active = self.template.yield_set.active(self.solved.labels)
@@ -97,7 +97,10 @@ class _ProgramRates:
 
 
 def _may_jump(result: LimitAnalysisResult, mesh: VertexMesh, data: _ProgramRates, largest: float) -> Bools:
-    """Return True (2v,) where the rates vary over the optimal forces, or over the optimal multipliers."""
+    """Return True (2v,) where the rates vary over the optimal forces or multipliers.
+
+    data: derivatives of the program. largest: greatest size of a rate.
+    """
     template, solved = data.template, data.solved
     structure = solved.program.structure
     held = solved.held.copy()
@@ -128,5 +131,5 @@ def _may_jump(result: LimitAnalysisResult, mesh: VertexMesh, data: _ProgramRates
 
 
 def _size(direction: Floats, values: Floats) -> float:
-    """Return the length of a direction over the largest value that it may change."""
+    """Return the norm of a direction over the largest size of the values."""
     return float(np.linalg.norm(direction)) / max(float(abs(values).max(initial=0.0)), tolerances.ROUNDING)

@@ -26,7 +26,7 @@ LEAST_AREA: Final = 0.05
 """Least area of an element, relative to its area at the start."""
 
 _KEPT: Final = 0.98
-"""Share of its value at the start to which a limit is relaxed that the start does not keep."""
+"""Share of its value at the start that a limit requires if the start violates the limit."""
 
 _STRAIGHT: Final = 1e-6
 """Deviation from 180°, rad, up to which an angle of an element is straight."""
@@ -113,7 +113,10 @@ class Limits:
         self.least = np.where(self.equal, 0.0, np.minimum(0.0, relaxed(start.values)))
 
     def _angles(self, mesh: VertexMesh, moving: Bools, free: Bools) -> tuple[Ints, Ints]:
-        """Return corners (c, 3) of free elements before, at and after a vertex, and straight ones (s, 3)."""
+        """Return corners of free elements below 180° (c, 3), and straight ones (s, 3).
+
+        Each row holds the vertices before, at and after the corner; one of them moves.
+        """
         loops = [loop for loop, one in zip(mesh.loops, free.tolist(), strict=True) if one]
         every = [np.column_stack([np.roll(loop, 1), loop, np.roll(loop, -1)]) for loop in loops]
         corners = np.concatenate(every)
@@ -124,7 +127,7 @@ class Limits:
         return corners[(angle < np.pi) & ~straight], corners[straight]
 
     def _equal(self, count: int) -> Bools:
-        """Return True for the rows that are equations."""
+        """Return True (count,) for the rows of limits that are equations."""
         found = np.zeros(count, dtype=bool)
         if self._move.straight:
             found[: len(self._straight)] = True
@@ -148,7 +151,10 @@ class Limits:
         return LimitValues(values, sp.csr_array(sp.vstack([rates for _, rates in parts])))
 
     def _of_straight(self, places: Floats) -> tuple[Floats, sp.csr_array]:
-        """Return rows of straight corners: deviations from 180°, or what is left of the largest bend."""
+        """Return rows of straight corners, rad: deviations from 180°, if these must be 0.
+
+        Otherwise the rows are the distances to the largest bend on either side.
+        """
         angle = _angle(places, self._straight) - np.pi
         rates = _angle_rates(places, self._straight)
         if self._move.straight:
@@ -157,13 +163,13 @@ class Limits:
         return np.concatenate([angle + _BEND, _BEND - angle]), both
 
     def _of_angles(self, places: Floats) -> tuple[Floats, sp.csr_array]:
-        """Return rows of the least and the largest angle at corners, rad."""
+        """Return rows of the distances of angles at corners to the least and largest one, rad."""
         angle, rates = _angle(places, self._corners), _angle_rates(places, self._corners)
         low, high = np.radians(self._move.angle)
         return np.concatenate([angle - low, high - angle]), sp.csr_array(sp.vstack([rates, -rates]))
 
     def _of_edges(self, places: Floats) -> tuple[Floats, sp.csr_array]:
-        """Return rows of the least edge, relative to it."""
+        """Return rows of the edges less the least edge, relative to it."""
         edge = places[self._edges[:, 1]] - places[self._edges[:, 0]]
         length = np.linalg.norm(edge, axis=1)
         along = edge / length[:, None] / self._edge
@@ -191,7 +197,10 @@ class Limits:
         return np.concatenate([np.empty(0), *values]), sp.csr_array(sp.vstack(parts))
 
     def _of_loads(self, places: Floats) -> tuple[Floats, sp.csr_array]:
-        """Return rows that keep point loads on the edges of their elements, relative to the structure."""
+        """Return rows that keep point loads on the edges of their elements.
+
+        Values are distances to the ends of the edge, relative to the size of the structure.
+        """
         values, rates, columns = [], [], []
         for point, first, last, half in self._loads:
             edge = places[last] - places[first]
@@ -205,7 +214,10 @@ class Limits:
         )
 
     def _of_draft(self, places: Floats, drafted: bool) -> tuple[Floats, sp.csr_array]:
-        """Return rows of the least sine between joints and the direction of lifting."""
+        """Return rows of the sine between joints and the direction of lifting, less the least one.
+
+        drafted: as in `at`. Without a draft there are no rows.
+        """
         draft = self._move.draft
         if draft is None:
             return np.empty(0), sp.csr_array((0, places.size))
@@ -226,7 +238,7 @@ class Limits:
 
 
 def relaxed(values: Floats) -> Floats:
-    """Return what a start keeps of limits (r,) that it violates, with a little more room."""
+    """Return values (r,) lowered a little, as least values of limits that a start violates."""
     return np.asarray(values - (1.0 - _KEPT) * abs(values))
 
 
@@ -247,7 +259,7 @@ def _angle_rates(places: Floats, corners: Ints) -> sp.csr_array:
 
 
 def sparse_rows(values: Floats, columns: Ints, size: int) -> sp.csr_array:
-    """Return rows with given values at given columns."""
+    """Return rows (k, size) with values (k, j) at columns (k, j)."""
     rows = np.repeat(np.arange(len(values)), values.shape[1])
     return sp.csr_array((values.ravel(), (rows, columns.ravel())), shape=(len(values), size))
 
@@ -269,7 +281,8 @@ def mass_rows(assembly: Assembly, labels: Bits, changing: Bools) -> sp.csr_array
 def _loads_on_edges(scene: Scene, assembly: Assembly, mesh: VertexMesh) -> list[tuple[Floats, int, int, float]]:
     """Return place, edge and half the width of each point load on the outline of its element.
 
-    An edge is given by its first and last vertex; a load that states no width has none.
+    An edge is given by its first and last vertex; a load without a stated width has half width 0. Raises InputError for
+    moving loads and pressure on faces.
     """
     loads = scene.loads
     entries: list[PointLoad | BodyLoad | FaceLoad] = [*loads.dead, *(loads.live or [])]

@@ -64,7 +64,7 @@ class MovedScene:
         ]
         if "move" in found:
             found["move"] = move_with_points(found["move"], self._mesh.places, places, self._size)
-        return found if friction == 1.0 else _rubbing(found, friction)
+        return found if friction == 1.0 else _with_friction_factor(found, friction)
 
     def at(self, places: Floats, friction: float = 1.0) -> Scene:
         """Return the validated scene with the vertices at the positions (v, 2).
@@ -97,7 +97,7 @@ def move_with_points(move: dict[str, Any], start: Floats, places: Floats, size: 
     return found
 
 
-def _rubbing(document: dict[str, Any], factor: float) -> dict[str, Any]:
+def _with_friction_factor(document: dict[str, Any], factor: float) -> dict[str, Any]:
     """Return a document with the friction of dry joints multiplied by a factor."""
 
     def changed(entry: dict[str, Any]) -> dict[str, Any]:
@@ -121,5 +121,5 @@ def _rubbing(document: dict[str, Any], factor: float) -> dict[str, Any]:
 
 
 def _nominal(value: Any) -> float:
-    """Return the nominal value of a number that may have a low value."""
+    """Return the number itself, or its nominal value if it also has a low value."""
     return float(value["nominal"] if isinstance(value, dict) else value)

@@ -67,7 +67,7 @@ class MovedJoints:
     before, after : LimitAnalysisResult or None
         Analyses at start and end; None where the start does not stand.
     objective : str
-        What was optimised, as in the key "maximise".
+        The objective, as in the key "maximise".
     start, value : float
         Objective at start and end; NaN for a start that does not stand, inf for a locked end.
     end : str
@@ -81,7 +81,7 @@ class MovedJoints:
     parameters : int
         Number of independent variables.
     warnings : list of str
-        What a reader of the value must know.
+        Reservations about the value, one line each.
     """
 
     scene: Scene
@@ -162,7 +162,7 @@ def move_joints(
         taken = 0
 
         def report(point: Evaluated, predicted: float, radius: float, number: int = number) -> None:
-            """Record an accepted point."""
+            """Record an accepted point of start `number`, with predicted objective and trust radius."""
             nonlocal taken
             bracket = (math.nan, math.nan) if point.result is None else point.result.bracket
             if search.goal != "load_factor":
@@ -192,7 +192,7 @@ def move_joints(
 def _result(
     search: GeometrySearch, before: Evaluated | None, best: tuple[Evaluated, str], points: list[Point]
 ) -> MovedJoints:
-    """Return the result of a search."""
+    """Return the result of a search; best: the last point, and why its search ended."""
     point, end = best
     places = search.variables.places(point.values)
     scene = search.moved.at(places, point.friction)
@@ -213,7 +213,10 @@ def _result(
 
 
 def _contacts_found(search: GeometrySearch, scene: Scene, point: Evaluated) -> list[str]:
-    """Return a warning where contacts found anew give another λ than those that moved; only for dry joints alone."""
+    """Return a warning if contacts found anew give another λ than those that moved.
+
+    Empty without one. Only dry joints with λ as objective are compared.
+    """
     result = point.result
     if search.goal != "load_factor" or result is None or result.status is not Status.COLLAPSE:
         return []

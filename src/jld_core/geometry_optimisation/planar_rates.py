@@ -115,7 +115,7 @@ class FaceRates:
 
 
 def face_rates(assembly: Assembly, mesh: VertexMesh, forces: Floats) -> FaceRates:
-    """Compute the derivatives by the vertices of what interfaces exert on free elements.
+    """Compute the derivatives by the vertices of the forces of interfaces on free elements.
 
     Moments are taken about the present centroids, which are held. forces: (m, 3) N, V, M, scene units.
     """
@@ -169,10 +169,10 @@ def load_rates(assembly: Assembly, mesh: VertexMesh, load_factor: float) -> sp.c
 
 
 def shape_loads(assembly: Assembly, load_factor: float) -> tuple[Floats, Floats]:
-    """Return the forces (n, d) that grow with the volume, and those that ride on the centroid.
+    """Return forces (n, d) in proportion to volume, and forces that move with the centroid.
 
-    These are the loads at λ that change while an element changes its shape, in scene units. Where the assembly does not
-    know them, self-weight does both and all other loads stay.
+    These are the loads at λ that change while an element changes its shape, in scene units. Where the assembly states
+    none, self-weight is both, and all other loads stay.
     """
     known = assembly.shape_loads
     if known is None:
@@ -182,5 +182,5 @@ def shape_loads(assembly: Assembly, load_factor: float) -> tuple[Floats, Floats]
 
 
 def _columns(ends: Ints) -> Ints:
-    """Return the columns (m, 4) of the coordinates of both ends."""
+    """Return the columns (m, 4) of the coordinates of both end vertices; ends: (m, 2)."""
     return np.concatenate([2 * ends[:, :1] + np.arange(2), 2 * ends[:, 1:] + np.arange(2)], axis=1)

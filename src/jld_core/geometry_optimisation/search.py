@@ -126,7 +126,7 @@ class GeometrySearch:
 
     @property
     def goal(self) -> Goal:
-        """What the programs of steps optimise, from the key "maximise" of the scene."""
+        """Objective of the programs of steps, from the key "maximise" of the scene."""
         goals: dict[str, Goal] = {"least_friction": "friction", "least_thickness": "thickness"}
         return goals.get(self.move.maximise, "load_factor")
 
@@ -172,7 +172,10 @@ class GeometrySearch:
         return None
 
     def _bounds(self, values: Floats, radius: float) -> tuple[Floats, Floats]:
-        """Return bounds (k,) of a step within the trust region and the box."""
+        """Return bounds low, high (k,) on a step from z, within trust region and box.
+
+        values: (k,) z. radius: of the trust region, length.
+        """
         low, high = np.full(len(values), -radius), np.full(len(values), radius)
         box = self.move.box
         if box is not None:
@@ -232,7 +235,7 @@ class GeometrySearch:
                 if kicks == trust.kicks or self.goal != "load_factor":
                     return point, "stationary"
                 kicks += 1
-                point, radius = self._kicked(point, random), trust.first * self.unit
+                point, radius = self._with_other_forces(point, random), trust.first * self.unit
                 continue
             if new is None or not new.objective - point.objective > trust.accepted * promise:
                 radius *= trust.shrinkage
@@ -244,16 +247,16 @@ class GeometrySearch:
         return point, "points"
 
     def _try(self, point: Evaluated, radius: float) -> tuple[Evaluated | None, float]:
-        """Return the point that one step leads to, if any, and the objective that its program promised.
+        """Return the best point that one step leads to, if any, and the predicted objective.
 
-        Where the point keeps too little of the promise, its program is stated again at that point and with its forces,
-        within the same trust region: a correction of second order.
+        With corrections allowed and λ as goal, a program is solved again from a new point that gains too little. It
+        uses the forces of the step, within the same trust region: a correction of second order.
         """
         low, high = self._bounds(point.values, radius)
         answer = self.evaluator.step(point, low, high, self.goal)
         if answer is None:
             return None, math.inf
-        predicted = self._promised(point, answer)
+        predicted = self._predicted(point, answer)
         needed = point.objective + self.trust.accepted * (predicted - point.objective)
         best: Evaluated | None = None
         trial = point
@@ -276,16 +279,19 @@ class GeometrySearch:
             answer = corrected
         return best, predicted
 
-    def _promised(self, point: Evaluated, answer: StepAnswer) -> float:
-        """Return the objective that the program of a step promises."""
+    def _predicted(self, point: Evaluated, answer: StepAnswer) -> float:
+        """Return the objective that the program of a step predicts."""
         if self.goal == "friction":
             return -point.friction * (1.0 + answer.value)
         if self.goal == "thickness":
             return point.objective - float(answer.change[-1])
         return answer.value
 
-    def _kicked(self, point: Evaluated, random: np.random.Generator) -> Evaluated:
-        """Return a point with other optimal forces, which may see an ascent that the present ones do not."""
+    def _with_other_forces(self, point: Evaluated, random: np.random.Generator) -> Evaluated:
+        """Return a point with other optimal forces, from which a step may find an ascent.
+
+        It is the point itself where the program fails.
+        """
         still = np.zeros(self.variables.count)
         objective = random.normal(size=point.states[0].forces.size)
         answer = self.evaluator.step(point, still, still, self.goal, objective)

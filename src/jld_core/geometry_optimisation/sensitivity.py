@@ -98,7 +98,8 @@ def geometry_sensitivities(result: LimitAnalysisResult, *, one_sided: bool = Tru
         return GeometrySensitivities(one.vertices, *rates)
     plain = result.model.supports_bounds_over_labellings and result.model.inner_bending == "uncoupled"
     loads = result.assembly.shape_loads
-    plain = plain and not (loads is not None and loads.pressed)
+    plain = plain and not (loads is not None and loads.pressed) and not result.assembly.members
+    plain = plain and result.assembly.members.bond is None
     if result.status is not Status.COLLAPSE or not plain or result.forces is None or result.mechanism is None:
         return None
     if result.assembly.dimension == 3:

@@ -38,15 +38,18 @@ def spatial_rates(result: LimitAnalysisResult, forces: Floats, mechanism: Floats
     mesh = spatial_mesh(assembly)
     rates = np.zeros_like(mesh.places)
     for element in assembly.elements.free.tolist():
-        own = _of_element(assembly, element, mechanism[element], result.load_factor)
+        own = _element_rates(assembly, element, mechanism[element], result.load_factor)
         np.add.at(rates, mesh.corners[element], own)
     for face, polygon in enumerate(mesh.polygons):
-        np.add.at(rates, polygon, _of_face(assembly, face, forces[face], mechanism))
+        np.add.at(rates, polygon, _face_rates(assembly, face, forces[face], mechanism))
     return mesh.places, rates
 
 
-def _of_element(assembly: Assembly, element: int, motion: Floats, load_factor: float) -> Floats:
-    """Return −d(power of the loads of an element) by its vertices (k, 3)."""
+def _element_rates(assembly: Assembly, element: int, motion: Floats, load_factor: float) -> Floats:
+    """Return −d(power of the loads of an element) by its vertices (k, 3), scene units.
+
+    motion: (6,) velocity of the centroid, then rotation.
+    """
     growing, riding = (load[element] for load in shape_loads(assembly, load_factor))
     volume, by_volume, by_moment = volume_rates(assembly, element)
     # moments are about the centroid, so that the first moment of the whole vanishes
@@ -120,7 +123,10 @@ class HeldForces:
 
 
 def plane_frame(normal: Floats, beside: Floats) -> Floats:
-    """Return two axes (2, 3) of a plane, which change smoothly with its normal near `beside`."""
+    """Return two axes (2, 3) of the plane of a normal; they change smoothly with the normal.
+
+    beside: unit normal nearby, which chooses the first axis.
+    """
     first = np.eye(3)[int(np.argmin(abs(beside)))]
     first = first - (first @ normal) * normal
     first = first / np.linalg.norm(first)
@@ -151,7 +157,7 @@ def held_forces(assembly: Assembly, face: int, polygon: Floats, forces: Floats, 
     return HeldForces(corner, shear, faces.normal[face], float(forces[5] / faces.c_t[face]))
 
 
-def _of_face(assembly: Assembly, face: int, forces: Floats, mechanism: Floats) -> Floats:
+def _face_rates(assembly: Assembly, face: int, forces: Floats, mechanism: Floats) -> Floats:
     """Return the derivatives (k, 3) of dissipation minus power of one face by its corners."""
     faces = assembly.interfaces
     velocity, spin = face_motion(assembly, face, mechanism)
@@ -171,7 +177,11 @@ def _of_face(assembly: Assembly, face: int, forces: Floats, mechanism: Floats) -
 
 
 def corner_forces(corner: Floats, forces: Floats, gaps: Floats) -> Floats:
-    """Return normal forces (k,) at the corners (k, 2) with the resultants of a face, at the least power on the gaps."""
+    """Return normal forces (k,) at the corners with the resultants of a face.
+
+    Of all such forces they have the least power on the gaps. corner: (k, 2) about the centroid. forces: (6,) of the
+    face. gaps: (k,) opening rates.
+    """
     size = float(abs(corner).max())
     rows = np.vstack([np.ones(len(corner)), corner[:, 0] / size, corner[:, 1] / size])
     total = np.array([forces[0], -forces[4] / size, forces[3] / size])

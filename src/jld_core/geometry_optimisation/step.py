@@ -18,7 +18,7 @@ from jld_core.program import ConicProgram, Template, pack
 from jld_core.solvers import ClarabelSolver, RawStatus
 
 Goal = Literal["load_factor", "friction", "thickness", "slack"]
-"""What a step optimises: λ; the least factor on friction or the least thickness at λ = 0; the missing strength."""
+"""Objective of a step: λ; the least factor on friction or the least thickness at λ = 0; the missing strength."""
 
 _TOLERANCE: Final = 1e-9
 """Residual and gap of the programs of steps; accepted points are proven apart."""
@@ -149,7 +149,10 @@ def solve_step(
 
 
 class _Rows:
-    """Rows of the program of a step: columns of each case, then steps of variables, then the goal."""
+    """Rows of the program of a step.
+
+    The columns are those of each case, then the steps of the variables, then the goal.
+    """
 
     def __init__(self, states: list[CaseState], count: int) -> None:
         self._states, self.count = states, count
@@ -160,11 +163,14 @@ class _Rows:
         self.cones: list[int] = []
 
     def add(self, group: str, rows: sp.csr_array, right: Floats) -> None:
-        """Add rows over all columns."""
+        """Add rows over all columns to a group: "equal", "linear" or "cones"; right: their side."""
         self._groups[group].append((rows, right))
 
     def placed(self, case: int, own: sp.csr_array, steps: sp.csr_array | None, goal: Floats | None) -> sp.csr_array:
-        """Return rows over the columns of one case, the steps and the goal as rows over all columns."""
+        """Return rows over one case, the steps and the goal as rows over all columns.
+
+        own: (r, columns of the case). steps: (r, k) and goal: (r,); None for zeros.
+        """
         count = own.shape[0]
         before = sp.csr_array((count, self.start[case]))
         after = sp.csr_array((count, self.start[-1] - self.start[case + 1]))
@@ -181,7 +187,7 @@ class _Rows:
         return pack(sp.vstack(parts), right, objective, sizes[0], sizes[1], tuple(self.cones))
 
     def answer(self, point: Floats, goal: Goal) -> StepAnswer:
-        """Return the answer in scene units."""
+        """Return the answer in scene units; point: values of all columns."""
         forces, factors = [], []
         for k, state in enumerate(self._states):
             own = point[self.start[k] : self.start[k + 1]]
@@ -203,7 +209,10 @@ def _add_case(
     lengths: sp.csr_array,
     goal: Goal,
 ) -> None:
-    """Add equilibrium, yield and goal rows of one case; lengths: (m, k) relative rates of the lengths of faces."""
+    """Add equilibrium, yield and goal rows of one load case.
+
+    case: its number. lengths: (m, k) relative rates of the lengths of faces by the variables.
+    """
     template = state.template
     program, scaling = template.program(labels), template.scaling
     s = program.structure
@@ -245,7 +254,10 @@ def _add_case(
 
 
 def _friction_column(template: Template, labels: Bits, forces: Floats, count: int) -> Floats:
-    """Return the derivatives of the yield rows by a factor on the friction of dry faces, at given forces."""
+    """Return the derivatives (count,) of yield rows by a factor on the friction of dry faces.
+
+    forces: (m, 3) at which they are taken, scene units.
+    """
     pattern = template.yield_set.pattern
     scaled = (forces / template.scaling.face).ravel()
     own = pattern.capacity[labels[pattern.face[pattern.capacity]]]

@@ -148,8 +148,8 @@ def variables_of(assembly: Assembly, labels: Bits, mesh: VertexMesh, move: Move,
     """Find the variables of a planar structure that the key "move" of its scene asks for.
 
     labels: (m,) True = dry. mesh: vertices at the start. named: take only the vertices that "along" names, where it
-    names any. Raises InputError for a vertex that does not exist or belongs to a support, for ties that contradict one
-    another, and where nothing is left to move.
+    names any. Raises InputError for a vertex that does not exist or belongs to a support. It also does so for ties that
+    contradict one another, and where nothing is left to move.
     """
     finder = _Finder(assembly, labels, mesh, move)
     chosen: list[tuple[int, Floats, Floats]] = finder.named()
@@ -218,7 +218,10 @@ class _Finder:
                 self._before.setdefault(j, []).append(i)
 
     def named(self) -> list[tuple[int, Floats, Floats]]:
-        """Return vertex, direction and no centre for each vertex that "along" names."""
+        """Return vertex, direction and centre (NaN) for each vertex that "along" names.
+
+        Raises InputError for a vertex that does not exist or belongs to a support.
+        """
         found = []
         for position, path in enumerate(self._move.along):
             if path.at is None or path.direction is None:
@@ -234,7 +237,10 @@ class _Finder:
         return found
 
     def joints(self, circles: list[Path], taken: set[int]) -> list[tuple[int, Floats, Floats]]:
-        """Return vertex, direction and centre (NaN on lines) of all vertices that move or follow and are not taken."""
+        """Return vertex, direction and centre (NaN on lines) of all vertices that move or follow.
+
+        circles: entries of "along" with a circle. taken: vertices to leave out.
+        """
         found: list[tuple[int, Floats, Floats]] = []
         for vertex in np.flatnonzero(self._dry | self.followers).tolist():
             if vertex in taken:
@@ -253,9 +259,10 @@ class _Finder:
         return found
 
     def _circle(self, vertex: int, around: list[int], circles: list[Path]) -> tuple[Floats, bool] | None:
-        """Return the centre of the circle that a vertex and its neighbours on the outline lie on, if any.
+        """Return the centre of the first circle on which a vertex and its outline neighbours lie.
 
-        The second value tells whether vertices of supports slide on it.
+        The second value is True if vertices of supports slide on it. None without a circle. around: the neighbours. Of
+        a vertex on a support one neighbour suffices, where such vertices slide.
         """
         for path in circles:
             centre = np.array(path.circle, dtype=float)
@@ -266,7 +273,7 @@ class _Finder:
         return None
 
     def _line(self, vertex: int, around: list[int]) -> Floats | None:
-        """Return the direction of a straight outline at a vertex, None at a corner."""
+        """Return the direction of a straight outline at a vertex, None at a corner; around: (2,)."""
         before, after = self._mesh.places[around] - self._mesh.places[vertex]
         lengths = np.hypot(*before) * np.hypot(*after)
         if abs(before[0] * after[1] - before[1] * after[0]) > _STRAIGHT * lengths or before @ after > 0.0:
@@ -276,7 +283,10 @@ class _Finder:
 
 
 def _with_thickness(found: Variables, assembly: Assembly, circles: list[Path]) -> Variables:
-    """Return the variables with the thickness of an arch as the last one."""
+    """Return the variables with the thickness of an arch as the last.
+
+    Raises InputError where "along" states no circle.
+    """
     if not circles:
         problem = "the thickness is that of an arch on circles"
         raise InputError("move.maximise", problem, '"along": [{"circle": [x, y]}] with its centre')
@@ -291,9 +301,10 @@ def _with_thickness(found: Variables, assembly: Assembly, circles: list[Path]) -
 
 
 def _following(found: Variables, mesh: VertexMesh, followers: Bools) -> Floats:
-    """Return the ties (t, k) by which vertices without joints follow the mean movement of their neighbours.
+    """Return ties (t, k) by which vertices without joints follow their neighbours.
 
-    followers: (v,) True for these vertices. Neighbours count by the inverse of their distance.
+    Each moves by the mean of the movements of its neighbours, weighted by the inverse of their distance. followers:
+    (v,) True for these vertices.
     """
     own = np.flatnonzero(followers[found.vertex])
     if not len(own):
@@ -318,7 +329,10 @@ def _following(found: Variables, mesh: VertexMesh, followers: Bools) -> Floats:
 
 
 def ties_of(found: Variables, assembly: Assembly, move: Move) -> Floats:
-    """Return the ties (t, k) that the key "ties" states; raise InputError where they contradict one another."""
+    """Return the ties (t, k) that the key "ties" states.
+
+    Raises InputError where they contradict one another or a mirrored vertex does not exist.
+    """
     if move.ties == "none" or move.ties == "equal-shapes":  # equal shapes are equations of the limits
         return np.zeros((0, found.count))
     jacobian = found.jacobian(np.zeros(found.count)).toarray().reshape(*found.start.shape, -1)
@@ -350,7 +364,10 @@ def ties_of(found: Variables, assembly: Assembly, move: Move) -> Floats:
 
 
 def mirrored(found: Variables, assembly: Assembly) -> Ints:
-    """Return the vertex (v,) that mirrors each vertex about the middle of the free elements."""
+    """Return the vertex (v,) nearest to the mirror image of each vertex.
+
+    The axis is vertical, in the middle of the free elements. Raises InputError for a moving vertex without an image.
+    """
     free = np.concatenate([assembly.elements.shape[k] for k in assembly.elements.free])
     axis = float(free[:, 0].min() + free[:, 0].max())
     image = found.start.copy()

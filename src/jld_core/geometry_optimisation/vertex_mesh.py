@@ -66,8 +66,10 @@ def vertex_mesh(assembly: Assembly) -> VertexMesh:
     """Find the vertices that the elements and interfaces of a planar assembly share.
 
     Corners and ends of interfaces that nearly coincide become one vertex. An end of an interface inside an edge of an
-    element becomes a vertex of its outline; a straight corner inside an interface is left out.
+    element becomes a vertex of its outline; a straight corner inside an interface is left out. Raises InputError for
+    an assembly with members, since nothing says how their points move.
     """
+    assembly.members.refuse("a move of joints")
     shapes, faces = assembly.elements.shape, assembly.interfaces
     lines = [_directed(polygon, faces.e1[k]) for k, polygon in enumerate(faces.polygon)]
     lengths = np.concatenate([np.linalg.norm(np.roll(s, -1, axis=0) - s, axis=1) for s in shapes])
@@ -85,12 +87,12 @@ def vertex_mesh(assembly: Assembly) -> VertexMesh:
 
 
 def _directed(polygon: Floats, along: Floats) -> Floats:
-    """Return the two ends of an interface in the direction of e1."""
+    """Return the two ends (2, 2) of an interface in the direction of e1, `along`."""
     return polygon if (polygon[1] - polygon[0]) @ along > 0.0 else polygon[::-1]
 
 
 def merged_points(groups: Sequence[Floats], reach: float) -> tuple[Ints, Floats]:
-    """Merge points that lie within a distance `reach` of one another to vertices.
+    """Merge points within a distance `reach`, also by chains of such points, to vertices.
 
     The result is the vertex (k,) of each of the k points of all groups in turn, and the places (v, d) of the vertices.
     A vertex lies at the first of its points.
@@ -103,9 +105,9 @@ def merged_points(groups: Sequence[Floats], reach: float) -> tuple[Ints, Floats]
 
 
 def _refined(loop: Ints, ends: Ints, places: Floats, reach: float) -> Ints:
-    """Return a loop with the ends of its interfaces on its edges, without corners inside an interface.
+    """Return a loop with ends of interfaces on its edges, without corners inside interfaces.
 
-    ends: (k, 2) vertices of the interfaces of the element.
+    ends: (k, 2) vertices of the interfaces of the element. reach: distance within which a vertex lies on an edge.
     """
     for vertex in sorted(set(ends.ravel().tolist()) - set(loop.tolist())):
         start, edge = places[loop], places[np.roll(loop, -1)] - places[loop]
@@ -123,7 +125,7 @@ def _refined(loop: Ints, ends: Ints, places: Floats, reach: float) -> Ints:
 
 
 def _between(point: Floats, line: Floats, reach: float) -> bool:
-    """Return True if a point lies on a segment (2, 2), ends excluded."""
+    """Return True if a point lies on a segment `line` (2, 2), ends within `reach` excluded."""
     edge, arm = line[1] - line[0], point - line[0]
     length = float(np.hypot(*edge))
     along, off = float(arm @ edge) / length, abs(float(arm[0] * edge[1] - arm[1] * edge[0])) / length

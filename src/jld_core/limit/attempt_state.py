@@ -22,7 +22,7 @@ _SIMPLEX: Final = 6000  # Number of columns up to which a dual simplex is tried.
 
 
 class Analysis(Protocol):
-    """Interface of `LimitAnalysis`, as far as `ProofAttempt` needs it.
+    """Interface to those members of `LimitAnalysis` that `ProofAttempt` uses.
 
     prover, repair: for `template`. first_solver: solver of the first attempt. reference: (m,) labelling, True = dry, on
     which solvers are set up. margin: slack kept in every yield row while solving, scaled. gap: relative width above
@@ -186,9 +186,11 @@ class AttemptState:
 
     @property
     def wide_for_single_labelling(self) -> bool:
-        """Return True if a single labelling has a bracket wider than `tolerances.DIGITS`.
+        """Return True if the bracket of a single labelling is wider than `tolerances.DIGITS`.
 
-        Where λ lies in a wide bracket depends on the order of the elements. Searches do not need these digits.
+        A narrower bracket then makes the reported λ independent of the order of elements. The result is False in
+        analyses of many labellings, for a status other than collapse, for a bracket of the batch solver, and for large
+        programs.
         """
         analysis = self.analysis
         if (

@@ -146,7 +146,7 @@ def largest_support(
     program : ConicProgram
         Supplies the rows.
     columns : int
-        Number of leading columns that count.
+        Number of leading columns that the point has; the others are left out.
     target : (equalities,) float array, optional
         Right-hand side of the equations; default zero, for a self-stress.
     largest : float
@@ -185,7 +185,7 @@ def polygonal_support(program: ConicProgram, columns: int, target: Floats | None
     program : ConicProgram
         Supplies the rows.
     columns : int
-        Number of leading columns that count.
+        Number of leading columns that the point has; the others are left out.
     target : (equalities,) float array, optional
         Right-hand side of the equations; default zero, for a self-stress.
 
@@ -313,7 +313,7 @@ def interior_motion(program: ConicProgram, columns: int) -> Floats | None:
     program : ConicProgram
         Equations E, then the row of λ, which is omitted, then the yield rows G.
     columns : int
-        Number of leading columns that are balanced.
+        Number of leading columns of E and G that the condition Eᵀu + Gᵀz = 0 covers.
 
     Returns
     -------

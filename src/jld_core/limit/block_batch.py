@@ -51,7 +51,7 @@ class BlockMultipliers:
 
 @dataclass(frozen=True)
 class BlockMechanism:
-    """Velocities and multipliers of one block relaxation, from which its bound can be computed again.
+    """Velocities and multipliers of one block relaxation, which prove its bound.
 
     Attributes
     ----------

@@ -160,10 +160,11 @@ class ConeProgram(AllBlocksProgram):
 
 
 def _lists(face: Ints, value: Ints, count: int, freedoms: int = 0) -> list[Ints]:
-    """Group values by face: return the distinct values (k,) of each face in ascending order.
+    """Return the distinct values (k,) of each face, in ascending order.
 
-    face, value: (k,) pairs. count: number of faces. freedoms: if above 0, the indices of this number of resultants of
-    each face are included.
+    face, value: (pairs,) a face and a value that belongs to it. count: number of faces. freedoms: number of resultants
+    per face. If above 0, the indices of the resultants of a face in the whole vector, `freedoms` · face and following,
+    belong to it as well.
     """
     face = np.concatenate([face, np.repeat(np.arange(count), freedoms)])
     value = np.concatenate([value, np.arange(count * freedoms)])

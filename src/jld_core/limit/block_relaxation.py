@@ -253,7 +253,7 @@ class BlockRelaxation:
         return not found.refuted and found.bound <= threshold + _NEAR * max(1.0, abs(threshold))
 
     def _choose(self, allowed: Bools, threshold: float, most: float, route: Solver) -> Choice:
-        """Solve the program of the allowed blocks by one solver, and return what it proves.
+        """Solve the program of the allowed blocks by one solver, and return the proven bound.
 
         allowed, threshold, most: as in `choose`. route: the solver.
         """
@@ -268,7 +268,7 @@ class BlockRelaxation:
         return self._proven_choice(answer, allowed, threshold, most)
 
     def _proven_choice(self, answer: BlockMultipliers, allowed: Bools, threshold: float, most: float) -> Choice:
-        """Return the bound that the velocities and multipliers of a solver prove.
+        """Compute the bound that the velocities and multipliers of a solver prove.
 
         answer: values of the solver, not trusted. allowed, threshold, most: as in `choose`.
         """
@@ -369,7 +369,8 @@ class BlockRelaxation:
 def applies_to(analysis: LimitAnalysis) -> bool:
     """Return whether a block relaxation of an assembly exists.
 
-    It needs associative friction, known hulls, and joints that can all open, or that all crush.
+    It needs associative friction, known hulls, and joints that can all open, or that all crush. It knows no members,
+    since these act on elements of several blocks at once.
 
     Parameters
     ----------
@@ -382,7 +383,7 @@ def applies_to(analysis: LimitAnalysis) -> bool:
         True if `BlockRelaxation` accepts the analysis.
     """
     sets = analysis.template.yield_set
-    if sets.hull() is None:
+    if analysis.assembly.of_members.any() or sets.hull() is None:
         return False
     if analysis.repair.opening() is not None:
         return True

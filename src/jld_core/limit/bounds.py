@@ -64,7 +64,7 @@ class Prover:
         return max(tolerances.EXACT, _LAST_DIGITS * far / self.template.assembly.size)
 
     def is_ray(self, ray: State) -> bool:
-        """Return True if equilibrium and cones hold as exactly as input is known.
+        """Return True if equilibrium and recession cones hold up to rounding.
 
         Parameters
         ----------
@@ -74,7 +74,8 @@ class Prover:
         Returns
         -------
         bool
-            True if the cones hold to `exact`, and equilibrium as well or within the slack of all cones.
+            True if the slack is at least −`exact` and the error at most `exact`. Where all cones have enough slack to
+            absorb it, a larger error is allowed (`tolerances.ROUNDING`).
         """
         left = tolerances.ROUNDING if ray.slack >= 2.0 * tolerances.ROUNDING else self.exact
         return ray.slack >= -self.exact and ray.error <= left
@@ -176,7 +177,7 @@ class Prover:
     def imbalance(self, forces: Floats, load: Floats) -> float:
         """Return the largest residual of A F + load, relative to the terms at its element.
 
-        A small load beside a large one is thus no rounding.
+        A small load is thus not taken for the rounding error of a large one elsewhere.
 
         Parameters
         ----------
@@ -188,8 +189,8 @@ class Prover:
         Returns
         -------
         float
-            Largest residual of all elements. The residual of an element is divided by the sum of the absolute terms of
-            its equations, their largest one, where that sum is below 1.
+            Largest relative residual of all elements. Each equation of an element has a sum of absolute terms. The
+            largest of these sums, but at most 1, divides the residual of the element.
         """
         freedoms = self._everything.shape[1]
         left, met = self.template.matrix @ forces + load, self._magnitudes @ abs(forces) + abs(load)
@@ -306,7 +307,7 @@ class Prover:
         return Motion(velocity, jumps, work, margin, bound, self.noise(velocity, bound))
 
     def noise(self, velocity: Floats, bound: float) -> float:
-        """Return the rounding error that a bound may contain.
+        """Estimate the rounding error of the bound of one motion.
 
         Parameters
         ----------
@@ -318,12 +319,12 @@ class Prover:
         Returns
         -------
         float
-            Rounding error of the sums in the bound and of the velocities, scaled.
+            Sum of the rounding errors of the bound and of the velocities, scaled.
         """
         return float(self.noises(velocity[None], np.array([bound]))[0])
 
     def noises(self, velocities: Floats, bounds: Floats) -> Floats:
-        """Return the rounding errors that k bounds may contain.
+        """Estimate the rounding errors of the bounds of k motions.
 
         Parameters
         ----------

@@ -51,7 +51,7 @@ def exceeds(low: float, bound: float, load_scale: float) -> bool:
     Returns
     -------
     bool
-        True if low − bound exceeds `tolerances.PROVEN` relative to the largest of the three.
+        True if low − bound exceeds `tolerances.PROVEN` times the largest of |low|, |bound| and `load_scale`.
     """
     return low - bound > tolerances.PROVEN * max(abs(low), abs(bound) if np.isfinite(bound) else 0.0, load_scale)
 

@@ -202,7 +202,10 @@ class CaseBlockRelaxation(_Cases[BlockRelaxation]):
         return self.bound_all([(allowed, threshold, most)])[0]
 
     def evaluate(self, mechanism: BlockMechanism, allowed: Bools, threshold: float, most: float) -> Choice:
-        """Bound the governing factor by the mechanism of an earlier program; see `BlockRelaxation.evaluate`."""
+        """Bound the governing factor by the mechanism of an earlier program.
+
+        Parameters and result: see `BlockRelaxation.evaluate`; values are governing factors.
+        """
         unit = self._units[mechanism.case]
         scaled = self._in_units(threshold, most, unit)
         found = self._cases[mechanism.case].evaluate(mechanism, allowed, *scaled)

@@ -296,10 +296,11 @@ class FacialReduction:
 
 
 def _rounds(program: ConicProgram, columns: int, search: _Search) -> list[Reduced]:
-    """Return the rows kept after each successive self-stress, the last first.
+    """Return the rows that are kept after each successive self-stress, the last first.
 
-    program: supplies all rows. columns: number of leading columns that a self-stress uses. search: finds one
-    self-stress.
+    The last entry is the list of all rows, before any self-stress. The search ends where no self-stress removes another
+    row, or after `_ROUNDS` of them. program: supplies all rows. columns: number of leading columns that a self-stress
+    uses. search: finds one self-stress.
     """
     found = [kept_rows(program)]
     for _ in range(_ROUNDS):
@@ -312,9 +313,9 @@ def _rounds(program: ConicProgram, columns: int, search: _Search) -> list[Reduce
 
 
 def _projected(velocity: Floats, forbid: Floats, inverse: Floats) -> Floats:
-    """Remove from a velocity its component along forbidden directions.
+    """Remove from a velocity (q·free,) the component along forbidden directions.
 
-    forbid: rows of these directions. inverse: pseudo-inverse of `forbid`.
+    forbid: (k, q·free) rows of these directions. inverse: pseudo-inverse of `forbid`.
     """
     for _ in range(2):
         velocity = velocity - inverse @ (forbid @ velocity)
@@ -322,16 +323,17 @@ def _projected(velocity: Floats, forbid: Floats, inverse: Floats) -> Floats:
 
 
 def _along_axes(program: ConicProgram, columns: int) -> LargestSupport | None:
-    """Find a self-stress by an interior-point method, with rays along the axes of faces.
+    """Find a self-stress by an interior-point method, and project it onto faces of the cones.
 
-    Rays close to an axis are put on it by a projection. columns: number of leading columns that a self-stress uses.
+    Shear that is nearly along an axis of a face is put on that axis. columns: number of leading columns that a
+    self-stress uses. The point has no row with slack if there is no self-stress.
     """
     found = largest_support(program, columns, largest=LARGEST)
     point = project_onto_faces(program, found, np.zeros(program.structure.equalities), _ALONG)
     return replace(found, point=point, values=-(program.matrix[:, :columns] @ point))
 
 
-def _plainly(program: ConicProgram, columns: int) -> LargestSupport | None:
+def _without_projection(program: ConicProgram, columns: int) -> LargestSupport | None:
     """Find a self-stress of any size by an interior-point method, without projection.
 
     columns: number of leading columns that a self-stress uses.
@@ -341,7 +343,7 @@ def _plainly(program: ConicProgram, columns: int) -> LargestSupport | None:
 
 _Search = Callable[[ConicProgram, int], LargestSupport | None]
 """Function that finds a self-stress from a program and its number of columns."""
-SEARCHES: Final[tuple[_Search, ...]] = (polygonal_support, _along_axes, _plainly)
+SEARCHES: Final[tuple[_Search, ...]] = (polygonal_support, _along_axes, _without_projection)
 """Searches for a self-stress in the order tried; programs without cones use the last one only."""
 
 

@@ -56,9 +56,10 @@ class Governing:
 def governing(cases: Sequence[CaseBounds], required: Sequence[float]) -> Governing:
     """Compute the governing factor of a labelling from the bounds of its load cases.
 
-    A labelling is unstable if any case is, and locked if all are. A locked case carries any load and never governs.
-    Both bounds are the least of the bounds of the cases. A bound that one case lacks is missing, unless another case's
-    bound is lower than any value it could have.
+    The first of these statuses that applies counts: failed if any case is, unstable if any case is, locked if all cases
+    are, collapse if the case of least lower bound has this status, uncertified. A locked case carries any load and
+    never governs. The lower bound is the least of all cases, missing if one case has none. The upper bound is the least
+    of those that are known.
 
     Parameters
     ----------

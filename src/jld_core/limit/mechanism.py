@@ -173,9 +173,9 @@ def _parts(assembly: Assembly, mechanism: Floats, jumps: Floats, face: int) -> t
 
 
 def _rubbing(assembly: Assembly, jumps: Floats, face: int) -> float:
-    """Return the slip max(|s|, c_T |ω|) of a face that causes dilation.
+    """Return the slip that makes a face dilate, max(|s|, c_T |ω|), or |s| in the plane.
 
-    Under associative friction the face opens by μ times this slip. jumps: (m, q). face: index.
+    Under associative friction the face opens by μ times this slip. jumps: (m, q) of all faces. face: index of the face.
     """
     if assembly.dimension == 2:
         return float(abs(jumps[face, 1]))

@@ -101,10 +101,14 @@ class OpeningMotions:
         """
         assembly, scaling = self.template.assembly, self.template.scaling
         strengths = assembly.strengths
-        crushes = np.isfinite(strengths.crush_dry).any() or np.isfinite(strengths.crush_inner).any()
+        # A member has finite dissipation for every jump, as it stands.
+        bounded = assembly.of_members
+        crushing = np.isfinite(strengths.crush_dry) | np.isfinite(strengths.crush_inner)
+        crushes = bool((crushing & ~bounded).any())
         friction = np.fmax(strengths.friction, strengths.inner_friction)
         if not crushes and not (strengths.inner_friction > np.nan_to_num(strengths.friction)).any():
             return self.template
         endless = np.full(len(assembly.interfaces), np.inf)
-        strengths = replace(strengths, friction=friction, crush_dry=endless, crush_inner=endless)
+        inner = np.where(bounded, strengths.crush_inner, endless)
+        strengths = replace(strengths, friction=friction, crush_dry=endless, crush_inner=inner)
         return Template(replace(assembly, strengths=strengths), scaling, beside=self.template.beside)

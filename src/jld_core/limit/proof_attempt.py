@@ -33,7 +33,7 @@ class ProofAttempt(AttemptState):
     """
 
     def solve_by_batch_solver(self) -> None:
-        """Solve by the batch solver, if there is one, and offer what it proves.
+        """Solve by the batch solver, if there is one, and offer the bounds that it proves.
 
         It also finds rays for structures in which some immobile faces can only be unloaded.
         """
@@ -67,10 +67,11 @@ class ProofAttempt(AttemptState):
         self.solve_by(route, analysis.margin)
 
     def solve_by(self, route: Solver, margin: float) -> None:
-        """Solve by one solver and offer what its raw answer proves, without repairs.
+        """Solve by one solver, and offer the bounds that the raw answer proves without repairs.
 
-        The answer is kept in `raw`. An infeasible program offers a motion that proves instability, an unbounded one a
-        ray.
+        The answer is kept in `raw`. If the solver reports an infeasible program, its multipliers are offered as a proof
+        of instability. If it reports an unbounded one, its point becomes the ray of the proof if it is one; otherwise
+        the proof has no ray. The solver of a large program stops as soon as both bounds of an iterate are close enough.
 
         Parameters
         ----------
@@ -96,7 +97,7 @@ class ProofAttempt(AttemptState):
             proof.offer_motion(self.prover.motion(raw.dual, self.labels))
 
     def _suffices(self, point: Floats, dual: Floats) -> bool:
-        """Return True if the bounds that an iterate of a solver proves are narrow enough to stop.
+        """Return True if an iterate of a solver proves a bracket narrow enough to stop.
 
         point, dual: forces and multipliers of the iterate.
         """

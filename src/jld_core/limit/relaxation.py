@@ -249,9 +249,10 @@ class Relaxation(PartialLabellingBounds):
     def _refutations(
         self, velocities: Floats, labels: Bits, undecided: Bools, thresholds: Floats
     ) -> list[DualBound | None]:
-        """Return what velocities prove about partial labellings; None where it is no refutation.
+        """Return the refutations (k,) that velocities prove; None for thresholds not refuted.
 
-        velocities: (k, q·free) of order one. labels, undecided: (k, m). thresholds: (k,) scaled λ.
+        velocities: (k, q·free) scaled, of order one. labels, undecided: (k, m) labels, True = dry, and faces that may
+        have either. thresholds: (k,) scaled λ.
         """
         balance = self._balances.balance(velocities, labels, undecided)
         work, total = balance.work, balance.total

@@ -98,9 +98,9 @@ class Repair:
         return found
 
     def _settled(self, raw: RawSolution, labels: Bits) -> bool | None:
-        """Return whether λ = 0 is admissible, as far as one solver answer proves it.
+        """Return whether λ = 0 is admissible; None if a solver's answer does not decide it.
 
-        raw: answer of the program of largest slack at λ = 0. labels: (m,) True = dry. The result is None if undecided.
+        raw: answer of the program of largest slack at λ = 0. labels: (m,) True = dry.
         """
         point = np.append(raw.point[: self.template.columns - 1], 0.0)
         if self.prover.state(point, labels, passes=3, held=True).admissible:

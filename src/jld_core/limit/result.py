@@ -11,6 +11,7 @@ import numpy as np
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.deprecation import warn_renamed
+from jld_core.limit.member_results import members_to_json
 from jld_core.limit.model_facts import EffectiveAreas, ZeroDilation
 from jld_core.limit.options import SolveOptions
 from jld_core.limit.reasons import reason_of
@@ -45,8 +46,9 @@ class LimitAnalysisResult(NotebookRepr):
     stands_at_zero : bool or None
         Whether λ = 0 is admissible; None where undecided.
     forces : (m, q) float array or None
-        Resultants in scene units, admissible at `bracket[0]`: planar N, V, M; spatial N, V1, V2, M1, M2, MT.
-        With load cases they are those of the governing case.
+        Resultants in scene units, admissible at `bracket[0]`: planar N, V, M; spatial N, V1, V2, M1, M2, MT. The last
+        rows are those of members: compression beyond the prestress, and shear of pins. With load cases they are those
+        of the governing case.
     mechanism : (n, q) float array or None
         Velocities about the centroids with b_λ·u = 1. With load cases they are those of the governing case.
     iterations : int
@@ -185,20 +187,21 @@ class LimitAnalysisResult(NotebookRepr):
         """
         import pandas as pd  # slow to import and needed for tables only
 
-        faces, ids = self.assembly.interfaces, self.assembly.elements.ids
+        count, ids = self.assembly.faces, self.assembly.elements.ids
+        faces = self.assembly.interfaces.take(np.arange(count))
         (length, force), names = self.assembly.units, self.assembly.resultants
         planar = self.assembly.dimension == 2
         size, unit = ("length", length) if planar else ("area", f"{length}²")
-        forces = np.full((len(faces), len(names)), np.nan) if self.forces is None else self.forces
+        forces = np.full((count, len(names)), np.nan) if self.forces is None else self.forces[:count]
         table = pd.DataFrame(
             {
                 "element_a": [ids[a] for a in faces.a],
                 "element_b": [ids[b] for b in faces.b],
-                "label": np.where(self.labels, "dry", "inner"),
+                "label": np.where(self.labels[:count], "dry", "inner"),
                 size: faces.l1 if planar else faces.area,
                 **dict(zip(names, forces.T, strict=True)),
             },
-            index=pd.RangeIndex(len(faces), name="face"),
+            index=pd.RangeIndex(count, name="face"),
         )
         table.attrs["units"] = {size: unit, **{k: f"{force}·{length}" if k[0] == "M" else force for k in names}}
         return table
@@ -212,7 +215,7 @@ class LimitAnalysisResult(NotebookRepr):
             Plain numbers, strings, lists and dicts; None stands for NaN and infinities.
         """
         assembly = self.assembly
-        ids, faces = assembly.elements.ids, assembly.interfaces
+        ids, faces = assembly.elements.ids, assembly.interfaces.take(np.arange(assembly.faces))
         forces = None
         if self.forces is not None:
             forces = [
@@ -221,7 +224,7 @@ class LimitAnalysisResult(NotebookRepr):
                     "label": "dry" if dry else "inner",
                     **{name: float(value) for name, value in zip(assembly.resultants, row, strict=True)},
                 }
-                for a, b, dry, row in zip(faces.a, faces.b, self.labels, self.forces, strict=True)
+                for a, b, dry, row in zip(faces.a, faces.b, self.labels, self.forces, strict=False)
             ]
         mechanism = None
         if self.mechanism is not None:
@@ -256,6 +259,7 @@ class LimitAnalysisResult(NotebookRepr):
             "instability_mechanism": unstable,
             "falling": unstable,  # name of version 0.2
             "forces": forces,
+            **({"members": members_to_json(assembly, self.forces, self.mechanism)} if assembly.members else {}),
             "faces": _faces(assembly, self.labels),
         }
 
@@ -268,7 +272,7 @@ def _faces(assembly: Assembly, labels: Bits) -> list[dict[str, Any]]:
     faces, ids = assembly.interfaces, assembly.elements.ids
     planar = assembly.dimension == 2
     found = []
-    for k in range(len(faces)):
+    for k in range(assembly.faces):
         frame = {"origin": faces.origin[k], "normal": faces.normal[k], "e1": faces.e1[k]}
         frame |= {} if planar else {"e2": faces.e2[k]}
         size = {"length": float(faces.l1[k])} if planar else {"area": float(faces.area[k])}

@@ -11,6 +11,7 @@ from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.limit.brackets import load_scale, relative_width
 from jld_core.limit.governing import CaseBounds, governing
+from jld_core.limit.member_results import without_idle
 from jld_core.limit.options import SolveOptions
 from jld_core.limit.proof import Proof
 from jld_core.limit.result import LimitAnalysisResult
@@ -46,11 +47,12 @@ def result_of(
     scaling, (low, high), status = template.scaling, proof.bracket, proof.status
     scale = load_scale(template.assembly) / scaling.load
     held, motion = proof.found or proof.state, proof.motion
-    forces = None if held is None or status is Status.UNSTABLE else held.forces * scaling.face
+    forces = None if held is None or status is Status.UNSTABLE else _scene(template, held.forces)
     moves = motion is not None and status not in (Status.UNSTABLE, Status.LOCKED)
     mechanism = element_velocities(template, motion.velocity) if motion is not None and moves else None
     width = relative_width(low, high, scale)
     nothing = status in (Status.UNSTABLE, Status.LOCKED)
+    ray = proof.ray if status is Status.LOCKED else None
     return LimitAnalysisResult(
         assembly=template.assembly,
         labels=labels,
@@ -68,8 +70,19 @@ def result_of(
         facts=proof.extra,
         notes=tuple(proof.notes),
         instability_mechanism=_instability_mechanism(template, proof),
-        unbounded_forces=proof.ray.forces * scaling.face if status is Status.LOCKED and proof.ray is not None else None,
+        unbounded_forces=None if ray is None else _scene(template, ray.forces, ray=True),
     )
+
+
+def _scene(template: Template, forces: Floats, *, ray: bool = False) -> Floats:
+    """Convert scaled resultants (m, q) to scene units, without numbers of members that carry nothing.
+
+    ray: True for forces that grow with λ, to which bond adds nothing.
+    """
+    assembly = template.assembly
+    if ray and assembly.members.bond is not None:
+        assembly = replace(assembly, members=replace(assembly.members, bond=None))
+    return without_idle(assembly, forces * template.scaling.face)
 
 
 def _instability_mechanism(template: Template, proof: Proof) -> Floats | None:

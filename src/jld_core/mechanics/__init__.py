@@ -1,6 +1,6 @@
 """Equilibrium, scaling and yield sets of dry and inner faces.
 
-- `InnerBending`: form of the inner bending set, "uncoupled" (uncoupled) or "kern"
+- `InnerBending`: form of the inner bending set, "uncoupled" (each moment by itself) or "kern" (edge stress)
 - `RowPattern`: sparsity and numbers of the yield rows under both labels
 - `Rows`: interface of the rows that a program takes from yield sets
 - `Scaling`: factors between scene values and scaled values

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
@@ -20,7 +21,7 @@ def equilibrium_matrix(assembly: Assembly) -> sp.csc_array:
     """Assemble A_eq: forces, then moments about the centroid, of each free element.
 
     Column q·f + j is resultant j of interface f, planar (N, V, M), spatial (N, V1, V2, M1, M2, MT). It acts as +F on
-    element b and as −F on element a. Supports have no rows.
+    element b and as −F on element a. Supports have no rows. N of a member acts along it, V of a pin across it.
 
     Parameters
     ----------
@@ -38,14 +39,14 @@ def equilibrium_matrix(assembly: Assembly) -> sp.csc_array:
     exactly zero, see `_cleared`, so that the sparsity does not depend on units, position or order.
     """
     faces, elements, q, d = assembly.interfaces, assembly.elements, assembly.freedoms, assembly.dimension
-    count = len(faces)
+    count, plain = len(faces), ~assembly.of_members
     row_of = np.full(len(elements), -1, dtype=np.int64)
     row_of[elements.free] = np.arange(len(elements.free))
     directions = [faces.normal, faces.e1] if d == 2 else [faces.normal, faces.e1, faces.e2]
     couples = [None] if d == 2 else [faces.e1, faces.e2, faces.normal]
     rows, columns, values = [], [], []
     for element, sign in ((faces.a, -1.0), (faces.b, 1.0)):
-        free = row_of[element] >= 0
+        free = (row_of[element] >= 0) & plain
         base = q * row_of[element[free]]
         arm = faces.origin[free] - elements.centroid[element[free]]
         unit, least = np.ones(len(base)), _least_arm(assembly, element[free])
@@ -65,10 +66,38 @@ def equilibrium_matrix(assembly: Assembly) -> sp.csc_array:
             rows.append((base[:, None] + np.arange(q)).ravel())
             columns.append(np.repeat(column, q))
             values.append((sign * block).ravel())
+    for place, held, at, force in _of_members(assembly):
+        if row_of[held] >= 0:
+            block = np.append(force, moment_about(at - elements.centroid[held], force))[None]
+            size = np.array([float(np.linalg.norm(force))])
+            block = _cleared(block, size, size * _least_arm(assembly, np.array([held])))
+            rows.append(q * row_of[held] + np.arange(q))
+            columns.append(np.full(q, place))
+            values.append(block.ravel())
     row, column, value = np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
     kept = value != 0.0
     shape = (q * len(elements.free), q * count)
     return sp.csc_array((value[kept], (row[kept], column[kept])), shape=shape)
+
+
+def _of_members(assembly: Assembly) -> Iterator[tuple[int, int, Floats, Floats]]:
+    """Yield what unit resultants of members do: column of A_eq, element, point (d,) and force (d,).
+
+    Columns of moments stay empty, since a bar or pin has none, and so do those of V but for pins.
+    """
+    members, faces, q = assembly.members, assembly.interfaces, assembly.freedoms
+    for k, face in enumerate(members.face.tolist()):
+        if face < 0:
+            continue
+        held, points, forces = members.push(k)
+        if members.axial[k]:
+            for element, at, force in zip(held.tolist(), points, forces, strict=True):
+                yield q * face, element, at, force
+        if members.kinds[k] == "pin":
+            sides = [faces.e1[face]] if assembly.dimension == 2 else [faces.e1[face], faces.e2[face]]
+            for number, side in enumerate(sides, start=1):
+                for element, at, sign in zip(held.tolist(), points, (-1.0, 1.0), strict=True):
+                    yield q * face + number, element, at, sign * side
 
 
 def load_vectors(assembly: Assembly) -> tuple[Floats, Floats]:

@@ -57,7 +57,7 @@ class Frictional(Strengths):
     def is_dry(self, labels: Bits) -> Bools:
         """Return a mask (m,), True for faces that have the strengths of a dry face.
 
-        labels: (m,) True = dry.
+        labels: (m,) True = dry. The mask is `labels` itself; spatial sets add points.
         """
         return labels
 
@@ -133,10 +133,9 @@ def scaled_strengths(strengths: Strengths, unit: Floats) -> Strengths:
 
 
 def _bounded(strength: Floats, unit: Floats) -> Floats:
-    """Return scaled compressive strengths (m,); inf where none is given.
+    """Return scaled compressive strengths (m,), inf where none is given or a face has no area.
 
-    They are inf also where a face has no area. strength: (m,) compressive strengths, scene units. unit: (m,) area of
-    each face over the force scale.
+    strength: (m,) scene units. unit: (m,) area of each face over the force scale.
     """
     given = np.isfinite(strength) & (unit > 0.0)
     return np.asarray(np.where(given, np.where(given, strength, 0.0) * unit, np.inf))

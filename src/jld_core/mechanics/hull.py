@@ -100,7 +100,7 @@ def parabolic_hull(sets: Frictional, crushed: Ints) -> ParabolicBending | None:
 
 
 def _interaction_planes(strengths: Floats) -> Floats:
-    """Return what defines planes that bound V and M together, for faces that may crush.
+    """Return a corner and a range of planes that bound V and M together, for faces that crush.
 
     The result (k, 5) has one row per face: N and m of a corner of the inner set; how far the shear of this corner is
     above that of the dry set; and the first and last value N₁ of an interval. For every N₁ in it, the plane that

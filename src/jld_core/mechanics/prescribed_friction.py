@@ -159,10 +159,10 @@ class PrescribedFriction:
         return self.base.shear_of(self._forces_about(forces, labels))
 
     def slip(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return the work max(|s|, c_T,e |ω|) (m,) of jumps per unit of shear capacity.
+        """Return the work (m,) of scaled jumps on shear and torsion, per unit of shear capacity.
 
-        s is the slip, ω the spin about the normal, and c_T,e the torsion length of the effective area. jumps: (m, q)
-        scaled. labels: (m,) True = dry.
+        It is max(|s|, |ω|/ρ) with slip s at the centre of pressure and spin ω about the normal, both scaled; ρ is 1 for
+        whole faces. Planar faces and points have no spin term. jumps: (m, q). labels: (m,) True = dry.
         """
         return self.base.slip(self._jumps_about(jumps, labels))
 
@@ -191,7 +191,11 @@ class PrescribedFriction:
         return np.where(self.slides(labels) & np.isfinite(beyond), beyond, 0.0)
 
     def _forces_about(self, forces: Floats, labels: Bits) -> Floats:
-        """Return resultants (m, q) with torsion taken about the effective areas of dry faces."""
+        """Return resultants (m, q) with torsion ρ (mT + a·V) of dry faces about effective areas.
+
+        forces: (m, q) scaled resultants. labels: (m,) True = dry. Without effective areas they are returned as they
+        are.
+        """
         if self.areas is None:
             return forces
         about = forces.copy()

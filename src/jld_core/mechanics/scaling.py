@@ -100,7 +100,7 @@ def _force_scale(assembly: Assembly) -> float:
 
 
 def reference_load(assembly: Assembly) -> float:
-    """Compute the reference force of an assembly: its weight, or else a strength or live load.
+    """Compute the reference force of an assembly: weight, else a strength, else live load.
 
     Forces far below it count as zero in the width of a bracket.
 

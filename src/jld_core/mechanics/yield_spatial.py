@@ -151,14 +151,15 @@ class SpatialYield(Frictional):
         return np.asarray(labels | self.point)
 
     def shear_of(self, forces: Floats) -> Floats:
-        """Return the shear demand (m,) of scaled resultants (m, 6): |V| + |mT|, and |V| at points."""
+        """Return the shear demand (m,) of scaled resultants (m, 6): |V| + |mT|, but |V| at points."""
         twist = np.where(self.point, 0.0, np.abs(forces[:, 5]))
         return np.asarray(np.hypot(forces[:, 1], forces[:, 2]) + twist)
 
     def slip(self, jumps: Floats) -> Floats:
-        """Return the work max(|s|, c_T |ω|) (m,) of jumps (m, 6) per unit of shear capacity.
+        """Return the work (m,) of scaled jumps on shear and torsion, per unit of shear capacity.
 
-        s is the slip, ω the spin about the normal. The value is the support function of |V| + |mT| ≤ 1.
+        jumps: (m, 6), scaled. The value is max(|s|, |ω|), the support function of |V| + |mT| ≤ 1: s is the slip, ω the
+        spin about the normal. Point contacts have no spin term.
         """
         turn = np.where(self.point, 0.0, np.abs(jumps[:, 5]))
         return np.asarray(np.maximum(np.hypot(jumps[:, 1], jumps[:, 2]), turn))
@@ -209,7 +210,7 @@ def _crush_use(forces: Floats, crush: Floats, least: float) -> Floats:
     """Return the share of strength 1/q (k,) that forces use in dry rectangles that crush.
 
     q is the factor on moments at which the rectangle crushes: the smallest root of N³ = N_c (N − q|m1|)(N − q|m2|).
-    forces: (k, 6) scaled resultants. crush: (k,) N_c. least: scaled force up to which a demand counts as zero.
+    forces: (k, 6) scaled resultants. crush: (k,) N_c. least: scaled moment up to which the share is 0.
     """
     n, one, two = forces[:, 0], np.abs(forces[:, 3]), np.abs(forces[:, 4])
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -269,8 +270,8 @@ def spatial_yield(assembly: Assembly, scaling: Scaling, inner_bending: InnerBend
     scaling : Scaling
         Scales of the assembly.
     inner_bending : {"uncoupled", "kern"}
-        "uncoupled": uncoupled form for rectangles. "kern": elastic edge stress for all faces. Faces that are no
-        rectangles always have the kern form.
+        "uncoupled": each moment of a rectangle is limited by itself, docs/method.md (2.5). "kern": elastic edge stress
+        for all faces, (2.6). Faces that are no rectangles always have the kern form.
 
     Returns
     -------

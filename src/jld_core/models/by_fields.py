@@ -229,7 +229,7 @@ def solve_by_fields(
 
 
 def _parts(bounds: FieldBounds | SpatialBounds) -> tuple[str, int]:
-    """Return what the last mesh consists of, and how many of them."""
+    """Return the kind of element of the last mesh, triangles or tetrahedra, and the count."""
     return ("triangles", bounds.triangles) if isinstance(bounds, FieldBounds) else ("tetrahedra", bounds.tetrahedra)
 
 

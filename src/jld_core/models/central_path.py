@@ -174,7 +174,10 @@ class CentralPath:
         return PathPoint(y, np.zeros(len(rows.load)), s, self.size * self.weights * self._inverse(s))
 
     def _inside(self, values: Floats) -> bool:
-        """Return whether slacks or multipliers (rows,) are inside their cones, and not on the boundary."""
+        """Return True if a vector (rows,) lies strictly inside all cones.
+
+        values: slacks or multipliers of the rows.
+        """
         cones = values[self.rows.linear :].reshape(-1, 3)
         curved = (cones[:, 0] > 0.0) & (cones**2 @ _FLIP > 0.0)
         return bool((values[: self.rows.linear] > 0.0).all() and curved.all())
@@ -201,9 +204,9 @@ class CentralPath:
         return float(np.linalg.norm(np.concatenate([linear, heads, tails.ravel()]))) / parameter
 
     def _largest_step(self, start: Floats, way: Floats) -> float:
-        """Return the largest share of a step, up to 3, after which a point is in the cones.
+        """Return the largest t ≤ 3 for which start + t · way still lies in the cones.
 
-        start: (rows,) slacks or multipliers. way: (rows,) the step.
+        start: (rows,) slacks or multipliers inside the cones. way: (rows,) the step.
         """
         first, share = self.rows.linear, 3.0
         down = way[:first] < 0.0

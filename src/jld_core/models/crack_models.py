@@ -26,15 +26,15 @@ def require_cracks(
     assembly : Assembly
         Its assembly.
     options : SolveOptions, optional
-        Model options; fields take their defaults only.
+        Model options. Cracks by fields require the default of every option.
     where : str
         Key or option that states the crack model, for error messages.
 
     Raises
     ------
     InputError
-        Cells that do not divide the grid, options that fields do not know, and what `require_fields` or
-        `require_spatial_fields` refuses.
+        If the cells do not divide the grid. With cracks by fields: if an option differs from its default, or as
+        `require_fields` (planar) or `require_spatial_fields`.
     """
     if isinstance(scene.cracks, CellCracks):
         _require_cells(scene, scene.cracks.cell, where)

@@ -54,6 +54,8 @@ def require_rectangles(assembly: Assembly, labels: Bits) -> None:
     """
     if assembly.dimension == 2:
         raise ParameterError("effective_area", "the scene is planar", "a spatial scene")
+    if assembly.members.bond is not None:
+        raise ParameterError("effective_area", "dry faces have tensile strength", "joints without it")
     odd = np.flatnonzero(labels & ~assembly.interfaces.rectangle)
     if odd.size and odd.size == np.count_nonzero(labels):
         problem = f"dry face {assembly.pair(odd[0])} is no rectangle, nor is any other"
@@ -92,10 +94,11 @@ def _changes(old: EffectiveAreas, new: EffectiveAreas) -> Floats:
 
 
 def slack_to_request(own: State, margin: float, tries: int) -> float:
-    """Return the slack to request of the next state, after one of insufficient slack.
+    """Return the slack of the yield rows to request of the next state, scaled.
 
-    The result is twice the violation of `own`, the state under the effective areas of its own forces. It is at least
-    `margin` and at most a limit that grows with `tries`, the number of states so far.
+    The last state was not admissible under the effective areas of its own forces; `own` is that state under these
+    areas. The result is twice its violation, at least `margin`. A limit that grows with `tries`, the number of states
+    so far, bounds it from above.
     """
     return min(max(margin, -2.0 * own.slack), _SLACK * min(1 + tries // 5, 5))
 
@@ -211,7 +214,9 @@ def _proof_of_iteration(
 ) -> tuple[Proof, dict[str, Any]]:
     """Prove the load factor by the proximal iteration on forces and effective areas.
 
-    Return the proof, and facts on what is missing: the face whose area still changes, or how far the bound is above.
+    labels, forces, most, weight: as in `_iterate`. The results are the proof, and facts for `extra["effective_area"]`.
+    `fixed_point` is the change of areas that is left. `face` is the pair of elements whose area still changes. `above`
+    is the width of a bracket that is too wide.
     """
     state, proof, moves, solves = _iterate(analysis, labels, forces, most, weight)
     moved = float(moves.max(initial=0.0))
@@ -237,9 +242,9 @@ def _proof_of_iteration(
 
 
 def _falls(analysis: LimitAnalysis, labels: Bits, motion: Motion) -> bool:
-    """Return True if a motion proves an instability whatever areas are pressed.
+    """Return True if a motion proves an instability for any effective areas.
 
-    A small opening of all joints may be added to the motion. labels: (m,) True = dry.
+    If the motion does not, it is tried again with small shares of an opening motion added. labels: (m,) True = dry.
     """
     opening = analysis.repair.opening()
     for share in (0.0, *_OPENINGS):

@@ -14,6 +14,7 @@ from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.errors import ParameterError, error_context
 from jld_core.scene import Scene, load_scene
+from jld_core.sub_assembly import with_members
 
 Structure = str | Path | Scene | Assembly
 """What can be solved: a scene file, a scene or an assembly."""
@@ -77,7 +78,7 @@ def labels_of(assembly: Assembly, labels: Labels | None) -> Bits:
     """
     if labels is None:
         return assembly.labels
-    return _checked(_values(labels), len(assembly.interfaces), "labels")
+    return with_members(assembly, _checked(_values(labels), assembly, "labels"))
 
 
 def labellings_of(assembly: Assembly, labellings: ArrayLike | Iterable[Labels]) -> Bits:
@@ -100,16 +101,15 @@ def labellings_of(assembly: Assembly, labellings: ArrayLike | Iterable[Labels]) 
     InputError
         If a row has a wrong number of labels, or a label has another value.
     """
-    faces = len(assembly.interfaces)
-    expected = f"rows of {faces} labels"
+    expected = f"rows of {assembly.faces} labels"
     if isinstance(labellings, np.ndarray) and labellings.ndim == 2 and labellings.dtype == np.bool_:
-        if labellings.shape[1] != faces:
+        if labellings.shape[1] not in (assembly.faces, len(assembly.interfaces)):
             raise ParameterError("labellings", f"rows have {labellings.shape[1]} labels", expected)
-        return labellings
+        return with_members(assembly, labellings)
     if isinstance(labellings, str) or not isinstance(labellings, Iterable):
         raise ParameterError("labellings", f"{labellings!r} is no sequence of labellings", expected)
-    rows = [_checked(_values(row), faces, f"labellings[{k}]") for k, row in enumerate(labellings)]
-    return np.array(rows, dtype=bool).reshape(len(rows), faces)
+    rows = [_checked(_values(row), assembly, f"labellings[{k}]") for k, row in enumerate(labellings)]
+    return with_members(assembly, np.array([row[: assembly.faces] for row in rows]).reshape(len(rows), assembly.faces))
 
 
 def _values(labels: Labels) -> NDArray[np.generic]:
@@ -122,13 +122,14 @@ def _values(labels: Labels) -> NDArray[np.generic]:
         return np.asarray(labels, dtype=object)
 
 
-def _checked(values: NDArray[np.generic], faces: int, parameter: str) -> Bits:
+def _checked(values: NDArray[np.generic], assembly: Assembly, parameter: str) -> Bits:
     """Return labels as truth values (m,); raise InputError for a wrong number or value.
 
-    values: labels as given. faces: m. parameter: name of the parameter, for the message.
+    values: labels as given. parameter: name of the parameter, for the message.
     """
+    faces = assembly.faces
     expected = f"{faces} labels, one per interface: True, 1 or d = dry; False, 0 or i = inner"
-    if values.ndim != 1 or len(values) != faces:
+    if values.ndim != 1 or len(values) not in (faces, len(assembly.interfaces)):
         found = f"{len(values)} labels are given" if values.ndim == 1 else f"an array of shape {values.shape} is given"
         raise ParameterError(parameter, found, expected)
     if values.dtype == np.bool_:

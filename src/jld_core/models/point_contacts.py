@@ -44,6 +44,8 @@ def point_contact_assembly(assembly: Assembly, labels: Bits) -> tuple[Assembly, 
     Source: Livesley 1992; docs/method.md (2.13).
     """
     faces = assembly.interfaces
+    if assembly.members.bond is not None:
+        raise ParameterError("contact", "points have no tensile strength of bond", "convex contact there")
     hard = np.flatnonzero(labels & np.isfinite(assembly.strengths.crush_dry))
     if hard.size:
         problem = f"dry face {assembly.pair(hard[0])} has a compressive strength"
@@ -68,7 +70,11 @@ def point_contact_assembly(assembly: Assembly, labels: Bits) -> tuple[Assembly, 
     )
     strengths = assembly.strengths.take(parent)
     expanded = replace(
-        assembly, interfaces=spread, strengths=strengths, labels=np.where(is_point, DRY, INNER).astype(bool)
+        assembly,
+        interfaces=spread,
+        strengths=strengths,
+        labels=np.where(is_point, DRY, INNER).astype(bool),
+        members=assembly.members.joined(np.arange(len(assembly.elements)), parent),
     )
     return expanded, parent
 

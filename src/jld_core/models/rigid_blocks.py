@@ -80,7 +80,7 @@ def worth_condensing(template: Template, labels: Bits) -> bool:
         are no inner faces.
     """
     strengths, area = template.assembly.strengths, template.assembly.interfaces.area
-    inner = ~labels
+    inner = ~labels & ~template.assembly.of_members
     if not inner.any():
         return False
     weakest = np.minimum(strengths.tension, strengths.shear)[inner] * area[inner] / template.scaling.force
@@ -111,7 +111,12 @@ def rigid_blocks(assembly: Assembly, labels: Bits, apart: Ints) -> RigidBlocks:
     number = int(group.max()) + 1
     support = np.zeros(number, dtype=bool)
     np.logical_or.at(support, group, elements.support)
-    kept = np.flatnonzero((group[faces.a] != group[faces.b]) & ~(support[group[faces.a]] & support[group[faces.b]]))
+    acts = (group[faces.a] != group[faces.b]) & ~(support[group[faces.a]] & support[group[faces.b]])
+    members = assembly.members
+    for face, held in zip(members.face.tolist(), members.elements, strict=True):
+        if face >= 0:
+            acts[face] = len(np.unique(group[held])) > 1 and not support[group[held]].all()
+    kept = np.flatnonzero(acts)
     return RigidBlocks(_joined(assembly, labels, group, support, kept), group, kept)
 
 
@@ -165,6 +170,7 @@ def _joined(assembly: Assembly, labels: Bits, group: Ints, support: Bits, kept: 
         labels=labels[kept],
         live_points=(),
         touching=(),
+        members=assembly.members.joined(group, kept),
     )
 
 

@@ -129,7 +129,8 @@ def sensitivities(result: LimitAnalysisResult) -> dict[str, Sensitivity]:
         }
     model = result.model
     plain = model.supports_bounds_over_labellings and model.inner_bending == "uncoupled"
-    if result.status is not Status.COLLAPSE or not plain:
+    # With bond the strengths of the program depend on one another.
+    if result.status is not Status.COLLAPSE or not plain or result.assembly.members.bond is not None:
         return {}
     analysis = LimitAnalysis(result.assembly)
     if is_large(analysis.template.structure):
@@ -155,7 +156,7 @@ class _Change:
     def of(self, assembly: Assembly, step: float) -> Assembly:
         """Return an assembly with the parameter increased by a step."""
         if self.strength:
-            values = getattr(assembly.strengths, self.strength) + step
+            values = getattr(assembly.strengths, self.strength) + step * ~assembly.of_members
             return replace(assembly, strengths=replace(assembly.strengths, **{self.strength: values}))
         more = np.zeros_like(assembly.dead)
         free = assembly.elements.free
@@ -172,7 +173,7 @@ def _parameters(assembly: Assembly, labels: Bits) -> list[tuple[str, _Change, st
         ("shear_strength", "shear", ~labels, stress),
         ("tensile_strength", "tension", ~labels, stress),
     ):
-        values = getattr(assembly.strengths, strength)[faces]
+        values = getattr(assembly.strengths, strength)[faces & ~assembly.of_members]
         if len(values) and np.isfinite(values).all() and values.min() > 0.0:
             found.append((name, _Change(float(values.min()), strength), unit))
     if np.any(assembly.elements.weight[assembly.elements.free]):
@@ -293,10 +294,10 @@ class SolvedProgram:
         return 0.5 * (primal + dual), abs(primal - dual)
 
     def side(self, matrix: sp.csr_array, rhs: Floats) -> float:
-        """Compute the rate of −λ to one side of a parameter, scaled; NaN without an optimum.
+        """Compute the rate of −λ for an increase of a parameter, scaled; NaN without an optimum.
 
-        It is the value of the linear program of one side, and the opposite side has both arguments with changed sign.
-        matrix: (rows, columns) and rhs: (rows,) rates of change ΔM and Δr of the program data with the parameter.
+        It is the value of the linear program in the module docstring. matrix: (rows, columns) ΔM, and rhs: (rows,) Δr,
+        rates of the program data with the parameter. For the rate of a decrease, pass −ΔM and −Δr.
         """
         equal = np.arange(self.first)
         held = np.flatnonzero(self.held)

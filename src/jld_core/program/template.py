@@ -119,8 +119,8 @@ class Template:
         if not self.structure.cones:
             return tolerances.LINEAR
         strengths = self.assembly.strengths
-        crushing = np.isfinite(strengths.crush_dry).any() or np.isfinite(strengths.crush_inner).any()
-        return tolerances.CRUSHING if crushing else tolerances.FRICTION_CONES
+        crushing = np.isfinite(strengths.crush_dry) | np.isfinite(strengths.crush_inner)
+        return tolerances.CRUSHING if (crushing & ~self.assembly.of_members).any() else tolerances.FRICTION_CONES
 
     def renumbered(self, sets: YieldSet) -> Template:
         """Return a template with another yield set, for instance of other strengths.

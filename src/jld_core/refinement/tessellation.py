@@ -1,7 +1,8 @@
-"""Cells that cover a region (rectangles, Voronoi, sectors), and cuts of convex polyhedra."""
+"""Cells that cover a region (rectangles, courses, Voronoi, sectors), and cuts of convex polyhedra."""
 
 from __future__ import annotations
 
+import itertools
 from typing import Final
 
 import numpy as np
@@ -10,6 +11,7 @@ import shapely
 from jld_core.arrays import Floats
 from jld_core.errors import ParameterError
 from jld_core.geometry import Faces, facets_of
+from jld_core.samples.bonds import course
 
 MOST: Final = 100_000
 """Largest number of cells of a refinement."""
@@ -34,6 +36,24 @@ def squares(lower: Floats, upper: Floats, cell: tuple[float, float]) -> list[sha
     x = lower[0] + cell[0] * np.arange(counts[0] + 1)
     y = lower[1] + cell[1] * np.arange(counts[1] + 1)
     return [shapely.box(x[i], y[j], x[i + 1], y[j + 1]) for j in range(counts[1]) for i in range(counts[0])]
+
+
+def courses_of(lower: Floats, upper: Floats, cell: tuple[float, float], bond: str) -> list[shapely.Polygon]:
+    """Cover a box with stones in courses of a masonry bond, course by course from below.
+
+    lower, upper: (2,) corners of the box. cell: length of a stretcher and height of a course, length. bond: its name,
+    one of `BONDS`. Raises InputError for an unknown bond or more than `MOST` cells.
+    """
+    length = float(upper[0] - lower[0])
+    count = max(1, int(np.ceil((upper[1] - lower[1]) / cell[1] - 1e-9)))
+    _refuse(count * max(length / cell[0], 1.0))
+    found = []
+    for number in range(count):
+        low, high = lower[1] + cell[1] * number, lower[1] + cell[1] * (number + 1)
+        ends = lower[0] + course(bond, number, length, cell[0])
+        ends[-1] = upper[0]
+        found += [shapely.box(a, low, b, high) for a, b in itertools.pairwise(ends.tolist())]
+    return found
 
 
 def voronoi(region: shapely.Geometry, cell: tuple[float, float], seed: int) -> list[shapely.Polygon]:

@@ -22,12 +22,15 @@ class Dry(Part):
         Compressive strength, stress; None for unlimited.
     cohesion : float
         Cohesion, stress.
+    tensile_strength : float
+        Tensile strength of the bond of joints, stress; at most cohesion over friction.
     """
 
     friction_angle: Angle | None = None
     friction_coefficient: Value | None = None
     compressive_strength: PositiveValue | None = None
     cohesion: Value = 0.0
+    tensile_strength: NonNegative = 0.0
 
     @model_validator(mode="after")
     def _one_friction(self) -> Self:
@@ -100,7 +103,7 @@ class DryFace(Part):
     ----------
     friction_angle, friction_coefficient : float or None
         Friction, as an angle in degrees or a coefficient; at most one is given.
-    compressive_strength, cohesion : float or None
+    compressive_strength, cohesion, tensile_strength : float or None
         Strengths, stress.
     """
 
@@ -108,6 +111,7 @@ class DryFace(Part):
     friction_coefficient: Value | None = None
     compressive_strength: PositiveValue | None = None
     cohesion: Value | None = None
+    tensile_strength: NonNegative | None = None
 
     @model_validator(mode="after")
     def _one_friction(self) -> Self:

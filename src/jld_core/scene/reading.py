@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from pydantic import ValidationError
 
@@ -13,6 +13,9 @@ from jld_core.scene.complaints import first_complaint, plain, shown
 from jld_core.scene.schema import Scene
 from jld_core.scene.spread import lowered
 from jld_core.scene.units import with_numbers
+
+DRAWINGS: Final = ("dxf", "svg", "csv", "obj", "ply", "stl", "3dm", "ifc")
+"""Endings of files that `jld import` makes a scene of, COMPAS JSON apart."""
 
 
 def load_scene(path: str | Path) -> Scene:
@@ -34,6 +37,8 @@ def load_scene(path: str | Path) -> Scene:
         The file is missing, is not UTF-8 or not JSON, or has an unknown, missing or wrong key.
     """
     path = Path(path)
+    if path.suffix.lower().lstrip(".") in DRAWINGS and path.is_file():
+        raise _not_imported(path, "it is a drawing or a file of solids, not a scene")
     try:
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
@@ -56,7 +61,14 @@ def load_scene(path: str | Path) -> Scene:
         raise error.within(str(path)) from None
     except ValueError:  # Python limits the number of digits of an integer
         raise InputError(str(path), "it holds a number of thousands of digits", _NUMBERS) from None
+    if isinstance(document, dict) and ("dtype" in document or {"analysis", "problems"} & document.keys()):
+        raise _not_imported(path, "it is a file of COMPAS, not a scene")
     return parse_scene(document, str(path))
+
+
+def _not_imported(path: Path, problem: str) -> InputError:
+    """Return the error for a file that has to be imported first."""
+    return InputError(str(path), problem, f"a scene: jld import {path.name} -o {path.stem}_scene.json")
 
 
 def parse_scene(document: object, file: str = "scene") -> Scene:
@@ -110,7 +122,7 @@ def at_low(scene: Scene) -> Scene:
         No material value has a low value, or the low values contradict one another.
     """
     document = scene.model_dump(mode="json", exclude_defaults=True)
-    low = document | {key: lowered(document[key]) for key in ("materials", "interfaces") if key in document}
+    low = document | {key: lowered(document[key]) for key in ("materials", "interfaces", "members") if key in document}
     if low == document:
         given = '{"nominal": …, "low": …} for friction or a strength'
         raise ParameterError("robust", "no material value of the scene has a low one", given)

@@ -12,6 +12,7 @@ from jld_core.errors import InputError
 from jld_core.scene.cracks import FORMS, CrackModel, cracks_by_kind
 from jld_core.scene.loads import Loads, Settling, require_unique_names
 from jld_core.scene.materials import Materials
+from jld_core.scene.members import Member
 from jld_core.scene.move import Move
 from jld_core.scene.part import Angle, LabelName, NonNegative, Pair, Part, Positive, PositiveValue, Value, Vector
 from jld_core.scene.search import Labels, Search
@@ -195,6 +196,8 @@ class Scene(Part):
         Weights and strengths.
     loads : Loads
         Dead and live loads, or load cases.
+    members : list of Member
+        Ties, tendons and pins.
     settlements : list of Settling
         Movements of supports.
     labels : Labels
@@ -219,6 +222,7 @@ class Scene(Part):
     interfaces: list[Contact] | None = None
     materials: Annotated[Materials, Field(description='an object with "dry", "inner" or both')]
     loads: Annotated[Loads, Field(description='an object with "live"')]
+    members: list[Member] = []
     settlements: list[Settling] = []
     labels: Labels = Labels()
     search: Search = Search()
@@ -231,7 +235,7 @@ class Scene(Part):
     def _one_geometry(self) -> Self:
         """Check that the geometry is given once and has one dimension.
 
-        Also check that names of settlements are unique.
+        Also check that names of settlements and of members are unique.
         """
         if (self.grid is None) == (self.elements is None):
             how = "missing" if self.grid is None else "given twice"
@@ -239,6 +243,7 @@ class Scene(Part):
         if self.grid is not None and self.thickness is not None:
             raise InputError(".thickness", "it stands beside a grid", 'the thickness inside "grid"')
         require_unique_names(".settlements", [one.name for one in self.settlements])
+        require_unique_names(".members", [one.name for one in self.members if one.name is not None])
         if self.elements is not None:
             planar = [element.polygon is not None for element in self.elements]
             if any(planar) and not all(planar):
@@ -271,4 +276,10 @@ class Scene(Part):
         Name, source, notes, expected and move are left out.
         """
         content = self.model_dump(mode="json", exclude={"name", "source", "notes", "expected", "move"})
+        if not self.members:  # scenes without members keep the digest that they had before there were any
+            del content["members"]
+        dry = [content["materials"]["dry"], *(one["dry"] for one in content["materials"]["faces"])]
+        for one in dry:  # the same for joints without bond
+            if one is not None and not one["tensile_strength"]:
+                del one["tensile_strength"]
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

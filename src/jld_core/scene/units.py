@@ -43,7 +43,7 @@ _EXAMPLES: Final = {_FORCE: "10 kN", _LENGTH: "1.2 m", _MOMENT: "3 kN·m", _STRE
 """One correct text for each quantity, for error messages."""
 
 QUANTITIES: Final[dict[str, _Powers]] = {
-    **dict.fromkeys(("force", "weight"), _FORCE),
+    **dict.fromkeys(("force", "weight", "tension", "compression", "prestress", "shear"), _FORCE),
     **dict.fromkeys(("at", "width", "path", "distance", "along", "thickness"), _LENGTH),
     "moment": _MOMENT,
     **dict.fromkeys(("pressure", "tensile_strength", "shear_strength", "compressive_strength", "cohesion"), _STRESS),

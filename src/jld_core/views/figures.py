@@ -24,10 +24,13 @@ from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.files import whole_file
 from jld_core.limit import LimitAnalysisResult, Status, displacement
+from jld_core.limit.result_of_faces import result_of_faces
+from jld_core.sub_assembly import faces_of
 from jld_core.views import annotations as notes
 from jld_core.views import quantities
 from jld_core.views.figure_layout import figure_for, finish, title_of
 from jld_core.views.look import HATCH, PLAIN, PRESS, REST, SUPPORT, TINTS
+from jld_core.views.member_lines import draw_members, member_handles
 from jld_core.views.structure import (
     Drawn,
     LineStyle,
@@ -63,14 +66,17 @@ def draw_assembly(ax: Axes, assembly: Assembly, labels: Bits | None = None, *, p
     Raises ValueError for labels of another length than the interfaces.
     """
     labels = _labels(assembly, labels)
+    assembly, labels = faces_of(assembly), labels[: assembly.faces]
     drawn = paint(ax, assembly, labels, tints_of(assembly, labels))
+    draw_members(ax, assembly, drawn)
     if plain:
         notes.frame(ax, assembly, list(extent(assembly, projection_of(assembly))), bare=True)
         return drawn
     covered = notes.draw_loads(ax, assembly, drawn)
     notes.frame(ax, assembly, covered)
     handles = notes.label_handles(assembly, labels, default_ink(ax, assembly, labels))
-    notes.legend(ax, [*handles, notes.block_handle(assembly, labels), *notes.load_handles(drawn)])
+    handles += [notes.block_handle(assembly, labels), *member_handles(drawn), *notes.load_handles(drawn)]
+    notes.legend(ax, handles)
     ax.set_title("Labels", fontsize=10)
     return drawn
 
@@ -85,6 +91,7 @@ def draw_forces(ax: Axes, result: LimitAnalysisResult) -> Drawn:
     Returns artists by name: those of `paint`, the loads, and "press", "tension", "couples on faces", "yield dry",
     "yield inner", "thrust", as present.
     """
+    whole, result = result, result_of_faces(result)
     assembly, labels = result.assembly, result.labels
     base = default_ink(ax, assembly, labels)
     fills = [PLAIN] * len(assembly.elements)
@@ -105,8 +112,10 @@ def draw_forces(ax: Axes, result: LimitAnalysisResult) -> Drawn:
     covered += _draw_face_forces(ax, result, forces, drawn)
     _draw_thrust(ax, result, forces, drawn)
     _draw_yielding(ax, result, forces, used, drawn)
+    draw_members(ax, whole.assembly, drawn, whole.forces)
     notes.frame(ax, assembly, covered)
-    notes.legend(ax, notes.force_handles(result, forces, drawn, thick))
+    words = f"member with its tension, of a pin its shear [{assembly.units[1]}]"
+    notes.legend(ax, [*notes.force_handles(result, forces, drawn, thick), *member_handles(drawn, words)])
     where = "at the best λ found" if result.status is Status.UNCERTIFIED else "at the proven λ"
     ax.set_title(f"Forces on the faces, {where}", fontsize=10)
     return drawn
@@ -183,6 +192,7 @@ def draw_mechanism(ax: Axes, result: LimitAnalysisResult, share: float = 1.0) ->
     Returns artists by name: those of `paint` for the displaced state, "rest", and "hinge", "slide", "open" and "crack"
     for the kinds of movement present.
     """
+    result = result_of_faces(result)
     assembly, labels, projection = result.assembly, result.labels, projection_of(result.assembly)
     ink, falls = default_ink(ax, assembly, labels), result.instability_mechanism is not None
     if falls:
@@ -206,6 +216,7 @@ def draw_mechanism(ax: Axes, result: LimitAnalysisResult, share: float = 1.0) ->
 
     drawn = paint(ax, assembly, labels, tints_of(assembly, labels), LineStyle(ink.colours, 0.8 * ink.widths), move)
     drawn["rest"] = draw_rest(ax, assembly)
+    draw_members(ax, assembly, drawn, move=move)
     kinds, places = quantities.movements(result)
     size = float(np.clip(0.13 * element_points(ax, assembly), 2.0, 6.0))
     for kind, style in notes.MOVES.items():
@@ -216,7 +227,7 @@ def draw_mechanism(ax: Axes, result: LimitAnalysisResult, share: float = 1.0) ->
             look = {**style, "linestyle": "none", "markersize": size, "markeredgewidth": 0.13 * size}
             drawn[str(kind)] = [*ax.plot(*projection(np.mean(sides, axis=0)).T, label=str(kind), zorder=4.0, **look)]
     notes.frame(ax, assembly, [*extent(assembly, projection), *extent(assembly, projection, fully)])
-    notes.legend(ax, notes.mechanism_handles(assembly, labels, ink, drawn))
+    notes.legend(ax, [*notes.mechanism_handles(assembly, labels, ink, drawn), *member_handles(drawn)])
     what = "Falls whatever the live load: the motion that proves it" if falls else "Mechanism for live power 1"
     ax.set_title(what if falls else f"{what}, drawn × {scale:.3g}", fontsize=10)
     return drawn
@@ -328,8 +339,8 @@ def svg_of(figure: Figure) -> str:
 def _labels(assembly: Assembly, labels: Bits | None) -> Bits:
     """Return labels as an array, default the assembly's; raise ValueError for a wrong length."""
     labels = assembly.labels if labels is None else np.asarray(labels, dtype=bool)
-    if labels.shape != (len(assembly.interfaces),):
-        raise ValueError(f"labels have shape {labels.shape}, expected ({len(assembly.interfaces)},)")
+    if labels.shape not in ((assembly.faces,), (len(assembly.interfaces),)):
+        raise ValueError(f"labels have shape {labels.shape}, expected ({assembly.faces},)")
     return labels
 
 

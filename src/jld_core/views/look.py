@@ -41,6 +41,9 @@ LOAD: Final = "#B8321A"
 PRESS: Final = "#1F4E9E"
 """Colour of face forces."""
 
+MEMBER: Final = "#0B6E4F"
+"""Colour of ties, tendons and pins."""
+
 FRONT: Final = "#B8321A"
 """Colour of the Pareto front and of support movements."""
 
@@ -131,6 +134,7 @@ def rules() -> dict[str, Any]:
         "rest": REST,
         "load": LOAD,
         "press": PRESS,
+        "member": MEMBER,
         "used": list(USED_STOPS),
         "thrust": THRUST_COLOUR,
         "thrust_dash": list(THRUST_DASH),

@@ -158,9 +158,16 @@ def utilisation(result: LimitAnalysisResult) -> Floats:
         raise ValueError("the result holds no forces")
     scaling = scaling_of(result.assembly)
     sets = yield_set(result.assembly, scaling, result.model.inner_bending)
-    used = sets.utilisation(result.forces / scaling.face, result.labels)
+    forces, bond = result.forces.copy(), result.assembly.members.bond
+    if bond is not None:
+        forces[: len(bond), 0] += bond
+    used = sets.utilisation(forces / scaling.face, result.labels)
     if used is None:
         raise TypeError("these yield sets do not say what is used of them")
+    if bond is not None:
+        # Full tension is the tip of the set, where no other share is defined.
+        pulled = np.divide(-result.forces[: len(bond), 0], bond, out=np.zeros(len(bond)), where=bond > 0.0)
+        used[: len(bond)] = np.maximum(used[: len(bond)], np.clip(pulled, 0.0, 1.0))
     return used
 
 
@@ -170,8 +177,8 @@ def down_the_load_path(assembly: Assembly, vectors: Floats) -> Floats:
     vectors: (m, d) forces on the faces. Those that point against the total dead load are reversed: they then act on the
     other element. Without dead load, the live load gives the direction.
     """
-    d, free = assembly.dimension, assembly.elements.free
-    down = assembly.dead[free, :d].sum(axis=0)
+    d, free, stress = assembly.dimension, assembly.elements.free, assembly.members.self_stress
+    down = (assembly.dead if stress is None else assembly.dead - stress)[free, :d].sum(axis=0)
     if not down.any():
         down = assembly.live[free, :d].sum(axis=0)
     return np.where((vectors @ down < 0.0)[:, None], -vectors, vectors)

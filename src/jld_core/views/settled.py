@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jld_core.limit import Settled
-from jld_core.limit.settlement import Thrust
+from jld_core.limit.force_range import Thrust
 from jld_core.views.figure_layout import figure_for, finish
 from jld_core.views.figures import draw_assembly, draw_forces, draw_mechanism
 from jld_core.views.look import FRONT

@@ -70,6 +70,18 @@ def figure_of_laying(laying: Laying, title: str) -> Figure:
     return figure
 
 
+def figure_of_stage(laying: Laying, number: int) -> Figure:
+    """Return a figure of one stage of an assembly sequence, drawn as in the strip; `number`: of its step, from 1."""
+    low, high = _span(laying)
+    ratio = (high[1] - low[1]) / max(high[0] - low[0], 1e-12)
+    figure = Figure(figsize=(5.0, 5.0 * min(max(ratio, 0.25), 2.5) + 0.4), layout="constrained")
+    laid = laying.blocks.fixed.copy()
+    for step in laying.steps[: number - 1]:
+        laid[list(step.blocks)] = True
+    _draw(figure.subplots(), laying, laying.steps[number - 1], laid, number, low, high)
+    return figure
+
+
 def _span(laying: Laying) -> tuple[Floats, Floats]:
     """Return the lower and upper corner (2,) of the drawing, with margins."""
     assembly = laying.blocks.assembly

@@ -20,6 +20,7 @@ from shapely.geometry import Polygon
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly, blocks_of
 from jld_core.geometry import area_vector
+from jld_core.sub_assembly import faces_of
 from jld_core.views.look import EYE, HATCH, INK, INNER_DASH, SOFT, SUPPORT
 from jld_core.views.quantities import typical
 
@@ -113,10 +114,12 @@ def paint(
 ) -> Drawn:
     """Draw the elements and interfaces of a structure on axes, at rest or displaced.
 
-    labels: (m,) True = dry. fills: colour of each of the n elements; supports are always grey. ink: style of the faces,
-    default as `default_ink`. move: displacement function; both sides of every face are then drawn. Returns artists by
-    name: "elements", "supports", and in the plane also "outlines", "dry", "inner", "ticks".
+    labels: (m,) True = dry; interfaces of members are left out. fills: colour of each of the n elements; supports are
+    always grey. ink: style of the faces, default as `default_ink`. move: displacement function; both sides of every
+    face are then drawn. Returns artists by name: "elements", "supports", and in the plane also "outlines", "dry",
+    "inner", "ticks".
     """
+    assembly, labels = faces_of(assembly), labels[: assembly.faces]
     ink = default_ink(ax, assembly, labels) if ink is None else ink
     return (_paint_planar if assembly.dimension == 2 else _paint_spatial)(ax, assembly, labels, fills, ink, move)
 

@@ -18,6 +18,7 @@ from matplotlib.text import Text
 from jld_core.assembly import Assembly
 from jld_core.files import printable
 from jld_core.limit import LimitAnalysisResult
+from jld_core.limit.result_of_faces import result_of_faces
 from jld_core.views import quantities
 from jld_core.views.look import INK, LOAD, PRESS, SOFT, WHITE
 from jld_core.views.structure import element_points, extent, projection_of
@@ -82,11 +83,12 @@ def write_forces(ax: Axes, result: LimitAnalysisResult) -> list[Artist]:
 
     Forces below the share `SMALL` of the largest are left out. The list is empty for a result without forces.
     """
-    if result.forces is None:
+    result = result_of_faces(result)
+    assembly, forces = result.assembly, result.forces
+    if forces is None:
         return []
-    assembly = result.assembly
-    size = np.linalg.norm(quantities.face_vectors(assembly, result.forces), axis=1)
-    places = projection_of(assembly)(quantities.pressure_points(assembly, result.forces)[0])
+    size = np.linalg.norm(quantities.face_vectors(assembly, forces), axis=1)
+    places = projection_of(assembly)(quantities.pressure_points(assembly, forces)[0])
     shown = size > quantities.SMALL * size.max(initial=0.0)
     points = float(np.clip(0.13 * element_points(ax, assembly), 3.0, 7.0))
     return [

@@ -9,6 +9,7 @@ import numpy as np
 import typer
 
 from jld_core.assembly_sequence import Laying, assembly_order
+from jld_core.errors import ParameterError
 from jld_core.files import require_folder, write_text
 from jld_explore.cli.layout import layout_of
 from jld_explore.cli.options import Rank, Source
@@ -27,6 +28,11 @@ def assembly(
         typer.Option(help="Any order by translations, or one whose every stage stands."),
     ] = "translation",
     group: Annotated[int, typer.Option(min=1, help="Blocks moved together at the most, where single ones fail.")] = 3,
+    start: Annotated[
+        Literal["ground", "left", "right", "springings"],
+        typer.Option(help="Where laying starts: by courses, from a side, or from all supports alike."),
+    ] = "ground",
+    stages: Annotated[bool, typer.Option("--stages", help="With --out: one picture per stage as well.")] = False,
     out: Annotated[Path | None, typer.Option(help="Folder for assembly.csv and the strip of stages.")] = None,
 ) -> None:
     """Find an order in which the blocks of a layout can be laid, with directions and props.
@@ -35,17 +41,22 @@ def assembly(
     """
     if out is not None:
         require_folder(out)
+    elif stages:
+        raise ParameterError("stages", "there is no folder for the pictures", "`out` with a folder")
     scene, found, labels = layout_of(source, rank)
     sideways = scene.search.assemble_out_of_plane
-    laying = assembly_order(found, labels, wish=wish, sideways=sideways, group=group)
+    laying = assembly_order(found, labels, wish=wish, sideways=sideways, group=group, start=start)
     table = table_of(laying)
     if out is not None:
         from jld_core.views.figures import save_figure
-        from jld_core.views.strip import figure_of_laying
+        from jld_core.views.strip import figure_of_laying, figure_of_stage
 
         out.mkdir(parents=True, exist_ok=True)
         write_text(out / "assembly.csv", csv_of(table))
         save_figure(figure_of_laying(laying, f"{scene.name}: order of laying"), out / "assembly.png")
+        digits = len(str(len(laying.steps)))
+        for number in range(1, len(laying.steps) + 1) if stages else ():
+            save_figure(figure_of_stage(laying, number), out / f"stage-{number:0{digits}}.png")
     say(words_of(laying))
     if len(table):
         say(f"\n{table.drop(columns='elements').to_string(index=False)}")
@@ -91,7 +102,8 @@ def words_of(laying: Laying) -> str:
         how = "lock one another" if len(laying.locked) > 1 else "is locked between supports"
         return f"order        none: {named} {how} (blocks named by their first elements)"
     if laying.searched:
-        return "order        none found whose every stage stands; the one below takes props"
+        none = "none found" if laying.undecided else "none"
+        return f"order        {none} whose every stage stands; the one below takes props\n{_first_fall(laying)}"
     free = int(np.count_nonzero(~blocks.fixed))
     steps = len(laying.steps)
     many = f"{free} block{'s' * (free != 1)} in {steps} step{'s' * (steps != 1)}"
@@ -99,4 +111,17 @@ def words_of(laying: Laying) -> str:
         return f"order        {many}, every stage stands without props"
     worst = max(step.stage.props.sum() for step in laying.steps)
     force = blocks.assembly.units[1]
-    return f"order        {many}, props of {worst:.4g} {force} at most"
+    return f"order        {many}, props of {worst:.4g} {force} at most\n{_first_fall(laying)}"
+
+
+def _first_fall(laying: Laying) -> str:
+    """Name the first stage of an order that does not stand, and what it needs."""
+    blocks = laying.blocks
+    falls = [(number, step) for number, step in enumerate(laying.steps, 1) if step.stage.stands is False]
+    if not falls:
+        return "stages       none is proven to fall, some are undecided"
+    number, step = falls[0]
+    laid = " + ".join(blocks.name(block) for block in step.blocks)
+    propped = " and ".join(blocks.name(block) for block in np.flatnonzero(step.stage.props > 0.0).tolist())
+    need = f"props of {step.stage.props.sum():.4g} {blocks.assembly.units[1]} below {propped}"
+    return f"stages       the first that falls is step {number}, when {laid} is laid: it needs {need}"

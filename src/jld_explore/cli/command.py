@@ -18,6 +18,7 @@ from jld_explore.cli.streams import say
 _FUNCTIONS: Final = {
     "assembly": ("assembly", "assembly"),
     "check": ("check", "check"),
+    "design": ("designing", "design"),
     "experiment": ("experiment", "experiment"),
     "explore": ("explore", "explore_command"),
     "export": ("exchange", "export_command"),
@@ -25,9 +26,11 @@ _FUNCTIONS: Final = {
     "move": ("moving", "move"),
     "plot": ("plot", "plot_command"),
     "refine": ("exchange", "refine_command"),
+    "report": ("printing", "report"),
     "settlement": ("settlement", "settlement"),
     "solve": ("solve", "solve"),
     "studio": ("studio", "studio"),
+    "thrust": ("thrust", "thrust"),
     "verify": ("verifying", "verify_command"),
 }
 """Module of this sub-package and function of each command; `new` is a group of commands."""

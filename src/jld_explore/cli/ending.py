@@ -107,7 +107,7 @@ def run(app: typer.Typer, started: float) -> None:
     except MemoryError as error:
         most, lacking = memory_limit() / 1e9, " ".join(str(error).split()) or "no more can be had"
         complain(f"memory ran out: {lacking}; expected a scene that {most:.1f} GB suffice for, or fewer --jobs")
-    except (Interrupted, KeyboardInterrupt, typer.Abort):
-        warn("stopped; everything finished is on disk, go on with --resume")
+    except (Interrupted, KeyboardInterrupt, typer.Abort) as error:
+        warn(error.words if isinstance(error, Interrupted) else Interrupted.words)
         sys.exit(STOPPED)
     sys.exit(code if isinstance(code, int) else 0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Annotated
 
@@ -9,11 +10,13 @@ import typer
 
 from jld_core.build import build_assembly
 from jld_core.errors import InputError, ParameterError, error_context
-from jld_core.exchange import FORMATS, ImportOptions, Layout, blocks_csv, export, import_file
+from jld_core.exchange import FORMATS, Imported, ImportOptions, Layout, blocks_csv, export, import_file
+from jld_core.exchange.writers import ANALYSED
 from jld_core.files import write_text
 from jld_core.models import solve
 from jld_core.refinement import refine
 from jld_core.refinement.refine import KINDS
+from jld_core.samples.bonds import BONDS
 from jld_core.scene import load_scene, parse_scene
 from jld_explore.cli.layout import layout_of
 from jld_explore.cli.options import Rank, SceneFile, Source, refuse_itself
@@ -22,22 +25,29 @@ from jld_explore.cli.streams import say
 
 
 def import_command(
-    file: Annotated[Path, typer.Argument(help="DXF, SVG, CSV, OBJ, PLY, STL or COMPAS JSON file.", show_default=False)],
+    file: Annotated[
+        Path, typer.Argument(help="DXF, SVG, CSV, 3DM, IFC, OBJ, PLY, STL or COMPAS JSON file.", show_default=False)
+    ],
     out: Out,
     support: Annotated[
         list[str] | None, typer.Option(help="Layer of supports, or: lowest. May be given again.")
     ] = None,
     dry: Annotated[list[str] | None, typer.Option(help="Layer of dry joints.")] = None,
     inner: Annotated[list[str] | None, typer.Option(help="Layer of inner faces.")] = None,
-    load: Annotated[list[str] | None, typer.Option(help="Layer of live loads.")] = None,
-    thickness: Annotated[float | None, typer.Option(help="Out-of-plane thickness; default 1.")] = None,
+    load: Annotated[list[str] | None, typer.Option(help="Layer of live loads; numbered layers are load cases.")] = None,
+    hole: Annotated[list[str] | None, typer.Option(help="Layer of openings.")] = None,
+    thickness: Annotated[float | None, typer.Option(help="Out-of-plane thickness, m; default 1.")] = None,
     tolerance: Annotated[
-        float | None, typer.Option(help="Gaps and overlaps up to it are closed; default 1e-6 of the size.")
+        float | None,
+        typer.Option(help="Gaps and overlaps up to it are closed, in the file's unit; default 5e-4 of the size."),
     ] = None,
     facet: Annotated[
-        float | None, typer.Option(help="Largest distance of chords from arcs; default 1e-3 of the size.")
+        float | None,
+        typer.Option(help="Largest distance of chords from arcs, in the file's unit; default 1e-3 of the size."),
     ] = None,
-    unit: Annotated[str | None, typer.Option(help="Unit of the file's lengths, made metres; default its own.")] = None,
+    unit: Annotated[
+        str | None, typer.Option(help="Unit of the file's lengths (mm, cm, m, in, ft), made metres; default its own.")
+    ] = None,
     like: Annotated[Path | None, typer.Option(help="Scene to take materials, search and body loads from.")] = None,
 ) -> None:
     """Convert a drawing or a file of solids to a scene, and report what was assumed.
@@ -49,6 +59,7 @@ def import_command(
         dry=tuple(dry or ()),
         inner=tuple(inner or ()),
         load=tuple(load or ()),
+        hole=tuple(hole or ()),
         thickness=thickness,
         tolerance=tolerance,
         facet=facet,
@@ -61,9 +72,19 @@ def import_command(
         scene = parse_scene(found.document, "")
         build_assembly(scene)
     except InputError as error:
-        raise InputError(f"{file}: {error.where.lstrip(': ')}", error.problem, error.expected) from None
+        where = f"{file}: {error.where.lstrip(': ')}"
+        raise InputError(where, _in_file(error.problem, found), _in_file(error.expected, found)) from None
     write_scene(scene, out)
     say(f"{found.report}\nwritten to   {out}")
+
+
+def _in_file(words: str, found: Imported) -> str:
+    """Return words about the tolerance of a scene as words about `--tolerance`, in the unit of the file."""
+
+    def option(match: re.Match[str]) -> str:
+        return f"--tolerance {match[1] or ''}{float(match[2]) / found.scale:.2g} (in {found.unit})"
+
+    return re.sub(r'(?:a )?"tolerance":? (above )?([0-9.e+-]*[0-9])', option, words)
 
 
 def export_command(
@@ -72,8 +93,11 @@ def export_command(
     out: Annotated[Path, typer.Option("-o", "--out", help="File to write; blocks.csv beside it.", show_default=False)],
     rank: Rank = None,
     cells: Annotated[
-        bool, typer.Option("--cells", help="Every element as a solid of its own (obj, stl, ply, compas).")
+        bool, typer.Option("--cells", help="Every element as a solid of its own (formats of solids).")
     ] = False,
+    unit: Annotated[
+        str | None, typer.Option(help="Unit of the file's lengths (mm, cm, m, in, ft); default that of the scene.")
+    ] = None,
 ) -> None:
     """Write the blocks of a layout to a file of another program, and a table of them.
 
@@ -85,10 +109,12 @@ def export_command(
     for file in (out, table):
         refuse_itself(source, file)
     scene, assembly, labels = layout_of(source, rank)
-    layout = Layout(scene, assembly, labels, solve(assembly, labels) if kind == "vtk" else None)
+    layout = Layout(scene, assembly, labels, solve(assembly, labels) if kind in ANALYSED else None)
     with error_context(source, str(out)):
-        export(layout, kind, out, cells=cells)
+        export(layout, kind, out, cells=cells, unit=unit)
     write_text(table, blocks_csv(layout))
+    if assembly.members:
+        say(f"left out     {len(assembly.members)} members: the file holds blocks alone")
     free = sum(1 for block in layout.blocks if block.cells)
     kinds = len({block.shape for block in layout.blocks if block.cells})
     say(f"{out}\n{table}: {free} block{'s' * (free != 1)} of {kinds} shape{'s' * (kinds != 1)}")
@@ -98,25 +124,47 @@ def refine_command(
     scene: SceneFile,
     out: Out,
     cell: Annotated[
-        str, typer.Option(help="Size of a cell: A, A,B or A,B,C; radial: THICKNESS,DEGREES.", show_default=False)
-    ],
+        str | None, typer.Option(help="Size of a cell: A, A,B or A,B,C; radial: THICKNESS,DEGREES; bond: BRICK,COURSE.")
+    ] = None,
     kind: Annotated[str, typer.Option(help="Cells: " + ", ".join(KINDS) + ".")] = "grid",
     by: Annotated[str | None, typer.Option(help="Old joints the search leaves alone: block or material.")] = None,
-    centre: Annotated[str | None, typer.Option(help="Centre of radial cells: x,y.")] = None,
+    centre: Annotated[
+        str | None, typer.Option(help="Centre of radial cells, or of the joints of a flat arch: x,y.")
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of Voronoi cells.")] = 0,
+    bond: Annotated[str, typer.Option(help="Masonry bond: " + ", ".join(BONDS) + ".")] = "running",
+    voussoirs: Annotated[
+        int | None,
+        typer.Option(
+            min=1, help="Voussoirs from springing to springing of each arc of the outline, or of a flat arch."
+        ),
+    ] = None,
+    rings: Annotated[int, typer.Option(min=1, help="Rings of voussoirs over the depth.")] = 1,
+    courses: Annotated[int, typer.Option(min=1, help="Voussoirs along the axis of a vault (spatial).")] = 1,
 ) -> None:
     """Split every element of a scene into cells, whose faces a search can choose from.
 
     Write the new scene, and print what could not be kept of the old one.
     """
-    sizes = _numbers("cell", cell)
+    sizes = () if cell is None else _numbers("cell", cell)
     middle = None if centre is None else _numbers("centre", centre)
     if middle is not None and len(middle) != 2:
         raise ParameterError("centre", f"{centre!r} is wrong", "x,y")
     parsed = load_scene(scene)
     place = None if middle is None else (middle[0], middle[1])
     with error_context(scene):
-        found = refine(parsed, sizes, kind=kind, by=by, centre=place, seed=seed)
+        found = refine(
+            parsed,
+            sizes,
+            kind=kind,
+            by=by,
+            centre=place,
+            seed=seed,
+            bond=bond,
+            voussoirs=voussoirs,
+            rings=rings,
+            courses=courses,
+        )
     write_scene(found.scene, out)
     before, after = len(set(found.parent.values())), len(found.parent)
     told = [*(f"assumed      {note}" for note in found.notes), f"found        {after} elements out of {before}"]

@@ -7,6 +7,7 @@ from typing import Final
 COMMANDS: Final = {
     "new": "write a scene by name: arch, wall, vault, dome, flat-arch, buttress, grid",
     "import": "make a scene of a drawing or of solids",
+    "design": "the blocks of an outline: cells tried, joints searched and moved, the best checked",
     "refine": "split the elements of a scene into smaller candidate cells",
     "check": "what will be modelled, and what looks wrong",
     "solve": "collapse load factor of one layout, with a two-sided bracket",
@@ -17,7 +18,9 @@ COMMANDS: Final = {
     "studio": "move joints by hand and see the proven load follow, in a browser",
     "experiment": "load a layout in a virtual experiment until it comes down",
     "assembly": "an order in which the blocks can be laid",
+    "report": "printed pages of a layout: loads, numbered stones, moulds, laying, what is proven",
     "settlement": "the thrust that is left where supports give way",
+    "thrust": "least and greatest reaction of supports, and forces across joints",
     "export": "write the blocks of a layout for another program",
 }
 """Description of each command, in the order of use."""

@@ -172,13 +172,13 @@ class Anneal(Searcher):
         return rows if len(rows) >= self.size // 8 else np.concatenate([rows, self._generation()])
 
     def _generation(self) -> Bits:
-        """Return a generation of the population."""
+        """Return a generation (k, m) of the population, and remember that it comes from there."""
         rows = self._population.propose()
         self._of_population.update(keys(rows))
         return rows
 
     def _changed(self) -> Bits:
-        """Return new changes of every chain, or random labellings for chains without any."""
+        """Return new changes of every chain (k, m); a chain without any restarts at random."""
         with_labelling = [number for number, chain in enumerate(self._chains) if chain.labelling is not None]
         batches = [self._none]
         if with_labelling:
@@ -207,7 +207,7 @@ class Anneal(Searcher):
         return np.concatenate(batches)
 
     def _changes(self, owners: list[int]) -> tuple[Bits, list[int]]:
-        """Change the labellings of chains: rows (j, m), and the chain of each row."""
+        """Change or cross the labelling of each chain in `owners`: rows (j, m), and their chains."""
         crossing = [self.rng.real() < _CROSSING_SHARE for _ in owners]
         alone = [number for number, crossed in zip(owners, crossing, strict=True) if not crossed]
         coupled = [number for number, crossed in zip(owners, crossing, strict=True) if crossed]
@@ -228,7 +228,10 @@ class Anneal(Searcher):
         return rows, chain_of_row
 
     def _partner(self, number: int) -> Bits:
-        """Return the labelling to cross with that of a chain: an image of its own or of another."""
+        """Return an image under symmetry of a labelling to cross with that of chain `number`.
+
+        It is the labelling of this chain or of a random one. Raises ValueError if the chain has none.
+        """
         own, group = self._chains[number].labelling, self.space.group
         if len(group) > 1 and self.rng.real() < _OWN_IMAGE_SHARE:
             other = own
@@ -241,7 +244,10 @@ class Anneal(Searcher):
         return image
 
     def _compute_mechanisms(self, with_labelling: list[int]) -> None:
-        """Compute blocks and mechanisms of chains that lack them, together for each load case."""
+        """Compute blocks and mechanisms of chains that lack them, together for each load case.
+
+        with_labelling: numbers of the chains that have a labelling.
+        """
         unknown = [chain for chain in (self._chains[number] for number in with_labelling) if chain.moving is None]
         for case, movements in enumerate(self._movements):
             lacking = [chain for chain in unknown if chain.case == case]

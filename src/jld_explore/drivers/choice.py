@@ -108,7 +108,7 @@ def bound_of_all(space: SearchSpace, model: SolveOptions) -> float | None:
 def what_would_prove(
     space: SearchSpace, model: SolveOptions, summary: Mapping[str, Any], *, whole: bool, finite: bool
 ) -> str | None:
-    """Describe in one line what would prove or narrow the result of a search.
+    """Describe in one line the search that would prove or narrow the result of another one.
 
     Parameters
     ----------

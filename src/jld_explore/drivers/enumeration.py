@@ -291,7 +291,7 @@ class Enumeration(Driver):
         return labels
 
     def _decide(self, rows: _Frontier) -> _Frontier:
-        """Decide one more face: return the rows with the face inner, then dry, where not hopeless."""
+        """Decide one more face: return each row with it inner and dry, unless hopeless."""
         level, search = rows.level, self.search
         i, j = self._ends[level]
         p, q = rows.block[i], rows.block[j]
@@ -320,7 +320,7 @@ class Enumeration(Driver):
         return self._prune(new, np.where(is_dry, p, low), np.where(is_dry & apart, q, low), apart, is_dry)
 
     def _separated(self, rows: _Frontier, p: Names, q: Names) -> Bools:
-        """Return (r,) True where a dry face decided before lies between blocks p and q."""
+        """Return (r,) True where a dry face decided before lies between blocks p and q, both (r,)."""
         before = self._decided[: self._walls + rows.level]
         first, second = rows.block[before[:, 0]], rows.block[before[:, 1]]
         return np.asarray((((first == p) & (second == q)) | ((first == q) & (second == p))).any(axis=0))
@@ -328,7 +328,7 @@ class Enumeration(Driver):
     def _violates_limit(self, rows: _Frontier, names: tuple[Names, ...], *, most: bool) -> Bools:
         """Return (r,) True where the union of the named blocks violates a limit.
 
-        `most` selects upper limits, otherwise lower limits are checked.
+        names: arrays (r,), one block of each row in each. most: True for upper limits, False for lower ones.
         """
         limits, free = self._limits, rows.block[: self._free]
         # a block that is too large may still merge with an exempt one
@@ -347,8 +347,8 @@ class Enumeration(Driver):
     def _prune(self, rows: _Frontier, p: Names, q: Names, apart: Bools, is_dry: Bools) -> _Frontier:
         """Remove rows that no completion can bring within the limits.
 
-        A row is removed if a block beside the face just decided is closed and too small, or if the number of blocks
-        is out of bounds.
+        A block beside the face just decided may be closed and too small, or the number of blocks out of bounds. p, q:
+        (r,) these blocks. apart: (r,) True where they differed before. is_dry: (r,) label of the face.
         """
         small, greatest = self._limits.has_least, self._greatest
         good = np.ones(len(apart), dtype=bool)

@@ -1,4 +1,4 @@
-"""What a proof by fields finds out: the best layout, the front, or the best count.
+"""Aims of a proof by fields: the best layout, the front, or the best count.
 
 A proof has one **target** after the other: labellings whose count lies in some range, and the governing factor above
 which no labelling of the target may be left unrefuted.
@@ -20,7 +20,7 @@ from jld_explore.space import Count, SearchSpace
 from jld_explore.space.measures import Range
 
 _BELOW: Final = 1e-9
-"""Relative distance from best / (1 − gap), below which a bound ends, that covers rounding of the gap."""
+"""Relative amount by which the goal lies below best / (1 − gap), for rounding of the gap."""
 
 
 class ProofAim(Protocol):
@@ -170,8 +170,9 @@ class StrongestAim:
 class FrontAim:
     """Aim: prove to a gap the strongest layout of every count of the front.
 
-    All labellings are bounded first. Those of one count must then be refuted above what layouts of this count or better
-    ones carry, since a weaker one is not on the front. Attributes are those of `ProofAim`.
+    All labellings are bounded first. Then labellings of one count after the other are refuted, best count first. The
+    goal is the best λ of layouts with this count or a better one: a weaker layout is not on the front. Attributes are
+    as for `ProofAim`.
 
     Parameters
     ----------
@@ -209,7 +210,7 @@ class FrontAim:
         return self._now
 
     def goal(self, best: Mapping[int, float]) -> float:
-        """Return `enough` / (1 − gap): what the labellings of the target must be refuted above.
+        """Return `enough` / (1 − gap), above which labellings of the target must be refuted.
 
         It is 0 where no layout of these counts stands.
         """
@@ -224,7 +225,7 @@ class FrontAim:
         return self._no_worse(self._now, best)
 
     def _no_worse(self, value: int | None, best: Mapping[int, float]) -> float:
-        """Return the best factor of layouts whose count is a value or a better one."""
+        """Return the best factor of layouts whose count is `value` or a better one, else −inf."""
         known = (low for count, low in best.items() if value is None or self._sign * (count - value) <= 0.0)
         return max(known, default=-math.inf)
 
@@ -324,7 +325,7 @@ class RequirementAim:
         return self._threshold
 
     def next(self, bound: float, best: Mapping[int, float], left: Floats) -> float | None:
-        """Record what is proven and return None, which ends the proof; see `ProofAim.next`.
+        """Record the proven count and return None, which ends the proof; see `ProofAim.next`.
 
         Without open labellings no count better than `met` carries the factor. Otherwise the best count in `left` takes
         the place of `met`. bound: not used.

@@ -1,6 +1,6 @@
 """Keep the conflicts of a proof by fields on disk, with their velocity fields.
 
-What is loaded is weighed again, and its bound is what the weighing gives: nothing on disk is believed.
+Every conflict that is loaded is weighed again, and its bound is the one computed then: nothing on disk is believed.
 """
 
 from __future__ import annotations
@@ -101,7 +101,10 @@ def load_conflicts(folder: Path, proof: FieldProof) -> list[Conflict]:
 
 
 def _conflicts_in(content: dict[str, Any], proof: FieldProof) -> list[Conflict]:
-    """Return the conflicts of a file, weighed again, as far as their bounds are finite."""
+    """Weigh the conflicts of a file again, and return those with finite bounds.
+
+    Adds the meshes of the file to `proof`. Empty where the number of load cases differs.
+    """
     if int(content["shared"]) != proof.refuter.cases:
         return []
     cases = content["case"].tolist()
@@ -124,11 +127,11 @@ def _conflicts_in(content: dict[str, Any], proof: FieldProof) -> list[Conflict]:
 
 
 def _joined(name: str, arrays: list[Any]) -> dict[str, Any]:
-    """Return arrays (j,) of different lengths as one array and their lengths."""
+    """Return arrays (j,) of different lengths as one array `name`, with lengths `name_sizes`."""
     sizes = np.array([len(array) for array in arrays], dtype=np.int64)
     return {name: np.concatenate(arrays) if arrays else np.empty(0), f"{name}_sizes": sizes}
 
 
 def _parted(content: dict[str, Any], name: str) -> list[Floats]:
-    """Return the arrays that `_joined` was given."""
+    """Return the arrays that `_joined` joined under a name."""
     return np.split(content[name], np.cumsum(content[f"{name}_sizes"])[:-1]) if len(content[f"{name}_sizes"]) else []

@@ -178,7 +178,7 @@ class FieldExact(Driver):
 
     @property
     def _given_up(self) -> bool:
-        """Whether the proof was contradicted again after its restart."""
+        """True if the proof was contradicted again after its restart."""
         return len(self._contradictions) > 1
 
     @property
@@ -293,7 +293,10 @@ def _listed(space: SearchSpace) -> PossibleBlocks | None:
 
 
 def _require_formula(space: SearchSpace, blocks: PossibleBlocks | None, aim: ProofAim) -> None:
-    """Raise InputError for what a proof by fields does not know."""
+    """Raise InputError if cells may be left out, or if no formula expresses a count.
+
+    Checked are the limited counts and the count of the aim. blocks: possible blocks, None where not listed.
+    """
     if space.void is not None:
         raise ParameterError("driver", "exact proves nothing where cells may be left out", "enumeration or genetic")
     for count in [count for count, _ in space.limits.on_counts] + ([] if aim.count is None else [aim.count]):

@@ -64,8 +64,8 @@ class FieldIncumbents:
     def learn(self, labellings: Bits, low: Sequence[float], high: Sequence[float]) -> None:
         """Store the bounds on the governing factor of evaluated labellings.
 
-        labellings: (k, m), canonical, True = dry. low, high: k bounds each, −inf and inf where there is none. They
-        replace those of an earlier call.
+        labellings: (k, m), canonical, True = dry. low, high: k bounds each, −inf and inf where there is none. Bounds of
+        an earlier call are replaced.
         """
         for labels, *bounds, count in zip(labellings, low, high, self.counts_of(labellings).tolist(), strict=True):
             self._known[labels.tobytes()] = bounds[0], bounds[1], int(count)

@@ -34,7 +34,7 @@ _FIRST: Final = 8
 """Evaluated labellings of greatest lower bound that are refined before the proof begins."""
 
 _FIRST_OF_COUNT: Final = 2
-"""The same for each count of a front."""
+"""Number as `_FIRST`, for each count of a front."""
 
 _ALIKE: Final = 1e-4
 """Relative difference of lower bounds below which two evaluated labellings count as alike; one of them is refined."""
@@ -46,22 +46,22 @@ _COMPARED: Final = 300
 """Number of the strongest labellings compared with all conflicts at the end of a proof."""
 
 _ROOT_CAUTION: Final = 4.0
-"""Time left, over that of the last mesh that bounded all labellings, from which a finer one is begun."""
+"""Least time left for another mesh that bounds all labellings, over the time of the last one."""
 
 _SHARP: Final = 0.4
-"""Share of the gap down to which the bracket of the best labelling is refined where a proof is long."""
+"""Relative gap, over the gap asked for, down to which brackets of the best labellings are refined in a long proof."""
 
 _LONG: Final = 40
 """Conflicts from which a proof counts as long."""
 
 _SHARPENED: Final = 2
-"""Labellings refined together for a larger lower bound, those of the largest ones."""
+"""Number of labellings refined together for a larger lower bound, in order of their lower bounds."""
 
 _SHARPENING: Final = 0.1
-"""Largest share of the time left for one more mesh of the best labelling."""
+"""Largest share of the time left that one more mesh for a larger lower bound may take."""
 
 _CAUTION: Final = 1.5
-"""Multiple of the longest batch of labellings that must be left of the time for another one."""
+"""Least time left for another batch of labellings, over the time of the longest batch."""
 
 
 class FieldProof:
@@ -76,7 +76,7 @@ class FieldProof:
     seed : int
         Seed of the preferred labels.
     aim : ProofAim
-        What is to be proven.
+        Aim of the proof.
 
     Attributes
     ----------
@@ -179,8 +179,8 @@ class FieldProof:
             self._aim()
         elif (rows := self._open()).size:
             self._refine(rows)
-        elif (rows := self._blurred()).size:
-            self._sharpen(rows)
+        elif (rows := self._wide_rows()).size:
+            self._refine_lower(rows)
         elif not self._draw():
             self._lower()
         elif self._schedule.is_stuck(len(self.state.conflicts) - self._began, self._left_open, self._aimed):
@@ -207,7 +207,7 @@ class FieldProof:
             self._bound_by(self.refuter.common(case), case)
 
     def _bound_by(self, meshes: CommonMeshes, case: int) -> None:
-        """Bound all labellings on the next mesh of a load case."""
+        """Bound all labellings on the next mesh of load case `case`; store a lower bound."""
         start, nothing = time.perf_counter(), np.empty(0, dtype=np.int64)
         found = meshes.step()
         if found is not None and found.bound < self.bound:
@@ -217,7 +217,7 @@ class FieldProof:
         self._batch_seconds = time.perf_counter() - start
 
     def _bound_finer(self) -> None:
-        """Bound all labellings on finer and finer meshes; take some to refute labellings."""
+        """Bound all labellings on finer meshes in the time there is; refute labellings on some."""
         cases = [self.refuter.common(case) for case in range(self.refuter.cases)]
         while not self.reached and self.deadline.remaining() > _ROOT_CAUTION * self._batch_seconds:
             left = [case for case, meshes in enumerate(cases) if not meshes.ended]
@@ -233,7 +233,7 @@ class FieldProof:
         return self.bound <= max(self._goal, 0.0)
 
     def _aim(self) -> None:
-        """Aim the formula at the next factor to refute, or go to the next target."""
+        """Aim the formula at the next factor to refute, or end a target that is reached."""
         best = self.incumbents.best()
         goal = self.aim.goal(best)
         if self._left_open <= max(goal, 0.0):
@@ -254,19 +254,19 @@ class FieldProof:
         return formula
 
     def _in_target(self) -> Bools:
-        """Return (k,) which labellings of the pool belong to the target."""
+        """Return (k,) True for the labellings of the pool that belong to the target."""
         return holds(self._target, self.incumbents.counts)
 
     def _open(self) -> Ints:
-        """Return rows of the pool to refine next: not refuted, in turns by either bound."""
+        """Return rows of the pool to refine, not refuted: best lower and upper bounds in turns."""
         low, high = self.pool.low(), self.pool.high()
         rows = np.flatnonzero((self._refuted > self._aimed) & ~self.pool.given_up & self._in_target())
         by_high, by_low = rows[np.lexsort((-low[rows], -high[rows]))], rows[np.argsort(-low[rows], kind="stable")]
         turns = [int(row) for pair in zip(by_low, by_high, strict=True) for row in pair]
         return np.array(list(dict.fromkeys(turns)), dtype=np.int64)[:TOGETHER]
 
-    def _blurred(self) -> Ints:
-        """Return rows of the pool that may raise the best lower bound of a long proof."""
+    def _wide_rows(self) -> Ints:
+        """Return rows of the pool whose refinement may raise the best lower bound of a long proof."""
         low, high = self.pool.low(), self.pool.high()
         best = self.aim.enough(self.incumbents.best())
         if len(self.state.conflicts) < _LONG or not best > 0.0 or not self.aim.in_steps:
@@ -277,25 +277,25 @@ class FieldProof:
         rows = rows[[self.pool.expected_seconds(row) < allowed for row in rows.tolist()]] if rows.size else rows
         return rows[np.argsort(-low[rows], kind="stable")][:_SHARPENED]
 
-    def _sharpen(self, rows: Ints) -> None:
-        """Take labellings of the pool one mesh further for their lower bounds."""
+    def _refine_lower(self, rows: Ints) -> None:
+        """Refine `rows` of the pool by one mesh for their lower bounds."""
         self.pool.refine(rows.tolist(), self._enough())
 
     def _enough(self) -> Floats:
-        """Return the factor (k,) below which no lower bound is asked for."""
+        """Return for each labelling of the pool the factor (k,) that a useful lower bound exceeds."""
         return np.full(len(self.pool), self.aim.enough(self.incumbents.best()))
 
     def _refine(self, rows: Ints) -> None:
-        """Refine labellings of the pool by one mesh; learn what their fields prove."""
+        """Refine `rows` of the pool by one mesh; add the conflicts that their fields prove."""
         steps = self.pool.refine(rows.tolist(), self._enough(), refuting_step, (self.refuter.free, self._aimed))
         for _, case, mesh, step in steps:
             conflict: Conflict | None = step.more
             if conflict is None or conflict.mechanism is None:
                 continue
             mechanism = replace(conflict.mechanism, case=self.refuter.add_problem(case, mesh))
-            self._add([replace(conflict, mechanism=mechanism), *self._of_others(mechanism)])
+            self._add([replace(conflict, mechanism=mechanism), *self._conflicts_of_others(mechanism)])
 
-    def _of_others(self, mechanism: Mechanism) -> list[Conflict]:
+    def _conflicts_of_others(self, mechanism: Mechanism) -> list[Conflict]:
         """Return conflicts of other labellings of the pool that a mechanism refutes."""
         rows = np.flatnonzero(self._refuted > self._aimed)
         count, faces = len(rows), np.flatnonzero(self.refuter.free)
@@ -310,7 +310,7 @@ class FieldProof:
         return [Conflict(faces, own[faces], bound, mechanism=mechanism) for own, bound in pairs if bound <= self._aimed]
 
     def _draw(self) -> bool:
-        """Draw labellings that no conflict rules out, and minimise them; False if none is left."""
+        """Draw and minimise labellings; False if none is left. Sets `stopped` if time is short."""
         formula = self._formula
         if formula is None:
             raise RuntimeError("the proof has no formula before its first aim")
@@ -336,7 +336,7 @@ class FieldProof:
         return bool(drawn)
 
     def _hand_over(self, labels: Bits) -> None:
-        """Have a labelling (m,) that the coarsest mesh does not refute evaluated, unless it was."""
+        """Put a canonical labelling (m,) into the pool, or let it wait if it has no evaluation."""
         if self.incumbents.is_known(labels):
             self._join([labels])
         else:
@@ -352,7 +352,7 @@ class FieldProof:
             self._refuted[matching] = np.minimum(self._refuted[matching], one.bound)
 
     def _lower(self) -> None:
-        """Lower the bound to the factor aimed at, or to what unrefined labellings leave open."""
+        """Lower the bound to the factor aimed at, or to that of the worst unrefuted labelling."""
         rest = float(self._refuted[self._in_target()].max(initial=-math.inf))
         self._left_open = min(self._left_open, max(self._aimed, rest))
         if self._target is None:
@@ -364,7 +364,7 @@ class FieldProof:
             self._end_target()
 
     def _end_target(self) -> None:
-        """Take the bound of the target, and begin with the next, or end and check the proof."""
+        """Record the bound of a target; begin the next that has a labelling, or `_settle`."""
         self._cut |= self.pool.late and self._left_open > self._goal
         open_rows = (self._refuted > self._goal) & self._in_target() & (self._left_open > self._goal)
         known = self.aim.next(self._left_open, self.incumbents.best(), self.incumbents.counts[open_rows])
@@ -379,13 +379,13 @@ class FieldProof:
         self._aim()
 
     def _exists(self) -> bool:
-        """Return whether the target has any labelling, however weak."""
+        """Return True if the target has any labelling, however weak."""
         self._formula = self._formula or self._stated()
         self._formula.aim(-math.inf, self.aim.target(self.incumbents.best()))
         return self._formula.next() is not None
 
     def _settle(self) -> None:
-        """Check the proof, which has ended, unless time left a target open."""
+        """Check the ended proof, or set `stopped` if time left a target open."""
         self.stopped, self.settled = self._cut, not self._cut
         if self.stopped:
             return

@@ -79,7 +79,7 @@ class FieldRefuter:
 
     @property
     def cases(self) -> int:
-        """Number of load cases, which is that of the problems on coarsest meshes."""
+        """Number of load cases."""
         return len(self._setup.settings)
 
     def load_case(self, problem: FieldProblem) -> int:
@@ -161,13 +161,13 @@ class FieldRefuter:
         return conflicts
 
     def _levels(self) -> tuple[int, ...]:
-        """Return the meshes that are tried first: those that rarely refute are tried now and then."""
+        """Return the levels of meshes to try first; those that rarely refute only now and then."""
         self._batches += 1
         again = not self._batches % _AGAIN
         return tuple(level for level, share in enumerate(self._share) if share >= _RARELY or again)
 
     def context(self) -> FieldProofContext:
-        """Return what the check of a proof needs, and forget what was weighed.
+        """Return the data that the check of a proof needs, and forget stored results of weighing.
 
         All mechanisms are therefore weighed again by the check.
         """

@@ -40,7 +40,7 @@ class FieldProblem:
     Attributes
     ----------
     setting : FieldSetting
-        What all meshes of the load case have in common.
+        Data that all meshes of the load case share.
     mesh : Mesh
         The mesh, scene units.
     required : float
@@ -177,7 +177,7 @@ class FieldRelaxation:
         return best
 
     def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
-        """Compute again, without a solver, what mechanisms of one problem prove.
+        """Compute again, without a solver, the bounds that mechanisms of one problem prove.
 
         Parameters
         ----------
@@ -206,7 +206,7 @@ class FieldRelaxation:
         return np.array([math.inf if m is None else raised(m.bound_of(*part) / required) for m, *part in rows])
 
     def weighed(self, number: int, velocity: Floats) -> FieldMechanism | None:
-        """Compute what a mechanism dissipates in blocks and on faces, or return the stored result.
+        """Compute the dissipation of a mechanism in blocks and on faces, or return the stored one.
 
         number: position of the problem. velocity: (t, 3, 2), scaled. None where it proves nothing; see
         `transfer.weighed`. Results are stored, since several conflicts rest on one mechanism.
@@ -221,7 +221,10 @@ class FieldRelaxation:
         self._known.clear()
 
     def _of(self, number: int) -> PartialUpperBound:
-        """Return the bounds of a problem; those only weighed are set up anew once dropped."""
+        """Return the upper bounds of problem `number`.
+
+        Those of problems added to weigh are kept only for a while, and then set up anew.
+        """
         if number < len(self._asked):
             return self._asked[number]
         if number not in self._others:
@@ -239,7 +242,7 @@ def raised(bound: float) -> float:
 
 @dataclass(frozen=True)
 class FieldProofContext:
-    """What never changes during a proof by fields, for its check.
+    """Data that stay fixed during a proof by fields, for its check.
 
     Attributes
     ----------

@@ -1,6 +1,6 @@
 """Tasks of a proof by fields that worker processes carry out.
 
-They find conflicts on the meshes of all labellings, and on meshes refined for one labelling. What a task returns
+They find conflicts on the meshes of all labellings, and on meshes refined for one labelling. The result of a task
 depends on its arguments alone, so that a proof does not depend on the number of processes.
 """
 
@@ -34,11 +34,11 @@ With three on the finest mesh alone the 4 × 6 wall of 20 kPa takes over 168 s o
 """
 
 _SHORT: Final = 5
-"""Faces of a conflict up to which no finer mesh is asked to make do with fewer."""
+"""Number of faces of a conflict up to which finer meshes are not tried to shorten it."""
 
 
 class _Kept(threading.local):
-    """Relaxations of a thread, by proof and mesh, the one used last at the end."""
+    """Relaxations that a thread keeps, by proof and level; the one used last is at the end."""
 
     def __init__(self) -> None:
         self.relaxations: OrderedDict[tuple[str, int], FieldRelaxation] = OrderedDict()
@@ -49,7 +49,7 @@ _kept = _Kept()
 
 @dataclass(frozen=True)
 class ProofSetup:
-    """What all tasks of a proof have in common.
+    """Data that all tasks of a proof share.
 
     Attributes
     ----------
@@ -137,7 +137,10 @@ def level_conflict(setup: ProofSetup, labels: Bits, threshold: float, levels: tu
 
 
 def _relaxation(setup: ProofSetup, level: int) -> FieldRelaxation:
-    """Return the relaxation on one mesh, which this process keeps."""
+    """Return the relaxation on the meshes of a level, which this thread keeps for a while.
+
+    Its order of problems is reset, so that results do not depend on earlier tasks.
+    """
     name, known = (setup.name, level), _kept.relaxations
     if name not in known:
         known[name] = FieldRelaxation(setup.problems(level))
@@ -183,11 +186,14 @@ def refuting_step(
     if fields.bounds[1] < over * required:
         relaxation = FieldRelaxation([FieldProblem(setting, mesh, required)])
         conflict = conflict_of(relaxation, labels, free, over, tries=0)
-    return step_of(fields, start, _whole(fields, required, free) if conflict is None else conflict)
+    return step_of(fields, start, _whole_conflict(fields, required, free) if conflict is None else conflict)
 
 
-def _whole(fields: Fields, required: float, free: Bools) -> Conflict | None:
-    """Return what a velocity field proves of its own labelling, as a conflict of all labels."""
+def _whole_conflict(fields: Fields, required: float, free: Bools) -> Conflict | None:
+    """Return the bound of a velocity field on its labelling, as a conflict of all free faces.
+
+    None without a field or a finite bound. required: factor of the load case.
+    """
     if fields.velocity is None:
         return None
     found = weighed(fields.upper, fields.velocity.velocity)

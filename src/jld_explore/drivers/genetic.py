@@ -168,7 +168,7 @@ class Genetic(Searcher):
         return np.concatenate([self._chosen(wanted), immigrants])
 
     def _immigrants(self, count: int) -> Bits:
-        """Return random labellings; one draw serves several generations."""
+        """Return at most `count` random labellings; one draw serves several generations."""
         if len(self._drawn_immigrants) < count:
             self._drawn_immigrants = np.concatenate([self._drawn_immigrants, self.draw(max(self.size, count))])
         given, self._drawn_immigrants = self._drawn_immigrants[:count], self._drawn_immigrants[count:]
@@ -222,7 +222,7 @@ class Genetic(Searcher):
         self._rank, self._crowding = rank[kept], crowding[kept]
 
     def _children(self, count: int) -> Bits:
-        """Return children of parents selected by tournaments."""
+        """Return at most `count` children of parents selected by tournaments."""
         crossed = round(CROSSING_SHARE * count)
         rivals = self._generator.integers(len(self._rows), size=(2 * count, 2))
         couples = self._winners(rivals).reshape(count, 2)
@@ -256,9 +256,9 @@ class Genetic(Searcher):
         self.register.forget(self._pool.names[places].tolist())
 
     def _winners(self, pairs: Ints) -> Ints:
-        """Return the winner (k,) of each pair (k, 2).
+        """Return the winner (k,) of each pair (k, 2) of positions in the population.
 
-        The status decides first, then λ or the rank, then the crowding distance.
+        The status decides first, then λ or the rank (at random), then the crowding distance.
         """
         first, second = pairs[:, 0], pairs[:, 1]
         # choosing more parents by λ alone finds the best labelling earlier, choosing fewer widens the front

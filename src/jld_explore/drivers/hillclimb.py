@@ -11,6 +11,7 @@ from pydantic import Field
 
 from jld_core.arrays import Bits
 from jld_core.errors import ParameterError
+from jld_core.sub_assembly import with_members
 from jld_explore.drivers.base import DriverOptions
 from jld_explore.drivers.searcher import Searcher
 from jld_explore.evaluation import Evaluation
@@ -99,9 +100,10 @@ class HillClimb(Searcher):
         self._owner: dict[bytes, int] = {}
         self._first: Bits | None = None
         if start is not None:
-            if len(start) != len(space.fixed) or start.strip(LETTERS):
-                raise ParameterError("start", f"it is {start[:40]!r}", f"{len(space.fixed)} letters d or i")
-            self._first = from_string(start)
+            faces = space.assembly.faces
+            if len(start) != faces or start.strip(LETTERS):
+                raise ParameterError("start", f"it is {start[:40]!r}", f"{faces} letters d or i")
+            self._first = with_members(space.assembly, from_string(start))
             if not feasible(space, self._first[None])[0]:
                 raise ParameterError("start", "the search does not admit it", "a segmentation within all limits")
 
@@ -126,6 +128,7 @@ class HillClimb(Searcher):
                 labelling = run.labelling
 
                 def near(count: int, labelling: Bits = labelling) -> Bits:
+                    """Return at most `count` changes of the labelling of the run."""
                     return self.operators.vary(np.repeat(labelling[None], count, axis=0), self.rng)
 
                 rows = self.fresh(near, self.neighbours)

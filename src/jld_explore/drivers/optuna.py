@@ -95,6 +95,7 @@ def make_sampler(name: str, seed: int) -> tuple[str, optuna.samplers.BaseSampler
     """
 
     def plain(text: str) -> str:
+        """Return a name in lower case, without hyphens and the ending "sampler"."""
         return re.sub(r"[^a-z0-9]", "", text.lower()).removesuffix("sampler")
 
     import optuna
@@ -237,7 +238,10 @@ class Optuna(Searcher):
         self._copy.write()
 
     def _finish(self, trial: Trial, key: bytes, labels: Bits) -> None:
-        """Finish a trial with the evaluation of its class, and queue its copy."""
+        """Finish a trial with the known evaluation of its class, and queue it for the storage.
+
+        key: of the class. labels: (m,) of the labelling.
+        """
         from optuna.trial import TrialState
 
         found, value = self._known[key]
@@ -248,7 +252,7 @@ class Optuna(Searcher):
         self._copy.add(frozen, _attributes(labels, found))
 
     def _add(self, labels: Bits, found: Evaluation, value: list[float]) -> None:
-        """Add a finished trial for a labelling that no trial proposed."""
+        """Add a finished trial for labels (m,) that no trial proposed; value: its objectives."""
         from optuna.trial import TrialState, create_trial
 
         params = dict(zip(self._space, self.operators.write(labels), strict=True))

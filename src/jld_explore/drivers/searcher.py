@@ -60,7 +60,7 @@ class Register:
         most : int, optional
             Largest number of classes; the first ones are taken.
         all_feasible : bool
-            Whether all rows are known to be feasible (see `Operators.all_feasible`).
+            Whether all rows are known to be feasible (see `Operators.always_feasible`).
 
         Returns
         -------
@@ -72,7 +72,7 @@ class Register:
     def admitted(
         self, rows: Bits, most: int | None = None, *, all_feasible: bool = False
     ) -> tuple[Bits, list[bytes], Ints]:
-        """Do the same as `admit`, and also return keys and row numbers of the new classes.
+        """Register new classes as `admit` does, and also return their keys and row numbers.
 
         Parameters
         ----------

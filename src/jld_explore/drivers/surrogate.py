@@ -81,7 +81,7 @@ class Surrogate:
             self._take_in(labellings[low : low + _SHARE], values[low : low + _SHARE])
 
     def _take_in(self, labellings: Bits, values: Floats) -> None:
-        """Remember at most `_SHARE` labellings in place of the worst of the older ones."""
+        """Remember at most `_SHARE` labellings; full slots are taken from the worst of older ones."""
         count, known = len(labellings), self._order
         lacking = max(0, len(known) + count - SLOTS)
         if lacking:
@@ -169,7 +169,10 @@ class Surrogate:
         return np.asarray(np.round(found.astype(np.float64) + self._mean, _DIGITS))
 
     def _fit(self) -> Single:
-        """Fit the weights of the Gaussian process to the remembered labellings."""
+        """Fit the Gaussian process to the remembered labellings; return and keep its weights (n,).
+
+        Raises ArithmeticError if the matrix of covariances is not positive definite.
+        """
         count = len(self)
         matrix = self._matrix[:count, :count].copy()
         matrix[np.diag_indices(count)] += NOISE * len(self._group)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import repeat
 from operator import attrgetter
 from typing import Any, Final
@@ -76,7 +76,8 @@ def rows_of(
 
 def columns_of(rows: Rows) -> Iterator[tuple[Any, ...]]:
     """Yield each row as a tuple of the columns `COLUMNS`, as SQLite stores them."""
-    return zip(
+    # mypy takes seconds for the types of so many columns, which are any in the end
+    columns: list[Iterable[Any]] = [
         keys_of(rows),
         rows["multiplicity"].tolist(),
         _STATUS_NAMES[rows["status"]].tolist(),
@@ -85,8 +86,8 @@ def columns_of(rows: Rows) -> Iterator[tuple[Any, ...]]:
         rows["governing"].tolist(),
         (one.tobytes() for one in rows["cases"]) if rows["cases"].shape[1] else repeat(b"", len(rows)),
         checksums(rows),
-        strict=True,
-    )
+    ]
+    return zip(*columns, strict=True)
 
 
 def from_columns(kind: np.dtype[np.void], content: Sequence[tuple[Any, ...]]) -> tuple[Rows, int | None]:

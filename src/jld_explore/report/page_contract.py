@@ -94,6 +94,19 @@ class Structure(TypedDict):
     """Names of the numbers in a row of forces."""
     touching: list[Pair]
     """Pairs of supports that share a face: they are of one block."""
+    members: list[Member]
+    """Ties, tendons and pins."""
+
+
+@with_config(_EXACT)
+class Member(TypedDict):
+    """Tie, tendon or pin: a line through points of elements."""
+
+    name: str
+    kind: Literal["tie", "tendon", "pin"]
+    elements: Annotated[list[int], Field(min_length=2)]
+    """Number of the element of each point."""
+    points: Annotated[list[Point], Field(min_length=2)]
 
 
 @with_config(_EXACT)
@@ -133,6 +146,8 @@ class CaseSolution(TypedDict):
     """True if that centre lies on the face."""
     vectors: list[Point] | None
     """Force of each face, with the sign that runs down the load path."""
+    members: list[float] | None
+    """Tension of each member, of a pin its shear."""
     thrust: list[Annotated[list[Point], Field(min_length=2)]]
     """Pieces of the thrust line."""
     mechanism: list[list[float]] | None
@@ -219,6 +234,7 @@ class Look(TypedDict):
     rest: str
     load: str
     press: str
+    member: str
     used: Annotated[list[str], Field(min_length=2)]
     thrust: str
     thrust_dash: list[float]

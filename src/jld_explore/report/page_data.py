@@ -16,7 +16,11 @@ import numpy as np
 from jld_core.arrays import Bools, Floats
 from jld_core.assembly import Assembly
 from jld_core.limit import LimitAnalysisResult
+from jld_core.limit.member_results import effects
+from jld_core.limit.result_of_faces import result_of_faces
 from jld_core.scene import Scene
+from jld_core.scene.members import MemberKind
+from jld_core.sub_assembly import faces_of
 from jld_core.views import look, quantities
 from jld_explore.report.page_contract import (
     FORMAT,
@@ -120,8 +124,9 @@ def structure_of(assembly: Assembly, candidates: Bools) -> Structure:
 
     candidates: (m,) True for faces whose label may be chosen.
     """
+    assembly = faces_of(assembly)
     elements, faces = assembly.elements, assembly.interfaces
-    planar = assembly.dimension == 2
+    planar, bars = assembly.dimension == 2, assembly.members
     weight = np.linalg.norm(elements.weight, axis=1)
     return {
         "dimension": 2 if planar else 3,
@@ -153,6 +158,10 @@ def structure_of(assembly: Assembly, candidates: Bools) -> Structure:
         "edges": _bare_edges(assembly) if planar else [],
         "resultants": list(assembly.resultants),
         "touching": [list(pair) for pair in assembly.touching],
+        "members": [
+            {"name": name, "kind": cast(MemberKind, kind), "elements": held.tolist(), "points": rounded(points)}
+            for name, kind, held, points in zip(bars.names, bars.kinds, bars.elements, bars.points, strict=True)
+        ],
     }
 
 
@@ -251,7 +260,7 @@ def solution_of(result: LimitAnalysisResult) -> Solution:
     cases = result.cases or {"": result}
     names = list(cases)
     return {
-        "labelling": to_string(result.labels),
+        "labelling": to_string(result.labels[: result.assembly.faces]),
         "load_factor": rounded(result.load_factor),
         "bracket": [rounded(end, 15) for end in result.bracket],
         "status": str(result.status),
@@ -299,6 +308,7 @@ def _case(name: str, result: LimitAnalysisResult, required: float) -> CaseSoluti
     """Return the data of one load case: λ, forces, thrust and mechanism."""
     if result.instability_mechanism is not None:
         result = replace(result, mechanism=result.instability_mechanism)  # Show the mechanism that proves instability.
+    whole, result = result, result_of_faces(result)
     assembly, forces, mechanism = result.assembly, result.forces, result.mechanism
     found: CaseSolution = {
         "name": name,
@@ -313,6 +323,7 @@ def _case(name: str, result: LimitAnalysisResult, required: float) -> CaseSoluti
         "pressure": None,
         "on_face": None,
         "vectors": None,
+        "members": None,
         "thrust": [],
         "mechanism": None,
         "scale": 0.0,
@@ -329,6 +340,7 @@ def _case(name: str, result: LimitAnalysisResult, required: float) -> CaseSoluti
             "vectors": rounded(
                 quantities.down_the_load_path(assembly, quantities.face_vectors(assembly, forces)), DIGITS
             ),
+            "members": rounded(effects(whole.assembly, whole.forces), DIGITS) if whole.forces is not None else None,
             "thrust": [rounded(piece, DIGITS) for piece in quantities.thrust_segments(assembly, forces)],
         }
     if mechanism is not None:

@@ -62,7 +62,7 @@ def table_of(
     count, sense = axes[0]
     texts = results["labelling"].astype(str)
     rows = [dry_of(text) for text in texts]
-    bits = np.array(rows, dtype=bool).reshape(len(results), len(assembly.interfaces))
+    bits = np.array(rows, dtype=bool).reshape(len(results), assembly.faces)
     nothing = [beside_nothing(text) for text in texts]
     beside = np.array(nothing if np.any(nothing) else [])
     evidence = pd.Series("visited", index=results.index, dtype=object)

@@ -22,6 +22,7 @@ from matplotlib.ticker import MaxNLocator
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.limit import LimitAnalysisResult, Status
+from jld_core.sub_assembly import with_members
 from jld_core.views import figures as core
 from jld_core.views.annotations import frame
 from jld_core.views.look import DOTS, FRONT, INK, PLAIN, SOFT
@@ -253,10 +254,10 @@ def labels_of(text: object, assembly: Assembly) -> Bits:
 
     Raises ValueError if the text does not fit the assembly.
     """
-    count = len(assembly.interfaces)
+    count = assembly.faces
     if not isinstance(text, str) or len(text) != count:
         raise ValueError(f"labelling {text!r}: expected {count} letters d, i or v")
-    return dry_of(text)
+    return with_members(assembly, dry_of(text))
 
 
 def collapsed(table: pd.DataFrame) -> pd.DataFrame:

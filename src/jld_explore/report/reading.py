@@ -95,7 +95,7 @@ def read_folder(folder: Path) -> Exploration:
         assembly = build_assembly(scene)
     except InputError as error:
         raise error.within(str(folder / "scene.json")) from None
-    summary = _summary(folder / "summary.json", len(assembly.interfaces))
+    summary = _summary(folder / "summary.json", assembly.faces)
     if summary.get("robust"):
         assembly = build_robust(scene)
     axes = scene.search.front.axes
@@ -168,7 +168,7 @@ def _results(path: Path, assembly: Assembly, counts: list[str]) -> pd.DataFrame:
             raise InputError(str(path), f"column {name} holds no numbers", LEFT)
     if not table["status"].isin([str(status) for status in Status]).all():
         raise InputError(str(path), "column status holds what is none", LEFT)
-    faces = len(assembly.interfaces)
+    faces = assembly.faces
     wrong = np.flatnonzero([not is_labelling(text, faces) for text in table["labelling"]])
     if len(wrong):
         problem = f"the labelling of row {wrong[0] + 1} is of another scene"

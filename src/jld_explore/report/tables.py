@@ -14,6 +14,7 @@ from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline
 from jld_core.limit import Status, load_scale, relative_width
+from jld_core.sub_assembly import faces_of
 from jld_core.tolerances import GAP
 from jld_explore.evaluation import Records
 from jld_explore.evaluation.evaluation import BOUND
@@ -46,7 +47,7 @@ def faces_table(assembly: Assembly, space: SearchSpace) -> pd.DataFrame:
     """
     import pandas as pd  # here and below: slow to import and needed for tables only
 
-    faces, ids = assembly.interfaces, assembly.elements.ids
+    faces, ids = faces_of(assembly).interfaces, assembly.elements.ids
     table = pd.DataFrame(
         {
             "index": np.arange(len(faces)),
@@ -139,7 +140,7 @@ def results_table(
     table = table.iloc[order].reset_index(drop=True)
     packed = packed[order]
     void = space.void
-    texts = _texts(packed, records.faces) if void is None else void.texts(unpack(packed, records.faces))
+    texts = _texts(packed, records.faces, assembly.faces) if void is None else void.texts(unpack(packed, records.faces))
     table.insert(0, "labelling", texts)
     table.insert(table.columns.to_list().index("bracket_hi") + 1, "status", statuses(rows)[order])
     table.insert(table.columns.to_list().index("seconds"), "settled", settled(rows)[order])
@@ -163,8 +164,8 @@ def results_table(
     return table
 
 
-def _texts(packed: NDArray[np.uint8], faces: int) -> pd.Series[str]:
-    """Return packed labellings (k, bytes) of m faces as a column of texts, 'd' for dry and 'i' for inner.
+def _texts(packed: NDArray[np.uint8], interfaces: int, faces: int) -> pd.Series[str]:
+    """Return packed labellings (k, bytes) of m interfaces as texts of the first faces, 'd' for dry and 'i' for inner.
 
     The column is made from the bytes of all texts: as objects of Python a million of them took 0.4 GB on the way.
     """
@@ -172,7 +173,7 @@ def _texts(packed: NDArray[np.uint8], faces: int) -> pd.Series[str]:
 
     letters = np.empty((len(packed), faces), dtype=np.uint8)
     for low in range(0, len(packed), _SLICE):
-        letters[low : low + _SLICE] = letters_of(unpack(packed[low : low + _SLICE], faces))
+        letters[low : low + _SLICE] = letters_of(unpack(packed[low : low + _SLICE], interfaces)[:, :faces])
     ends = np.arange(len(packed) + 1, dtype=np.int64) * faces
     column = pa.Array.from_buffers(pa.large_string(), len(packed), [None, pa.py_buffer(ends), pa.py_buffer(letters)])
     found: pd.Series[str] = pa.table({"labelling": column}).to_pandas()["labelling"]

@@ -394,7 +394,7 @@ def values_until(
     shapes: BlockShapes,
     deadline: Deadline,
 ) -> Ints | Floats:
-    """Compute the values of one count, as many as there is time for, in the order of the labellings.
+    """Compute the values of one count for as many labellings, in order, as there is time for.
 
     Parameters
     ----------

@@ -248,7 +248,10 @@ def numbers_of(blocks: Ints, elements: Ints) -> Ints:
 
 
 def _names(blocks: Ints, elements: Ints) -> Ints:
-    """Return (k · e,) block of each element in each row, numbered over all rows."""
+    """Return (k · e,) block of each element (e,) in each row, numbered over all rows.
+
+    blocks: (k, n), named by an element; block b of row i is number i · n + b.
+    """
     rows, width = blocks.shape
     return np.asarray((blocks[:, elements] + width * np.arange(rows)[:, None]).ravel())
 

@@ -115,7 +115,10 @@ class Limits:
         return tuple((name, one) for name, one in (*bounds, ("reentrant", corners)) if one.given)
 
     def misshapen(self, members: Iterable[int]) -> bool:
-        """Return True if one block, given by its free elements, violates a limit on its shape."""
+        """Return True if one block, given by its free elements, violates a limit on its shape.
+
+        Exempt blocks never do.
+        """
         rows = np.array(sorted(members), dtype=np.int64)
         if not self.on_shapes or self.excepted[rows].any():
             return False
@@ -159,15 +162,18 @@ class Limits:
             Mask in the shape of the sizes; False for exempt blocks.
         """
         found = [bounds.above(size(measure), slack) for measure, bounds in self.on_blocks if bounds.high is not None]
-        return self._held(found, size)
+        return self._violated(found, size)
 
     def too_small(self, size: SizeOf, slack: float = 0.0) -> Bools:
         """Return True where blocks are below a lower limit; arguments as for `too_large`."""
         found = [bounds.below(size(measure), slack) for measure, bounds in self.on_blocks if bounds.low is not None]
-        return self._held(found, size)
+        return self._violated(found, size)
 
-    def _held(self, broken: list[Bools], size: SizeOf) -> Bools:
-        """Return True where any limit is violated and the block is not exempt."""
+    def _violated(self, broken: list[Bools], size: SizeOf) -> Bools:
+        """Return True where any limit is violated and the block is not exempt.
+
+        broken: masks of one shape, one per limit; without any the result is False. size: sizes of the blocks.
+        """
         if not broken:
             return np.asarray(False)
         found = np.logical_or.reduce(broken)
@@ -225,7 +231,10 @@ class Limits:
         return self.search.void.most * float(elements.volume[elements.free].sum()) * (1.0 + tolerances.DECIMALS)
 
     def _leaves_a_structure(self, graph: Connectivity, blocks: Ints) -> Bools:
-        """Return (k,) True where the omitted volume is allowed and all other cells are supported."""
+        """Return (k,) True where the remaining cells stand on supports and few enough are omitted.
+
+        Only cells that may be left out are omitted, never all. blocks: (k, n).
+        """
         sink, elements, faces = self.assembly.sink, self.assembly.elements, self.assembly.interfaces
         gone = blocks == blocks[:, [sink]]
         free, support = elements.free, np.flatnonzero(elements.support & (np.arange(len(elements)) != sink))
@@ -240,7 +249,7 @@ class Limits:
         return np.asarray(good & (grounded[rows, parts[:, free]] | gone[:, free]).all(axis=1))
 
     def _exempt(self, blocks: Ints) -> Floats:
-        """Return (k, n) number of exempting elements of each block, at the column of its name."""
+        """Return (k, n) number of exempt elements in each block, at the column of its name."""
         return numbers_of(blocks, np.flatnonzero(self.excepted)).astype(float)
 
     def by_cells(self, sized: Sized) -> dict[str, Range]:

@@ -168,6 +168,7 @@ class Sized:
         """Return a function that gives the sizes (r,) of r sets with `members` (n, r)."""
 
         def size(measure: Measure) -> Floats:
+            """Return the sizes (r,) by a measure."""
             if measure.key in self.adds:
                 return np.asarray(self.adds[measure.key] @ members)
             return _longest(np.array([np.where(members, side[:, None], -inf).max(axis=0) for side in self.corner.T]))
@@ -179,6 +180,7 @@ class Sized:
         rows = sorted(members)
 
         def size(measure: Measure) -> Floats:
+            """Return the size by a measure."""
             if measure.key in self.adds:
                 return np.asarray(self.adds[measure.key][rows].sum())
             return _longest(self.corner[rows].max(axis=0))
@@ -187,7 +189,7 @@ class Sized:
 
 
 def _longest(corner: Floats) -> Floats:
-    """Return the longest side of bounding boxes given by their corners (2 d, …)."""
+    """Return the longest side of bounding boxes given by `Sized.corner`, transposed (2 d, …)."""
     d = len(corner) // 2
     with np.errstate(invalid="ignore"):
         return np.asarray((corner[:d] + corner[d:]).max(axis=0))

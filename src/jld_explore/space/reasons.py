@@ -92,7 +92,10 @@ def _members(space: SearchSpace, block: Ints, name: int) -> Ints:
 
 
 def _block(space: SearchSpace, block: Ints, name: int, wrong: Bools) -> str:
-    """Return words for a block, with the number of blocks that violate the same limit."""
+    """Return words for the block `name`, with the number of blocks that violate a limit.
+
+    block: (n,) block of each element. wrong: (n,) True at the names of the blocks that violate the limit.
+    """
     first, more = space.assembly.elements.ids[_members(space, block, name)[0]], int(wrong.sum()) - 1
     return f"the block of {first!r}" + (f" (one of {more + 1})" if more else "")
 

@@ -88,10 +88,10 @@ class SearchSpace:
         return SequenceConstraint(self.assembly, self.search.assemble, self.candidates | ~self.fixed, sideways=sideways)
 
     def part_of_blocks(self, cells: int | None = None) -> SearchSpace:
-        """Return the part of the space without slits, omitted cells, blocks joined to a support, and large blocks.
+        """Return the part of the space without slits and large blocks, and with all cells.
 
-        Possible blocks can be listed there more often than in the whole space. The part shares the results on
-        assembly sequences.
+        It also excludes labellings whose blocks are joined to a support. Possible blocks can be listed there more often
+        than in the whole space. The part shares the results on assembly sequences.
 
         Parameters
         ----------
@@ -123,7 +123,7 @@ class SearchSpace:
 
 
 def feasible(space: SearchSpace, labellings: Bits) -> Bools:
-    """Return which labellings are in the search space.
+    """Return True for the labellings that are in the search space.
 
     A labelling must have the fixed labels, no slits unless allowed, and satisfy all limits and the assembly sequence.
 
@@ -236,7 +236,7 @@ def _candidate_faces(scene: Scene, assembly: Assembly) -> Bools:
     if isinstance(wanted, list):
         return faces_of_pairs(wanted, elements, faces, "search.candidates")
     if wanted == "all+supports":
-        return np.ones(len(faces), dtype=bool)
+        return ~assembly.of_members
     if wanted == "all":
         return assembly.free_faces.copy()
     names = [f"={name}" if name is not None else str(i) for i, name in enumerate(elements.blocks)]
@@ -252,7 +252,10 @@ def _pair(assembly: Assembly, mask: Bools) -> str:
 
 
 def _require_materials(limits: Limits, candidates: Bools, fixed: Bits, least: Ints, graph: Connectivity) -> None:
-    """Raise InputError if a label that can occur has no material."""
+    """Raise InputError if a label that can occur has no material.
+
+    candidates, fixed: (m,) as in `SearchSpace`. least: (n,) blocks through fixed inner faces.
+    """
     may_be_dry = least[graph.a] != least[graph.b] if limits.search.segmentation else candidates
     may_be_inner = _may_join(limits, least, graph)
     dry, inner = np.where(candidates, may_be_dry, fixed), np.where(candidates, may_be_inner, ~fixed)
@@ -261,7 +264,10 @@ def _require_materials(limits: Limits, candidates: Bools, fixed: Bits, least: In
 
 
 def _may_join(limits: Limits, least: Ints, graph: Connectivity) -> Bools:
-    """Return (m,) False where the two blocks beside a face are too large to be joined."""
+    """Return (m,) False where the union of the two blocks beside a face exceeds a limit.
+
+    least: (n,) block of each element through fixed inner faces.
+    """
     p, q = least[graph.a], least[graph.b]
     joined = np.ones(len(p), dtype=bool)
     if limits.excepted.any():
@@ -274,7 +280,10 @@ def _may_join(limits: Limits, least: Ints, graph: Connectivity) -> Bools:
 
 
 def _refuse_impossible(limits: Limits, candidates: Bools, fixed: Bits, least: Ints, most: Ints) -> None:
-    """Raise InputError for a limit that no labelling between `least` and `most` can satisfy."""
+    """Raise InputError for a limit that can be shown to leave no labelling.
+
+    candidates, fixed: (m,), least, most: (n,), all as in `SearchSpace`.
+    """
     assembly = limits.assembly
     small, large = block_sizes(assembly, least[None]), block_sizes(assembly, most[None])
     holds, whole = np.flatnonzero(small[CELLS.key][0]), np.flatnonzero(large[CELLS.key][0])
@@ -321,16 +330,20 @@ def _refuse_impossible(limits: Limits, candidates: Bools, fixed: Bits, least: In
 
 
 def _reach(terms: Terms, candidates: Bools, fixed: Bits) -> tuple[int, int]:
-    """Return the smallest and largest number of faces that a count can include."""
+    """Return the least and largest number of faces that a count of dry faces can include.
+
+    candidates, fixed: (m,) as in `SearchSpace`.
+    """
     if terms.faces is None:
         return 0, 0
     return int((terms.faces & ~candidates & fixed).sum()), int((terms.faces & (candidates | fixed)).sum())
 
 
 def _most_inner(limits: Limits, faces: Bools) -> int:
-    """Return an upper bound on the number of faces (m,) between free elements that can be inner at the same time.
+    """Return an upper bound on the number of faces that can be inner at the same time.
 
-    An element in a block of c cells shares faces with at most c − 1 others of the block.
+    faces: (m,) those counted; only faces between free elements are. An element in a block of c cells shares faces with
+    at most c − 1 others of the block.
     """
     assembly, most = limits.assembly, limits.bounds(CELLS).high
     faces = faces & assembly.free_faces

@@ -83,7 +83,7 @@ class BlockShapes:
             return self._look(blocks)
 
     def _look(self, blocks: Ints) -> tuple[Bools, Ints]:
-        """Do the work of `look` without the lock."""
+        """Find the outlines as `look` does; the caller holds the lock."""
         rows, count = blocks.shape
         names = (blocks + count * np.arange(rows)[:, None]).ravel()
         key = np.zeros(rows * count, dtype=np.uint64)
@@ -109,7 +109,10 @@ class BlockShapes:
         return self._known[self._placed(members)]
 
     def _placed(self, members: Ints) -> int:
-        """Return the position of the outline of one block among the known outlines; compute it if missing."""
+        """Return the position of the outline of one block, computed if it is not yet known.
+
+        members: its free elements, ascending.
+        """
         key = int(self._sign[members].sum(dtype=np.uint64))
         with self._lock:
             if key not in self._place:
@@ -186,7 +189,7 @@ class BlockShapes:
 
     @cached_property
     def _like(self) -> Ints:
-        """(n,) number of each element, equal only if corners and faces agree about the centroid."""
+        """(n,) number of each element, equal where corners and faces agree about the centroid."""
         elements = self.assembly.elements
         names: dict[object, int] = {}
         found = []

@@ -12,6 +12,7 @@ from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.geometry.vectors import frame
 from jld_core.scene import Search
+from jld_core.sub_assembly import faces_of
 
 
 @dataclass(frozen=True)
@@ -65,9 +66,9 @@ def symmetry_group(assembly: Assembly, search: Search, candidates: Bools, fixed:
 
 
 def _possible_matrices(assembly: Assembly) -> list[Floats]:
-    """Return orthogonal matrices that may map the assembly onto itself.
+    """Return orthogonal matrices (d, d) that may map the assembly onto itself.
 
-    They follow from the possible images of the rarest elements.
+    They follow from the possible images of the rarest elements. The identity is left out.
     """
     elements, d = assembly.elements, assembly.dimension
     reach = tolerances.SYMMETRY * assembly.size
@@ -124,11 +125,14 @@ def _kinds(assembly: Assembly) -> Ints:
 def _image(
     assembly: Assembly, search: Search, candidates: Bools, fixed: Bits, matrix: Floats
 ) -> tuple[Ints, Ints] | str:
-    """Return the images of elements (n,) and faces (m,) under a matrix, or why there are none.
+    """Return the images of elements (n,) and faces (m,) under a matrix (d, d), or a reason.
 
-    The reason is a text that names the first property that is not mapped onto itself.
+    The reason is a text that names the first property that is not mapped onto itself. candidates, fixed: (m,) as in
+    `SearchSpace`.
     """
+    whole, assembly = assembly, faces_of(assembly)
     elements, faces = assembly.elements, assembly.interfaces
+    candidates, fixed = candidates[: len(faces)], fixed[: len(faces)]
     centre = elements.centroid.mean(axis=0)
     reach = tolerances.SYMMETRY * assembly.size
     if search.block_extent != [None, None] and abs(matrix).max(axis=1).min() < 1.0 - 1e-9:
@@ -171,14 +175,54 @@ def _image(
         return "its strengths are not mapped onto themselves"
     if np.any(candidates[face_to] != candidates) or np.any((fixed[face_to] != fixed) & ~candidates):
         return "its candidates and fixed labels are not mapped onto themselves"
-    return to, face_to
+    members_to = _image_of_members(whole, to, matrix, centre, reach)
+    if members_to is None:
+        return "its members are not mapped onto themselves"
+    return to, np.concatenate([face_to, members_to])
+
+
+def _image_of_members(assembly: Assembly, to: Ints, matrix: Floats, centre: Floats, reach: float) -> Ints | None:
+    """Return the interfaces onto which those of members are mapped, or None if a member has no image.
+
+    to: (n,) image of each element. The image of a member has the same capacities and the moved points, in either order.
+    """
+    members = assembly.members
+    strengths = [assembly.strengths, *([] if assembly.nominal is None else [assembly.nominal])]
+    columns = [column for one in strengths for column in vars(one).values()]
+    table = np.column_stack([members.axial, members.prestress])
+    image = np.arange(assembly.faces, len(assembly.interfaces))
+    left = set(range(len(members)))
+    for k, (held, points) in enumerate(zip(members.elements, members.points, strict=True)):
+        moved, aim, axis = (points - centre) @ matrix.T + centre, to[held], matrix @ members.axis[k]
+
+        def same(j: int, k: int = k, moved: Floats = moved, aim: Ints = aim, axis: Floats = axis) -> bool:
+            """Return True if member j is the image of member k."""
+            one, other = int(members.face[k]), int(members.face[j])
+            alike = members.kinds[j] == members.kinds[k] and np.array_equal(table[j], table[k])
+            alike = alike and (one < 0) == (other < 0) and len(members.elements[j]) == len(aim)
+            if not alike or (one >= 0 and any(column[one] != column[other] for column in columns)):
+                return False
+            for step in (1, -1):
+                there, at = members.elements[j][::step], members.points[j][::step]
+                turned = float(abs(axis - step * members.axis[j]).max()) if members.kinds[k] == "pin" else 0.0
+                if np.array_equal(there, aim) and abs(at - moved).max() <= reach and turned <= 10 * tolerances.SYMMETRY:
+                    return True
+            return False
+
+        found = next((j for j in sorted(left) if same(j)), None)
+        if found is None:
+            return None
+        left.remove(found)
+        if members.face[k] >= 0:
+            image[members.face[k] - assembly.faces] = members.face[found]
+    return image
 
 
 def _nearest(moved: Floats, points: Floats, kind_to: Ints, kind: Ints, reach: float) -> Ints | None:
-    """Return (n,) point of the wanted kind onto which each moved point falls, else None.
+    """Return (n,) point of the wanted kind within `reach` of each moved point, or None.
 
-    None means that the map is not one to one.
-    `moved` and `points` are (n, d), `kind_to` is the wanted kind of each moved point, `kind` that of each point.
+    None means that the map is not one to one. moved, points: (n, d). kind_to: wanted kind of each moved point. kind:
+    that of each point.
     """
     if not len(points):
         return np.zeros(0, dtype=np.int64)
@@ -193,7 +237,10 @@ def _nearest(moved: Floats, points: Floats, kind_to: Ints, kind: Ints, reach: fl
 
 
 def _same_corners(shapes: tuple[Floats, ...], to: Ints, matrix: Floats, centre: Floats, reach: float) -> bool:
-    """Return True if each moved shape has the corners of its image, in any order."""
+    """Return True if each moved shape has the corners of its image, in any order.
+
+    to: (n,) image of each shape. matrix: (d, d) about `centre`. Corners may differ by twice `reach`.
+    """
     corners = np.array([len(s) for s in shapes])
     if np.any(corners != corners[to]):
         return False
@@ -225,7 +272,7 @@ def _same_loads(assembly: Assembly, to: Ints, matrix: Floats) -> bool:
 def _falls_on(one: Assembly, other: Assembly, to: Ints, matrix: Floats) -> bool:
     """Return True if the dead and live loads of one case map onto those of another.
 
-    Moments change sign under reflections.
+    to: (n,) image of each element. matrix: (d, d). Moments change sign under reflections.
     """
     d = one.dimension
     reflect = np.linalg.det(matrix)

@@ -19,7 +19,7 @@ from jld_core.assembly import DRY, Assembly, LoadCase, Strengths
 from jld_core.errors import InputError
 from jld_core.scene import PointLoad, Scene
 from jld_core.scene.loads import FaceLoad
-from jld_core.sub_assembly import without
+from jld_core.sub_assembly import with_members, without
 from jld_explore.space.labelling import INNER_LETTER, LETTERS, from_string, to_strings
 
 LETTER: Final = "v"
@@ -133,7 +133,7 @@ def omitted(assembly: Assembly, text: str) -> Bools:
     Returns
     -------
     (n,) bool array
-        True for free elements all of whose faces have the letter v.
+        True for free elements all of whose faces have the letter v; all False for a text without v.
     """
     void = beside_nothing(text)
     faces = assembly.interfaces
@@ -157,14 +157,14 @@ def cut(assembly: Assembly, text: str) -> tuple[Assembly, Bits]:
     assembly : Assembly
         Remaining structure, the given one if the text has no v.
     labels : bool array
-        Labels of its faces, True = dry.
+        Labels of its interfaces, True = dry.
 
     Raises
     ------
     ValueError
         If the text holds a letter other than d, i and v.
     """
-    labels = dry_of(text)
+    labels = with_members(assembly, dry_of(text))
     if LETTER not in text:
         return assembly, labels
     rest, kept = without(assembly, omitted(assembly, text))
@@ -182,6 +182,7 @@ def void_of(scene: Scene, assembly: Assembly) -> Void | None:
     for key, odd in (("segmentation", not scene.search.segmentation), ("assemble", scene.search.assemble is not None)):
         if odd:
             raise InputError("search.void", f"it stands beside search.{key}", "searches of blocks without it")
+    assembly.members.refuse("a search that leaves cells out")
     cases = scene.loads.cases or []
     lists = [scene.loads.dead, scene.loads.live or [], *(part for case in cases for part in (case.dead, case.live))]
     if scene.loads.moving or any(isinstance(entry, FaceLoad) for part in lists for entry in part):
@@ -223,6 +224,7 @@ def with_sink(void: Void) -> Assembly:
     count = len(cells)
 
     def longer(values: Floats) -> Floats:
+        """Return values (m, ...) with zeros appended for the faces to the sink."""
         return np.concatenate([values, np.zeros((count, *values.shape[1:]), dtype=values.dtype)])
 
     places = elements.centroid[cells]
@@ -237,9 +239,11 @@ def with_sink(void: Void) -> Assembly:
     )
 
     def stretched(strengths: Strengths) -> Strengths:
+        """Return strengths with zeros appended for the faces to the sink."""
         return replace(strengths, **{name: longer(values) for name, values in vars(strengths).items()})
 
     def padded(loads: Floats) -> Floats:
+        """Return loads (n, q) with a row of zeros for the sink."""
         return np.vstack([loads, np.zeros(loads.shape[1])])
 
     cases: tuple[LoadCase, ...] = tuple(

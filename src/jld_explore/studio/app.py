@@ -20,6 +20,7 @@ from starlette.routing import Route
 
 from jld_core.errors import InputError, SolverError
 from jld_core.exchange import FORMATS, Layout, export
+from jld_core.exchange.writers import ANALYSED
 from jld_core.files import write_text
 from jld_explore.report import read_folder
 from jld_explore.report.page import asset, asset_names
@@ -187,7 +188,7 @@ class Api:
         if kind not in FORMATS:
             raise InputError("format", f"there is no {str(kind)[:40]!r}", "one of " + ", ".join(FORMATS))
         setup, labels = self.desk.setup(_changes(asked)), self.desk.labels(asked.get("labelling"))
-        result = setup.solver.solve(labels) if kind == "vtk" else None
+        result = setup.solver.solve(labels) if kind in ANALYSED else None
         name = f"layout{FORMATS[str(kind)]}"
         with tempfile.TemporaryDirectory() as folder:
             path = export(Layout(setup.scene, setup.assembly, labels, result), str(kind), Path(folder) / name)

@@ -21,6 +21,7 @@ from jld_core.geometry_optimisation.moved_scene import MovedScene
 from jld_core.models.case_analysis import CaseAnalysis
 from jld_core.scene import Scene, parse_scene
 from jld_core.scene.cracks import FieldCracks
+from jld_core.sub_assembly import faces_of, with_members
 from jld_core.threads import one_thread
 from jld_explore.report.page_data import DIGITS, loads_of, rounded, solution_of
 from jld_explore.space import LETTERS, SearchSpace, from_string, search_space
@@ -139,10 +140,11 @@ class StudioSession:
 
         Raises InputError for anything else.
         """
-        count = len(self.setup({}).assembly.interfaces)
+        assembly = self.setup({}).assembly
+        count = assembly.faces
         if not isinstance(letters, str) or len(letters) != count or letters.strip(LETTERS):
             raise InputError("labelling", f"it is {str(letters)[:40]!r}", f"{count} letters d or i")
-        return from_string(letters)
+        return with_members(assembly, from_string(letters))
 
     @one_thread()
     def solve(self, letters: object, changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -198,9 +200,9 @@ class StudioSession:
             moved = joints.scene(scene, labels, joints.placed(changes["vertices"]))
             return moved.model_dump(mode="json", exclude_defaults=True)
         document = setup.scene.model_dump(mode="json", exclude_defaults=True)
-        ids, faces = setup.assembly.elements.ids, setup.assembly.interfaces
+        ids, faces = setup.assembly.elements.ids, faces_of(setup.assembly).interfaces
         pairs: dict[tuple[str, str], set[bool]] = {}
-        for a, b, dry in zip(faces.a, faces.b, labels.tolist(), strict=True):
+        for a, b, dry in zip(faces.a, faces.b, labels[: len(faces)].tolist(), strict=True):
             pairs.setdefault((ids[a], ids[b]), set()).add(dry)
         mixed = [pair for pair, found in pairs.items() if len(found) > 1]
         if mixed:

@@ -9,7 +9,7 @@ Formula numbers refer to docs/method.md. The formulas are restated here and shar
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Final
@@ -70,9 +70,11 @@ class Balances:
         self.assembly = assembly
         self._count = len(assembly.interfaces)
         self._planar = assembly.dimension == 2
+        self._of_member = assembly.of_members.tolist()
         strengths, faces = assembly.strengths, assembly.interfaces
         if not self._planar:
-            if np.isfinite(strengths.crush_dry).any() or np.isfinite(strengths.crush_inner).any():
+            crushing = np.isfinite(strengths.crush_dry) | np.isfinite(strengths.crush_inner)
+            if (crushing & ~assembly.of_members).any():
                 raise InputError(
                     "materials", "crushing in space has no certificate", "no compressive_strength in space"
                 )
@@ -90,10 +92,12 @@ class Balances:
         """Compute the rows of A_eqᵀ per face and side: jump per unit velocity of an element."""
         assembly, faces = self.assembly, self.assembly.interfaces
         axes = [faces.normal, faces.e1] if self._planar else [faces.normal, faces.e1, faces.e2]
-        values = np.concatenate([assembly.elements.centroid.ravel(), faces.origin.ravel()])
-        points, far = whole(values[None])
+        anchors = list(self._anchors())
+        centres = [assembly.elements.centroid.ravel(), faces.origin.ravel()]
+        points, far = whole(np.concatenate([*centres, *(at for _, _, at, _ in anchors)])[None])
         places = [points[0][k : k + assembly.dimension] for k in range(0, len(points[0]), assembly.dimension)]
-        frames, near = whole(np.stack(axes, axis=1).reshape(1, -1))
+        held = [frame.ravel() for *_, frame in anchors]
+        frames, near = whole(np.concatenate([np.stack(axes, axis=1).ravel(), *held])[None])
         d = assembly.dimension
         vectors = [frames[0][k : k + d] for k in range(0, len(frames[0]), d)]
         self._coefficient_digits = far + near
@@ -103,12 +107,33 @@ class Balances:
             frame = vectors[d * face : d * face + d]
             both = []
             for sign, element in ((-1, int(faces.a[face])), (1, int(faces.b[face]))):
-                if not assembly.elements.support[element]:
+                if not (self._of_member[face] or assembly.elements.support[element]):
                     arm = [o - c for o, c in zip(places[number + face], places[element], strict=True)]
                     both.append((element, sign, _rows(frame, arm, far, near)))
             self._sides.append(both)
+        for place, (face, element, _, _) in enumerate(anchors):
+            if not assembly.elements.support[element]:
+                at, first = number + self._count + place, d * (self._count + place)
+                arm = [o - c for o, c in zip(places[at], places[element], strict=True)]
+                rows = _rows(vectors[first : first + d], arm, far, near)
+                none = [0] * assembly.freedoms
+                self._sides[face].append((element, 1, [*rows[:d], *([none] * (assembly.freedoms - d))]))
         self._dead, self._dead_digits = whole(assembly.dead)
         self._live, self._live_digits = whole(assembly.live)
+
+    def _anchors(self) -> Iterator[tuple[int, int, Floats, Floats]]:
+        """Yield what members do on elements: interface, element, point (d,), forces (d, d) of unit N, V1 and V2."""
+        members, faces, d = self.assembly.members, self.assembly.interfaces, self.assembly.dimension
+        for k in np.flatnonzero(members.face >= 0).tolist():
+            face = int(members.face[k])
+            sides = [faces.e1[face], faces.e2[face]][: d - 1]
+            elements, points, forces = members.push(k)
+            for place, (element, at, force) in enumerate(zip(elements.tolist(), points, forces, strict=True)):
+                frame = np.zeros((d, d))
+                frame[0] = force if members.axial[k] else 0.0
+                if members.kinds[k] == "pin":
+                    frame[1:] = (-1.0 if place == 0 else 1.0) * np.array(sides)
+                yield face, element, at, frame
 
     def weigh(self, moves: Moves, digits: int, labels: Mapping[int, bool]) -> Balance:
         """Evaluate the work balance of a mechanism.
@@ -136,6 +161,7 @@ class Balances:
                 continue
             known = labels.get(face)
             worst = 0
+            known = False if self._of_member[face] else known
             for dry in (True, False) if known is None else (known,):
                 cost = self._planar_cost(face, jump, dry) if self._planar else self._spatial_cost(face, jump, dry)
                 if cost is None:
@@ -201,13 +227,16 @@ class Balances:
 
         The unit is 1/24 of 2**−(jumps + 4 digits).
         """
-        area, l1, l2, arm, tension, shear, _, _, cohesion, friction, rough = self._numbers[face]
+        area, l1, l2, arm, tension, shear, _, compression, cohesion, friction, rough = self._numbers[face]
         known, digits = self._finite[face], self._digits
         slide = math.isqrt(jump[1] * jump[1] + jump[2] * jump[2])
         slide += slide * slide < jump[1] * jump[1] + jump[2] * jump[2]
         slip = max(slide << digits, arm * abs(jump[5]))
         opening = jump[0] << 2 * digits
         turn = (l2 * abs(jump[3]) + l1 * abs(jump[4])) << digits
+        if self._of_member[face]:
+            axial = max(tension * opening, -compression * opening)
+            return _PARTS * area * ((shear * slip << digits) + axial)
         if dry:
             if not known[9] or 2 * (opening - friction * slip) < turn:
                 return None

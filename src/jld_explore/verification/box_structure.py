@@ -126,6 +126,7 @@ class BoxStructure:
     def _joints(self, scene: Scene) -> list[Joint]:
         """Return the joints of a scene, whose ends have to be consecutive corners of both elements."""
         assembly = build_assembly(scene)  # for strengths, which it reads from several places of a scene
+        assembly.members.refuse("a certificate of a box")
         strengths = assembly.strengths
         plain = assembly.labels.all() and not strengths.cohesion.any() and not np.isfinite(strengths.crush_dry).any()
         if not plain:

@@ -99,7 +99,12 @@ class Labellings:
             self._touching[b].append(a)
         self.beginning: list[Clause] = [[-(face + 1)] if dry else [face + 1] for face, dry in self.fixed.items()]
         low, high = self.search.dry_faces
-        counted = [face for face, (a, b) in enumerate(self._ends) if not (self._support[a] or self._support[b])]
+        members = assembly.of_members.tolist()
+        counted = [
+            face
+            for face, (a, b) in enumerate(self._ends)
+            if not (self._support[a] or self._support[b] or members[face])
+        ]
         top = len(self._ends)
         for bound, literals in ((low, [-(f + 1) for f in counted]), (high, [f + 1 for f in counted])):
             least = bound if literals and literals[0] < 0 else None if bound is None else len(counted) - bound
@@ -117,9 +122,12 @@ class Labellings:
         if isinstance(search.candidates, list):
             named = faces_of_pairs(search.candidates, elements, faces, "search.candidates")
         found: dict[int, bool] = {}
+        members = assembly.of_members.tolist()
         for face, (a, b) in enumerate(self._ends):
             inside = not (elements.support[a] or elements.support[b])
-            if named is not None:
+            if members[face]:
+                free = False
+            elif named is not None:
                 free = bool(named[face])
             elif search.candidates == "all+supports":
                 free = True

@@ -86,7 +86,7 @@ def _rank(rows: Iterable[int]) -> int:
 def _between(assembly: Assembly) -> list[tuple[int, int]]:
     """Return the numbers of both elements of each face, the lower first.
 
-    All supports have number 0.
+    All supports have number 0; other elements have their index plus 1.
     """
     number = np.where(assembly.elements.support, 0, 1 + np.arange(len(assembly.elements)))
     sides = np.sort(np.column_stack([number[assembly.interfaces.a], number[assembly.interfaces.b]]), axis=1)

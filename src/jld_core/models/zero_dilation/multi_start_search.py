@@ -207,10 +207,10 @@ class MultiStartSearch:
         return None if self.alternation is None else self.alternation.mix_with_low_compression(point, share, rng)
 
     def close_gap(self, point: Floats | None) -> Floats | None:
-        """Find a solution by closing the complementarity gap from a point, and certify it.
+        """Find solutions by closing the complementarity gap from a point, and certify them.
 
-        The result is the point of lowest λ reached. It is None if no solution is reached, for `point` None, and in
-        space.
+        The search runs from the point with several random seeds. It returns the point of least λ reached, which need
+        not be certified. The result is None if no solution is reached, if the point is None, and in space.
         """
         if self.alternation is None or point is None:
             return None

@@ -38,7 +38,8 @@ class RangeOptions:
     sufficient_load : float
         λ in scene units. The search ends once a solution at or below this value is found.
     bound : callable or None
-        Search for the lower bound; None: that of planar scenes, spatial ones then have no bound.
+        Function that searches for the lower bound. Default: that of planar scenes; it gives no bound for spatial scenes
+        and with crushing.
     """
 
     seconds: float
@@ -123,10 +124,11 @@ def load_range(
 def _lower_bound(
     analysis: LimitAnalysis, labels: Bits, search: MultiStartSearch, seconds: float, bound: BoundSearch
 ) -> LowerBound | None:
-    """Compute a lower bound on λ of all solutions, by `bound`, as far as the scene allows one.
+    """Compute a lower bound on λ of all solutions by the function `bound`.
 
-    seconds: of processor time. The result is None without a solution, without time, with effective areas, and where dry
-    faces have cohesion or inner faces friction.
+    If a solution at λ = 0 is known, the bound is 0 without a search. The result is None without any solution, without
+    time, with effective areas, and where dry faces have cohesion or inner faces friction. search: solutions found so
+    far. seconds: of processor time.
     """
     found = search.found
     if found.lowest is None or not seconds > 0.0 or search.fixed_point.options.effective_area:

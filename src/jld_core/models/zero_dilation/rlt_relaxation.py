@@ -249,10 +249,10 @@ def solve_products(
 ) -> LinearAnswer | None:
     """Minimise a linear objective of the products X subject to 0 ≤ matrix X ≤ high.
 
-    The last row is the equation b_λ·u = 1. It is elastic: an additional unknown ≥ 0, the last one, may replace b_λ·u at
-    a cost of 1. A last row of the program states its sign. objective: in the shape of X. matrix: (rows, size of X)
-    sparse. high: (rows,). seconds: time limit. presolve: see `interior_point`. The result is None if the solver returns
-    no finite, nonzero multipliers.
+    The last row of `matrix` is the equation b_λ·u = 1. An additional last unknown, ≥ 0, may replace b_λ·u at a cost of
+    1, so that the equation can always be met. One row is appended for the sign of this unknown. objective: in the shape
+    of X. matrix: (rows, size of X) sparse. high: (rows,). seconds: time limit. presolve: see `interior_point`. The
+    result is None if the solver returns no finite, nonzero multipliers.
     """
     elastic = np.zeros((matrix.shape[0], 1))
     elastic[-1] = 1.0
@@ -303,7 +303,9 @@ def _read(
 ) -> tuple[Floats, Floats, Floats, Bools]:
     """Compute states, mean rates, mean slacks and violated rows from the products X.
 
-    x: X. forms: of w over the columns of X. live: form b_λ·u over them. included: rows of the program.
+    x: (3m + 2, w) X. forms: (4m + 2e, w) forms of the w free velocities. live: (w,) coefficients of b_λ·u. included:
+    (4m, 4m + 2e) rows y_k h_l that are in the program. The results are the fields `states`, `rates`, `slacks` and
+    `violated` of `RltSolution`.
     """
     seen, count = x @ forms.T, len(modes.rows)
     violated = (modes.slacks @ seen < -_VIOLATED) & ~included & moving_forms(forms, region) & ~region.held[:, None]

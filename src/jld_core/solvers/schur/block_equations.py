@@ -82,7 +82,7 @@ class BlockEquations:
         )
 
     def fits(self, program: ConicProgram) -> bool:
-        """Return True if another program has the same structure, blocks and coefficients of equations."""
+        """Return True if a program has the same structure, blocks and entries of block equations."""
         mine = self._program
         if program is mine:
             return True
@@ -97,5 +97,5 @@ class BlockEquations:
         return replace(program, structure=self.structure, data=np.asarray(self._map @ program.data), rhs=rhs)
 
     def multipliers(self, dual: Floats) -> Floats:
-        """Return the multipliers (rows,) of the original equations and of the yield rows."""
+        """Return the multipliers (rows,) of the original program from those of the changed one."""
         return np.concatenate([self._sums.T @ dual[: self._edge], dual[self._edge :]])

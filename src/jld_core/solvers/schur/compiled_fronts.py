@@ -48,14 +48,14 @@ class Factorisation(Protocol):
 
 
 def factorisation(fronts: Fronts) -> Factorisation:
-    """Return the compiled factorisation of a pattern, or the given one in numpy where there is no library."""
+    """Return the compiled factorisation of a pattern, or `fronts` itself without a library."""
     variant, routines = chosen(), _addresses()
     return fronts if variant is None or routines is None else CompiledFronts(fronts, variant, routines)
 
 
 @cache
 def _addresses() -> tuple[int, ...] | None:
-    """Return the addresses of `_ROUTINES`; None where scipy's BLAS counts with other than 32-bit integers."""
+    """Return the addresses of `_ROUTINES`; None if scipy's BLAS has no 32-bit integers."""
     if any("int *" not in repr(module.__pyx_capi__[name]) for module, name in _ROUTINES):
         return None
     api = ctypes.pythonapi
@@ -142,7 +142,10 @@ class CompiledFactor:
 
 
 def _rows_in_parents(fronts: Fronts) -> Ints:
-    """Return the row of each unknown of the update matrices in the parent front, pivot unknowns first."""
+    """Return the row of each unknown of the update matrices in its parent front.
+
+    The pivot unknowns of the parent come first. Fronts follow each other; roots have zeros.
+    """
     found = [np.zeros(0, dtype=np.int64)]
     for passed, parent in zip(fronts.passed, fronts.parent.tolist(), strict=True):
         if parent < 0:

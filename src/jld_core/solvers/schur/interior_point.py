@@ -74,9 +74,10 @@ class SchurSolver(Solver):
         return self.solve_until(program, None)
 
     def solve_until(self, program: ConicProgram, suffices: Suffices | None) -> RawSolution:
-        """Solve a program, or stop at the first iterate whose point and multipliers suffice, see `Solver`.
+        """Solve a program, or stop at the first iterate that suffices; see `Solver.solve_until`.
 
-        An iterate is offered when its relative duality gap has come down to `EARLY`.
+        An iterate is offered once its relative duality gap is at most `EARLY`. The structure is analysed if it is new.
+        Raises SolverError as `solve`.
         """
         start = time.perf_counter()
         equations = self._block_equations(program)
@@ -159,7 +160,7 @@ class _Iteration:
         return RawStatus.LIMIT, best, most
 
     def _is_enough(self, it: _Iterate) -> bool:
-        """Return True if point and multipliers of an iterate suffice for its user."""
+        """Return True if the gap of an iterate is at most `EARLY` and its user accepts it."""
         if self.suffices is None or it.kappa > _SETTLED * it.tau:
             return False
         gap = float(it.s @ it.v) / it.tau**2 / max(1.0, abs(float(self.q @ it.x) / it.tau))
@@ -221,7 +222,8 @@ class _Iteration:
             alpha, beta = (min(1.0, cones.step(lam, way)) for way in (ws, wv))
             # Mehrotra's share of μ that an affine step would leave.
             left = float((lam + alpha * ws) @ (lam + beta * wv)) / float(lam @ lam)
-            sigma = max(1e-6, min(1.0, left) ** 3)
+            # Out of its cones a step leaves less than nothing, and the cube of −10¹¹⁰ is an error.
+            sigma = max(1e-6, max(0.0, min(1.0, left)) ** 3)
         else:
             sigma = min(1.0, max(1e-6, (1.0 - min(1.0, step.longest(ws, wv, dt, dk))) ** 3))
         corrector = -square - cones.product(ws, wv) + sigma * mu * self.unit
@@ -245,7 +247,7 @@ class _Iteration:
 
 
 class _Newton:
-    """Newton system of the central path at one iterate, factored once for several right-hand sides.
+    """Newton system of the central path at one iterate, factored for several right-hand sides.
 
     embedded: True while τ and κ are variables. apart: True if forces and motion may have steps of their own. In linear
     programs without the embedding, their residuals do not depend on each other; with cones this was measured to take

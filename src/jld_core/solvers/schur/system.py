@@ -153,9 +153,9 @@ class SchurSystem:
             self._corner = corner + edges.T @ self._reach
 
     def _shifted(self, data: Floats) -> Solves:
-        """Factor the scaled Schur complement with the least diagonal shift that succeeds.
+        """Factor the scaled Schur complement with the least diagonal shift tried that succeeds.
 
-        data: values of its entries.
+        data: values of its entries, whose diagonal is overwritten. Raises np.linalg.LinAlgError if none succeeds.
         """
         shift = _SHIFT
         for _ in range(_RETRIES):
@@ -167,11 +167,11 @@ class SchurSystem:
         raise np.linalg.LinAlgError("the Schur complement is not positive definite")
 
     def _scaled_loose(self, scaling: NesterovTodd) -> Floats:
-        """Return the yield rows that border columns alone enter, divided by the scaling."""
+        """Return the yield rows that only border columns enter, (rows, border), times W⁻¹."""
         return self._loose[self._loose_rows] / scaling.linear[self._loose_rows, None]
 
     def _solve(self, rhs: Floats) -> Floats:
-        """Solve the factored Schur complement for one or several right-hand sides."""
+        """Solve the factored Schur complement for right-hand sides (equations,) or (equations, k)."""
         size = self._size if rhs.ndim == 1 else self._size[:, None]
         return size * self._factor.solve(size * rhs)
 

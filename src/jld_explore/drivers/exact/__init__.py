@@ -13,7 +13,7 @@ conflicts and hand over labellings.
 
 **The data flow**, and the modules in this order:
 
-1. `context`: what never changes: space, `possible_blocks`, free faces, relaxation.
+1. `context`: data that stay fixed: space, `possible_blocks`, free faces, relaxation.
 2. `driver` (largest λ, or a front) and `minimum_count` (best count that carries a required λ) are the drivers. Their
    base `conflict_driver` owns formula, proof state and records. `targets` holds what is to be proven, `schedules`
    chooses the next λ to refute, and when annealing seeks better labellings beside the proof.

@@ -97,7 +97,7 @@ class BlockBoundPool:
     Parameters
     ----------
     context : ProofContext
-        What never changes during the proof.
+        Space, relaxation and other data that stay fixed during the proof.
     blocks : PossibleBlocks
         Possible blocks of the space.
 
@@ -198,7 +198,7 @@ class BlockBoundPool:
         return future
 
     def _result(self, future: Future[SolvedProgram | None]) -> SolvedProgram | None:
-        """Return the result of the worker process; None if it died or lacks the block relaxation."""
+        """Return the result of the worker process; None if it died or lacks the relaxation."""
         if self._workers is None or self._worker is None:
             return None
         result = self._workers.result(self._worker, future)
@@ -261,7 +261,7 @@ class BlockBoundTightening:
     Parameters
     ----------
     context : ProofContext
-        What never changes during the proof.
+        Space, relaxation and other data that stay fixed during the proof.
     wanted : bool
         Whether the block relaxation may be used at all.
 
@@ -309,16 +309,16 @@ class BlockBoundTightening:
         return relaxations >= self._next and (last is None or least > last + _INCREASE * abs(last))
 
     def tighten(self, least: float, most: float, left: float, time_is_up: Callable[[], bool]) -> TightenedBound:
-        """Solve block relaxations until no further block is refuted or time runs out.
+        """Solve block relaxations without refuted blocks until few more are refuted or time ends.
 
         Parameters
         ----------
         least, most : float
             Scaled λ to reach, and scaled λ that no labelling exceeds.
         left : float
-            Time until the deadline, s; inf for no deadline.
+            Time until the deadline, s, of which a share is used; inf for no deadline.
         time_is_up : callable
-            Returns True once the deadline has passed; called between programs.
+            Returns True once the deadline has passed; called between and during programs.
 
         Returns
         -------
@@ -347,7 +347,10 @@ class BlockBoundTightening:
     def _solve(
         self, remaining: Ints, ends: tuple[float, float], seconds: float, time_is_up: Callable[[], bool]
     ) -> Choice | None:
-        """Solve the relaxation of some blocks (k,); return None if time runs out first."""
+        """Solve the relaxation of blocks `remaining` (k,); see `tighten`.
+
+        ends: (least, most), scaled λ. None if time runs out or the worker process fails. seconds: time limit, s.
+        """
         listed, chosen = self._listed_blocks, remaining.tolist()
         some = PossibleBlocks(tuple(listed.members[p] for p in chosen), tuple(listed.inside[p] for p in chosen))
         block_space = BlockSpace(self._context.space, some)
@@ -378,7 +381,7 @@ class BlockBoundTightening:
         return result[0]
 
     def _conflict_of_block(self, p: int, least: float) -> Conflict:
-        """Return the conflict that no labelling with block p exceeds the scaled λ `least`."""
+        """Return the conflict of the labels that make p a block, with scaled λ `least` as bound."""
         faces, members = self._context.space.assembly.interfaces, self._listed_blocks.members[p]
         touched = (np.isin(faces.a, members) | np.isin(faces.b, members)) & self._context.space.candidates
         labels = np.ones(len(touched), dtype=bool)
@@ -388,7 +391,7 @@ class BlockBoundTightening:
 
 
 def _sides_of(space: SearchSpace, blocks: PossibleBlocks) -> int:
-    """Return the number of faces around all blocks, counted once per block."""
+    """Return the number of faces on the edges of blocks, summed over all blocks."""
     faces = space.assembly.interfaces
     around = np.bincount(np.concatenate([faces.a, faces.b]), minlength=len(space.assembly.elements))
     pairs = zip(blocks.members, blocks.inside, strict=True)

@@ -41,7 +41,8 @@ class BlockConflictCheck:
     def refute_again(self, conflicts: Sequence[Conflict], end: float) -> str:
         """Refute conflicts of possible blocks again, in random order, until a time.
 
-        Conflicts that the time does not suffice for stay unchecked; `done` counts the others.
+        Conflicts that the time does not suffice for stay unchecked; `done` counts the others. Without listed blocks, or
+        without a bound on all labellings, nothing is checked.
 
         Parameters
         ----------
@@ -92,7 +93,10 @@ class _BlockRefutation:
         self._relaxations: dict[bytes, AnyBlockRelaxation] = {}
 
     def by_mechanisms(self, conflict: Conflict) -> bool:
-        """Return True if the mechanisms of a conflict in memory refute it."""
+        """Return True if the mechanisms stored in a conflict refute its labels, without a solver.
+
+        False says nothing: the mechanisms may not be in memory.
+        """
         threshold, most = _raised(conflict.bound), self._most
         left = self._tables.propagated(self._tables.agreeing(conflict.faces, conflict.labels))
         if left is None or most <= threshold:
@@ -113,7 +117,10 @@ class _BlockRefutation:
         return False
 
     def by_programs(self, conflict: Conflict) -> bool | None:
-        """Return True if new block relaxations refute a conflict, False if not, None if time ran out."""
+        """Return True if new block relaxations refute a conflict, and False if they do not.
+
+        None if time ran out.
+        """
         threshold = _raised(conflict.bound)
         for labels in self._labellings(conflict, threshold):
             if time.perf_counter() >= self._end:
@@ -124,7 +131,10 @@ class _BlockRefutation:
         return True
 
     def _labellings(self, conflict: Conflict, threshold: float) -> Iterator[Bits | None]:
-        """Yield the labellings (m,) of a conflict that no block relaxation refutes, and None before each program."""
+        """Yield the labellings (m,) of a conflict that no block relaxation refutes.
+
+        Yields None before each program, so that the caller can check the time. threshold: scaled λ.
+        """
         nodes = [self._tables.agreeing(conflict.faces, conflict.labels)] if self._most > threshold else []
         while nodes:
             left = self._tables.propagated(nodes.pop())
@@ -143,7 +153,10 @@ class _BlockRefutation:
                 yield self._blocks.labelling(self._context.space, np.flatnonzero(left))
 
     def _relaxation(self, blocks: Ints | None) -> AnyBlockRelaxation:
-        """Return a new block relaxation of some possible blocks (k,), of all for None, made once."""
+        """Return the block relaxation of possible blocks (k,), made at its first call.
+
+        blocks: indices; None for all blocks.
+        """
         key = b"" if blocks is None else blocks.tobytes()
         if key not in self._relaxations:
             chosen = range(len(self._blocks)) if blocks is None else blocks.tolist()
@@ -155,5 +168,5 @@ class _BlockRefutation:
 
 
 def _raised(bound: float) -> float:
-    """Return a scaled λ raised by what counts as proven."""
+    """Return a scaled λ raised by the tolerance of a proof, `tolerances.PROVEN`."""
     return bound + tolerances.PROVEN * max(1.0, abs(bound))

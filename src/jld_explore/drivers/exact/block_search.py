@@ -87,7 +87,7 @@ class BlockSearch:
     Parameters
     ----------
     context : ProofContext
-        What never changes during the proof.
+        Space, relaxation and other data that stay fixed during the proof.
     wanted : {"auto", "on", "off"}
         Whether to search the tree; "auto": where it promises more than conflicts of faces.
     """
@@ -190,7 +190,7 @@ class BlockSearch:
         return 0 if self._bounds is None else self._bounds.solves
 
     def step(self, formula: Formula, threshold: float, time_is_up: Callable[[], bool]) -> BlockStep:
-        """Decide one more face of the tree.
+        """Process one node of the tree, which usually decides one more face.
 
         Raises RuntimeError without a tree; see `active`.
 
@@ -223,7 +223,10 @@ class BlockSearch:
             self.abandon()
 
     def _rounded(self, tree: BlockTree, node: Node, formula: Formula, threshold: float) -> Bits | None:
-        """Round the block shares of a node to a labelling; return None if it is known or refuted."""
+        """Round the block shares of a node to a labelling (m,) that may exceed a scaled λ.
+
+        None if the formula has no such labelling, if it was returned before, or if the relaxation refutes it.
+        """
         labels = formula.next(*tree.rounded(node))
         if labels is None or labels.tobytes() in self._offered:
             return None

@@ -66,7 +66,7 @@ class Node:
 
 @dataclass(frozen=True)
 class FaceChildren:
-    """Children of a node for both labels of one face; None for a child that is refuted."""
+    """Children of a node for both labels of a face; None: refuted, or without labellings."""
 
     inner: Node | None
     dry: Node | None
@@ -201,7 +201,7 @@ class BlockTree:
         return self._next is None and not self._open
 
     def step(self, threshold: float, possible: Possible, time_is_up: Callable[[], bool]) -> TreeStep:
-        """Take an open node and decide one more face.
+        """Process an open node: branch on a face, refute the node, or return its only labelling.
 
         Parameters
         ----------
@@ -274,7 +274,7 @@ class BlockTree:
         return [int(face) for face in undecided[np.argsort(-score, kind="stable")[:most]]]
 
     def _branch(self, branching: Branching) -> Branches | None:
-        """Solve the children of a node for the faces to try; return None if time ran out."""
+        """Solve the children of a node for the faces to try; return None if time runs out first."""
         known = self._solved_ahead.pop(id(branching.node), None)
         if known is not None:
             return known
@@ -299,7 +299,7 @@ class BlockTree:
         return found, conflicts
 
     def _branch_together(self, branching: Branching, faces: list[int]) -> list[tuple[int, Branches]]:
-        """Solve the children of a node together with those of the best open node not solved yet.
+        """Solve the children of a node, and of the best open node without children, together.
 
         Two nodes give work for two threads. The children of the second node are stored until the tree takes it. Each
         result is paired with the `id` of its node.
@@ -317,7 +317,7 @@ class BlockTree:
         return found
 
     def _next_branching(self, branching: Branching) -> list[tuple[Branching, list[int]]]:
-        """Return how to branch at the best other open node, and its faces; empty without one."""
+        """Return the best other open node without known children, as branching and faces to try."""
         for bound, _, node in sorted(self._open, key=lambda one: one[:2]):
             if id(node) in self._solved_ahead or -bound <= branching.threshold:
                 continue
@@ -334,7 +334,7 @@ class BlockTree:
     def _children(self, branching: Branching, faces: list[int], conflicts: list[Conflict]) -> list[UnsolvedChild]:
         """Return the children of a node that may have labellings, with the choice of the parent.
 
-        Append to `conflicts` the children that no choice of blocks satisfies.
+        Append to `conflicts` the children that no choice of blocks satisfies. Leave out those that `possible` rejects.
         """
         node, waiting = branching.node, []
         for face in faces:
@@ -367,15 +367,16 @@ class BlockTree:
         return [FaceChildren(children.get((face, False)), children.get((face, True))) for face in faces]
 
     def _score(self, node: Node, tried: FaceChildren) -> float:
-        """Return the product of the decreases of the bound in the children."""
+        """Return the product of the decreases of the bound from a node to its children."""
         return float(np.prod([max(node.choice.bound - one.choice.bound, _LEAST_DECREASE) for one in tried.left]))
 
     def _with_forced_labels(
         self, branching: Branching, forced: list[list[Node]], conflicts: list[Conflict]
     ) -> Node | None:
-        """Return the node with every face decided of which one label was refuted.
+        """Decide each face that has one child left as in that child; return the node, or None.
 
-        `forced` holds the remaining child of each such face, at most one each. Return None if no labelling is left.
+        `forced` holds the children left of each such face, at most one each. None if no labelling is left, which may
+        add to `conflicts`.
         """
         if not all(forced):
             return None

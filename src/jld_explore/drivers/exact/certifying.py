@@ -221,7 +221,7 @@ class Certifier:
     # --- what is ruled out ------------------------------------------------------------------------------
 
     def _add(self, clause: Sequence[int], reason: Reason | None) -> int:
-        """Append a clause with its reason, and return its position."""
+        """Append a clause with its reason (None: none yet), and return its position."""
         self._clauses.append(list(clause))
         self._reasons.append(reason)
         return len(self._clauses) - 1
@@ -244,7 +244,7 @@ class Certifier:
         return decided, decided.copy()
 
     def _certify_hint(self, place: int) -> bool:
-        """Compute the mechanism of a hint; return False and drop the hint if it has none."""
+        """Compute the mechanism of a hint, by its position; without one drop it and return False."""
         decided, labels = self._hints.pop(place)
         reason = self._mechanism(decided, labels)
         if reason is None:
@@ -274,7 +274,7 @@ class Certifier:
                 solver.add_clause(clause)
 
     def _refuted(self, labels: Bits) -> Mechanism:
-        """Return a mechanism that keeps a labelling, and others with it, at the bound."""
+        """Return a mechanism that proves the bound for a labelling (m,), and for others with it."""
         conflict = conflict_of(self._relaxation, labels, self._free, self.bound / self._scale)
         if conflict is not None:
             decided, _ = self._always_dry()
@@ -307,7 +307,7 @@ class Certifier:
         return None
 
     def _own_mechanism(self, labels: Bits) -> Mechanism | None:
-        """Return a mechanism in whole numbers from the limit analysis of one labelling, or None."""
+        """Return a mechanism in whole numbers by limit analysis of a labelling (m,), or None."""
         for case, analysis in enumerate(self._analyses):
             mechanism = analysis.solve(labels).mechanism
             if mechanism is not None:
@@ -318,7 +318,10 @@ class Certifier:
         return None
 
     def _rounded(self, case: int, velocity: Floats, decided: Bits, labels: Bits) -> Mechanism | None:
-        """Round a mechanism to whole numbers that the checker accepts; return None if none does."""
+        """Round velocities to a mechanism that the checker accepts; None if no attempt succeeds.
+
+        velocity: (q·free,) of load case `case`, scaled. decided, labels: (m,), see `_mechanism`.
+        """
         size = float(abs(velocity).max(initial=0.0))
         if not 0.0 < size < 1e30:
             return None
@@ -369,13 +372,13 @@ class _Units:
         self._opening = None if opening is None else opening.velocity / float(abs(opening.velocity).max())
 
     def opened(self, velocity: Floats, share: float) -> Floats | None:
-        """Add a share of a motion that opens all faces; return None where there is no such motion."""
+        """Add `share` of a motion that opens all faces to a velocity; None without such a motion."""
         if share == 0.0:
             return velocity
         return None if self._opening is None else velocity + share * self._opening
 
     def whole(self, velocity: Floats) -> tuple[int, dict[int, tuple[int, ...]]]:
-        """Return the binary digits, and by element the velocities in scene units times 2**digits."""
+        """Return binary digits, and by element the velocities in scene units times 2**digits."""
         table = velocity.reshape(self.row.shape) / self.row
         # A rotation moves distant points most, so the size of the structure lowers the exponent.
         exponent = np.floor(np.log2(float(abs(table).max()))) - np.ceil(max(0.0, np.log2(self._size)))

@@ -104,7 +104,7 @@ class ConflictDriver(Driver):
 
     @property
     def context(self) -> ProofContext:
-        """What never changes during the proof; raises RuntimeError for an enumerated space."""
+        """Data that stay fixed during the proof; raises RuntimeError for an enumerated space."""
         if self._context is None:
             raise RuntimeError("an enumerated space has no proof by conflicts")
         return self._context
@@ -221,7 +221,7 @@ class ConflictDriver(Driver):
         return self._deadline.passed()
 
     def _time_is_up_after_heartbeat(self) -> bool:
-        """Report progress, then return whether time is up."""
+        """Report progress, then return True if time is up."""
         self._heartbeat()
         return self._time_is_up
 
@@ -232,7 +232,7 @@ class ConflictDriver(Driver):
         return given
 
     def _generate(self, sources: ConflictSources, threshold: float) -> bool:
-        """Find and save conflicts for a short time; return whether no labelling is left.
+        """Find and save conflicts for a short time; return True if no labelling is left.
 
         `threshold` is a λ in scene units.
         """
@@ -242,7 +242,10 @@ class ConflictDriver(Driver):
         return exhausted
 
     def _labellings_to_evaluate(self) -> Bits:
-        """Return the labellings (k, m) that were handed over and wait for their evaluation."""
+        """Return the labellings (k, m) that wait for evaluation; empty their queue.
+
+        They are also excluded from the formula.
+        """
         self._exclude_handed_over()
         return self._state.take_waiting()
 
@@ -268,7 +271,10 @@ class ConflictDriver(Driver):
         return self._formula
 
     def _bound_all(self, bound: float, proof: Mechanism | tuple[BlockEvidence, ...]) -> None:
-        """State a bound on all labellings, scaled λ, as a conflict without faces; `proof` is one of its two proofs."""
+        """Store a bound on the scaled λ of all labellings as a conflict without faces.
+
+        proof: a mechanism over faces, or those of block relaxations. An infinite bound is not stored.
+        """
         if bound == math.inf:
             return
         nothing = np.empty(0, dtype=np.int64)
@@ -285,7 +291,10 @@ class ConflictDriver(Driver):
         self.formula.forbid(conflict.faces, conflict.labels, conflict.bound)
 
     def _bound_at_root(self) -> float:
-        """Return a bound on all labellings from one relaxation, scene units; inf if there is none."""
+        """Bound all labellings by one relaxation with all free faces undecided.
+
+        Returns λ, scene units. The bound is also stored as a conflict; inf if there is none.
+        """
         found = self.context.relaxation.least_bound(self.context.labels, self.context.free)
         if found is None:
             return math.inf
@@ -298,7 +307,7 @@ class ConflictDriver(Driver):
         Parameters
         ----------
         claims : sequence of Claim
-            What the proof claims.
+            Claims of the proof.
         problem : str
             Problem that the driver itself found; "" for none.
         evaluated : tuple of (k, m) bool array and (k,) float array

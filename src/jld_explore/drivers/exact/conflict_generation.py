@@ -187,7 +187,7 @@ def _conflict(labels: Bits, decided: Bools, bound: float, found: DualBound) -> C
 
 
 def _order(found: DualBound, decided: Bools) -> Ints:
-    """Return the decided faces, least cost to the excess of the mechanism first."""
+    """Return the decided faces by the rise of the bound if one becomes undecided, least first."""
     faces = np.flatnonzero(decided)
     return np.asarray(faces[np.argsort(found.cost[faces], kind="stable")])
 
@@ -245,7 +245,7 @@ class ConflictGenerator:
     Parameters
     ----------
     context : ProofContext
-        What never changes during the proof.
+        Space, relaxation and other data that stay fixed during the proof.
     number : int
         Number of the generator in this process; each has its own preferred labels.
     """
@@ -354,7 +354,7 @@ class ConflictGenerator:
     def _add_results(
         self, drawn: Bits, threshold: float, minimized: list[MinimizedConflict], batch: ConflictBatch
     ) -> None:
-        """Add the results for labellings (k, m) to the batch: conflicts or unrefuted labellings."""
+        """Add conflicts and unrefuted labellings of `drawn` (k, m); minimise open ones singly."""
         left = set(range(len(drawn)))
         for one in minimized:
             labels = drawn[one.labelling]

@@ -98,7 +98,7 @@ class ThreadedGenerator:
     Parameters
     ----------
     context : ProofContext
-        What never changes during the proof; the batch solver solves its relaxation.
+        Data that stay fixed during the proof; the batch solver solves its relaxation.
     threads : int
         Number of threads.
     state : ProofState
@@ -217,7 +217,7 @@ class ConflictSources:
     Parameters
     ----------
     context : ProofContext
-        What never changes during the proof.
+        Space, relaxation and other data that stay fixed during the proof.
     state : ProofState
         State of the proof, to which all results are added.
     solo_relaxations : int or None
@@ -333,7 +333,10 @@ class ConflictSources:
         return exhausted
 
     def _generate_here(self, threshold: float) -> bool:
-        """Generate conflicts in this process; return whether no labelling is left."""
+        """Generate conflicts in this process or its threads; return True if no labelling is left.
+
+        threshold: scaled λ. Results are added to the state of the proof.
+        """
         if self._threads is not None:
             return self._threads.step(threshold)
         batch = self._generator.step(threshold)

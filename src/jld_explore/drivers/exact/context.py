@@ -1,4 +1,4 @@
-"""Define what never changes during a proof: the space, its possible blocks and its relaxation."""
+"""Define the data that stay fixed during a proof: space, possible blocks and relaxation."""
 
 from __future__ import annotations
 
@@ -41,7 +41,10 @@ class PartialLabellingRelaxation(Protocol):
         ...
 
     def refute(self, labels: Bits, undecided: Bools, threshold: float) -> DualBound | None:
-        """Prove that one partial labelling (m,) does not exceed a scaled λ; None if this fails."""
+        """Prove that one partial labelling (m,) does not exceed `threshold`; None if this fails.
+
+        labels: True = dry, ignored where `undecided`. threshold: scaled λ.
+        """
         ...
 
     def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
@@ -83,7 +86,7 @@ class CheckedProof(Protocol):
 
 @dataclass(frozen=True)
 class ProofContext:
-    """Space of a proof by conflicts, with what is derived from it once.
+    """Space of a proof by conflicts, with its possible blocks, analyses and relaxation.
 
     Attributes
     ----------

@@ -54,7 +54,10 @@ _WAIT_SECONDS: Final = 0.1
 
 @dataclass
 class _WorkerState:
-    """Numbers of tasks, conflicts and handed-over labellings that a worker has received, and of its results."""
+    """Counts of what a worker was sent, and of its results.
+
+    tasks: tasks sent. conflicts, handed_over: conflicts and handed-over labellings sent. results: results received.
+    """
 
     tasks: int = 0
     conflicts: int = 0
@@ -85,7 +88,7 @@ class CubeWorkers:
     Parameters
     ----------
     context : ProofContext
-        What never changes during the proof.
+        Space, relaxation and other data that stay fixed during the proof.
     jobs : int
         Number of processes; a connected cluster contributes all its workers instead.
     state : ProofState
@@ -287,7 +290,8 @@ class CubeWorkers:
     def _record_closed(self, one: _AssignedCube, result: TaskResult) -> None:
         """Exclude a closed cube from the formula, and state it as a conflict where that is valid.
 
-        The conflict is valid without a count and if no handed-over labelling, nor an image of one, lies in the cube.
+        The conflict is valid without a count, and if neither a handed-over labelling nor an image of one lies in the
+        cube.
         """
         self.closed += 1
         faces, labels = np.array(one.cube.faces, dtype=np.int64), np.array(one.cube.labels, dtype=bool)

@@ -75,7 +75,7 @@ class Exact(ConflictDriver):
     aim : str
         As the parameter.
     found : dict
-        Best labelling and bound (`Best`) for each count; key None for all labellings.
+        Best λ and bound (`Best`) for each count; key None for all labellings.
 
     Raises
     ------
@@ -120,7 +120,7 @@ class Exact(ConflictDriver):
 
     @property
     def found(self) -> dict[int | None, Best]:
-        """Best labelling and bound for each count; key None for all labellings."""
+        """Best λ and bound for each count; key None for all labellings."""
         return self._targets.found
 
     @property
@@ -262,7 +262,7 @@ class Exact(ConflictDriver):
             yield self._no_labellings
 
     def _anneal(self) -> Iterator[Bits]:
-        """Yield the labellings that annealing proposes, as many as are due."""
+        """Yield labellings (k, m) that annealing proposes, until none is due."""
         while self._labellings_to_anneal > 0:
             due = self._labellings_to_anneal
             found = self._heuristic.ask(due if self._limit is None else min(self._limit, due))
@@ -270,7 +270,7 @@ class Exact(ConflictDriver):
             yield found
 
     def _refute(self, target: int | None) -> Iterator[Bits]:
-        """Yield labellings to evaluate until none is left that may exceed a target's best λ."""
+        """Yield labellings (k, m) to evaluate until none left may exceed a target's best λ."""
         blocks, schedule = self.block_search, TargetSchedule(self._conflicts_per_step)
         if target is None:
             self._bound_first_target(blocks)
@@ -308,7 +308,10 @@ class Exact(ConflictDriver):
         self._keep_open_nodes()
 
     def _bound_first_target(self, blocks: BlockSearch) -> None:
-        """Bound all labellings by one relaxation, and by that of all blocks where it applies."""
+        """Lower the bound on all labellings by the root relaxation, then by that of all blocks.
+
+        Each bound becomes a conflict without faces. Starts `blocks`; its bound counts only with `_use_block_bounds`.
+        """
         self._lower_bound(None, self._bound_at_root())
         root = blocks.start(self.least(None) / self._scale, self.found[None].bound / self._scale)
         if self._use_block_bounds:
@@ -316,7 +319,7 @@ class Exact(ConflictDriver):
             self._lower_bound(None, root * self._scale)
 
     def _tighten(self, tightening: BlockBoundTightening | None) -> bool:
-        """Bound all labellings by the block relaxation if that is due; return whether it was."""
+        """Lower the bound on all labellings by block relaxations if due; return True if they were."""
         low, high = self.least(None) / self._scale, self.found[None].bound / self._scale
         if tightening is None or not math.isfinite(high) or not tightening.is_due(self.relaxations, low):
             return False
@@ -340,10 +343,7 @@ class Exact(ConflictDriver):
             self._state.add_conflicts(self._block_search.open_conflicts)
 
     def disable_block_bounds(self) -> None:
-        """Do without bounds from the block relaxation, which a certificate cannot express.
-
-        Call this method before the search.
-        """
+        """Do without block relaxations, which no certificate can express; call before the search."""
         self._use_block_bounds = False
         if self._tightening is not None:
             self._tightening.disable()
@@ -377,7 +377,7 @@ class Exact(ConflictDriver):
         return self._targets.least(target)
 
     def _begin_step(self, target: int | None, schedule: TargetSchedule) -> ScheduledStep:
-        """Aim the formula at the next λ of a target, and return that step."""
+        """Aim formula and sources at the next λ of a target, and return that step."""
         low = self.least(target)
         threshold = low if self.block_search.active else schedule.next_target(self.found[target].bound, low)
         formula = self._updated_formula()

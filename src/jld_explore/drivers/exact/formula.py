@@ -101,7 +101,7 @@ class Formula:
             self.forbid(lock.faces, lock.labels)
 
     def aim(self, threshold: float, count: int | Range | None = None) -> None:
-        """Seek labellings above a scaled λ from now on, and drop what was set aside.
+        """Seek labellings above a scaled λ from now on, and forget all calls of `set_aside`.
 
         Parameters
         ----------
@@ -195,7 +195,7 @@ class Formula:
             checkpoint()
 
     def _face_literals(self, faces: Iterable[int], labels: Iterable[bool]) -> list[int]:
-        """Return the literals of labels (k,) on those of the faces (k,) that are candidates."""
+        """Return the literals of labels (k,) on faces (k,), without faces that are no candidates."""
         pairs = zip(faces, labels, strict=True)
         return [int(self._variable[f]) * (-1 if dry else 1) for f, dry in pairs if self._variable[f] > 0]
 
@@ -237,7 +237,7 @@ class Formula:
 
     @property
     def _assumed(self) -> list[int]:
-        """Literals to assume: threshold, count, and what is set aside."""
+        """Literals to assume: for the threshold, the count, and the labels set aside."""
         return (
             self._assumption_literals.assumed
             + self._assumed_count
@@ -245,7 +245,7 @@ class Formula:
         )
 
     def _new(self) -> int:
-        """Create a variable."""
+        """Create a variable and return its number."""
         self._last_variable += 1
         return self._last_variable
 
@@ -374,7 +374,7 @@ class Formula:
         return [(lock.faces, lock.labels)]
 
     def _broken_rules(self, labels: Bits) -> list[tuple[Ints, Bits]]:
-        """Return labels (k,) on faces (k,) of a labelling that break rules of the space."""
+        """Return for each rule of the space that a labelling (m,) breaks the labels that break it."""
         blocks = blocks_of(self.space.graph, labels)
         graph, found = self.space.graph, []
         if self.space.search.segmentation:

@@ -170,7 +170,7 @@ class InnerPaths:
         return path
 
     def tree(self, labels: Bits, start: int) -> list[int]:
-        """Return inner faces that join elements to a block above a limit, from `start` on.
+        """Return inner faces that join enough elements to `start` that their block is too large.
 
         labels: (m,), True = dry. If the block never exceeds a limit, the faces span the whole block.
         """
@@ -179,9 +179,11 @@ class InnerPaths:
         return [face for _, face in previous.values() if face >= 0]
 
     def _reach(self, labels: Bits, start: int, found: Callable[[set[int]], bool]) -> dict[int, tuple[int, int]]:
-        """Search breadth first through inner faces until `found`; return the search tree.
+        """Search breadth first from element `start` until `found` or to the end; return the tree.
 
-        The tree maps each element to the element before it and the face between them.
+        Steps go through inner faces of `labels` (m,) and contacts without a face. found: gets the elements reached,
+        True ends the search. The tree maps each element to the element before it and the face between them, −1 for
+        none.
         """
         previous = {start: (start, -1)}
         waiting = deque([start])

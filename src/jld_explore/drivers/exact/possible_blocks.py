@@ -123,7 +123,7 @@ def possible_blocks(space: SearchSpace) -> PossibleBlocks | None:
 
 
 class BlockTables:
-    """Tables of which possible blocks cover an element, contain a face or only touch one.
+    """Tables of the possible blocks that contain, touch or lie on the first side of a face.
 
     Each row is one of the c faces that can separate or join blocks; columns are the p blocks.
 

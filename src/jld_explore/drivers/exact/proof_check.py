@@ -207,7 +207,7 @@ class _ConflictCheck:
         return ""
 
     def _partial(self, conflicts: Sequence[Conflict]) -> tuple[Bits, Bools]:
-        """Return labels (k, m) and undecided faces (k, m) of conflicts."""
+        """Return labels (k, m), True = dry, and undecided faces (k, m) of k conflicts."""
         labels = np.tile(self._labels, (len(conflicts), 1))
         undecided = np.tile(self._free, (len(conflicts), 1))
         for k, one in enumerate(conflicts):
@@ -223,7 +223,10 @@ def _parts(conflicts: Sequence[Conflict]) -> Iterator[Sequence[Conflict]]:
 
 
 def _find_contradiction(conflicts: Sequence[Conflict], space: SearchSpace, labellings: Bits, loads: Floats) -> str:
-    """Return a problem if an evaluated labelling carries more than a conflict allows, else ""."""
+    """Return a problem if an evaluated labelling carries more than a conflict allows, else "".
+
+    labellings: (k, m) True = dry. loads: (k,) scaled λ that each is proven to carry.
+    """
     if not len(conflicts) or not len(labellings):
         return ""
     dry, inner = np.zeros((2, len(conflicts), len(space.fixed)), dtype=np.float32)

@@ -47,7 +47,8 @@ class Incumbents:
         """Record the bounds of evaluated labellings (k, m), with k evaluations in their order.
 
         Labellings that collapse have both bounds. A failed or uncertified one keeps its upper bound, inf without one.
-        All others have −inf for both, since no λ of theirs counts.
+        All others have −inf for both, since no λ of theirs counts. With zero dilation the upper bound is at least the
+        associative λ.
         """
         number = [0] * len(labellings)
         if self._count is not None:
@@ -138,12 +139,12 @@ class Best:
 def claims_of(
     found: Iterable[Best], incumbents: Incumbents, scale: float, load_scale: float
 ) -> tuple[list[Claim], str]:
-    """Return the claims of a proof, and an obvious problem of theirs ("" for none).
+    """Return the claims of a proof, and the first contradiction to a λ found ("" for none).
 
     Parameters
     ----------
     found : iterable of Best
-        Best labelling and bound of each target.
+        Best λ and bound of each target.
     incumbents : Incumbents
         Bounds of the evaluated labellings.
     scale : float
@@ -270,7 +271,7 @@ class Targets:
     Attributes
     ----------
     found : dict
-        Best labelling and bound (`Best`) for each count; key None for all labellings.
+        Best λ and bound (`Best`) for each count; key None for all labellings.
     left : list of int or None
         Targets that are not settled.
     """
@@ -294,7 +295,7 @@ class Targets:
         return Best(target, low if math.isfinite(low) else math.nan, bound, self._load_scale)
 
     def learn(self) -> None:
-        """Raise the best λ of each target to those of the incumbents."""
+        """Raise the best λ of each target to the best one among the incumbents."""
         for target, best in self.found.items():
             low = self._incumbents.best(target)
             if math.isfinite(low) and not best.load_factor >= low:
@@ -328,7 +329,7 @@ class Targets:
             self.found[target] = replace(best, bound=bound)
 
     def settle(self, target: int | None) -> None:
-        """Take a proven target off `left`; of a front the first one adds one per count.
+        """Remove a proven target from `left`; for a front the first one adds one target per count.
 
         A target without a λ whose bound is at most 0 gets the bound −inf: none of its labellings stands.
         """

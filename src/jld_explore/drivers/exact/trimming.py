@@ -79,7 +79,10 @@ def refutation(clauses: Sequence[Sequence[int]]) -> Refutation | None:
 
 
 def _trimmed(count: int, lemmas: list[tuple[int, ...]], reasons: list[tuple[int, ...]]) -> Refutation:
-    """Return the refutation with only the clauses and lemmas that the last lemma needs."""
+    """Return the refutation with only the clauses and lemmas that the last lemma needs.
+
+    count: number of clauses. reasons: for each lemma positions as in `Refutation.lemmas`.
+    """
     used = {count + len(lemmas) - 1}
     for place in range(len(lemmas) - 1, -1, -1):
         if count + place in used:
@@ -120,7 +123,7 @@ class _Propagation:
                 self._conflict = self._propagate()
 
     def follows(self, literals: Sequence[int]) -> tuple[int, ...] | None:
-        """Return the clauses that refute the negation of a lemma, in order; None if none do."""
+        """Return the clauses by whose propagation a lemma follows, in order; None if it does not."""
         if self._conflict is not None:
             return self._why(self._conflict)
         mark = len(self._trail)
@@ -182,7 +185,7 @@ class _Propagation:
         return None
 
     def _why(self, conflict: int) -> tuple[int, ...]:
-        """Return the clauses that imply a conflict, each after the clauses it needs."""
+        """Return the clauses that imply a false clause, each after those it needs; it is last."""
         place = {literal: k for k, literal in enumerate(self._trail)}
         seen = {conflict}
         needed: list[tuple[int, int]] = []

@@ -120,11 +120,11 @@ class PartLimits:
     parts : tuple of float
         Least and largest number of parts.
     seams : tuple
-        Seams of each limited count of dry faces, with its least and largest value.
+        For each limited count of dry faces: its seams, its least and its largest value.
     exempt : frozenset of int
         Atoms whose parts are exempt from limits on single parts.
     sink : Sink or None
-        What may be left out of the structure.
+        Part of the cells left out of the structure, None if all cells stay.
     """
 
     sizes: dict[str, Range]
@@ -141,7 +141,7 @@ class PartLimits:
 
     @property
     def only_cells(self) -> bool:
-        """True if the number of cells alone decides if a part is allowed."""
+        """True if the limits on single parts are on the number of cells alone."""
         return not self.exempt and not any(bounds.given for key, bounds in self.sizes.items() if key != CELLS.key)
 
 
@@ -241,7 +241,7 @@ def atom_graph(space: SearchSpace) -> AtomGraph:
 
 
 def _reach(links: list[list[tuple[int, int]]]) -> list[int]:
-    """Return for each atom the first atom of its component."""
+    """Return for each atom the first atom of its connected component; links as in `AtomGraph`."""
     first = [-1] * len(links)
     for start in range(len(links)):
         if first[start] < 0:
@@ -276,7 +276,10 @@ def _seams(a: Ints, b: Ints, counted: Bools) -> Seams:
 
 
 def _sink(space: SearchSpace, graph: AtomGraph) -> Sink | None:
-    """Return what a search may leave out, by atoms that consist of candidate cells alone."""
+    """Return the sink of a space whose cells may be left out, None for any other space.
+
+    Only atoms that consist of such cells alone may be left out.
+    """
     if space.void is None:
         return None
     elements, cells = space.assembly.elements, space.void.cells

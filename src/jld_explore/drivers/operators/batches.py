@@ -81,7 +81,7 @@ class Batches:
     def draw(self, count: int, rng: np.random.Generator) -> Bits:
         """Draw at most `count` random segmentations (j, m).
 
-        A random threshold for each spreads the number of blocks.
+        Each has a random threshold of its own, so that numbers of blocks spread.
         """
         keys = rng.random((count, len(self._p)))
         return self.read(keys, rng.random((count, 1)))
@@ -89,8 +89,8 @@ class Batches:
     def cross(self, first: Bits, second: Bits, rng: np.random.Generator) -> Floats:
         """Return keys (k, pairs) of one child of each couple of parents (k, m), for `read`.
 
-        A child keeps what both parents have. Elsewhere it follows one parent in a patch and the other outside, or
-        either at random.
+        Joints of both parents stay, and so do pairs that both have inside blocks. At other pairs the child follows
+        `first` in a patch and `second` outside, or one of them at random for each pair.
         """
         one, two = first[:, self._face], second[:, self._face]
         count = len(one)
@@ -143,7 +143,11 @@ class Batches:
         return keys
 
     def _region(self, name: Ints, inside: Bools, rng: np.random.Generator) -> Bools:
-        """Return (k, atoms) two blocks, and in two rows of five a third one that touches them."""
+        """Add a third block that touches the region to 40 % of the rows, chosen at random.
+
+        name: (k, atoms) block of each atom. inside: (k, atoms) True in two blocks of each row; changed in place and
+        returned.
+        """
         rows = np.flatnonzero(rng.random(len(name)) < 0.4)
         touching = inside[rows][:, self._p] != inside[rows][:, self._q]
         pair = np.argmax(touching * rng.random(touching.shape), axis=1)
@@ -153,7 +157,12 @@ class Batches:
         return inside
 
     def _moving(self, name: Ints, cut: Bits, old: Ints, new: Ints, joint: Ints, here: Ints, single: Bools) -> Bools:
-        """Return (k, atoms) what crosses a joint: one atom, or all along its straight line."""
+        """Return the atoms that a move takes across a joint into the next block, (k, atoms) bool.
+
+        Where `single`, only atom `here` moves. Elsewhere all atoms of block `old` move that touch block `new` along the
+        straight line of the joint. name: (k, atoms) block of each atom. cut: (k, pairs) True = dry. old, new: (k, 1)
+        blocks. joint: (k,) pair of atoms. here: (k,) atom of `old` at the joint. single: (k,).
+        """
         moving = np.zeros(name.shape, dtype=bool)
         moving[np.arange(len(name)), here] = True
         rows = np.flatnonzero(~single)
@@ -167,7 +176,7 @@ class Batches:
         return moving
 
     def _patch(self, count: int, rng: np.random.Generator) -> Bools:
-        """Return (k, pairs) the pairs on one side of a random plane, or in a random box."""
+        """Mark (count, pairs) the pairs on one side of a random plane, or in a random box."""
         centre = self._middle[rng.integers(len(self._middle), size=count)]
         planes = np.flatnonzero(rng.random(count) < 0.5)
         found = np.ones((count, len(self._middle)), dtype=bool)
@@ -191,13 +200,16 @@ class Batches:
         return self.read_some(keys, threshold)[0]
 
     def read_some(self, keys: Floats, threshold: float | Floats = THRESHOLD) -> tuple[Bits, Ints]:
-        """Do the same as `read`; also return (j,) the row of keys from which each labelling comes."""
+        """Convert keys as `read` does; also return (j,) the row of keys of each labelling."""
         name, good = self._assemble(keys, threshold)
         across = name[:, self.graph.face_a] != name[:, self.graph.face_b]
         return np.asarray(np.where(self.space.candidates, across, self.space.fixed)), np.flatnonzero(good)
 
     def _assemble(self, keys: Floats, threshold: float | Floats) -> tuple[Names, Bools]:
-        """Return the part of each atom (j, atoms), and which rows (k,) have no part too small."""
+        """Join atoms by keys as `read`; return the part of each atom (j, atoms).
+
+        Also returns (k,) True for the j rows without a part that is too small; the others are left out.
+        """
         order = np.argsort(keys, axis=1)
         made = self._joining.parts(order, np.count_nonzero(keys <= threshold, axis=1))
         if made is not None:
@@ -250,14 +262,14 @@ class _Forest:
 
     @property
     def lacking(self) -> Bools:
-        """True if some part of each row (rows,) is too small."""
+        """(rows,) True where some part has fewer cells than `least`."""
         size = self.size.reshape(self.name.shape)
         return np.asarray(((size > 0) & (size < self.least)).any(axis=1))
 
     def join(self, rows: Ints, a: Ints, b: Ints, small_only: bool) -> None:
-        """Join the parts of atoms a and b (r,) in rows (r,) where their union is not too large.
+        """Join the parts of atoms a and b (r,) in rows (r,) if the union has at most `most` cells.
 
-        With `small_only` a union is made only where one of the two parts is too small.
+        small_only: join only where one of the two parts has fewer cells than `least`. Changes `name` and `size`.
         """
         base = rows * self.atoms
         p: Names = self._names.take(base + a)

@@ -30,7 +30,7 @@ class Cutter:
     Attributes
     ----------
     exact : bool
-        Whether cuts keep all limits on single parts, because those limits are on cells alone.
+        True if cuts keep all limits on single parts: they are on cells alone, and there are no walls.
     """
 
     def __init__(self, graph: AtomGraph, limits: PartLimits) -> None:
@@ -70,9 +70,9 @@ class Cutter:
         return free or all(self._size(members, adds) <= bounds.most for bounds, adds in self._others)
 
     def large_enough(self, members: list[int]) -> bool:
-        """Return True if a part is within the lower limits, or has no free element.
+        """Return True if a part is within the lower limits, is exempt, or has no free element.
 
-        members: atoms of the part. Exempt parts also count as within the limits.
+        members: atoms of the part.
         """
         cells = self.graph.cells
         count = sum([cells[a] for a in members])
@@ -87,7 +87,10 @@ class Cutter:
         return bool(self.limits.exempt) and any(a in self.limits.exempt for a in members)
 
     def _size(self, members: list[int], adds: list[float] | None) -> float:
-        """Return the sum of a measure over a part, or the longest side of its bounding box."""
+        """Return the sum of a measure over a part, or the longest side of its bounding box.
+
+        adds: measure of each atom, scene units; None for the bounding box.
+        """
         if adds is not None:
             return sum([adds[a] for a in members])
         corner = [max(values) for values in zip(*[self._corner[a] for a in members], strict=True)]
@@ -95,7 +98,10 @@ class Cutter:
         return float(max(corner[i] + corner[d + i] for i in range(d)))
 
     def components(self, members: list[int]) -> list[list[int]]:
-        """Return the connected components of a set of atoms, each from its first atom on."""
+        """Return the connected components of a set of atoms, in the order of their first atoms.
+
+        members: atoms; those of a component come in the order of a breadth-first search.
+        """
         left, found = dict.fromkeys(members), []
         for start in members:
             if start not in left:
@@ -170,7 +176,10 @@ class Cutter:
         return self._cut_tree(members, tree)
 
     def _as_they_are(self, members: list[int], root: dict[int, int]) -> list[list[int]] | None:
-        """Return the parts that the keys ask for if they are allowed; no other cuts agree better."""
+        """Return the parts joined so far if all are allowed, else None.
+
+        No other cuts agree better with the keys. root: parent of each atom in the disjoint sets of the parts.
+        """
         least, most = self._least, self._most
         cells = self.graph.cells
         parts: dict[int, list[int]] = {}
@@ -189,7 +198,7 @@ class Cutter:
         return list(parts.values())
 
     def grow(self, members: list[int], keyed: list[tuple[float, int, int, int]], threshold: float) -> list[list[int]]:
-        """Join pairs in ascending order of keys up to the threshold while the parts fit.
+        """Join pairs in ascending order of keys, up to the threshold, where the union `fits`.
 
         Arguments are as in `assemble`. The result is the parts; those that remain too small are kept.
         """
@@ -206,7 +215,10 @@ class Cutter:
         return list(parts.values())
 
     def _cut_tree(self, members: list[int], tree: dict[int, list[tuple[int, float]]]) -> list[list[int]] | None:
-        """Cut a forest at the least cost; cutting an edge costs minus its key above the threshold."""
+        """Cut a forest into allowed parts at the least cost; return None if there is no way.
+
+        tree: for each atom its neighbours with key − threshold of the pair. Cutting an edge costs threshold − key.
+        """
         up: dict[int, tuple[int, float]] = {}
         order: list[int] = []
         roots: list[int] = []
@@ -241,7 +253,11 @@ class Cutter:
         return parts
 
     def _choose(self, order: list[int], up: dict[int, tuple[int, float]], joined: dict[int, bool]) -> bool:
-        """Decide for each atom whether it stays with its parent; return False if impossible."""
+        """Decide for each atom of a forest whether it stays with its parent; False if impossible.
+
+        order: atoms, parents first. up: parent of each atom (−1: none) and key − threshold of their pair. joined:
+        filled with the decisions.
+        """
         cap, least = self._cap, self._least
         capped = self._most == inf
         cells = self.graph.cells

@@ -101,7 +101,10 @@ class Following:
         return [[] for _ in labellings] if self._segmentations is None else self._segmentations.parts(labellings)
 
     def _closed(self, labels: Bits, moving: Floats, rng: BufferedRandom) -> list[Bits]:
-        """Make one moving face inner, or make a random change; used if slits are allowed."""
+        """Make one moving dry face inner, or vary at random; used if slits are allowed.
+
+        labels, moving: (m,). Returns one changed labelling, or none if it breaks a limit.
+        """
         faces = self._moving_joints(labels, moving)
         if not faces or rng.real() >= _JOIN_SHARE:
             return list(self._operators.vary(labels[None], rng))
@@ -112,7 +115,10 @@ class Following:
     def _child(
         self, segmentations: Segmentations, labels: Bits, part: Parts, moving: Floats, rng: BufferedRandom
     ) -> Parts | None:
-        """Return a changed partition: joined, cut or varied at random."""
+        """Return a partition joined at a moving face, cut where nothing moves, or varied.
+
+        The choice is random. None where the chosen change fails.
+        """
         choice = rng.real()
         if choice < _JOIN_SHARE and (faces := self._moving_joints(labels, moving)):
             face = rng.pick(faces)
@@ -123,12 +129,15 @@ class Following:
         return segmentations.change(part, rng)
 
     def _moving_joints(self, labels: Bits, moving: Floats) -> list[int]:
-        """Return the dry candidate faces that move."""
+        """Return the dry candidate faces that move; labels, moving: (m,)."""
         found: list[int] = np.flatnonzero(labels & self.space.candidates & (moving > _LEAST_MOTION)).tolist()
         return found
 
     def _join(self, segmentations: Segmentations, part: Parts, a: int, b: int, rng: BufferedRandom) -> Parts | None:
-        """Form a block around two atoms out of their two blocks; pieces left join others or stay."""
+        """Form a new block around atoms a and b, out of their two blocks; None if that fails.
+
+        The pieces left of the two blocks join neighbours or become blocks of their own.
+        """
         cutter, links = segmentations.cutter, segmentations.graph.links
         union = [c for c, name in enumerate(part) if name in (part[a], part[b])]
         block = [a, b]
@@ -166,7 +175,7 @@ class Following:
         return segmentations.repair(child, rng, unchecked)
 
     def _cut(self, segmentations: Segmentations, part: Parts, moving: Floats, rng: BufferedRandom) -> Parts | None:
-        """Cut a random block without moving faces into two or more."""
+        """Cut a random block whose faces do not move into two or more; None if that fails."""
         faces = np.flatnonzero(moving > _LEAST_MOTION)
         moved = {
             part[c] for c in (*segmentations.graph.face_a[faces].tolist(), *segmentations.graph.face_b[faces].tolist())

@@ -91,7 +91,7 @@ class FreeBits:
         return self._repaired(rows, rng)
 
     def cross_indexed(self, first: Bits, second: Bits, rng: BufferedRandom) -> tuple[Bits, Ints]:
-        """Do the same as `cross`; also return (j,) the couple of each child."""
+        """Return children as `cross` does; also return (j,) the couple of each child."""
         rows = [self.cross(one[None], other[None], rng) for one, other in zip(first, second, strict=True)]
         return np.concatenate([first[:0], *rows]), np.repeat(np.arange(len(rows)), [len(row) for row in rows])
 
@@ -110,7 +110,7 @@ class FreeBits:
         return [0.75 if labelling[face] else 0.25 for face in self._faces]
 
     def breed(self, first: Bits, second: Bits, single: Bits, rng: BufferedRandom) -> Bits:
-        """Return one child of each couple, and one change of each single parent; see `Operators`."""
+        """Return one child of each couple, then one change of each single parent; see `Operators`."""
         return np.concatenate([self.cross(first, second, rng), self.vary(single, rng)])
 
     def _repaired(self, rows: Bits, rng: BufferedRandom) -> Bits:
@@ -128,9 +128,9 @@ class FreeBits:
         return mended[feasible(self.space, mended)]
 
     def _repair_part(self, row: Bits, part: Parts, rng: BufferedRandom) -> Bits | None:
-        """Repair one row; return None if no repair is found.
+        """Repair one row (m,) through its blocks; return None if no repair is found.
 
-        The returned row may still violate a limit.
+        part: its block of each atom. The returned row may still violate a limit.
         """
         new = self._repair(part, rng)
         if new is None:
@@ -138,6 +138,7 @@ class FreeBits:
         root = list(range(len(self.graph)))
 
         def find(a: int) -> int:
+            """Return the root of an atom in the disjoint sets."""
             while root[a] != a:
                 root[a] = a = root[root[a]]
             return a

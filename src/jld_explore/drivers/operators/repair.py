@@ -16,8 +16,8 @@ _TRIES = 4
 class Repair:
     """Algorithm that repairs partitions of the atoms of one search space.
 
-    Call it with a partition, random numbers, and the names of the parts that may break a limit (None: any). It returns
-    the repaired partition, or None if no repair is found.
+    Call it with a partition, random numbers, and the names of the parts that may break a limit (None: any part). It
+    returns the repaired partition, or None if no repair is found.
 
     Parameters
     ----------
@@ -66,7 +66,10 @@ class Repair:
         return None
 
     def _fault(self, groups: Groups) -> Callable[[Groups, BufferedRandom], bool] | None:
-        """Return the method that corrects the number of parts or of dry faces, or None."""
+        """Return the method that corrects the first violated limit on numbers, or None.
+
+        The numbers are those of parts and of dry faces.
+        """
         numbers = [(groups.count(), *self.limits.parts)] if self._counted_parts else []
         numbers += [(groups.dry(seams), least, most) for seams, least, most in self.limits.seams]
         for number, least, most in numbers:
@@ -77,7 +80,10 @@ class Repair:
         return None
 
     def _repair_part(self, groups: Groups, violating_part: int, rng: BufferedRandom) -> bool:
-        """Convert a part that is too small or too large to allowed ones, with its neighbours."""
+        """Replace a part that breaks a limit by allowed ones, made with its neighbours.
+
+        violating_part: its name. Changes `groups`; returns False, without a change, if no repair is found.
+        """
         members = groups[violating_part]
         if self.cutter.fits(members):
             for other in rng.shuffled(groups.around([violating_part])):
@@ -98,7 +104,11 @@ class Repair:
     def _recut(
         self, groups: Groups, region: list[int], rng: BufferedRandom, wanted: Callable[[list[list[int]]], bool]
     ) -> bool:
-        """Cut the union of some parts anew into allowed parts that `wanted` accepts."""
+        """Cut the union of some parts anew into allowed parts that `wanted` accepts.
+
+        region: names of the parts. wanted: gets the new pieces, lists of atoms. Changes `groups`; returns False,
+        without a change, if no try succeeds.
+        """
         members = [a for name in region for a in groups[name]]
         for _ in range(_TRIES):
             checkpoint()
@@ -111,7 +121,7 @@ class Repair:
         return False
 
     def _join(self, groups: Groups, rng: BufferedRandom) -> bool:
-        """Reduce the number of parts or of dry faces.
+        """Reduce the number of parts or of dry faces in `groups`; return False if that fails.
 
         Two neighbours are joined where that is allowed. Otherwise two to four neighbours are cut into fewer parts, or
         into as many with fewer dry faces.
@@ -125,10 +135,10 @@ class Repair:
         return self._regroup(groups, names, rng, lambda before, after: after < before)
 
     def _divide(self, groups: Groups, rng: BufferedRandom) -> bool:
-        """Increase the number of parts or of dry faces.
+        """Increase the number of parts or of dry faces in `groups`; return False if that fails.
 
-        One part is cut where that is allowed. Otherwise two to four neighbours are cut into more parts, or into as
-        many with more dry faces.
+        One part is cut where that is allowed. Otherwise two to four neighbours are cut into more parts, or into as many
+        with more dry faces.
         """
         names = rng.shuffled(list(groups))
         for name in names:
@@ -139,10 +149,10 @@ class Repair:
     def _regroup(
         self, groups: Groups, names: list[int], rng: BufferedRandom, better: Callable[[int, int], bool]
     ) -> bool:
-        """Cut two to four neighbours anew if that changes the parts or dry faces as wanted.
+        """Cut two to four neighbours anew so that the number of parts or dry faces improves.
 
-        `better` compares numbers before and after the cut: of parts, or of dry faces if the number of parts is
-        unchanged.
+        names: parts that regions grow from, in this order. better: compares a number before and after the cut: of
+        parts, or of dry faces if the number of parts is unchanged. Changes `groups`; returns False if no cut is found.
         """
         for name in names[: 2 * _TRIES]:
             region = [name]
@@ -201,13 +211,18 @@ class Groups:
                 self.replace([name], pieces)
 
     def __iter__(self) -> Iterator[int]:
+        """Iterate over the names of the parts."""
         return iter(self._members)
 
     def __getitem__(self, name: int) -> list[int]:
+        """Return the atoms of a part, given by its name."""
         return self._members[name]
 
     def replace(self, old: list[int], new: list[list[int]]) -> None:
-        """Replace parts, by name, by new ones, given by their atoms; the new ones get new names."""
+        """Replace the parts named `old` by new ones, lists of atoms, which get new names.
+
+        New parts count as unchecked.
+        """
         for name in old:
             del self._members[name]
             self._unchecked.pop(name, None)
@@ -247,7 +262,7 @@ class Groups:
     def dry(self, seams: Seams | None = None) -> int:
         """Return the number of dry faces, without slits, among some seams.
 
-        seams: pairs of atoms with their number of faces; None for all faces between free elements.
+        seams: triples (a, b, number of faces) of atoms that touch; None for all faces between free elements.
         """
         part = self.part
         return sum([number for a, b, number in (self.graph.seams if seams is None else seams) if part[a] != part[b]])

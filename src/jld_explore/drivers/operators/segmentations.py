@@ -108,7 +108,7 @@ class Segmentations:
     def draw(self, count: int, rng: BufferedRandom) -> Bits:
         """Draw at most `count` random segmentations (j, m).
 
-        A random threshold for each spreads the number of blocks.
+        Each has a random threshold of its own, so that numbers of blocks spread.
         """
         if self._batches is not None:
             found = self._batches.draw(_DRAWN_PER_REQUESTED * count, rng.generator)
@@ -198,7 +198,11 @@ class Segmentations:
         return self._assemble(keys, threshold, rng)
 
     def _assemble(self, keys: list[float], threshold: float, rng: BufferedRandom) -> Parts | None:
-        """Convert keys to a partition; change the keys at random where they give no allowed parts."""
+        """Convert keys to a partition that keeps all limits; return None if none is found.
+
+        keys: one per pair of atoms. threshold: key above which a pair is separated. Keys that lead to no allowed parts
+        are changed at random and tried again.
+        """
         pieces = None
         for tries in range(_TREES_TRIED):
             checkpoint()
@@ -240,9 +244,9 @@ class Segmentations:
         return None if pieces is None or len(pieces) < 2 else self._with(part, pieces, rng)
 
     def merge(self, part: Parts, rng: BufferedRandom) -> Parts | None:
-        """Merge the two blocks beside a random joint, and cut the union anew if it is too large.
+        """Merge the two blocks beside a random joint; return None without a joint or repair.
 
-        Returns None without a joint, or if no repair is found.
+        A union that is too large is cut anew.
         """
         joint = self._joint(part, rng)
         if joint is None:
@@ -307,7 +311,7 @@ class Segmentations:
         return self.repair(child, rng, list(unchecked))
 
     def _side(self, a: int, b: int) -> bool:
-        """Return True if atom a lies before its neighbour b along the axes.
+        """Return True if atom a lies before its neighbour b, in the order of coordinates.
 
         The result is the same for all pairs along a straight line of faces.
         """
@@ -317,9 +321,9 @@ class Segmentations:
     def overlay(self, first: Parts, second: Parts, rng: BufferedRandom) -> Parts | None:
         """Cross two parents: overlay their joints, and merge the fragments.
 
-        A joint of both parents stays where limits allow, and a face inside blocks of both stays inside. Elsewhere the
-        child follows one parent inside a random patch and the other outside, or either at random. The result is the
-        partition of the child, None if none is found.
+        A joint of both parents stays where limits allow, and a face inside blocks of both stays inside. At the other
+        faces the child follows `first` inside a random patch and `second` outside, or one of them at random for each
+        face. The result is the partition of the child, None if none is found.
 
         Parameters
         ----------
@@ -343,7 +347,7 @@ class Segmentations:
         return self._assemble(keys, THRESHOLD, rng)
 
     def _patch(self, rng: BufferedRandom) -> list[bool]:
-        """Return a random connected set of 20 to 80 % of the atoms."""
+        """Mark (atoms) a random connected set of 20 to 80 % of the atoms."""
         count = len(self.graph)
         wanted = max(1, int(count * (0.2 + 0.6 * rng.real())))
         inside = [False] * count
@@ -357,7 +361,10 @@ class Segmentations:
         return inside
 
     def _joint(self, part: Parts, rng: BufferedRandom) -> tuple[int, int, int] | None:
-        """Return a random pair of neighbours in different parts, in random order, with its index."""
+        """Return a random pair of neighbours in different parts, None if all are in one part.
+
+        The result is (a, b, index of the pair), a and b in random order.
+        """
         pairs = self.graph.pairs
         if not pairs:
             return None
@@ -375,7 +382,10 @@ class Segmentations:
         return (a, b, number) if rng.real() < 0.5 else (b, a, number)
 
     def _with(self, part: Parts, pieces: list[list[int]], rng: BufferedRandom) -> Parts | None:
-        """Return the partition with some atoms cut into new pieces, repaired where needed."""
+        """Return the partition with some atoms cut into new pieces, repaired if needed, or None.
+
+        part: partition before. pieces: atoms of each new part. None if no repair is found.
+        """
         child, fresh = list(part), max(part) + 1
         for number, piece in enumerate(pieces):
             for a in piece:

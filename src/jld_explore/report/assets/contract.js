@@ -23,6 +23,7 @@ export const VERSION = 1;
  * @property {Point[] | null} pressure Centre of pressure of each face.
  * @property {boolean[] | null} on_face True if that centre lies on the face.
  * @property {Point[] | null} vectors Force of each face, with the sign that runs down the load path.
+ * @property {number[] | null} members Tension of each member, of a pin its shear.
  * @property {Point[][]} thrust Pieces of the thrust line.
  * @property {number[][] | null} mechanism Velocities of each element about its centroid.
  * @property {number} scale Factor on the velocities for a picture.
@@ -100,6 +101,7 @@ export const VERSION = 1;
  * @property {string} rest
  * @property {string} load
  * @property {string} press
+ * @property {string} member
  * @property {string[]} used
  * @property {string} thrust
  * @property {number[]} thrust_dash
@@ -119,6 +121,14 @@ export const VERSION = 1;
  * @property {string} fill
  * @property {string} edge
  * @property {string} meaning
+ */
+
+/**
+ * @typedef {object} Member Tie, tendon or pin: a line through points of elements.
+ * @property {string} name
+ * @property {"tie" | "tendon" | "pin"} kind
+ * @property {number[]} elements Number of the element of each point.
+ * @property {Point[]} points
  */
 
 /**
@@ -150,6 +160,7 @@ export const VERSION = 1;
  * @property {Edge[]} edges Planar: pieces of outline that touch no other element.
  * @property {string[]} resultants Names of the numbers in a row of forces.
  * @property {([number, number])[]} touching Pairs of supports that share a face: they are of one block.
+ * @property {Member[]} members Ties, tendons and pins.
  */
 
 /**
@@ -196,7 +207,7 @@ export const VERSION = 1;
 
 /** Keys that each object must have, by the name of its type. */
 export const REQUIRED = Object.freeze({
-  CaseSolution: ["name", "required", "load_factor", "bracket", "gap", "status", "friction", "forces", "utilisation", "pressure", "on_face", "vectors", "thrust", "mechanism", "scale", "movements", "places"],
+  CaseSolution: ["name", "required", "load_factor", "bracket", "gap", "status", "friction", "forces", "utilisation", "pressure", "on_face", "vectors", "members", "thrust", "mechanism", "scale", "movements", "places"],
   Column: ["name", "title", "unit", "kind", "values"],
   Curve: ["name", "solves", "seconds", "best"],
   Edge: ["element", "from", "to"],
@@ -204,11 +215,12 @@ export const REQUIRED = Object.freeze({
   Face: ["elements", "polygon", "origin", "normal", "area", "candidate"],
   Fact: ["name", "value"],
   Load: ["case", "kind", "element", "at", "vector"],
-  Look: ["tints", "plain", "support", "hatch", "ink", "soft", "rest", "load", "press", "used", "thrust", "thrust_dash", "inner_dash", "movements", "yielding", "evidence", "front", "small", "yields", "eye"],
+  Look: ["tints", "plain", "support", "hatch", "ink", "soft", "rest", "load", "press", "member", "used", "thrust", "thrust_dash", "inner_dash", "movements", "yielding", "evidence", "front", "small", "yields", "eye"],
   Mark: ["shape", "fill", "edge", "meaning"],
+  Member: ["name", "kind", "elements", "points"],
   Picture: ["title", "png"],
   Solution: ["labelling", "load_factor", "bracket", "status", "governing", "cases"],
-  Structure: ["dimension", "units", "size", "typical", "elements", "faces", "edges", "resultants", "touching"],
+  Structure: ["dimension", "units", "size", "typical", "elements", "faces", "edges", "resultants", "touching", "members"],
   Table: ["rows", "columns", "labellings", "beside", "evidence", "count", "sense", "line", "counts", "left_out"],
   Units: ["length", "force"],
   PageData: ["format", "version", "kind", "title", "facts", "warnings", "how", "look", "structure", "cases", "loads", "table", "solutions", "convergence", "pictures", "scene", "summary", "studio"],

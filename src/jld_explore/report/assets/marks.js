@@ -97,7 +97,7 @@ const line = (look) => svg("line", { x1: 2, y1: 7, x2: 26, y2: 7, ...look });
  * What the signs of a view mean.
  * @param {Look} look
  * @param {{view: string, labelling: string, solved: import("./contract.js").CaseSolution | null, blocks: number,
- *   largest: number | null, unit: string, loads: Set<string>, thrust: boolean, differs: boolean}} what
+ *   largest: number | null, unit: string, loads: Set<string>, thrust: boolean, differs: boolean, members: boolean}} what
  */
 export function legend(look, what) {
   const { view, labelling, solved } = what;
@@ -111,6 +111,7 @@ export function legend(look, what) {
   }
   if (labelling.includes("i")) items.push(entry([line({ stroke: look.soft, "stroke-width": 1.6, "stroke-dasharray": "1.6 2.6" })], "inner face"));
   items.push(entry([svg("rect", { x: 3, y: 1, width: 22, height: 12, fill: look.support, stroke: look.hatch }), svg("path", { d: "M6,13L14,1M12,13L20,1M18,13L25,3", stroke: look.hatch })], "support"));
+  if (what.members) items.push(entry([line({ stroke: look.member, "stroke-width": 3 }), svg("circle", { cx: 4, cy: 7, r: 3, fill: look.member }), svg("circle", { cx: 24, cy: 7, r: 3, fill: look.member })], "member"));
   const arrow = (/** @type {Record<string, any>} */ more) => svg("path", { d: arrowPath([2, 7], [26, 7], 2), ...more });
   if (what.loads.has("live")) items.push(entry([arrow({ fill: look.load })], "live load, × λ"));
   if (what.loads.has("body")) items.push(entry([svg("path", { d: arrowPath([2, 7], [26, 7], 3), fill: look.load })], "live load on all bodies, × λ"));

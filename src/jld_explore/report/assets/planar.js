@@ -138,12 +138,14 @@ export class PlanarFigure {
     const over = svg("g", { class: "over" });
     if (forces) this.#forces(over, forces, labelling, show);
     if (view !== "mechanism") this.#loads(over, what.loads, show);
+    this.members = svg("g", { class: "over" });
+    this.#members(forces, show, null);
     this.movements = svg("g", { class: "over" });
     this.root.replaceChildren(
       svg("title", {}, title(this.data.title, view)),
       svg("defs", {}, svg("pattern", { id: this.hatch, width: 7, height: 7, patternUnits: "userSpaceOnUse", patternTransform: "rotate(45)" },
         svg("rect", { width: 7, height: 7, fill: look.support }), svg("line", { x1: 0, y1: 0, x2: 0, y2: 7, stroke: look.hatch, "stroke-width": 1.4 }))),
-      ...[...fills, rest, ...groups, over, this.movements].filter(Boolean),
+      ...[...fills, rest, ...groups, this.members, over, this.movements].filter(Boolean),
     );
     if (show.ids) this.#ids(over);
     for (const { vertex, place } of what.handles ?? []) {
@@ -178,6 +180,31 @@ export class PlanarFigure {
       return [markNode(mark, (i[0] + j[0]) / 2, (i[1] + j[1]) / 2, clamp(0.09 * this.typical, 3.2, 7), { "data-face": k })];
     });
     this.movements.replaceChildren(...nodes);
+    this.#members(null, {}, maps);
+  }
+
+  /**
+   * Ties, tendons and pins, with their forces where these are known.
+   * @param {CaseSolution | null} solved @param {Record<string, boolean>} show @param {number[][] | null} maps of the elements
+   */
+  #members(solved, show, maps) {
+    const { look, structure } = this.data;
+    const values = solved?.members ?? null;
+    const largest = Math.max(1e-300, ...(values ?? []).map(Math.abs));
+    const nodes = structure.members.flatMap((member, k) => {
+      const places = member.points.map((point, i) => {
+        const [x, y] = this.at(point);
+        const m = maps?.[member.elements[i]];
+        return m ? [m[0] * x + m[2] * y + m[4], m[1] * x + m[3] * y + m[5]] : [x, y];
+      });
+      const width = clamp(0.05 * this.typical, 1.2, 3) * (values ? 1 + Math.abs(values[k]) / largest : 1);
+      const text = values ? `${member.name}: ${shown(values[k], 4)} ${structure.units.force}` : member.name;
+      const line = svg("polyline", { points: places.map((p) => p.map((v) => v.toFixed(2)).join(",")).join(" "), fill: "none", stroke: look.member, "stroke-width": width, class: "member" }, svg("title", {}, text));
+      const ends = places.map(([x, y]) => svg("circle", { cx: x, cy: y, r: 0.9 * width + 1.2, fill: look.member }));
+      const [[x, y], [u, v]] = [places[(places.length - 1) >> 1], places[places.length >> 1]];
+      return [line, ...ends, ...(values && show.values ? [label(0.5 * (x + u) + 5, 0.5 * (y + v) - 5, shown(values[k], 3))] : [])];
+    });
+    this.members.replaceChildren(...nodes);
   }
 
   /** @param {any} over @param {CaseSolution} solved @param {string} labelling @param {Record<string, boolean>} show */

@@ -176,6 +176,10 @@ export class SpatialFigure {
       this.groups?.[face.elements[1]].add(patch);
       return patch;
     });
+    for (const member of structure.members) {
+      const pairs = member.points.slice(1).flatMap((point, k) => [...member.points[k], ...point]);
+      this.#free(this.#lines(this.#keep(`member ${member.name}`, () => segments(pairs)), look.member, 4));
+    }
     if (view === "forces" && solved?.forces) this.#forces(solved);
     if (view !== "mechanism") this.#loads(what.loads);
     if (view === "mechanism" && solved?.mechanism) {

@@ -166,6 +166,7 @@ export class Viewer {
       pane.querySelector(".legend-place").replaceChildren(legend(this.data.look, {
         view: this.view, labelling: layout.labelling, solved, blocks: count, largest, unit: this.data.structure.units.force,
         loads: new Set(this.view === "mechanism" ? [] : loads.map((load) => load.kind)), thrust: this.show.thrust && this.data.structure.dimension === 2, differs: this.layouts.length > 1 && differs.size > 0,
+        members: this.data.structure.members.length > 0,
       }));
       figure?.node.setAttribute("aria-label", `${layout.name}, ${this.view}. ${pane.querySelector(".verdict").textContent}. ${count} blocks, ${[...layout.labelling].filter((l) => l === "d").length} dry faces.`);
       if (this.view === "mechanism" && solved?.mechanism) scale = solved.scale;

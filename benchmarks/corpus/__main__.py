@@ -1,0 +1,152 @@
+"""Check every value of the corpus: ``python -m benchmarks.corpus [--quick] [--write]``; exit code 1 if one disagrees.
+
+``--write`` also writes docs/validation.md and its picture, ``--quick`` leaves out what takes long.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from typing import Final
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from benchmarks.common import ROOT, table
+from benchmarks.corpus import TIERS, Value, read
+from jld_core.views.figures import save_figure
+
+PAGE: Final = ROOT / "docs" / "validation.md"
+PICTURE: Final = ROOT / "docs" / "images" / "corpus.png"
+MARKS: Final = {"closed form": "o", "independent program": "s", "experiment": "^", "ours": "x"}
+"""Mark of each tier in the picture."""
+
+HEAD: Final = """# Validation
+
+Written by `python -m benchmarks.corpus --write`. Values that others published or derived, with their source, and
+ours at default settings; `benchmarks/corpus` has one file per source, and its scenes. A row that disagrees is an error
+of the tests.
+
+- *equal*: the relative difference is below what digits of the source, or the number of voussoirs, leave.
+- *inside*: reactions are not one number, as rigid blocks have many states of equilibrium. The published one lies in
+  the interval that `jld thrust` proves, or a known pressure lies in its bracket by fields.
+- *above*: a test carries more than the model, which has neither bond nor fill; the ratio is given, and the reason.
+"""
+END: Final = """
+Without dilation λ is not one number, so published local minima are no check; what is checked there is each solution's
+own evidence ([zero dilation](guide/zero_dilation.md)). The paper's flat arch (its section 3.3) is not in this table, as
+its layout is not published. Independent programs on random scenes, and brackets against one another, are in
+`tests/validation`.
+"""
+
+Pair = tuple[Value, tuple[float, float]]
+
+
+def _number(value: float) -> str:
+    """Format one of our values."""
+    return "no end" if math.isinf(value) else f"{value:.10g}"
+
+
+def row(value: Value, ours: tuple[float, float]) -> list[str]:
+    """Return the cells of one value in the page's table."""
+    low, high = ours
+    unit = f" {value.unit}" if value.unit else ""
+    if value.relation == "inside":
+        found, apart, allowed = f"{_number(low)} to {_number(high)}", "inside", "inside"
+    elif value.relation == "above":
+        found, apart, allowed = _number(high), f"{value.published / high:.1f} times", "above"
+    else:
+        found = _number(low) if low == high else f"{_number(low)} to {_number(high)}"
+        difference = max(abs(one - value.published) for one in ours) / abs(value.published)
+        apart = f"{difference:.0e}" if difference > 1e-13 else "0"
+        allowed = f"{value.tolerance:.0e}"
+    what = value.what + (f" ({value.why})" if value.why else "")
+    return [what, value.place or "–", f"{value.published:.10g}{unit}", found, apart, allowed]
+
+
+def page(pairs: list[Pair]) -> str:
+    """Return the page, with one table for each source, the strongest evidence first."""
+    count = {tier: sum(value.source.tier == tier for value, _ in pairs) for tier in TIERS}
+    spatial = sum(value.spatial for value, _ in pairs)
+    parts = [
+        HEAD,
+        f"{len(pairs)} values: " + ", ".join(f"{count[tier]} {tier}" for tier in TIERS if count[tier])
+        + f"; {spatial} of structures in space.\n\n"
+        "![Published values over ours: on the diagonal, or inside the proven interval drawn as a bar; tests lie above]"
+        "(images/corpus.png)\n",
+    ]  # fmt: skip
+    head = ["quantity", "place", "published", "ours", "difference", "allowed"]
+    sources = {(value.source.key, value.source.tier): value.source for value, _ in pairs}
+    for source in sorted(sources.values(), key=lambda one: TIERS.index(one.tier)):
+        rows = [row(value, ours) for value, ours in pairs if value.source == source]
+        link = f" ({source.link})" if source.link else ""
+        parts.append(
+            f"## {source.tier.capitalize()}: {source.citation}\n\n{link.strip(' ()')}\n".replace("\n\n\n", "\n")
+        )
+        parts.append(table(head, rows) + "\n")
+    return "\n".join(parts) + END
+
+
+def picture(pairs: list[Pair]) -> Figure:
+    """Return the plot of published values over ours, both axes logarithmic."""
+    figure = Figure(figsize=(7.2, 5.4), layout="constrained")
+    ax = figure.subplots()
+    for tier in TIERS:
+        shown = [(value, ours) for value, ours in pairs if value.source.tier == tier]
+        if not shown:
+            continue
+        x, y, left, right = [], [], [], []
+        for value, ours in shown:
+            published = abs(value.published)
+            low, high = sorted(abs(end) for end in ours)
+            if value.relation == "inside":
+                # An end far away, or without bound, is drawn at 1/30 or 3 times the published value.
+                low, high = (min(max(end, published / 30.0), 3.0 * published) for end in (low, high))
+            middle = min(max(published, low), high)
+            x.append(middle)
+            y.append(published)
+            left.append(middle - low)
+            right.append(high - middle)
+        ax.errorbar(
+            x, y, xerr=np.array([left, right]), fmt=MARKS[tier], markersize=6, markerfacecolor="none", capsize=2,
+            linewidth=1.0, label=f"{tier} ({len(shown)})",
+        )  # fmt: skip
+    ends = np.array([1e-2, 1e6])
+    ax.plot(ends, ends, color="#888888", linewidth=0.8, zorder=0)
+    ax.set(
+        xscale="log", yscale="log", xlabel="ours, in the unit of the row (bars: proven interval)",
+        ylabel="published, in the unit of the row", title="Published values and ours",
+    )  # fmt: skip
+    ax.legend(frameon=False)
+    return figure
+
+
+def main() -> None:
+    """Compute all values, print those that disagree, and write the page if asked to."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.corpus", description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="leave out values that take long")
+    parser.add_argument("--write", action="store_true", help="write docs/validation.md and its picture")
+    asked = parser.parse_args()
+    pairs: list[Pair] = []
+    wrong = 0
+    for value in read():
+        if value.slow and asked.quick:
+            continue
+        ours = value.ours()
+        pairs.append((value, ours))
+        agrees = value.agrees(ours)
+        wrong += not agrees
+        print(
+            f"{'agrees   ' if agrees else 'DISAGREES'} {value.source.key}: {' | '.join(row(value, ours))}", flush=True
+        )
+    print(f"{len(pairs)} values, {wrong} disagree")
+    if asked.write:
+        PAGE.write_text(page(pairs), encoding="utf-8")
+        save_figure(picture(pairs), PICTURE)
+    if wrong:
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()

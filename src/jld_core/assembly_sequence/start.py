@@ -1,0 +1,77 @@
+"""Where laying starts: which block is removed next when a structure is taken apart."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Final, Literal, get_args
+
+import numpy as np
+
+from jld_core.arrays import Bools, Floats
+from jld_core.assembly_sequence.blocks import Blocks
+from jld_core.errors import ParameterError
+
+LayingStart = Literal["ground", "left", "right", "springings"]
+"""Where laying starts: at the ground, from a side, or from all supports alike."""
+
+_EQUAL: Final = 6
+"""Decimals, relative to the size of the structure, to which two places are the same."""
+
+Turn = Callable[[Bools, Sequence[int]], tuple[float, ...]]
+"""Sort key of a removal: of the blocks present and those removed; the least is removed first."""
+
+
+def turn_of(blocks: Blocks, start: LayingStart = "ground") -> Turn:
+    """Return the sort key by which removals are tried, so that laying begins at `start`.
+
+    ground: highest first, then fewest contacts, so that gaps grow from their edges. left, right: farthest from that
+    side first. springings: farthest from the supports first, in blocks between them. Raises InputError for another
+    start.
+    """
+    if start not in get_args(LayingStart):
+        raise ParameterError("start", f"{start!r} is no place to start", "one of " + ", ".join(get_args(LayingStart)))
+    elements = blocks.assembly.elements
+    total = elements.weight[elements.free].sum(axis=0)
+    if not np.any(total):
+        total = -np.eye(blocks.assembly.dimension)[-1]
+    up = -total / np.linalg.norm(total)
+    if start == "springings":
+        far: Floats | None = _steps_from_supports(blocks)
+    elif start == "ground":
+        far = None
+    else:
+        far = elements.centroid @ _to_the_right(blocks, up) * (1.0 if start == "left" else -1.0)
+
+    def key(there: Bools, removed: Sequence[int]) -> tuple[float, ...]:
+        """Return the key of a removal."""
+        touching = sum(int(np.count_nonzero(there[blocks.contacts_of(block)[0]])) for block in removed)
+        chosen = np.isin(blocks.of, removed)
+        weights = elements.volume[chosen]
+        height = float(np.average(elements.centroid[chosen], axis=0, weights=weights) @ up)
+        place = () if far is None else (-round(float(np.average(far[chosen], weights=weights)) / scale, _EQUAL),)
+        return (*place, -round(height / blocks.assembly.size, _EQUAL), float(touching))
+
+    scale = 1.0 if start == "springings" else blocks.assembly.size
+    return key
+
+
+def _to_the_right(blocks: Blocks, up: Floats) -> Floats:
+    """Return the horizontal direction (d,) from left to right; in space along the longer side of the plan."""
+    if blocks.assembly.dimension == 2:
+        return np.array([up[1], -up[0]])
+    elements = blocks.assembly.elements
+    extent = elements.upper.max(axis=0) - elements.lower.min(axis=0)
+    axis = max((k for k in range(3) if abs(up[k]) < 0.5), key=lambda k: extent[k])
+    return np.asarray(np.eye(3)[axis])
+
+
+def _steps_from_supports(blocks: Blocks) -> Floats:
+    """Return for each element (n,) the number of blocks between its block and the nearest support."""
+    steps = np.where(blocks.fixed, 0.0, np.inf)
+    while True:
+        across = np.concatenate([steps[blocks.first], steps[blocks.second]])
+        reached = steps.copy()
+        np.minimum.at(reached, np.concatenate([blocks.second, blocks.first]), across + 1.0)
+        if np.array_equal(reached, steps):
+            return np.asarray(np.where(np.isfinite(steps), steps, len(steps))[blocks.of])
+        steps = reached

@@ -1,0 +1,215 @@
+"""Conversion of a scene's members to interfaces, strengths and prestress of an assembly."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from jld_core import tolerances
+from jld_core.arrays import Floats, Ints
+from jld_core.assembly import INNER, Assembly, Interfaces, Strengths
+from jld_core.errors import InputError
+from jld_core.geometry import moment_about
+from jld_core.geometry.inside import contains
+from jld_core.geometry.vectors import across
+from jld_core.members import Members
+from jld_core.scene.members import Anchor, Member
+
+
+def with_members(assembly: Assembly, entries: Sequence[Member]) -> Assembly:
+    """Return an assembly with members, in addition to its interfaces.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Assembly without members.
+    entries : sequence of Member
+        Entries of the scene.
+
+    Returns
+    -------
+    Assembly
+        Assembly with one more interface for each member whose force may vary. Prestress is part of all dead loads.
+
+    Raises
+    ------
+    InputError
+        An element is unknown, a point lies outside its element, two successive points coincide, or the ends do not
+        belong to two elements of which one is free.
+    """
+    if not entries:
+        return assembly
+    members = _members(assembly, entries)
+    varying = np.flatnonzero(members.axial | (members.shear > 0.0))
+    place = np.full(len(members), -1, dtype=np.int64)
+    place[varying] = len(assembly.interfaces) + np.arange(len(varying))
+    members = replace(members, face=place)
+    prestress, own = _prestress(assembly, members), assembly.members
+    stress = prestress if own.self_stress is None else own.self_stress + prestress
+    members = replace(members, bond=own.bond, self_stress=stress if stress.any() else None)
+    strengths = _strengths(members, varying)
+    return replace(
+        assembly,
+        members=members,
+        interfaces=_joined(assembly.interfaces, _interfaces(assembly, members, varying)),
+        strengths=_joined(assembly.strengths, strengths),
+        labels=np.append(assembly.labels, np.full(len(varying), INNER)).astype(bool),
+        dead=assembly.dead + prestress,
+        cases=tuple(replace(case, dead=case.dead + prestress) for case in assembly.cases),
+    )
+
+
+_Arrays = TypeVar("_Arrays", Interfaces, Strengths)
+
+
+def _joined(one: _Arrays, other: _Arrays) -> _Arrays:
+    """Return two sets of interfaces or strengths as one."""
+    parts: dict[str, Any] = {}
+    for part in fields(one):
+        first, second = getattr(one, part.name), getattr(other, part.name)
+        parts[part.name] = first + second if isinstance(first, tuple) else np.concatenate([first, second])
+    return type(one)(**parts)
+
+
+def _members(assembly: Assembly, entries: Sequence[Member]) -> Members:
+    """Return the members of the scene's entries, before interfaces are numbered."""
+    names, held, points, axes = [], [], [], []
+    for position, entry in enumerate(entries):
+        where = f"members[{position}]"
+        anchors = [("from", entry.from_), *((f"through[{k}]", one) for k, one in enumerate(entry.through))]
+        anchors.append(("to", entry.to))
+        found = [_anchored(assembly, anchor, f"{where}.{key}") for key, anchor in anchors]
+        elements, places = np.array([element for element, _ in found]), np.array([place for _, place in found])
+        _require_two(assembly, elements, where)
+        names.append(entry.name or f"{entry.kind} {position + 1}")
+        held.append(elements)
+        points.append(places)
+        axes.append(_axis(assembly, entry, elements, places, where))
+    twice = next((name for k, name in enumerate(names) if name in names[:k]), None)
+    if twice is not None:
+        raise InputError(f"members[{names.index(twice)}].name", f"{twice!r} stands there twice", "a name for each")
+    return Members(
+        names=tuple(names),
+        kinds=tuple(entry.kind for entry in entries),
+        elements=tuple(held),
+        points=tuple(points),
+        axis=np.array(axes),
+        tension=np.array([entry.most for entry in entries], dtype=float),
+        compression=np.array([entry.compression for entry in entries], dtype=float),
+        shear=np.array([entry.shear or 0.0 for entry in entries], dtype=float),
+        prestress=np.array([entry.prestress for entry in entries], dtype=float),
+    )
+
+
+def _anchored(assembly: Assembly, anchor: Anchor, where: str) -> tuple[int, Floats]:
+    """Return element and point of an anchor; raise InputError for a point outside the element."""
+    elements, d = assembly.elements, assembly.dimension
+    if anchor.element not in elements.index:
+        raise InputError(f"{where}.element", f"no element is named {anchor.element!r}", "the id of an element")
+    if len(anchor.at) != d:
+        raise InputError(f"{where}.at", f"it has {len(anchor.at)} numbers", f"{d} in this scene")
+    index, point = elements.index[anchor.element], np.array(anchor.at, dtype=float)
+    loops = elements.faces[index] if elements.faces else ()
+    if not contains(elements.shape[index], loops, point, tolerances.ON_OUTLINE * assembly.size):
+        problem = f"({', '.join(f'{x:g}' for x in anchor.at)}) lies outside element {anchor.element!r}"
+        raise InputError(f"{where}.at", problem, "a point of the element")
+    return index, point
+
+
+def _require_two(assembly: Assembly, elements: Ints, where: str) -> None:
+    """Raise InputError if a member holds on to a single element, or to supports alone."""
+    if len(np.unique(elements)) == 1:
+        problem = f"all its points belong to element {assembly.elements.ids[elements[0]]!r}"
+        raise InputError(where, problem, "points of two elements, since an element is rigid")
+    if assembly.elements.support[elements].all():
+        raise InputError(where, "all its points belong to supports", "a free element at one end at least")
+
+
+def _axis(assembly: Assembly, entry: Member, elements: Ints, points: Floats, where: str) -> Floats:
+    """Return the unit vector (d,) of a member; raise InputError where its points give none.
+
+    The axis of a pin whose ends coincide is the normal of the nearest face between its two elements.
+    """
+    step = np.diff(points, axis=0)
+    length = np.linalg.norm(step, axis=1)
+    short = np.flatnonzero(length <= tolerances.ON_OUTLINE * assembly.size)
+    if not short.size:
+        return np.asarray(step[0] / length[0])
+    if entry.kind != "pin":
+        names = ["from", *(f"through[{k}]" for k in range(len(entry.through))), "to"]
+        one, two = names[short[0]], names[short[0] + 1]
+        raise InputError(where, f'"{one}" and "{two}" are the same point', "points apart from each other")
+    faces = assembly.interfaces
+    between = np.flatnonzero(
+        (np.minimum(faces.a, faces.b) == elements.min()) & (np.maximum(faces.a, faces.b) == elements.max())
+    )
+    if not between.size:
+        one, two = (assembly.elements.ids[k] for k in elements)
+        problem = f"both ends are the same point, and {one!r} and {two!r} share no face"
+        raise InputError(where, problem, "two points, which give the axis of the pin")
+    nearest = between[np.argmin(np.linalg.norm(faces.origin[between] - points[0], axis=1))]
+    return np.asarray(faces.normal[nearest] * (1.0 if faces.a[nearest] == elements[0] else -1.0))
+
+
+def _interfaces(assembly: Assembly, members: Members, rows: Ints) -> Interfaces:
+    """Return the interfaces of the members at the positions `rows`.
+
+    Both sides are the same element, so that an interface never joins or parts blocks. Area and sizes are 1, which
+    makes a stress of the same number a force.
+    """
+    d, support = assembly.dimension, assembly.elements.support
+    own = np.array([members.elements[k][np.argmin(support[members.elements[k]])] for k in rows], dtype=np.int64)
+    axis, one = members.axis[rows], np.ones(len(rows))
+    if d == 2:
+        e1, e2 = np.column_stack([-axis[:, 1], axis[:, 0]]), np.empty((len(rows), 0))
+    else:
+        frames = np.array([across(normal) for normal in axis]).reshape(-1, 2, 3)
+        e1, e2 = frames[:, 0], frames[:, 1]
+    ends = [members.points[k][[0, -1]] for k in rows]
+    return Interfaces(
+        a=own,
+        b=own,
+        origin=np.array([pair.mean(axis=0) for pair in ends]).reshape(-1, d),
+        normal=axis,
+        e1=e1,
+        e2=e2,
+        l1=one,
+        l2=one,
+        area=one,
+        c_t=one if d == 3 else 0.0 * one,
+        rectangle=np.ones(len(rows), dtype=bool),
+        polygon=tuple(pair if d == 2 else pair[[0, 0, 1, 1]] for pair in ends),
+    )
+
+
+def _strengths(members: Members, rows: Ints) -> Strengths:
+    """Return the strengths of the interfaces of members: those of an inner face without bending."""
+    none, never = np.zeros(len(rows)), np.full(len(rows), np.inf)
+    tension, compression = (members.tension - members.prestress)[rows], members.compression[rows]
+    # A pin without axial capacity has no column of N; the range of N only has to leave its yield set an interior.
+    idle = np.where(members.axial[rows], 0.0, members.shear[rows])
+    return Strengths(
+        friction=none,
+        tension=tension + idle,
+        shear=members.shear[rows],
+        crush_dry=never,
+        crush_inner=compression + idle,
+        cohesion=none,
+        inner_friction=none,
+    )
+
+
+def _prestress(assembly: Assembly, members: Members) -> Floats:
+    """Return the forces and moments (n, q) of all prestress about the centroids; zero on supports."""
+    elements, d = assembly.elements, assembly.dimension
+    total = np.zeros_like(assembly.dead)
+    for k in np.flatnonzero(members.prestress).tolist():
+        held, points, forces = members.push(k)
+        pull = -members.prestress[k] * forces
+        np.add.at(total[:, :d], held, pull)
+        np.add.at(total[:, d:], held, moment_about(points - elements.centroid[held], pull))
+    total[elements.support] = 0.0
+    return total

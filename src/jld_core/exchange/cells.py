@@ -1,0 +1,320 @@
+"""Cells of a planar drawing: from outlines, the lines across and between them, and openings."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Final
+
+import numpy as np
+import shapely
+
+from jld_core.arrays import Floats
+from jld_core.errors import InputError
+from jld_core.exchange.drawn import MOST, Cell
+from jld_core.exchange.options import ImportOptions, Notes, several
+from jld_core.exchange.paths import Path
+from jld_core.geometry.snapping import Snapped
+
+_CHUNK, _CROSSINGS = 64, 5
+"""Number of lines per batch in counting crossings, and largest number of crossings in units of `MOST`."""
+
+_DRAWN: Final = 0.5
+"""Share of a cell's boundary on lines of its own above which it is an element beside closed outlines."""
+
+_LARGE: Final = 6.0
+"""Area of a cell, relative to the median, above which the report asks whether it is an opening."""
+
+_FEW: Final = 4
+"""Least number of free cells whose median says what is large."""
+
+
+def find_cells(
+    paths: list[Path], snapped: Snapped, options: ImportOptions, size: float, tolerance: float, notes: Notes
+) -> list[Cell]:
+    """Return the cells that become elements, none of them in an opening.
+
+    They are outlines, cut by lines that cross them, and areas that lines enclose beside them. Without outlines of free
+    elements they are the cells of the network of lines. paths, snapped: the drawing before and after snapping. size,
+    tolerance: lengths in scene units. notes: receives findings and omissions. Raises InputError where nothing is
+    enclosed, or there are too many cells.
+    """
+    kept = [k for k in range(len(paths)) if k not in snapped.collapsed]
+    role = [options.role(path.layer) for path in paths]
+    outlines = [k for k in kept if paths[k].closed and role[k] != "hole"]
+    lines = [k for k in kept if not paths[k].closed and role[k] != "hole"]
+    rings = [_line(paths[k], snapped.paths[k]) for k in kept if role[k] == "hole"]
+    empty = _openings(rings, notes)
+    notes.skip("holes", sum(len(paths[k].holes) for k in outlines), "an element has none; what lies in them is empty")
+    segments = [shapely.LineString(snapped.paths[k]) for k in lines]
+    if all(role[k] == "support" for k in outlines) and not segments + rings:
+        raise InputError("", "all it holds are supports", "at least one outline, or a network of lines, that is free")
+    _refuse_crossings(segments + rings)
+    used = _one_outline_each(outlines, paths, snapped, notes)
+    if all(role[k] == "support" for k in outlines):
+        layers = [*(paths[k].layer for k in lines), *[""] * len(rings)]
+        cells = _network(segments + rings, layers, options, size, notes)
+        cells += [Cell(snapped.paths[k], paths[k].layer, paths[k].name) for k in used]
+    else:
+        cells = _outlined(used, paths, snapped, segments + rings, options, size, notes)
+        own = [(s, paths[k].layer) for s, k in zip(segments, lines, strict=True) if role[k] in (None, "support")]
+        cells += _beside(cells, own, options, size, notes)
+    shapes = [shapely.Polygon(cell.points).representative_point() for cell in cells]
+    cells = [cell for cell, point in zip(cells, shapes, strict=True) if not empty.contains(point)]
+    if not cells:
+        raise InputError("", "its lines enclose nothing", "lines that meet within `tolerance` around every cell")
+    if len(cells) > MOST:
+        raise InputError("", f"it makes {len(cells)} cells", f"at most {MOST}")
+    _count_unused(segments, [paths[k].layer for k in lines], cells, max(2.0 * tolerance, 1e-7 * size), notes)
+    return cells
+
+
+def say_large(cells: list[Cell], notes: Notes) -> None:
+    """Note the free cells that are far larger than the others, which may be openings.
+
+    cells: named cells with known supports.
+    """
+    free = [cell for cell in cells if not cell.support]
+    areas = np.array([shapely.Polygon(cell.points).area for cell in free])
+    if len(free) < _FEW:
+        return
+    usual = float(np.median(areas))
+    for cell, area in zip(free, areas.tolist(), strict=True):
+        if area > _LARGE * usual:
+            what = f"element {cell.name!r} has {area / usual:.3g} times the area of the median element"
+            notes.doubtful.append(f"{what}: if it is an opening, draw its outline on a layer of --hole")
+
+
+def _line(path: Path, points: Floats) -> shapely.LineString:
+    """Return a path after snapping as a line, closed where the path is."""
+    return shapely.LineString(np.concatenate([points, points[:1]]) if path.closed else points)
+
+
+def _openings(rings: list[shapely.LineString], notes: Notes) -> shapely.Geometry:
+    """Return the area that the lines of openings enclose, outlines or single lines."""
+    if not rings:
+        return shapely.Polygon()
+    found = shapely.polygonize([shapely.union_all(rings)])
+    if len(found.geoms):
+        notes.found.append(several(len(found.geoms), "opening"))
+    return shapely.union_all(found)
+
+
+def _outlined(
+    used: list[int],
+    paths: list[Path],
+    snapped: Snapped,
+    segments: list[shapely.LineString],
+    options: ImportOptions,
+    size: float,
+    notes: Notes,
+) -> list[Cell]:
+    """Return the cells of closed outlines, cut by lines that cross them; supports stay whole.
+
+    used: numbers of the outlines in `paths`. segments: lines that cut. size: of the drawing.
+    """
+    cells: list[Cell] = []
+    cut = pieces_in_all = 0
+    tree = shapely.STRtree(segments) if segments else None
+    shapes = {k: shapely.Polygon(snapped.paths[k]) for k in used}
+    inside = _inside(shapes)
+    for k, shape in shapes.items():
+        if k in inside:
+            held = shapely.difference(shape, shapely.union_all([shapes[j] for j in inside[k]]))
+            near = [] if tree is None else [segments[i] for i in sorted(tree.query(shape).tolist())]
+            parts = [part for part in shapely.get_parts(held) if part.geom_type == "Polygon"]
+            found = [_cut(part, near, paths[k].layer, size) or _pieces(part, paths[k].layer) for part in parts]
+            cells += [cell for pieces in found for cell in pieces]
+            notes.found.append(f"an outline around {several(len(inside[k]), 'outline')}, without their areas")
+            continue
+        uncut = tree is None or options.role(paths[k].layer) == "support"
+        near = [] if uncut or tree is None else [segments[i] for i in sorted(tree.query(shape).tolist())]
+        pieces = _cut(shape, near, paths[k].layer, size) if shape.is_valid else []
+        if len(pieces) > 1:
+            cells += pieces
+            cut, pieces_in_all = cut + 1, pieces_in_all + len(pieces)
+        else:
+            cells.append(Cell(snapped.paths[k], paths[k].layer, paths[k].name))
+    if cut:
+        notes.found.append(f"{several(cut, 'outline')} cut into {pieces_in_all} cells by the lines that cross them")
+    return cells
+
+
+def _inside(shapes: dict[int, shapely.Polygon]) -> dict[int, list[int]]:
+    """Return the numbers of the outlines that lie wholly in another one, by the number of that."""
+    found: dict[int, list[int]] = {}
+    keys, polygons = list(shapes), list(shapes.values())
+    if not all(polygon.is_valid for polygon in polygons):
+        return {}
+    inner, outer = shapely.STRtree(polygons).query(polygons, predicate="covered_by")
+    for one, other in zip(inner.tolist(), outer.tolist(), strict=True):
+        if one != other:
+            found.setdefault(keys[other], []).append(keys[one])
+    return found
+
+
+def _beside(
+    cells: list[Cell], own: list[tuple[shapely.LineString, str]], options: ImportOptions, size: float, notes: Notes
+) -> list[Cell]:
+    """Return the cells that lines enclose beside closed outlines.
+
+    Lines through the inside of an outline only cut it. A space between outlines is no cell: more than half of the
+    boundary of a cell lies on lines. own: lines with their layers.
+    """
+    shapes = [shape for shape in (shapely.Polygon(cell.points) for cell in cells) if shape.is_valid]
+    if not own or not shapes:
+        return []
+    covered = shapely.union_all(shapes)
+    inside = covered.buffer(-1e-7 * size)
+    loose = [pair for pair in own if not pair[0].intersects(inside)]
+    if not loose:
+        return []
+    drawn = shapely.union_all([line for line, _ in loose])
+    supports = [line for line, layer in loose if options.role(layer) == "support"]
+    ground = shapely.union_all(supports) if supports else None
+    near = 1e-7 * size
+    faces: list[tuple[shapely.Polygon, str]] = []
+    for face in shapely.polygonize([shapely.union_all([drawn, covered.boundary])]).geoms:
+        if face.area <= 1e-12 * size**2 or covered.contains(face.representative_point()):
+            continue
+        outer = face.exterior
+        if outer.intersection(drawn.buffer(near)).length <= _DRAWN * outer.length:
+            continue
+        onto = 0.0 if ground is None else outer.intersection(ground.buffer(near)).length / outer.length
+        layer = next(la for _, la in loose if options.role(la) == "support") if onto > _DRAWN else ""
+        faces.append((face, layer))
+    found = [cell for face, layer in _reached(faces, covered) for cell in _pieces(face, layer)]
+    if found:
+        notes.found.append(f"{several(len(found), 'cell')} that lines enclose beside the outlines")
+    return found
+
+
+def _reached(faces: list[tuple[shapely.Polygon, str]], covered: shapely.Geometry) -> list[tuple[shapely.Polygon, str]]:
+    """Return the faces, each with its layer, that touch an area directly or by other faces.
+
+    Faces elsewhere are no part of a structure. covered: the area.
+    """
+    shapes = [face for face, _ in faces]
+    reached = set(np.flatnonzero(shapely.intersects(shapes, covered)).tolist()) if shapes else set()
+    tree, pending = shapely.STRtree(shapes), list(reached)
+    while pending:
+        fresh = set(tree.query(shapes[pending.pop()], predicate="intersects").tolist()) - reached
+        reached |= fresh
+        pending += fresh
+    return [faces[k] for k in sorted(reached)]
+
+
+def _count_unused(
+    segments: list[shapely.LineString], layers: list[str], cells: list[Cell], reach: float, notes: Notes
+) -> None:
+    """Note by layer how many lines bound no cell, and so have no effect.
+
+    reach: distance within which a line lies on a boundary, scene units.
+    """
+    edges = [shapely.LinearRing(cell.points) for cell in cells]
+    tree = shapely.STRtree(edges)
+    unused: Counter[str] = Counter()
+    for line, layer in zip(segments, layers, strict=True):
+        strip = line.buffer(reach)
+        near = [edges[k] for k in tree.query(strip).tolist()]
+        along = shapely.length(shapely.intersection(near, strip)) if near else np.zeros(0)
+        # a line that only crosses a boundary has a few times its half width in common with it
+        if not (along > min(10.0 * reach, 0.5 * line.length)).any():
+            unused[layer] += 1
+    for layer, count in sorted(unused.items()):
+        what = f"line{'s' * (count != 1)} on layer {layer or '(none)'}"
+        notes.skip(what, count, "they bound and divide no cell")
+
+
+def _refuse_crossings(segments: list[shapely.LineString]) -> None:
+    """Raise InputError for too many crossings, before these are computed.
+
+    A few thousand lines may have millions of crossings.
+    """
+    if len(segments) ** 2 <= MOST:
+        return
+    tree, total = shapely.STRtree(segments), 0
+    for begin in range(0, len(segments), _CHUNK):
+        total += tree.query(np.array(segments[begin : begin + _CHUNK]), predicate="intersects").shape[1]
+        if total > _CROSSINGS * MOST:
+            raise InputError(
+                "", "its lines cross one another more often than those of a structure", "a network of cells"
+            )
+
+
+def _one_outline_each(outlines: list[int], paths: list[Path], snapped: Snapped, notes: Notes) -> list[int]:
+    """Return the outlines, indices into `paths`, without those drawn twice.
+
+    Two outlines are the same if they have the same corners in any order.
+    """
+    seen: dict[bytes, int] = {}
+    kept = []
+    for k in outlines:
+        corners = snapped.paths[k]
+        key = np.sort(corners.view([("x", corners.dtype), ("y", corners.dtype)]).ravel(), order=("x", "y")).tobytes()
+        if key in seen:
+            continue
+        seen[key] = k
+        kept.append(k)
+    notes.skip("outlines", len(outlines) - len(kept), "drawn twice")
+    return kept
+
+
+def _network(
+    segments: list[shapely.LineString], layers: list[str], options: ImportOptions, size: float, notes: Notes
+) -> list[Cell]:
+    """Return the cells enclosed by a network of lines, from below to above.
+
+    A cell is a support where more than half of its boundary lies on support lines.
+    """
+    noded = shapely.node(shapely.MultiLineString(segments))
+    cells, _, _, invalid = shapely.polygonize_full([noded])
+    notes.skip("rings", len(invalid.geoms), "they cross themselves")
+    found = []
+    supports = [s for s, layer in zip(segments, layers, strict=True) if options.role(layer) == "support"]
+    ground = shapely.union_all(supports) if supports else None
+    for cell in cells.geoms:
+        if cell.area <= 1e-12 * size**2:
+            continue
+        drawn = 0.0 if ground is None else cell.exterior.intersection(ground).length / cell.exterior.length
+        layer = next(la for la in layers if options.role(la) == "support") if drawn > 0.5 else ""
+        found += _pieces(cell, layer)
+    found.sort(key=lambda cell: _height(cell, size))
+    notes.found.append(f"a network of {several(len(segments), 'line')} around {several(len(found), 'cell')}")
+    return found
+
+
+def _pieces(face: shapely.Polygon, layer: str) -> list[Cell]:
+    """Return a face as cells without holes, which are one block."""
+    parts = _without_holes(face)
+    cells = [Cell(shapely.get_coordinates(part.exterior)[:-1], layer, None) for part in parts]
+    for cell in cells[1:]:
+        cells[0].joined, cell.joined = cells[0], cells[0]
+    return cells
+
+
+def _cut(shape: shapely.Polygon, lines: list[shapely.LineString], layer: str, size: float) -> list[Cell]:
+    """Cut an outline by lines; return the pieces, the lowest first, empty if none crosses."""
+    inside = [shapely.intersection(shape, line) for line in lines]
+    kept = [part for part in inside if part.length > 1e-9 * size]
+    if not kept:
+        return []
+    noded = shapely.union_all([shape.boundary, *kept])
+    pieces = [piece for piece in shapely.polygonize([noded]).geoms if piece.area > 1e-12 * size**2]
+    cells = [cell for piece in pieces if shape.covers(piece.representative_point()) for cell in _pieces(piece, layer)]
+    return sorted(cells, key=lambda cell: _height(cell, size))
+
+
+def _height(cell: Cell, size: float) -> tuple[float, ...]:
+    """Return the key that sorts cells from below to above, and from left to right."""
+    return tuple(np.round(cell.points.mean(axis=0)[::-1] / size, 9).tolist())
+
+
+def _without_holes(cell: shapely.Polygon) -> list[shapely.Polygon]:
+    """Return a cell without holes, cut through them, since an element has one outline."""
+    if not cell.interiors:
+        return [cell]
+    x0, y0, x1, y1 = cell.bounds
+    middle = shapely.Polygon(cell.interiors[0]).centroid.x
+    halves = [cell.intersection(shapely.box(a, y0, b, y1)) for a, b in ((x0, middle), (middle, x1))]
+    parts = [part for half in halves for part in shapely.get_parts(half) if part.geom_type == "Polygon"]
+    return [piece for part in parts for piece in _without_holes(part)]

@@ -1,0 +1,189 @@
+"""Reader of problems of compas_dem: loads, movements of supports and the contact model."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+
+from jld_core.errors import InputError
+from jld_core.exchange.options import DEFAULT_MATERIALS, Notes, several
+from jld_core.exchange.solids import Part
+from jld_core.geometry import area_vector
+
+_GRAVITY: Final = 9.81
+"""Acceleration of a problem that states none, m/s²."""
+
+
+def data_of(value: Any) -> dict[str, Any]:
+    """Return the data of an object, with or without its COMPAS envelope."""
+    inner = value["data"] if isinstance(value, dict) and "dtype" in value else value
+    if not isinstance(inner, dict):
+        raise InputError("", "it holds no object where COMPAS has one", "an assembly or a block model")
+    return inner
+
+
+def model_and_problems(document: Any) -> tuple[Any, list[dict[str, Any]]]:
+    """Return the model of a document and the data of its problems.
+
+    The document may be an analysis, a list or an object of COMPAS objects by name, or the model itself. Raises
+    InputError for problems without a model.
+    """
+    if isinstance(document, dict) and "dtype" not in document and "data" not in document:
+        items = list(document.values())
+    else:
+        items = document if isinstance(document, list) else [document]
+    models, problems = [], []
+    for item in items:
+        kind = str(item.get("dtype", "")) if isinstance(item, dict) else ""
+        if kind.endswith("/Analysis"):
+            data = data_of(item)
+            models.append(data["model"])
+            problems += [data_of(problem) for problem in data.get("problems") or []]
+        elif kind.endswith("/Problem"):
+            problems.append(data_of(item))
+        elif kind.endswith(("Model", "/Assembly")):
+            models.append(item)
+    if problems and not any(models):
+        raise InputError("", "it holds a problem without its model", "an analysis, or the model beside the problem")
+    return (models[0] if models else document), problems
+
+
+def problem_facts(
+    problems: list[dict[str, Any]], parts: list[Part], names: dict[str, str], notes: Notes
+) -> dict[str, Any]:
+    """Return the scene keys of the first problem: loads, materials and settlements.
+
+    Each group of boundary conditions is a load case, a group whose name begins with "dead" is dead load. parts: blocks
+    of the model. names: their names by node. Raises InputError for a load on a block that is not there.
+    """
+    if not problems:
+        return {}
+    problem = problems[0]
+    notes.skip("problems", len(problems) - 1, "the first one is read")
+    groups = [data_of(group) for group in problem.get("boundary_conditions") or []]
+    gravity = {float(group.get("g", _GRAVITY)) for group in groups} or {_GRAVITY}
+    if len(gravity) > 1:
+        raise InputError(f"problem {problem.get('name')!r}", f"its groups have {len(gravity)} values of g", "one")
+    found: dict[str, Any] = {"materials": {"gravity": gravity.pop(), **_materials(problem, notes)}}
+    of_node = {part.group: part for part in parts}
+    read = _Groups(of_node, names, found["materials"]["gravity"])
+    loads: dict[str, Any] = {}
+    cases = []
+    for number, group in enumerate(groups):
+        title = str(group.get("name") or f"case {number + 1}")
+        entries = read.loads(group)
+        if title.casefold().startswith("dead"):
+            loads.setdefault("dead", []).extend(entries)
+        elif entries:
+            cases.append({"name": title, "live": entries})
+        moves = read.moves(group)
+        if moves:
+            found.setdefault("settlements", []).append({"name": title, "supports": moves})
+    if len(cases) == 1:
+        loads["live"] = cases[0]["live"]
+    elif cases:
+        loads["cases"] = cases
+    if loads:
+        found["loads"] = loads
+    count = sum(len(case["live"]) for case in cases) + len(loads.get("dead", []))
+    said = f"{several(count, 'load')} in {several(len(cases), 'case')}"
+    notes.found.append(f"problem {problem.get('name') or '(no name)'}: {said}")
+    return found
+
+
+def _materials(problem: dict[str, Any], notes: Notes) -> dict[str, Any]:
+    """Return the material of joints by the contact model."""
+    contact = data_of(problem.get("contact_properties") or {})
+    law = contact.get("contact_model")
+    if not law:
+        notes.assumed.append("friction 0.6, inner strengths 2e5: the problem has no contact model")
+        return {key: DEFAULT_MATERIALS[key] for key in ("dry", "inner")}
+    kind, values = str(law.get("dtype", "")), data_of(law)
+    if not kind.endswith("MohrCoulomb"):
+        raise InputError("contact model", f"it is {kind.rpartition('/')[2]}", "MohrCoulomb")
+    dry: dict[str, Any] = {"friction_coefficient": float(values["mu"])}
+    if values.get("c"):
+        dry["cohesion"] = float(values["c"])
+    if values.get("t_c"):
+        notes.skip("tensile capacity t_c", 1, f"{values['t_c']:g}: dry joints have none")
+    if contact.get("joint_model"):
+        notes.skip("joint model", 1, "limit analysis knows no stiffness")
+    notes.assumed.append("inner strengths 2e5: edit materials, or --like SCENE")
+    return {"dry": dry, "inner": DEFAULT_MATERIALS["inner"]}
+
+
+class _Groups:
+    """Conversion of groups of boundary conditions.
+
+    parts, names: blocks and their names by node of the graph. gravity: m/s².
+    """
+
+    def __init__(self, parts: dict[str, Part], names: dict[str, str], gravity: float) -> None:
+        self._parts, self._names, self._gravity = parts, names, gravity
+
+    def _node(self, entry: dict[str, Any], what: str) -> str:
+        """Return the node that an entry acts on; raise InputError where no block is there."""
+        node = str(entry["block_index"])
+        if node not in self._parts:
+            raise InputError(what, f"it acts on block {node}, which is not there", "a node of the model")
+        return node
+
+    def loads(self, group: dict[str, Any]) -> list[dict[str, Any]]:
+        """Return the load entries of a group."""
+        entries: list[dict[str, Any]] = []
+        for item in group.get("point_loads") or []:
+            load = data_of(item)
+            entry: dict[str, Any] = {"element": self._names[self._node(load, "point load")]}
+            if any(load["force"]):
+                entry["force"] = _vector(load["force"])
+            if load.get("point") is not None:
+                entry["at"] = _vector(load["point"])
+            if load.get("moment") is not None:
+                entry["moment"] = _vector(load["moment"])
+            if len(entry) > 1:
+                entries.append(entry)
+        for item in group.get("body_forces") or []:
+            if not self._gravity:
+                raise InputError("body force", "the problem has no gravity", "g above 0")
+            entries.append({"body": [value / self._gravity for value in _vector(data_of(item)["acceleration"])]})
+        for item in group.get("surface_loads") or []:
+            load = data_of(item)
+            part = self._parts[self._node(load, "surface load")]
+            if not 0 <= int(load["face_index"]) < len(part.faces):
+                raise InputError("surface load", f"block {part.name!r} has no face {load['face_index']}", "its faces")
+            corners = part.vertices[list(part.faces[int(load["face_index"])])]
+            area, middle = _middle(corners)
+            force = [area * value for value in _vector(load["load"])]
+            entries.append({"element": part.name, "force": force, "at": middle})
+        return entries
+
+    def moves(self, group: dict[str, Any]) -> list[dict[str, Any]]:
+        """Return the movements of supports of a group; raise InputError for one of a free block."""
+        found = []
+        for item in group.get("displacements") or []:
+            entry = data_of(item)
+            part = self._parts[self._node(entry, "displacement")]
+            if not part.support:
+                raise InputError("displacement", f"block {part.name!r} is no support", "displacements of supports")
+            if "translation" in entry:
+                found.append({"elements": part.name, "move": [float(value or 0.0) for value in entry["translation"]]})
+            else:
+                found.append({"elements": part.name, "move": [0.0, 0.0, 0.0], "turn": _vector(entry["rotation"])})
+        return found
+
+
+def _vector(values: Any) -> list[float]:
+    """Return three numbers."""
+    x, y, z = (float(value) for value in values)
+    return [x, y, z]
+
+
+def _middle(corners: np.ndarray) -> tuple[float, list[float]]:
+    """Return the area of a plane polygon (k, 3) and its centroid."""
+    first = corners[0]
+    whole = area_vector(corners)
+    size = float(np.linalg.norm(whole))
+    parts = 0.5 * np.cross(corners[1:-1] - first, corners[2:] - first) @ (whole / size)
+    centres = (first + corners[1:-1] + corners[2:]) / 3.0
+    return float(parts.sum()), (parts @ centres / parts.sum()).tolist()

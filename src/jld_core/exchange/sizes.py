@@ -1,0 +1,58 @@
+"""Sizes of a drawing that can hardly be meant, and the unit that probably is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import log
+from typing import Final
+
+import numpy as np
+
+from jld_core.arrays import Floats
+from jld_core.exchange.options import Notes
+from jld_core.geometry import polygons
+from jld_core.scene.units import METRES
+
+_WHOLE: Final = (0.05, 300.0)
+"""Least and largest extent of a structure that passes without a word, m: models on a table to long bridges."""
+
+_BLOCK: Final = 3.0
+"""Largest usual block, m, in a structure larger than `_LONG`."""
+
+_LONG: Final = 20.0
+"""Extent of a structure, m, up to which blocks may be outlines that are still to be cut."""
+
+_USUAL: Final = (3.0, 0.35)
+"""Usual extent of a structure and of a block, m, by which the likely unit is chosen."""
+
+_COMMON: Final = ("mm", "cm", "m", "in", "ft")
+"""Units that are proposed."""
+
+
+def say_size(size: float, outlines: Sequence[Floats], unit: str, drawn_in: str, notes: Notes) -> None:
+    """Note a size of a structure or of its blocks that can hardly be meant, and a likely unit.
+
+    size: largest extent, scene units. outlines: (k, 2) corners of each free element. unit: unit of the scene. drawn_in:
+    unit of the file, of which size and outlines were converted.
+    """
+    if unit != "m" or not outlines:
+        return
+    block = float(np.median([abs(polygons.area(outline[None])[0]) ** 0.5 for outline in outlines]))
+    if _WHOLE[0] <= size <= _WHOLE[1] and (block <= _BLOCK or size <= _LONG):
+        return
+    per_unit = 1.0 / METRES[drawn_in]
+
+    def strangeness(name: str) -> float:
+        """Return how far the sizes are from usual ones if the drawing is in this unit."""
+        factor = METRES[name] * per_unit
+        return abs(log(size * factor / _USUAL[0])) + abs(log(block * factor / _USUAL[1]))
+
+    likely = min(_COMMON, key=strangeness)
+    factor = METRES[likely] * per_unit
+    what = f"the structure is {size:.3g} m large, its median element {block:.3g} m, with lengths in {drawn_in}"
+    if likely == drawn_in:
+        notes.doubtful.append(what)
+        return
+    notes.doubtful.append(
+        f"{what}: in {likely} it is {size * factor:.3g} m and {block * factor:.3g} m, --unit {likely}"
+    )

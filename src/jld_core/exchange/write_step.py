@@ -1,0 +1,157 @@
+"""Writer of faceted STEP files: ISO 10303-21 text of AP214, a closed shell of plane faces for each solid."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from jld_core.arrays import Floats
+from jld_core.exchange.layout import Layout
+from jld_core.exchange.write_mesh import solids_of
+from jld_core.files import printable
+from jld_core.geometry import area_vector
+from jld_core.geometry.unions import Surface
+from jld_core.scene.units import METRES
+
+_PREFIX: Final = {"m": "$", "mm": ".MILLI.", "cm": ".CENTI.", "dm": ".DECI.", "km": ".KILO."}
+"""Prefixes of the metre; other units are conversion based."""
+
+_SCHEMA: Final = "AUTOMOTIVE_DESIGN { 1 0 10303 214 1 1 1 1 }"
+"""Schema of AP214."""
+
+_UNCERTAINTY: Final = 1e-9
+"""Stated uncertainty of lengths, relative to the size."""
+
+
+def step_text(layout: Layout, *, cells: bool) -> str:
+    """Return the text of a STEP file with a `MANIFOLD_SOLID_BREP` of plane faces for each block.
+
+    cells: write every element, not every block. Solids and products carry the names of the blocks. Lengths are in the
+    scene's unit, in metres where it is unknown.
+    """
+    file = _Part21()
+    context = file.context(layout.assembly.units[0], layout.assembly.size)
+    for name, _, surface in solids_of(layout, cells=cells):
+        file.product(name, file.solid(name, surface), context)
+    title = _text(layout.assembly.name)
+    head = [
+        "ISO-10303-21;",
+        "HEADER;",
+        f"FILE_DESCRIPTION(({title}),'2;1');",
+        f"FILE_NAME({title},'1970-01-01T00:00:00',(''),(''),'jld','jld','');",  # the same layout gives the same file
+        f"FILE_SCHEMA(('{_SCHEMA}'));",
+        "ENDSEC;",
+        "DATA;",
+    ]
+    return "\n".join([*head, *file.lines, "ENDSEC;", "END-ISO-10303-21;"]) + "\n"
+
+
+def _text(words: str) -> str:
+    """Return a string of ISO 10303-21: apostrophes doubled, other characters than ASCII escaped."""
+    plain = printable(words).replace("\\", "\\\\").replace("'", "''").replace("\n", " ")
+    return "'" + "".join(c if " " <= c <= "~" else f"\\X4\\{ord(c):08X}\\X0\\" for c in plain) + "'"
+
+
+def _real(value: float) -> str:
+    """Return a real number with all digits and a decimal point."""
+    text = repr(float(value) + 0.0).upper()
+    mantissa, mark, exponent = text.partition("E")
+    return (mantissa if "." in mantissa else mantissa + ".") + mark + exponent
+
+
+def _triple(values: Floats) -> str:
+    """Return three real numbers in parentheses."""
+    return "(" + ",".join(_real(value) for value in values.tolist()) + ")"
+
+
+class _Part21:
+    """Instances of the data section."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self._product_context = ""
+
+    def add(self, words: str) -> str:
+        """Add an instance and return its name."""
+        self.lines.append(f"#{len(self.lines) + 1}={words};")
+        return f"#{len(self.lines)}"
+
+    def context(self, unit: str, size: float) -> str:
+        """Add units and contexts; return the geometric context."""
+        application = self.add("APPLICATION_CONTEXT('core data for automotive mechanical design processes')")
+        self.add(
+            "APPLICATION_PROTOCOL_DEFINITION('international standard','automotive_design',2000," + application + ")"
+        )
+        self._product_context = self.add(f"PRODUCT_CONTEXT('',{application},'mechanical')")
+        self._definition_context = self.add(f"PRODUCT_DEFINITION_CONTEXT('part definition',{application},'design')")
+        angle = self.add("(NAMED_UNIT(*)PLANE_ANGLE_UNIT()SI_UNIT($,.RADIAN.))")
+        solid = self.add("(NAMED_UNIT(*)SI_UNIT($,.STERADIAN.)SOLID_ANGLE_UNIT())")
+        if unit in METRES and unit not in _PREFIX:
+            metre = self.add("(LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT($,.METRE.))")
+            measure = self.add(f"LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE({_real(METRES[unit])}),{metre})")
+            size_of = self.add("DIMENSIONAL_EXPONENTS(1.,0.,0.,0.,0.,0.,0.)")
+            length = self.add(f"(CONVERSION_BASED_UNIT({_text(unit)},{measure})LENGTH_UNIT()NAMED_UNIT({size_of}))")
+        else:
+            length = self.add(f"(LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT({_PREFIX.get(unit, '$')},.METRE.))")
+        near = self.add(
+            f"UNCERTAINTY_MEASURE_WITH_UNIT(LENGTH_MEASURE({_real(_UNCERTAINTY * size)}),{length},"
+            "'distance_accuracy_value','')"
+        )
+        return self.add(
+            f"(GEOMETRIC_REPRESENTATION_CONTEXT(3)GLOBAL_UNCERTAINTY_ASSIGNED_CONTEXT(({near}))"
+            f"GLOBAL_UNIT_ASSIGNED_CONTEXT(({length},{angle},{solid}))REPRESENTATION_CONTEXT('',''))"
+        )
+
+    def product(self, name: str, solid: str, context: str) -> None:
+        """Add a product whose shape is a solid."""
+        origin = self._placement(np.zeros(3), np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]))
+        title = _text(name)
+        shape = self.add(f"ADVANCED_BREP_SHAPE_REPRESENTATION({title},({origin},{solid}),{context})")
+        product = self.add(f"PRODUCT({title},{title},'',({self._product_context}))")
+        self.add(f"PRODUCT_RELATED_PRODUCT_CATEGORY('part',$,({product}))")
+        formation = self.add(f"PRODUCT_DEFINITION_FORMATION('','',{product})")
+        definition = self.add(f"PRODUCT_DEFINITION('design','',{formation},{self._definition_context})")
+        form = self.add(f"PRODUCT_DEFINITION_SHAPE('','',{definition})")
+        self.add(f"SHAPE_DEFINITION_REPRESENTATION({form},{shape})")
+
+    def _point(self, place: Floats) -> str:
+        """Add a point."""
+        return self.add(f"CARTESIAN_POINT('',{_triple(place)})")
+
+    def _direction(self, vector: Floats) -> str:
+        """Add a unit vector."""
+        return self.add(f"DIRECTION('',{_triple(vector / np.linalg.norm(vector))})")
+
+    def _placement(self, place: Floats, axis: Floats, along: Floats) -> str:
+        """Add a frame: origin, axis and first direction."""
+        return self.add(f"AXIS2_PLACEMENT_3D('',{self._point(place)},{self._direction(axis)},{self._direction(along)})")
+
+    def solid(self, name: str, surface: Surface) -> str:
+        """Add a solid with plane faces; edges are shared by the two faces that meet in them."""
+        places = [self._point(point) for point in surface.points]
+        vertices = [self.add(f"VERTEX_POINT('',{place})") for place in places]
+        edges: dict[tuple[int, int], str] = {}
+        faces = []
+        for loop in surface.faces:
+            ring = list(loop)
+            oriented = []
+            for a, b in zip(ring, ring[1:] + ring[:1], strict=True):
+                key = (min(a, b), max(a, b))
+                if key not in edges:
+                    along = surface.points[key[1]] - surface.points[key[0]]
+                    length = float(np.linalg.norm(along))
+                    vector = self.add(f"VECTOR('',{self._direction(along)},{_real(length)})")
+                    line = self.add(f"LINE('',{places[key[0]]},{vector})")
+                    edges[key] = self.add(f"EDGE_CURVE('',{vertices[key[0]]},{vertices[key[1]]},{line},.T.)")
+                sense = ".T." if (a, b) == key else ".F."
+                oriented.append(self.add(f"ORIENTED_EDGE('',*,*,{edges[key]},{sense})"))
+            corners = surface.points[ring]
+            bound = self.add(
+                f"FACE_OUTER_BOUND('',{self.add('EDGE_LOOP(' + chr(39) * 2 + ',(' + ','.join(oriented) + '))')},.T.)"
+            )
+            frame = self._placement(corners[0], area_vector(corners), corners[1] - corners[0])
+            plane = self.add(f"PLANE('',{frame})")
+            faces.append(self.add(f"ADVANCED_FACE('',({bound}),{plane},.T.)"))
+        shell = self.add(f"CLOSED_SHELL('',({','.join(faces)}))")
+        return self.add(f"MANIFOLD_SOLID_BREP({_text(name)},{shell})")

@@ -1,0 +1,203 @@
+"""Least and greatest value of a linear function of the forces at interfaces, in equilibrium with the dead load.
+
+The function R(F) may be a reaction, the resultant of a joint, or the work of reactions on a movement of supports. Each
+end of its range is a limit analysis with R in the place of λ: one more row, R(F) ∓ λ = 0, and one more velocity. λ is
+counted from a value that no state reaches, so that it is positive. Both ends have the two bounds of every λ
+(docs/method.md (3.3) and "Supports that move").
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from jld_core import tolerances
+from jld_core.arrays import Bits, Floats
+from jld_core.assembly import Assembly
+from jld_core.limit.analysis import LimitAnalysis
+from jld_core.limit.brackets import relative_width
+from jld_core.limit.options import SolveOptions
+from jld_core.limit.proof import Proof
+from jld_core.limit.result import LimitAnalysisResult, number
+from jld_core.limit.status import Status
+from jld_core.mechanics import Scaling, scaling_of, yield_set
+from jld_core.mechanics.scaling import reference_load
+from jld_core.program import Template
+from jld_core.program.template import Beside
+
+_REACHES: Final = (2.0, 32.0, 1024.0)
+"""Values from which λ is counted, in weights of the structure; the first one that no state reaches is used."""
+
+
+@dataclass(frozen=True)
+class ForceFunction:
+    """Linear function R(F) = Σ weights · F of the resultants at interfaces.
+
+    Attributes
+    ----------
+    weights : (m, q) array
+        Coefficient of each resultant; R is in scene units.
+    unit : float
+        Size of R for which R / unit is a force: 1 for forces, a length for moments, a speed for work rates.
+    """
+
+    weights: Floats
+    unit: float = 1.0
+
+
+@dataclass(frozen=True)
+class Thrust:
+    """Least or greatest value of a linear function of forces, such as a reaction.
+
+    Attributes
+    ----------
+    value : float
+        R, scene units; NaN where there is no end.
+    bracket : (float, float)
+        Proven bounds on R, NaN where unproven.
+    gap : float
+        Width of the bracket over max(|R|, 1e-3 · weight · unit of the function).
+    status : str
+        "certified" (bracket narrow enough), "unbounded" or "uncertified".
+    state : LimitAnalysisResult or None
+        Forces at this end and the mechanism, moved supports included; its λ is R. None where there is no end.
+    """
+
+    value: float
+    bracket: tuple[float, float]
+    gap: float
+    status: str
+    state: LimitAnalysisResult | None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return this end of the range as plain numbers.
+
+        Returns
+        -------
+        dict
+            Reaction, bracket, gap, status, mechanism and forces in the form of `jld solve --json`; None where missing.
+        """
+        whole = None if self.state is None else self.state.to_json()
+        return {
+            "reaction": number(self.value),
+            "bracket": [number(end) for end in self.bracket],
+            "gap": number(self.gap),
+            "status": self.status,
+            "mechanism": None if whole is None else whole["mechanism"],
+            "forces": None if whole is None else whole["forces"],
+        }
+
+
+def extreme_value(
+    assembly: Assembly,
+    function: ForceFunction,
+    labels: Bits,
+    *,
+    greatest: bool,
+    gap: float = tolerances.GAP,
+    moved: Floats | None = None,
+) -> Thrust:
+    """Compute the least or the greatest value of a function of forces, with both bounds.
+
+    The model has associative friction and convex contact. All states in equilibrium with the dead load count.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure with one load case; its live load does not act.
+    function : ForceFunction
+        The function R.
+    labels : (m,) bool array
+        Labels, True = dry.
+    greatest : bool
+        True for the greatest value, False for the least.
+    gap : float
+        Relative width of the bracket up to which the end counts as certified.
+    moved : (n, q) array, optional
+        Velocities of supports, scene units, of which R is the work rate; they are added to the mechanism.
+
+    Returns
+    -------
+    Thrust
+        The end of the range of R.
+    """
+    sign = 1.0 if greatest else -1.0
+    if not function.weights.any():
+        return Thrust(0.0, (0.0, 0.0), 0.0, "certified", None)
+    proof = Proof()
+    for reach in _REACHES:
+        origin = -sign * reach * max(assembly.total_dead, 1e-3 * assembly.total_live)
+        analysis = _analysis(assembly, function, gap, sign, origin)
+        proof = analysis.prove(labels)
+        if proof.status is not Status.UNSTABLE:
+            break
+    return _thrust(analysis, proof, function, labels, gap, sign, origin, moved)
+
+
+def _analysis(assembly: Assembly, function: ForceFunction, gap: float, sign: float, origin: float) -> LimitAnalysis:
+    """Create the analysis that maximises λ where R(F) / unit = origin + sign λ.
+
+    gap, sign: as in `_thrust`. origin: scene units.
+    """
+    scaling = scaling_of(assembly)
+    # Here λ is a force, and scaled like one.
+    scaling = Scaling(scaling.force, scaling.face, scaling.row, scaling.force)
+    row = (function.weights / function.unit * scaling.face).ravel() / scaling.force
+    beside = Beside(row=row, dead=-origin / scaling.force, live=-sign)
+    template = Template(assembly, scaling, yield_set(assembly, scaling, "uncoupled"), beside)
+    analysis = LimitAnalysis(assembly, template=template, gap=gap, solver="clarabel")
+    analysis.load_scale = tolerances.GAP_FLOOR * reference_load(assembly) / scaling.force
+    return analysis
+
+
+def _thrust(
+    analysis: LimitAnalysis,
+    proof: Proof,
+    function: ForceFunction,
+    labels: Bits,
+    gap: float,
+    sign: float,
+    origin: float,
+    moved: Floats | None,
+) -> Thrust:
+    """Convert a proof about scaled λ to an end of the range of R.
+
+    labels: (m,) True = dry. gap: relative width up to which the end is certified. sign: −1 for the least value, +1 for
+    the greatest. origin: as in `_analysis`. moved: (n, q) as in `extreme_value`.
+    """
+    assembly, scaling, unit = analysis.assembly, analysis.template.scaling, function.unit
+    if proof.status is Status.LOCKED:
+        return Thrust(math.nan, (math.nan, math.nan), math.nan, "unbounded", None)
+    ends = [unit * (origin + sign * scaling.load * end) for end in proof.bracket]
+    low, high = min(ends), max(ends)
+    value = 0.5 * (low + high)
+    width = relative_width(low, high, tolerances.GAP_FLOOR * reference_load(assembly) * unit)
+    motion, state = proof.motion, proof.state
+    if motion is None or state is None or not math.isfinite(value):
+        return Thrust(math.nan, (math.nan, math.nan), math.nan, "uncertified", None)
+    mechanism = np.zeros((len(assembly.elements), assembly.freedoms))
+    moves = unit * scaling.load * motion.velocity[:-1] / scaling.row.ravel()
+    mechanism[assembly.elements.free] = moves.reshape(-1, assembly.freedoms)
+    if moved is not None:
+        # At the greatest reaction the supports move against the structure.
+        mechanism += -sign * moved
+    certified = width <= gap
+    found = LimitAnalysisResult(
+        assembly=assembly,
+        labels=labels,
+        status=Status.COLLAPSE if certified else Status.UNCERTIFIED,
+        load_factor=value,
+        bracket=(low, high),
+        gap=width,
+        stands_at_zero=True,
+        forces=state.forces * scaling.face,
+        mechanism=mechanism,
+        iterations=proof.solves,
+        solve_log=tuple(proof.solve_log),
+        seconds={"assemble": analysis.seconds, "solve": proof.seconds, "total": analysis.seconds + proof.seconds},
+        model=SolveOptions(gap=gap),
+    )
+    return Thrust(value, (low, high), width, "certified" if certified else "uncertified", found)

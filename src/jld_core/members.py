@@ -1,0 +1,160 @@
+"""Members of an assembly: ties, tendons and pins between points of its elements."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from jld_core.arrays import Bools, Floats, Ints
+from jld_core.errors import InputError
+
+
+def _none() -> Ints:
+    return np.zeros(0, dtype=np.int64)
+
+
+@dataclass(frozen=True)
+class Members:
+    """Ties, tendons and pins of an assembly, in scene units.
+
+    A member whose force may vary has an interface of its own in the assembly, after those of the geometry. That
+    interface is always inner, begins and ends at one element, and has neither bending nor torsion. Its N, and a pin's
+    V, act at the points that stand here. Its N is the compression beyond the prestress.
+
+    Attributes
+    ----------
+    names, kinds : tuple of str
+        Names, and "tie", "tendon" or "pin".
+    face : (k,) int array
+        Interface of each member; −1 for a constant force, which only loads the assembly.
+    elements : tuple of (r,) int arrays
+        Elements that each member holds on to, in order.
+    points : tuple of (r, d) arrays
+        Points of these elements.
+    axis : (k, d) array
+        Unit vector of each member from its first point to the next.
+    tension, compression, shear, prestress : (k,) arrays
+        Capacities, and the tension that always acts.
+    bond : (f,) array or None
+        Tensile strength times area of the faces as dry joints; None where no joint has any. N of the program is the
+        normal force plus this.
+    self_stress : (n, q) array or None
+        Part of the dead loads that is prestress and bond; None where there is none.
+    """
+
+    names: tuple[str, ...] = ()
+    kinds: tuple[str, ...] = ()
+    face: Ints = field(default_factory=_none)
+    elements: tuple[Ints, ...] = ()
+    points: tuple[Floats, ...] = ()
+    axis: Floats = field(default_factory=lambda: np.zeros((0, 2)))
+    tension: Floats = field(default_factory=lambda: np.zeros(0))
+    compression: Floats = field(default_factory=lambda: np.zeros(0))
+    shear: Floats = field(default_factory=lambda: np.zeros(0))
+    prestress: Floats = field(default_factory=lambda: np.zeros(0))
+    bond: Floats | None = None
+    self_stress: Floats | None = None
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def __bool__(self) -> bool:
+        return bool(self.names)
+
+    @property
+    def axial(self) -> Bools:
+        """Mask (k,), True for members whose axial force may vary."""
+        return np.asarray((self.tension > self.prestress) | (self.compression > 0.0))
+
+    def push(self, member: int) -> tuple[Ints, Floats, Floats]:
+        """Return the elements, points and forces of a unit compression in a member.
+
+        Parameters
+        ----------
+        member : int
+            Position of the member.
+
+        Returns
+        -------
+        elements : (r,) int array
+            Elements on which it acts.
+        points : (r, d) array
+            Points of application.
+        forces : (r, d) array
+            Forces; they balance each other.
+        """
+        elements, points = self.elements[member], self.points[member]
+        if self.kinds[member] == "pin":
+            middle = np.broadcast_to(points.mean(axis=0), points.shape)
+            return elements, middle, np.array([-self.axis[member], self.axis[member]])
+        step = np.diff(points, axis=0)
+        along = step / np.linalg.norm(step, axis=1)[:, None]
+        forces = np.zeros_like(points)
+        forces[:-1] -= along
+        forces[1:] += along
+        return elements, points, forces
+
+    @cached_property
+    def ends(self) -> Ints | None:
+        """First and last element (k, 2) of each member; None if one slides over further elements."""
+        for elements in self.elements:
+            if len(np.unique(elements)) > 2:
+                return None
+        found = [(elements[0], elements[np.flatnonzero(elements != elements[0])[0]]) for elements in self.elements]
+        return np.array(found, dtype=np.int64).reshape(-1, 2)
+
+    def joined(self, group: Ints, kept: Ints) -> Members:
+        """Return the members of an assembly whose elements are joined to groups.
+
+        Parameters
+        ----------
+        group : (n,) int array
+            Group of each element.
+        kept : (k,) int array
+            Interfaces that remain, in order.
+
+        Returns
+        -------
+        Members
+            Members whose interface remains.
+        """
+        place = {int(face): number for number, face in enumerate(kept)}
+        rows = [k for k, face in enumerate(self.face.tolist()) if face in place]
+        return replace(
+            self.take(rows),
+            face=np.array([place[int(self.face[k])] for k in rows], dtype=np.int64),
+            elements=tuple(group[self.elements[k]] for k in rows),
+        )
+
+    def take(self, rows: list[int]) -> Members:
+        """Return the members at the positions `rows`, in this order."""
+        arrays = {name: getattr(self, name)[rows] for name in ("face", "axis", "tension", "compression", "shear")}
+        return Members(
+            names=tuple(self.names[k] for k in rows),
+            kinds=tuple(self.kinds[k] for k in rows),
+            elements=tuple(self.elements[k] for k in rows),
+            points=tuple(self.points[k] for k in rows),
+            prestress=self.prestress[rows],
+            **arrays,
+        )
+
+    def refuse(self, what: str) -> None:
+        """Raise InputError if there are members or bond, for computations that do not model them.
+
+        Parameters
+        ----------
+        what : str
+            The computation, as the subject of a sentence in the singular: "an experiment".
+
+        Raises
+        ------
+        InputError
+            There is at least one member, or a joint with tensile strength.
+        """
+        if self.names:
+            raise InputError("members", f"{what} does not model them ({self.names[0]!r})", "a scene without members")
+        if self.bond is not None:
+            where = "materials.dry.tensile_strength"
+            raise InputError(where, f"{what} does not model it", "joints without tensile strength")

@@ -1,0 +1,148 @@
+"""Transfer of loads, labels and search from elements to the pieces that they are split into."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import shapely
+
+from jld_core.arrays import Floats
+from jld_core.assembly import Assembly
+from jld_core.scene import Scene
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Part of an element: geometry keys of the scene, share of the volume, and shape."""
+
+    keys: dict[str, Any]
+    share: float
+    shape: Any
+
+
+def loads_of(loads: dict[str, Any], assembly: Assembly, cut_up: list[list[Piece]]) -> dict[str, Any]:
+    """Transfer loads on elements to the pieces at their points of application."""
+
+    def moved(entry: dict[str, Any]) -> dict[str, Any]:
+        """Return a load entry that refers to a piece."""
+        if "element" not in entry:
+            return entry
+        k = assembly.elements.index[entry["element"]]
+        if len(cut_up[k]) == 1:
+            return entry
+        at = entry.get("at") or assembly.elements.centroid[k].tolist()
+        number = _nearest(cut_up[k], np.array(at))
+        more = {"at": at} if entry.get("force") is not None else {}
+        return {**entry, "element": f"{entry['element']}.{number}", **more}
+
+    found: dict[str, Any] = {key: [moved(entry) for entry in loads[key]] for key in ("live", "dead") if key in loads}
+    if "cases" in loads:
+        found["cases"] = [
+            {**case, **{key: [moved(e) for e in case[key]] for key in ("live", "dead") if key in case}}
+            for case in loads["cases"]
+        ]
+    return found
+
+
+def members_of(members: list[dict[str, Any]], assembly: Assembly, cut_up: list[list[Piece]]) -> list[dict[str, Any]]:
+    """Transfer members to the pieces that their points lie in."""
+
+    def moved(anchor: dict[str, Any]) -> dict[str, Any]:
+        """Return an anchor that refers to a piece."""
+        k = assembly.elements.index[anchor["element"]]
+        if len(cut_up[k]) == 1:
+            return anchor
+        return {**anchor, "element": f"{anchor['element']}.{_nearest(cut_up[k], np.array(anchor['at']))}"}
+
+    def whole(member: dict[str, Any]) -> dict[str, Any]:
+        """Return a member whose anchors refer to pieces."""
+        ends = {key: moved(member[key]) for key in ("from", "to")}
+        through = {"through": [moved(one) for one in member["through"]]} if "through" in member else {}
+        return {**member, **ends, **through}
+
+    return [whole(member) for member in members]
+
+
+def _nearest(parts: list[Piece], at: Floats) -> int:
+    """Return the piece that contains a place, or is nearest to it."""
+    if len(at) == 2:
+        away = [part.shape.distance(shapely.Point(at)) for part in parts]
+        return int(np.argmin(np.round(away, 12)))
+    low = np.array([part.shape.min(axis=0) for part in parts])
+    high = np.array([part.shape.max(axis=0) for part in parts])
+    outside = np.linalg.norm(np.maximum(0.0, np.maximum(low - at, at - high)), axis=1)
+    middle = np.linalg.norm(0.5 * (low + high) - at, axis=1)
+    return int(np.lexsort((middle, np.round(outside, 12)))[0])
+
+
+def _old_faces(assembly: Assembly) -> dict[tuple[str, str], list[int]]:
+    """Return the faces between each pair of elements, by the sorted ids."""
+    ids, faces = assembly.elements.ids, assembly.interfaces
+    found: dict[tuple[str, str], list[int]] = {}
+    for k, (a, b) in enumerate(zip(faces.a.tolist(), faces.b.tolist(), strict=True)):
+        found.setdefault((min(ids[a], ids[b]), max(ids[a], ids[b])), []).append(k)
+    return found
+
+
+def labels_of(old: Assembly, new: Assembly, parent: dict[str, str]) -> dict[str, list[list[str]]]:
+    """Return the pairs of pieces to label "inner" and "dry", so that faces keep their labels.
+
+    New faces within one element are inner. Pairs that the new scene labels so already are left out.
+    """
+    known = _old_faces(old)
+    ids, faces = new.elements.ids, new.interfaces
+    lists: dict[str, list[list[str]]] = {"inner": [], "dry": []}
+    for k, (a, b) in enumerate(zip(faces.a.tolist(), faces.b.tolist(), strict=True)):
+        one, two = parent[ids[a]], parent[ids[b]]
+        dry = False
+        if one != two:
+            candidates = known.get((min(one, two), max(one, two)), [])
+            away = [float(np.linalg.norm(old.interfaces.origin[j] - faces.origin[k])) for j in candidates]
+            dry = bool(old.labels[candidates[int(np.argmin(away))]]) if candidates else True
+        if dry != bool(new.labels[k]):
+            lists["dry" if dry else "inner"].append([ids[a], ids[b]])
+    return {key: pairs for key, pairs in lists.items() if pairs}
+
+
+def search_of(
+    search: dict[str, Any], scene: Scene, old: Assembly, new: Assembly, parent: dict[str, str], by: str | None
+) -> dict[str, Any]:
+    """Transfer the search to the pieces, and keep old joints as `by` requires."""
+    ids, faces = new.elements.ids, new.interfaces
+    couples = [(ids[a], ids[b]) for a, b in zip(faces.a.tolist(), faces.b.tolist(), strict=True)]
+    by_parents: dict[tuple[str, str], list[list[str]]] = {}
+    for a, b in couples:
+        one, two = sorted((parent[a], parent[b]))
+        by_parents.setdefault((one, two), []).append([a, b])
+
+    def pieces_of(pairs: list[list[str]]) -> list[list[str]]:
+        """Return the pairs of pieces that touch between pairs of original elements."""
+        return [pair for one, two in pairs for pair in by_parents.get((min(one, two), max(one, two)), [])]
+
+    if isinstance(search.get("candidates"), list):
+        within = [pair for (one, two), pairs in by_parents.items() if one == two for pair in pairs]
+        search["candidates"] = pieces_of(search["candidates"]) + within
+    keep = {key: pieces_of(pairs) for key, pairs in search.get("keep", {}).items()}
+    if by == "block":
+        search["candidates"] = "inside-blocks"
+    if by == "material":
+        density = _densities(scene, old)
+        across = [pairs for (a, b), pairs in by_parents.items() if not np.isclose(density[a], density[b], rtol=1e-9)]
+        free = {name for name, support in zip(ids, new.elements.support, strict=True) if not support}
+        kept = [pair for pairs in across for pair in pairs if free.issuperset(pair)]
+        keep["dry"] = keep.get("dry", []) + [pair for pair in kept if pair not in keep.get("dry", [])]
+    if any(keep.values()):
+        search["keep"] = {key: pairs for key, pairs in keep.items() if pairs}
+    if "except" in search:
+        wanted = set(search["except"])
+        search["except"] = [name for name in ids if parent[name] in wanted]
+    return search
+
+
+def _densities(scene: Scene, assembly: Assembly) -> dict[str, float]:
+    """Compute weight over volume of each element by id; 0 for supports without weight."""
+    weight = np.linalg.norm(assembly.elements.weight, axis=1)
+    rate = weight / np.where(assembly.elements.volume > 0.0, assembly.elements.volume, 1.0)
+    return dict(zip(assembly.elements.ids, rate.tolist(), strict=True))

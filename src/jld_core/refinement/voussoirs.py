@@ -1,0 +1,341 @@
+"""Cells of voussoirs in rings: joints radiate from the centres of the outline's own arcs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+import shapely
+
+from jld_core.arrays import Floats
+from jld_core.errors import InputError, ParameterError
+from jld_core.geometry.unions import region_of
+from jld_core.refinement.arcs import Arc, find_arcs
+from jld_core.refinement.tessellation import MOST, squares
+
+_PARALLEL: Final = 1e-9
+"""Sine of the angle between two edges up to which they do not meet."""
+
+_COVERS: Final = 0.6
+"""Share of an intrados that an arc must lie above to be its extrados."""
+
+
+@dataclass(frozen=True)
+class VoussoirCells:
+    """Cells that cover a structure by voussoirs, and by courses beside them.
+
+    Attributes
+    ----------
+    cells : list of shapely.Polygon
+        Cells; those of voussoirs come first.
+    width : float
+        Length of a voussoir at the intrados.
+    depth : float
+        Depth of a ring at the crown.
+    """
+
+    cells: list[shapely.Polygon]
+    width: float
+    depth: float
+
+
+@dataclass(frozen=True)
+class _Fan:
+    """Rays from one centre, with the distances at which rings end.
+
+    directions: (s, 2) unit vectors of rays, and of corners between them. ray: numbers of those that are joints.
+    distance: (k, s) distance of each end of a ring from the centre, without the last one, which is far outside.
+    first, last: springings (2,). width: of a voussoir at the intrados. depth: of a ring at the crown. opening: number
+    of the opening, whose arcs may be several.
+    """
+
+    centre: Floats
+    directions: Floats
+    ray: list[int]
+    distance: Floats
+    first: Floats
+    last: Floats
+    width: float
+    depth: float
+    opening: int = 0
+
+    def cells(self, far: float) -> list[shapely.Polygon]:
+        """Return the cells, ring by ring; the last ring ends beyond the distance `far`."""
+        found = []
+        for k in range(len(self.distance) + 1):
+            for a, b in zip(self.ray[:-1], self.ray[1:], strict=True):
+                between = np.arange(a, b + 1)
+                spread = float(self.directions[a] @ self.directions[b])
+                outside = np.full(len(between), 2.0 * far / max(math.sqrt(max(0.5 * (1.0 + spread), 0.0)), 0.1))
+                outer = self.distance[k, between] if k < len(self.distance) else outside
+                lower = self.distance[k - 1, between[::-1]] if k else np.zeros(1)
+                inner = between[::-1] if k else between[:1]
+                points = [
+                    *(self.centre + outer[:, None] * self.directions[between]),
+                    *(self.centre + lower[:, None] * self.directions[inner]),
+                ]
+                found.append(shapely.Polygon(points))
+        return found
+
+
+def voussoir_cells(
+    region: shapely.Geometry, down: Floats, voussoirs: int, rings: int, centre: tuple[float, float] | None
+) -> VoussoirCells:
+    """Return cells of voussoirs that cover a structure.
+
+    Joints radiate from the centre of each arc of an opening, and divide the arc between its springings in equal parts.
+    Rings divide the depth below an extrados; without one they have the depth of the crown over their number and go on
+    outwards. What no ray reaches is cut in courses. A structure without an arc is a flat arch: its sides, or `centre`,
+    say where joints meet, and the soffit is divided in equal parts.
+
+    region: union of all free elements. down: (2,) direction of weight. centre: where the joints of a flat arch meet.
+    Raises InputError if there is neither an arc nor such a centre.
+    """
+    if voussoirs < 1 or rings < 1:
+        name, value = ("voussoirs", voussoirs) if voussoirs < 1 else ("rings", rings)
+        raise ParameterError(name, f"{value} is wrong", "a whole number from 1")
+    if voussoirs * rings > MOST:
+        raise ParameterError("voussoirs", f"that makes {voussoirs * rings:.3g} cells", f"at most {MOST}")
+    fans: list[_Fan] = []
+    for part in shapely.get_parts(region):
+        fans += _fans(part, down, voussoirs, rings, centre, len(fans))
+    if not fans:
+        problem = "the outline has no arc, and no soffit between two sides that meet below it"
+        raise ParameterError("voussoirs", problem, "an outline with an arc, or `centre` x,y where its joints meet")
+    far = float(np.hypot(*np.ptp(np.array(region.bounds).reshape(2, 2), axis=0)))
+    zones = _zones(fans, down, far)
+    cells: list[shapely.Polygon] = []
+    for fan, zone in zip(fans, zones, strict=True):
+        inside = [zone.intersection(cell) for cell in fan.cells(_reach(region, fan.centre))]
+        cells += [part for one in inside for part in shapely.get_parts(one) if part.geom_type == "Polygon"]
+    cells += _courses(region, cells, fans[0], down)
+    return VoussoirCells(cells, min(fan.width for fan in fans), min(fan.depth for fan in fans))
+
+
+def has_arcs(region: shapely.Geometry) -> bool:
+    """Return True if a structure has an arc from which voussoirs can be found."""
+    return any(find_arcs(region_of(part).shell) for part in shapely.get_parts(region))
+
+
+def _fans(
+    part: shapely.Polygon,
+    down: Floats,
+    voussoirs: int,
+    rings: int,
+    centre: tuple[float, float] | None,
+    number: int,
+) -> list[_Fan]:
+    """Return the fans of one connected part: one for each arc, or that of a flat arch; `number`: of its opening."""
+    region = region_of(part)
+    arcs = [arc for ring in (region.shell, *region.holes) for arc in find_arcs(ring)]
+    hollow = [arc for arc in arcs if arc.hollow]
+    if not arcs or centre is not None:
+        flat = _flat(region.shell, part, down, voussoirs, rings, centre)
+        return [replace(flat, opening=number)] if flat is not None else []
+    chosen = hollow or arcs
+    found = []
+    for opening, chain in enumerate(_chains(chosen), number):
+        for arc, count in zip(chain, _shared(chain, voussoirs), strict=True):
+            found.append(replace(_of_arc(arc, arcs, part, count, rings), opening=opening))
+    return found
+
+
+def _chains(arcs: list[Arc]) -> list[list[Arc]]:
+    """Group arcs that end where another begins, as those of a basket arch or a pointed arch."""
+    chains: list[list[Arc]] = []
+    for arc in arcs:
+        for chain in chains:
+            ends = [one.point(angle) for one in chain for angle in (one.angles[0], one.angles[-1])]
+            own = [arc.point(angle) for angle in (arc.angles[0], arc.angles[-1])]
+            if min(float(np.hypot(*(a - b))) for a in ends for b in own) <= 1e-4 * arc.radius:
+                chain.append(arc)
+                break
+        else:
+            chains.append([arc])
+    return chains
+
+
+def _shared(chain: list[Arc], voussoirs: int) -> list[int]:
+    """Distribute voussoirs over the arcs of one chain by their lengths, at least one each."""
+    if len(chain) == 1:
+        return [voussoirs]
+    if voussoirs < len(chain):
+        raise ParameterError("voussoirs", f"{voussoirs} are fewer than the {len(chain)} arcs of one opening", "more")
+    length = np.array([arc.sweep * arc.radius for arc in chain])
+    wish = length / length.sum() * (voussoirs - len(chain))
+    counts = np.floor(wish + 1e-9).astype(int)
+    for k in np.argsort(counts - wish, kind="stable")[: voussoirs - len(chain) - int(counts.sum())]:
+        counts[k] += 1
+    return (counts + 1).tolist()  # type: ignore[no-any-return]
+
+
+def _of_arc(arc: Arc, arcs: list[Arc], part: shapely.Polygon, voussoirs: int, rings: int) -> _Fan:
+    """Return the fan of one arc."""
+    joints = np.linspace(arc.angles[0], arc.angles[-1], voussoirs + 1)
+    near = 1e-3 * (joints[1] - joints[0])
+    corners = [angle for angle in arc.angles if abs(joints - angle).min() > near]
+    angles = np.sort(np.concatenate([joints, corners]))
+    ray = np.searchsorted(angles, joints).tolist()
+    directions = np.column_stack([np.cos(angles), np.sin(angles)])
+    above = _extrados(arc, arcs, directions) if arc.hollow else None
+    if above is not None:
+        steps = np.arange(1, rings)[:, None] / rings
+        distance = np.minimum(_at_corners(arc, angles), above)
+        distance = distance + steps * (above - distance)
+        depth = float((above - arc.radius).min()) / rings
+    elif arc.hollow:
+        depth = _crown(arc, part) / rings
+        count = int(np.ceil((_reach(part, arc.centre) - arc.radius) / depth - 1e-9))
+        if rings * voussoirs * max(count, 1) > MOST:
+            raise ParameterError("rings", "that makes too many cells", f"at most {MOST} cells")
+        outwards = depth * np.arange(1, max(count, 1))[:, None]
+        distance = _at_corners(arc, angles) * (1.0 + outwards / arc.radius)
+    else:
+        depth = arc.radius / rings
+        distance = (np.arange(1, rings) / rings)[:, None] * _at_corners(arc, angles)
+    width = arc.radius * float(joints[1] - joints[0])
+    first, last = arc.point(arc.angles[0]), arc.point(arc.angles[-1])
+    return _Fan(arc.centre, directions, ray, distance, first, last, width, depth)
+
+
+def _at_corners(arc: Arc, angles: Floats) -> Floats:
+    """Return the distance (s,) of the arc's chords from the centre at angles (s,)."""
+    after = np.clip(np.searchsorted(arc.angles, angles), 1, len(arc.angles) - 1)
+    left, right = arc.angles[after - 1], arc.angles[after]
+    half = 0.5 * (right - left)
+    return np.asarray(arc.radius * np.cos(half) / np.cos(angles - 0.5 * (left + right)))
+
+
+def _extrados(arc: Arc, arcs: list[Arc], directions: Floats) -> Floats | None:
+    """Return the distance (s,) of the extrados from the centre of an intrados along rays, None without one."""
+    for other in arcs:
+        if other.hollow or other.radius <= arc.radius:
+            continue
+        away = arc.centre - other.centre
+        along = directions @ away
+        square = along**2 - away @ away + other.radius**2
+        if (square <= 0.0).any():
+            continue
+        distance = np.sqrt(square) - along
+        points = arc.centre + distance[:, None] * directions - other.centre
+        angle = np.arctan2(points[:, 1], points[:, 0])
+        turned = (angle - other.angles[0] + 1e-9) % (2.0 * np.pi)
+        if (distance > arc.radius).all() and (turned <= other.sweep + 2e-9).mean() >= _COVERS:
+            return np.asarray(distance)
+    return None
+
+
+def _crown(arc: Arc, part: shapely.Polygon) -> float:
+    """Return the depth of material above the middle of an arc."""
+    middle = 0.5 * (arc.angles[0] + arc.angles[-1])
+    direction = np.array([np.cos(middle), np.sin(middle)])
+    far = _reach(part, arc.centre) + arc.radius
+    line = shapely.LineString([arc.centre + 0.5 * arc.radius * direction, arc.centre + far * direction])
+    ends = [
+        sorted(float((point - arc.centre) @ direction) for point in shapely.get_coordinates(piece))
+        for piece in shapely.get_parts(shapely.intersection(line, part))
+    ]
+    pieces = sorted((low, high) for low, *_, high in (one for one in ends if len(one) > 1))
+    depth = pieces[0][1] - arc.radius if pieces else 0.0
+    if depth <= 1e-6 * arc.radius:
+        raise InputError("elements", "there is no material above the middle of an arc", "an arc below its structure")
+    return depth
+
+
+def _flat(
+    ring: Floats,
+    part: shapely.Polygon,
+    down: Floats,
+    voussoirs: int,
+    rings: int,
+    centre: tuple[float, float] | None,
+) -> _Fan | None:
+    """Return the fan of a flat arch, or None if its sides do not meet below the soffit."""
+    edge = np.roll(ring, -1, axis=0) - ring
+    length = np.hypot(*edge.T)
+    outward = np.column_stack([edge[:, 1], -edge[:, 0]]) / length[:, None]
+    faces_down = outward @ down
+    # the soffit is the lowest edge that faces downwards
+    level = (ring + 0.5 * edge) @ down
+    candidates = np.flatnonzero(faces_down > 0.9)
+    if not len(candidates):
+        return None
+    k = int(candidates[np.lexsort((-length[candidates], -np.round(level[candidates], 9)))[0]])
+    a, b = ring[k], ring[(k + 1) % len(ring)]
+    if centre is None:
+        before, after = ring[k - 1] - a, ring[(k + 2) % len(ring)] - b
+        cross = float(before[0] * after[1] - before[1] * after[0])
+        if abs(cross) <= _PARALLEL * float(np.hypot(*before) * np.hypot(*after)):
+            return None
+        share = float((b - a)[0] * after[1] - (b - a)[1] * after[0]) / cross
+        meeting = a + share * before
+    else:
+        meeting = np.array(centre, dtype=float)
+    if float((meeting - 0.5 * (a + b)) @ outward[k]) <= 0.0:
+        return None
+    stations = a + np.linspace(0.0, 1.0, voussoirs + 1)[:, None] * (b - a)
+    reach = np.hypot(*(stations - meeting).T)
+    directions = (stations - meeting) / reach[:, None]
+    tops = np.array([_exit(part, meeting, one, float(r)) for one, r in zip(directions, reach, strict=True)])
+    steps = np.arange(1, rings)[:, None] / rings
+    distance = reach + steps * (tops - reach)
+    depth = float((tops - reach)[voussoirs // 2]) / rings
+    return _Fan(meeting, directions, list(range(voussoirs + 1)), distance, a, b, float(length[k]) / voussoirs, depth)
+
+
+def _exit(part: shapely.Polygon, centre: Floats, direction: Floats, start: float) -> float:
+    """Return the distance from a centre at which a ray that enters a structure at `start` leaves it."""
+    far = 2.0 * (_reach(part, centre) + start)
+    line = shapely.LineString([centre, centre + far * direction])
+    points = shapely.get_coordinates(shapely.intersection(line, part.buffer(1e-9 * far)))
+    along = (points - centre) @ direction
+    return float(along.max())
+
+
+def _reach(region: shapely.Geometry, centre: Floats) -> float:
+    """Return the largest distance of a structure from a centre."""
+    return float(np.hypot(*(shapely.get_coordinates(region) - centre).T).max())
+
+
+def _zones(fans: list[_Fan], down: Floats, far: float) -> list[shapely.Polygon]:
+    """Return the part of the plane that belongs to each fan: strips with borders in the middle of piers."""
+    right = np.array([-down[1], down[0]])
+    spans: dict[int, tuple[float, float]] = {}
+    for fan in fans:
+        ends = (float(fan.first @ right), float(fan.last @ right))
+        low, high = spans.get(fan.opening, (math.inf, -math.inf))
+        spans[fan.opening] = (min(low, *ends), max(high, *ends))
+    found = []
+    for fan in fans:
+        low, high = spans[fan.opening]
+        others = [span for opening, span in spans.items() if opening != fan.opening]
+        left_of = [0.5 * (low + end) for _, end in others if end <= low + 1e-6 * far]
+        right_of = [0.5 * (high + begin) for begin, _ in others if begin >= high - 1e-6 * far]
+        # beyond all of the structure, and of the centre of a flat arc
+        away = 4.0 * (far + float(np.hypot(*(fan.centre - 0.5 * (fan.first + fan.last)))))
+        low, high = max(left_of, default=low - away), min(right_of, default=high + away)
+        middle = float(fan.first @ down)
+        corners = [(low, middle - away), (high, middle - away), (high, middle + away), (low, middle + away)]
+        found.append(shapely.Polygon([x * right + y * down for x, y in corners]))
+    return found
+
+
+def _courses(region: shapely.Geometry, fans: list[shapely.Polygon], fan: _Fan, down: Floats) -> list[shapely.Polygon]:
+    """Return cells in courses from a springing on, for what no ray reaches."""
+    rest = shapely.difference(region, shapely.union_all(fans))
+    if rest.area <= 1e-9 * region.area:
+        return [shapely.box(*region.bounds)]  # slivers along springings join their neighbours
+    right = np.array([-down[1], down[0]])
+    corners = shapely.get_coordinates(region) - fan.first
+    places = np.column_stack([corners @ right, -(corners @ down)])
+    size = (fan.depth, fan.width)
+    lower = size * np.floor(places.min(axis=0) / size - 1e-9)
+    inside = []
+    every = shapely.union_all(fans)
+    for cell in squares(lower, places.max(axis=0), size):
+        shape = shapely.transform(cell, lambda p: fan.first + p[:, :1] * right - p[:, 1:] * down)
+        free = shapely.difference(shape, every)
+        inside += [part for part in shapely.get_parts(free) if part.geom_type == "Polygon" and part.area > 0.0]
+    return inside

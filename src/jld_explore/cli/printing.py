@@ -1,0 +1,156 @@
+"""Provide `jld report`: printed pages of one layout, and everything of a project in one file."""
+
+from __future__ import annotations
+
+import json
+import math
+import zipfile
+from pathlib import Path
+from typing import Annotated, Final, Literal
+
+import numpy as np
+import typer
+
+from jld_core.assembly_sequence import Laying, assembly_order
+from jld_core.build import build_assembly
+from jld_core.deadline import Deadline, DeadlinePassed
+from jld_core.errors import InputError, ParameterError, error_context
+from jld_core.exchange import Layout
+from jld_core.files import require_writable, whole_file, write_text
+from jld_core.limit import LimitAnalysisResult
+from jld_core.models import solve
+from jld_core.scene import load_scene
+from jld_core.scene.units import METRES
+from jld_explore.cli.options import Rank, refuse_itself
+from jld_explore.cli.streams import say
+from jld_explore.report import csv_of, read_folder
+from jld_explore.report.making import stones_table
+from jld_explore.report.printed import Printed, write_printed
+
+_LAYING: Final = 30.0
+"""Longest time for an order of laying, s; without one the report says so."""
+
+_NOTHING: Final = (-math.inf, math.inf)
+"""Bounds where nothing is proven."""
+
+_DATE: Final = (1980, 1, 1, 0, 0, 0)
+"""Date of the files in an archive, so that equal projects give equal archives."""
+
+ReportSource = Annotated[
+    Path, typer.Argument(help="A scene, or a folder of jld explore or jld design.", show_default=False)
+]
+
+
+def report(
+    source: ReportSource,
+    pdf: Annotated[bool, typer.Option("--pdf", help="Write report.pdf: one to four pages to print.")] = False,
+    pack: Annotated[bool, typer.Option("--zip", help="Write all files of the project into one archive.")] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option("-o", "--out", help="PDF file; default report.pdf in the folder, or beside the scene."),
+    ] = None,
+    rank: Rank = None,
+    language: Annotated[Literal["en", "de", "it"], typer.Option(help="Language of the pages.")] = "en",
+    unit: Annotated[str, typer.Option(help="Unit of lengths: mm, cm, m, in, ft.")] = "mm",
+) -> None:
+    """Print a layout: picture, loads, numbered stones, moulds, laying, assumptions and what is proven.
+
+    Beside the PDF the cutting list is written as CSV. With --zip also pack everything of the project into an archive.
+    """
+    if not pdf and not pack:
+        raise ParameterError("pdf", "nothing is to be written", "`pdf`, `zip` or both")
+    if unit not in METRES:
+        raise ParameterError("unit", f"no unit is named {unit!r}", "one of " + ", ".join(METRES))
+    if not source.exists():
+        raise InputError(str(source), "it does not exist", "a scene, or a folder of jld explore or jld design")
+    target = out or (source / "report.pdf" if source.is_dir() else source.with_suffix(".pdf"))
+    if target.suffix.lower() != ".pdf" or target.is_dir() or not target.absolute().parent.is_dir():
+        raise ParameterError(
+            "out", f"{target} cannot be written", "a file that ends in .pdf, in a folder that is there"
+        )
+    refuse_itself(source, target)
+    require_writable(target)
+    if pdf:
+        content = _content(source, rank)
+        count = write_printed(content, target, language=language, unit=unit)
+        say(f"{target}: {count} page{'s' * (count != 1)}")
+        table = target.with_suffix(".stones.csv")
+        write_text(table, csv_of(stones_table(content.layout, unit)))
+        say(f"{table}: the cutting list")
+    if pack:
+        archive = target.with_suffix(".zip")
+        say(f"{archive}: {_pack(source, archive, target if pdf else None)} files")
+
+
+def _content(source: Path, rank: int | None) -> Printed:
+    """Return what the report of a scene or a folder says."""
+    design = source / "best.json"
+    if source.is_dir() and design.exists():
+        if rank is not None:
+            raise ParameterError("rank", f"{source} is a design, which has one best layout", "no rank")
+        facts = json.loads((source / "summary.json").read_text(encoding="utf-8"))
+        scene = load_scene(design)
+        assembly = build_assembly(scene)
+        fields = tuple(facts.get("fields") or (None, None))
+        assumed = tuple(str(one) for one in facts.get("assumed", []))
+        return _printed(Layout(scene, assembly, assembly.labels), solve(assembly), _bounds(fields), assumed=assumed)
+    if source.is_dir():
+        done = read_folder(source)
+        row = done.row(rank)
+        fields = tuple(row.get(name, np.nan) for name in ("fields_lo", "fields_hi"))
+        strongest = bool(done.summary.proven) and (rank is None or int(rank) == 1)
+        with error_context(source):
+            return _printed(done.layout(rank), done.result(rank), _bounds(fields), strongest=strongest)
+    if rank is not None:
+        raise ParameterError("rank", f"{source} is a scene, which has no ranks", "a folder written by jld explore")
+    scene = load_scene(source)
+    with error_context(source):
+        assembly = build_assembly(scene)
+        return _printed(Layout(scene, assembly, assembly.labels), solve(assembly), _NOTHING)
+
+
+def _printed(
+    layout: Layout,
+    result: LimitAnalysisResult,
+    fields: tuple[float, float],
+    *,
+    strongest: bool = False,
+    assumed: tuple[str, ...] = (),
+) -> Printed:
+    """Return the content of a report, with an order of laying where one is found in time."""
+    low, high = result.bracket
+    faces = (low if math.isfinite(low) else -math.inf, high if math.isfinite(high) else math.inf)
+    laying: Laying | None = None
+    try:
+        with Deadline(_LAYING).enforced():
+            sideways = layout.scene.search.assemble_out_of_plane
+            laying = assembly_order(layout.assembly, layout.labels, sideways=sideways)
+    except DeadlinePassed:
+        assumed = (*assumed, "order of laying: not found within 30 s; jld assembly searches on")
+    return Printed(layout, fields, faces, str(result.status), strongest, laying, assumed)
+
+
+def _bounds(values: tuple[float | None, ...]) -> tuple[float, float]:
+    """Return bounds with infinite ends where nothing is proven."""
+    low, high = values
+    return (
+        float(low) if low is not None and math.isfinite(low) else -math.inf,
+        float(high) if high is not None and math.isfinite(high) else math.inf,
+    )
+
+
+def _pack(source: Path, archive: Path, pdf: Path | None) -> int:
+    """Write all files of a project into an archive, and return their number."""
+    if source.is_dir():
+        files = sorted(path for path in source.rglob("*") if path.is_file() and path != archive)
+        named = {path.relative_to(source).as_posix(): path for path in files}
+    else:
+        named = {source.name: source}
+    if pdf is not None:
+        named |= {path.name: path for path in (pdf, pdf.with_suffix(".stones.csv"))}
+    with whole_file(archive) as fresh, zipfile.ZipFile(fresh, "w", zipfile.ZIP_DEFLATED) as packed:
+        for name, path in named.items():
+            if path == fresh:
+                continue
+            packed.writestr(zipfile.ZipInfo(name, _DATE), path.read_bytes(), zipfile.ZIP_DEFLATED)
+    return len(named)

@@ -1,0 +1,132 @@
+"""Provide `jld thrust`: proven ranges of reactions, joint forces and section forces."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from jld_core.assembly import Assembly
+from jld_core.errors import ParameterError, error_context
+from jld_core.files import require_folder, write_text
+from jld_core.limit.thrust import (
+    Resultant,
+    ThrustRanges,
+    reactions_of_supports,
+    resultant_of_joint,
+    resultant_of_section,
+    thrust_ranges,
+    words_of_range,
+)
+from jld_explore.cli.cracks import rigid_cells
+from jld_explore.cli.ending import UNCERTIFIED
+from jld_explore.cli.layout import layout_of
+from jld_explore.cli.options import AsJson, Rank
+from jld_explore.cli.streams import say
+
+
+def thrust(
+    source: Annotated[Path, typer.Argument(help="A scene file, or a folder written by jld explore.")],
+    rank: Rank = None,
+    load_factor: Annotated[float, typer.Option(help="Factor of the live load that acts beside the dead load.")] = 0.0,
+    support: Annotated[
+        list[str] | None, typer.Option(help="Name of a support; repeat it for several. Default: all that bear.")
+    ] = None,
+    joint: Annotated[
+        list[str] | None, typer.Option(help="Two elements that touch, as A,B: forces that A puts on B.")
+    ] = None,
+    section: Annotated[
+        list[str] | None,
+        typer.Option(help="A line along faces, as X,Y,X,Y in the scene's unit: forces on the part to its left."),
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for thrust.json and pictures.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Bracket the least and the greatest reaction of supports, or forces across joints.
+
+    Every state in equilibrium with the load that friction and strengths allow has its reactions in these intervals.
+    The exit code is 4 if an end stays uncertified.
+    """
+    if out is not None:
+        require_folder(out)
+    scene, assembly, labels = layout_of(source, rank)
+    with error_context(source):
+        assembly, labels = rigid_cells(scene, assembly, labels)
+        resultants = _resultants(assembly, support, joint, section)
+        names: list[str | None] = [case.name for case in assembly.cases] or [None]
+        found = [thrust_ranges(one, labels, resultants=resultants, load_factor=load_factor) for one in assembly.by_case]
+    told: dict[str, Any] = {
+        "name": scene.name,
+        "units": dict(zip(("length", "force"), assembly.units, strict=True)),
+        "cases": [{"case": name, **one.to_json()} for name, one in zip(names, found, strict=True)],
+    }
+    if len(found) == 1:
+        told |= found[0].to_json()
+    if out is not None:
+        _write(found, json.dumps(told, indent=1), out)
+    say(json.dumps(told, indent=1) if as_json else "\n\n".join(map(_words, found)))
+    if any("uncertified" in (part.least.status, part.most.status) for one in found for part in one.ranges):
+        raise typer.Exit(UNCERTIFIED)
+
+
+def _resultants(
+    assembly: Assembly, support: list[str] | None, joint: list[str] | None, section: list[str] | None
+) -> tuple[Resultant, ...]:
+    """Return the resultants that the options name; those of all supports if they name none.
+
+    Raises ParameterError for names and numbers that do not fit.
+    """
+    found: tuple[Resultant, ...] = ()
+    if support or not (joint or section):
+        found += reactions_of_supports(assembly, support or None)
+    for text in joint or []:
+        names = [part.strip() for part in text.split(",")]
+        if len(names) != 2:
+            raise ParameterError("joint", f"{text!r} is not a pair", "names of two elements, as A,B")
+        found += resultant_of_joint(assembly, names[0], names[1])
+    for text in section or []:
+        try:
+            numbers = [float(part) for part in text.split(",")]
+        except ValueError:
+            numbers = []
+        if len(numbers) != 4 or not all(abs(one) < float("inf") for one in numbers):
+            raise ParameterError("section", f"{text!r} is not a line", "two points, as X,Y,X,Y")
+        found += resultant_of_section(assembly, numbers[:2], numbers[2:])
+    return found
+
+
+def _words(found: ThrustRanges) -> str:
+    """Describe all ranges of one load case in lines."""
+    load = f"{found.load_factor:g} × the live load" if found.load_factor else "the dead load alone"
+    if found.stands is False:
+        return f"{found.assembly.name}: falls under {load}, proven"
+    length, force = found.assembly.units
+    lines, place = [f"{found.assembly.name}: under {load}"], ""
+    for one in found.ranges:
+        what = one.resultant
+        if what.place != place:
+            place = what.place
+            digits = 6 - math.floor(math.log10(found.assembly.size))
+            point = ", ".join(f"{round(x, digits) + 0.0:.6g}" for x in what.point.tolist())
+            lines.append(f"  {place} (moments about {point})")
+        lines.append(f"    {words_of_range(one, force, length)}")
+    return "\n".join(lines)
+
+
+def _write(found: list[ThrustRanges], told: str, out: Path) -> None:
+    """Write thrust.json and one picture per resultant and load case."""
+    from jld_core.views.figures import save_figure
+    from jld_core.views.thrust import figure_of_range
+
+    out.mkdir(parents=True, exist_ok=True)
+    write_text(out / "thrust.json", told)
+    number = 0
+    for one in found:
+        for part in one.ranges:
+            number += 1
+            name = re.sub(r"[^\w-]+", "_", f"{part.resultant.place}_{part.resultant.component}")[:50]
+            save_figure(figure_of_range(one, part), out / f"thrust-{number}-{name}.png")

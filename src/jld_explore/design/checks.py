@@ -1,0 +1,156 @@
+"""Checks of the winner of a design: by fields, at low friction, in the virtual experiment, and how it is laid."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+
+from jld_core.assembly import Assembly
+from jld_core.assembly_sequence import assembly_order
+from jld_core.build import build_assembly
+from jld_core.deadline import Deadline, DeadlinePassed
+from jld_core.files import write_text
+from jld_core.models import solve
+from jld_explore.design.options import LAID, LOW_FRICTION
+from jld_explore.design.trials import (
+    Bounds,
+    Check,
+    Design,
+    Trial,
+    at_low_friction,
+    built,
+    field_bounds,
+    one_case,
+    why_no_fields,
+)
+
+_SHARES: Final = {"laying": 0.2, "experiment": 0.3, "by fields": 0.6, "low friction": 1.0}
+"""Share of the time that is left for each check, in their order."""
+
+_LEAST_EXPERIMENT: Final = 4.0
+"""Shortest time in which a virtual experiment may end, s: its program starts anew."""
+
+
+def check_winner(work: Design, until: Deadline, say: Callable[[str], None]) -> list[Check]:
+    """Check the strongest layout, and return what each check found; the winner's bounds by fields are refined."""
+    makes = {"laying": _laid, "experiment": _in_experiment, "by fields": _by_fields, "low friction": _at_low_friction}
+    found = []
+    for name, make in makes.items():
+        one = make(work, until.within(_SHARES[name] * until.remaining()))
+        say(f"check        {one.words}")
+        found.append(one)
+    return found
+
+
+def _winner(work: Design) -> Trial:
+    """Return the winner of a design that has one."""
+    if work.winner is None:
+        raise ValueError("a design without a layout has nothing to check")
+    return work.winner
+
+
+def _span(bounds: Bounds) -> str:
+    """Write bounds as text."""
+    low, high = bounds
+    if not math.isfinite(low):
+        return "no lower bound was found in time"
+    return f"{low:.4g} ≤ λ" + (f" ≤ {high:.4g}" if math.isfinite(high) else "")
+
+
+def _by_fields(work: Design, until: Deadline) -> Check:
+    """Refine the bounds by fields of the winner, and replace it in the list of trials."""
+    winner = _winner(work)
+    assembly = built(winner)
+    problem = why_no_fields(assembly)
+    if problem:
+        return Check("by fields", f"blocks that crack anywhere: not checked, {problem}")
+    low, high = field_bounds(assembly, assembly.labels, until.remaining())
+    best = (max(low, winner.fields[0]), min(high, winner.fields[1]))
+    better = replace(winner, fields=best)
+    work.trials = [better if one is winner else one for one in work.trials]
+    values = {"fields_lo": _number(best[0]), "fields_hi": _number(best[1])}
+    return Check("by fields", f"blocks that crack anywhere: {_span(best)}", values)
+
+
+def _at_low_friction(work: Design, until: Deadline) -> Check:
+    """Bound λ of the winner at the low value of friction."""
+    winner = _winner(work)
+    dry = winner.scene.model_dump(mode="json", exclude_defaults=True)["materials"].get("dry") or {}
+    value = dry.get("friction_coefficient")
+    if value is None and "friction_angle" in dry and isinstance(dry["friction_angle"], float | int):
+        low = LOW_FRICTION * float(np.tan(np.radians(dry["friction_angle"])))
+    elif isinstance(value, dict):
+        low = float(value["low"])
+    else:
+        return Check("low friction", "low friction: not checked, the scene states no friction to lower")
+    scene = at_low_friction(winner.scene, low)
+    assembly = build_assembly(scene)
+    if why_no_fields(assembly):
+        result = solve(assembly)
+        words = f"friction of {low:.3g}: by faces λ = {result.load_factor:.4g} ({result.status})"
+        return Check("low friction", words, {"friction": low, "load_factor": _number(result.load_factor)})
+    bounds = field_bounds(assembly, assembly.labels, until.remaining())
+    values = {"friction": low, "fields_lo": _number(bounds[0]), "fields_hi": _number(bounds[1])}
+    return Check("low friction", f"friction of {low:.3g}: by fields {_span(bounds)}", values)
+
+
+def _in_experiment(work: Design, until: Deadline) -> Check:
+    """Load the winner in a virtual experiment under its governing load case."""
+    winner = _winner(work)
+    result = solve(built(winner))
+    names = [case.name for case in winner.scene.loads.cases or []]
+    number = names.index(str(result.governing)) if result.governing in names else 0
+    place = work.folder / "experiment.json"
+    scene = one_case(winner.scene, number)
+    write_text(place, scene.model_dump_json(indent=1, exclude_defaults=True) + "\n")
+    told = f"virtual experiment{f' of {names[number]!r}' if names else ''}"
+    if until.remaining() < _LEAST_EXPERIMENT:
+        return Check("experiment", f"{told}: no time was left; jld experiment {place}")
+    command = [sys.executable, "-m", "jld_explore", "experiment", str(place), "--json"]
+    try:
+        # a process of its own can be ended at the time limit
+        done = subprocess.run(command, capture_output=True, text=True, timeout=until.remaining(), check=False)
+    except subprocess.TimeoutExpired:
+        return Check("experiment", f"{told}: it did not end in time; jld experiment {place}")
+    if done.returncode not in (0, 4):
+        return Check("experiment", f"{told}: not run, {done.stderr.strip() or 'it was stopped'}")
+    facts: dict[str, Any] = json.loads(done.stdout)
+    values = {name: facts.get(name) for name in ("collapse_load", "load_factor", "ratio", "stands", "rate_error")}
+    if not facts["stands"]:
+        return Check("experiment", f"{told}: it does not stand under its dead loads alone", values)
+    load = facts["collapse_load"]
+    words = f"{told}: it comes down at λ = {load:.4g}" if load is not None else f"{told}: it does not come down"
+    return Check("experiment", f"{words}, with brittle cracks and joints that do not dilate", values)
+
+
+def _laid(work: Design, until: Deadline) -> Check:
+    """Find an order in which the blocks of the winner can be laid."""
+    winner = _winner(work)
+    assembly: Assembly = built(winner)
+    start = LAID[work.options.laid or "translation"][1]
+    try:
+        with until.enforced():
+            sideways = winner.scene.search.assemble_out_of_plane
+            found = assembly_order(assembly, assembly.labels, sideways=sideways, start=start)
+    except DeadlinePassed:
+        return Check("laying", "order of laying: no time was left; jld assembly says it")
+    if not found.possible:
+        names = ", ".join(found.blocks.name(block) for block in found.locked)
+        return Check("laying", f"order of laying: none by translations, {names} lock one another", {"possible": False})
+    props = max((float(step.stage.props.sum()) for step in found.steps), default=0.0)
+    held = "no stage needs a prop" if found.stands else f"props of {props:.3g} {assembly.units[1]} at the most"
+    values = {"possible": True, "steps": len(found.steps), "props": props}
+    first = "" if start == "ground" else f" from the {start}"
+    return Check("laying", f"order of laying{first}: {len(found.steps)} steps, {held}", values)
+
+
+def _number(value: float) -> float | None:
+    """Return a float for JSON, None where it is not finite."""
+    return float(value) if math.isfinite(value) else None

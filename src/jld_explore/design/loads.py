@@ -1,0 +1,213 @@
+"""Loads of a design: forces at places along the top of a structure, and a push to either side."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any, Final
+
+import numpy as np
+import shapely
+
+from jld_core.arrays import Floats
+from jld_core.assembly import Assembly
+from jld_core.build import build_assembly
+from jld_core.errors import ParameterError
+from jld_core.refinement.prisms import prism_of
+from jld_core.scene import Scene, parse_scene
+from jld_explore.design.options import DesignOptions
+
+_FACING: Final = 0.3
+"""Least upward component of the normal of an edge or a face that carries a load."""
+
+_SPREAD: Final = 0.1
+"""Default length over which a load is spread, relative to the length that it acts along."""
+
+_SLIVER: Final = 0.1
+"""Share of a load below which its part on a piece is left to the neighbours; meshes would be fine around it."""
+
+
+def has_own_loads(options: DesignOptions) -> bool:
+    """Return True if the options state loads, which replace those of the outline."""
+    return options.load is not None or options.push is not None
+
+
+def with_loads(scene: Scene, options: DesignOptions, side: Floats | None = None) -> Scene:
+    """Return a scene with the loads of the options in place of its own; the same scene where they state none.
+
+    The force at each place is a load case, as is the push to either side. A force is spread on the pieces below it by
+    their lengths, so that every tessellation carries the same load. side: (d,) horizontal direction of places and of
+    the push; None for that of the scene. Raises InputError where nothing faces upwards.
+    """
+    if not has_own_loads(options):
+        return scene
+    assembly = build_assembly(scene)
+    side = side_of(assembly) if side is None else side
+    document = scene.model_dump(mode="json", exclude_defaults=True)
+    cases: list[dict[str, Any]] = []
+    size = options.force(assembly.units[1])
+    if size is not None:
+        for at, live in _forces(assembly, size, options, side):
+            cases.append({"name": f"load at {at:.4g}", "live": live})
+    if options.push is not None:
+        for name, sign in (("push to the right", 1.0), ("push to the left", -1.0)):
+            cases.append({"name": name, "live": [{"body": (sign * options.push * side + 0.0).tolist()}]})
+    loads = {key: value for key, value in document["loads"].items() if key == "dead"}
+    document["loads"] = loads | ({"cases": cases} if len(cases) > 1 else {"live": cases[0]["live"]})
+    return parse_scene(document, scene.name)
+
+
+def side_of(assembly: Assembly) -> Floats:
+    """Return the horizontal unit vector (d,) along which a structure spans.
+
+    In the plane it is at right angles to gravity. In space it is the axis across that of a vault: the largest free
+    element as a prism; where this is none, or stands upright, the longer side of the plan.
+    """
+    down = _down(assembly)
+    if assembly.dimension == 2:
+        return np.array([-down[1], down[0]])
+    elements = assembly.elements
+    largest = int(max(elements.free, key=lambda k: elements.volume[k]))
+    flat = [axis for axis in range(3) if abs(down[axis]) < 0.5]
+    prism = prism_of(elements.shape[largest], elements.faces[largest])
+    if prism is not None and abs(float(prism.axes[2] @ down)) < 0.5:
+        axis = min(flat, key=lambda k: abs(prism.axes[2][k]))
+    else:
+        extent = elements.upper[elements.free].max(axis=0) - elements.lower[elements.free].min(axis=0)
+        axis = max(flat, key=lambda k: extent[k])
+    return np.asarray(np.eye(3)[axis])
+
+
+def _down(assembly: Assembly) -> Floats:
+    """Return the direction (d,) of weight."""
+    total = assembly.elements.weight.sum(axis=0)
+    length = float(np.linalg.norm(total))
+    return np.asarray(total / length) if length > 0.0 else -np.asarray(np.eye(assembly.dimension)[-1])
+
+
+def _forces(
+    assembly: Assembly, size: float, options: DesignOptions, side: Floats
+) -> list[tuple[float, list[dict[str, Any]]]]:
+    """Return the entries of the force at each place, with the place along the top."""
+    if assembly.dimension == 3:
+        return _forces_in_space(assembly, size, options, side)
+    down = _down(assembly)
+    edges = _top_edges(assembly, down)
+    if not edges:
+        raise ParameterError("along", "no edge of the outline faces upwards", "an outline with a top")
+    low, high = min(edge[1] for edge in edges), max(edge[2] for edge in edges)
+    width = options.width if options.width is not None else _SPREAD * (high - low)
+    if not width < high - low:
+        raise ParameterError("width", f"{width:g} is not below the top's length, {high - low:g}", "a shorter length")
+    found = []
+    for share in options.shares():
+        middle = min(max(low + share * (high - low), low + 0.5 * width), high - 0.5 * width)
+        parts = _spread(edges, middle - 0.5 * width, middle + 0.5 * width, down)
+        total = sum(right - left for _, left, right in parts)
+        if not total > 0.0:
+            raise ParameterError("places", f"nothing lies below the place {middle:.4g}", "a place above the structure")
+        live = []
+        for (element, left, right, p, q), a, b in parts:
+            along = (0.5 * (a + b) - left) / (right - left)
+            reach = float(np.hypot(*(q - p))) * (b - a) / (right - left)
+            live.append(
+                {
+                    "element": assembly.elements.ids[element],
+                    "force": ((b - a) / total * size * down).tolist(),
+                    "at": (p + along * (q - p)).tolist(),
+                    # a patch that ends at a corner must not pass it by rounding
+                    "width": (1.0 - 1e-9) * reach,
+                }
+            )
+        found.append((middle, live))
+    return found
+
+
+_Edge = tuple[int, float, float, Floats, Floats]
+"""Edge that faces upwards: element, ends along the horizontal, and its corners (2,) in the same order."""
+
+
+def _top_edges(assembly: Assembly, down: Floats) -> list[_Edge]:
+    """Return the edges of free elements that face upwards."""
+    right = np.array([-down[1], down[0]])
+    found = []
+    for element in assembly.elements.free.tolist():
+        ring = assembly.elements.shape[element]
+        for p, q in zip(ring, np.roll(ring, -1, axis=0), strict=True):
+            length = float(np.hypot(*(q - p)))
+            # counter-clockwise, edges on top run to the left
+            if float((p - q) @ right) > _FACING * length:
+                found.append((int(element), float(q @ right), float(p @ right), q, p))
+    return found
+
+
+def _spread(edges: list[_Edge], low: float, high: float, down: Floats) -> list[tuple[_Edge, float, float]]:
+    """Return the parts of the top between two places: edge, and ends along the horizontal."""
+    stops = sorted({low, high, *(end for edge in edges for end in edge[1:3] if low < end < high)})
+    parts: list[tuple[_Edge, float, float]] = []
+    for a, b in itertools.pairwise(stops):
+        if b - a <= _SLIVER * (high - low):
+            continue
+        middle = 0.5 * (a + b)
+        over = [edge for edge in edges if edge[1] <= middle <= edge[2]]
+        if not over:
+            continue
+        edge = max(over, key=lambda one: _level(one, middle, down))
+        if parts and parts[-1][0] is edge and parts[-1][2] == a:
+            parts[-1] = (edge, parts[-1][1], b)
+        else:
+            parts.append((edge, a, b))
+    return parts
+
+
+def _level(edge: _Edge, place: float, down: Floats) -> float:
+    """Return the height of an edge at a place along the horizontal."""
+    _, left, right, p, q = edge
+    point = p + (place - left) / (right - left) * (q - p)
+    return -float(point @ down)
+
+
+def _forces_in_space(
+    assembly: Assembly, size: float, options: DesignOptions, direction: Floats
+) -> list[tuple[float, list[dict[str, Any]]]]:
+    """Return the entry of the force at each place, in the middle of the other side of the plan."""
+    if options.width is not None:
+        raise ParameterError("width", "loads in space act at points", "a planar outline, or no width")
+    elements = assembly.elements
+    down = _down(assembly)
+    vertical = int(np.argmax(abs(down)))
+    flat = [axis for axis in range(3) if axis != vertical]
+    side = int(np.argmax(abs(direction)))
+    other = next(axis for axis in flat if axis != side)
+    every = np.concatenate([elements.shape[k] for k in elements.free])
+    lower, upper = every.min(axis=0), every.max(axis=0)
+    found = []
+    for share in options.shares():
+        plan = np.zeros(3)
+        plan[side] = lower[side] + share * (upper[side] - lower[side])
+        # beside the middle, which is a joint of many tessellations
+        plan[other] = lower[other] + (0.5 - 1e-3) * (upper[other] - lower[other])
+        hits = []
+        for k in elements.free.tolist():
+            for loop in elements.faces[k]:
+                corners = elements.shape[k][list(loop)]
+                shape = shapely.Polygon(corners[:, flat])
+                if shape.area > 0.0 and shape.covers(shapely.Point(plan[flat])):
+                    hits.append((_height(corners, plan, flat, vertical, down), -int(k)))
+        if not hits:
+            raise ParameterError("places", f"nothing lies below the place {plan[side]:.4g}", "another place")
+        level, k = max(hits)
+        at = plan.copy()
+        at[vertical] = -level * np.sign(down[vertical])
+        live = [{"element": elements.ids[-k], "force": (size * down).tolist(), "at": at.tolist()}]
+        found.append((float(plan[side]), live))
+    return found
+
+
+def _height(corners: Floats, plan: Floats, flat: list[int], vertical: int, down: Floats) -> float:
+    """Return the height above a point of the plan at which a plane face lies, -inf for an upright face."""
+    middle = corners.mean(axis=0)
+    normal = np.linalg.svd(corners - middle)[2][2]
+    if abs(normal[vertical]) < 1e-9:
+        return -np.inf
+    level = middle[vertical] - (normal[flat] @ (plan[flat] - middle[flat])) / normal[vertical]
+    return float(-level * np.sign(down[vertical]))

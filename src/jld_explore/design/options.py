@@ -1,0 +1,156 @@
+"""Options of a design, and what they say about the scene of an outline."""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import dataclass, fields
+from typing import Any, Final
+
+from jld_core.assembly_sequence.start import LayingStart
+from jld_core.errors import InputError, ParameterError
+from jld_core.exchange.forces import parse_force
+
+LAID: Final[dict[str, tuple[str, LayingStart]]] = {
+    "translation": ("translation", "ground"),
+    "standing": ("standing", "ground"),
+    "left-to-right": ("translation", "left"),
+    "right-to-left": ("translation", "right"),
+    "springings": ("translation", "springings"),
+}
+"""Wishes for laying: the limit `search.assemble` of each, and where laying starts."""
+
+LEAST_SECONDS: Final = 10.0
+"""Shortest time limit, s: program start, reading, one solve and the page take some seconds."""
+
+LOW_FRICTION: Final = 0.8
+"""Share of the friction that the winner is checked at, where no low value is given."""
+
+_PLACES: Final = 50
+"""Largest number of places of a load; each is a load case."""
+
+
+@dataclass(frozen=True)
+class DesignOptions:
+    """What is asked of a design; None keeps what the outline's file says.
+
+    Attributes
+    ----------
+    block_mass : float or None
+        Largest mass of a block, kg with m and N.
+    shapes : int or None
+        Largest number of different blocks, that is, of moulds.
+    load : str or None
+        Force that acts downwards, as "10 kN"; each place is a load case.
+    along : {"top"}
+        Where places of the load lie.
+    places : str
+        Number of places of the load at equal distances, or their shares of the length, as "0.25,0.5".
+    width : float or None
+        Length over which the load is spread; None for a tenth of the length that it acts along.
+    push : float or None
+        Horizontal load to either side, as a share of the weight; each side is a load case.
+    friction, friction_low : float or None
+        Friction coefficient of joints, and the low value at which the winner is checked.
+    density, tension, shear : float or None
+        Density, tensile and shear strength of the stone, in the units of the scene (kg/m³, Pa).
+    thickness : float or None
+        Out-of-plane thickness of a drawing.
+    unit : str or None
+        Unit of length of a drawing.
+    support : tuple of str
+        Layers of supports of a drawing, or "lowest".
+    laid : str or None
+        Name of one of `LAID`: keep to layouts that can be laid, from a side or from the springings, or whose every
+        stage stands.
+    seconds : float
+        Time limit of all together, s.
+    jobs : int
+        Number of worker processes.
+    seed : int
+        Seed of searches and of random cells.
+    """
+
+    block_mass: float | None = None
+    shapes: int | None = None
+    load: str | None = None
+    along: str = "top"
+    places: str = "1"
+    width: float | None = None
+    push: float | None = None
+    friction: float | None = None
+    friction_low: float | None = None
+    density: float | None = None
+    tension: float | None = None
+    shear: float | None = None
+    thickness: float | None = None
+    unit: str | None = None
+    support: tuple[str, ...] = ()
+    laid: str | None = None
+    seconds: float = 300.0
+    jobs: int = os.cpu_count() or 1
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("block_mass", "push", "friction", "friction_low", "density", "tension", "shear", "width"):
+            value = getattr(self, name)
+            if value is not None and not 0.0 < value < math.inf:
+                raise ParameterError(name, f"{value:g} is wrong", "a number above 0")
+        if self.shapes is not None and self.shapes < 1:
+            raise ParameterError("shapes", f"{self.shapes} is no number of shapes", "a whole number from 1")
+        if not self.seconds >= LEAST_SECONDS:
+            problem = f"{self.seconds:g} s are too short to cut and solve anything"
+            raise ParameterError("seconds", problem, f"at least {LEAST_SECONDS:g}; a wall takes some minutes")
+        if self.jobs < 1:
+            raise ParameterError("jobs", f"{self.jobs} processes evaluate nothing", "a whole number from 1")
+        if self.along != "top":
+            raise ParameterError("along", f"{self.along!r} is no place", "top")
+        if self.laid is not None and self.laid not in LAID:
+            raise ParameterError("laid", f"{self.laid!r} is no order", "one of " + ", ".join(LAID))
+        self._check_friction()
+        self.shares()
+        self.force("N")
+
+    def _check_friction(self) -> None:
+        """Raise InputError for a low friction above the nominal one."""
+        if self.friction_low is not None and self.friction is None:
+            raise ParameterError("friction_low", "it stands without `friction`", "both values")
+        if self.friction_low is not None and self.friction is not None and self.friction_low > self.friction:
+            problem = f"{self.friction_low:g} is above the friction, {self.friction:g}"
+            raise ParameterError("friction_low", problem, "a value at most that of `friction`")
+
+    def shares(self) -> list[float]:
+        """Return the places of the load as shares of the length that it acts along, ascending."""
+        text = self.places.strip()
+        try:
+            if text.isdigit():
+                count = int(text)
+                found = [(k + 0.5) / count for k in range(count)]
+            else:
+                found = sorted(float(part) for part in text.split(","))
+        except ValueError:
+            found = []
+        if not 1 <= len(found) <= _PLACES or not all(0.0 < share < 1.0 for share in found):
+            wish = f"a number of places up to {_PLACES}, or shares of the length between 0 and 1, as 0.25,0.5"
+            raise ParameterError("places", f"{self.places!r} is wrong", wish)
+        return found
+
+    def force(self, unit: str) -> float | None:
+        """Return the load as a force downwards in a unit, or None without one."""
+        if self.load is None:
+            return None
+        try:
+            written = parse_force(self.load, unit)
+        except InputError as error:
+            raise ParameterError("load", error.problem, error.expected) from None
+        if written.components or not written.values[0] > 0.0:
+            raise ParameterError("load", f"{self.load!r} is no force downwards", 'one number above 0, as "10 kN"')
+        return written.values[0]
+
+    def given(self) -> dict[str, Any]:
+        """Return the options that differ from their defaults, by name."""
+        return {
+            one.name: getattr(self, one.name)
+            for one in fields(self)
+            if getattr(self, one.name) != one.default and getattr(self, one.name) not in ((), None)
+        }

@@ -1,0 +1,292 @@
+"""Files of a design: page in plain words, picture, table of blocks, scene and summary."""
+
+from __future__ import annotations
+
+import html
+import json
+import math
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from jld_core.build import build_assembly
+from jld_core.exchange import Layout, blocks_csv
+from jld_core.files import write_text
+from jld_explore.design.tessellations import region_words
+from jld_explore.design.trials import Bounds, Design, Trial, built
+
+FILES: Final = ("report.html", "summary.json", "best.json", "best.png", "blocks.csv")
+"""Files of a design: page, summary, scene of the best layout, its picture and its blocks."""
+
+WHY_CUT: Final = (
+    "A cut layout may carry more than the uncut structure where blocks crack along the faces of their cells only. "
+    "Such a crack carries its shear strength whatever presses on it, unless the scene gives inner faces friction. A "
+    "dry joint has friction, which grows with the load that presses on it. By fields, which decide the order here, "
+    "blocks crack anywhere, and a gain that rests on the cells alone does not show."
+)
+"""Explanation of what surprises most."""
+
+_PAGE: Final = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><title>{title}</title>
+<style>
+body {{ font: 15px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; color: #1b1b1b; }}
+table {{ border-collapse: collapse; }} td, th {{ padding: .2rem .8rem; text-align: left; vertical-align: top; }}
+thead th {{ border-bottom: 1px solid #888; }} img {{ max-width: 100%; }} .big {{ font-size: 1.2rem; }}
+</style></head><body>
+<h1>{title}</h1>
+{body}
+</body></html>
+"""
+
+
+def write_design(work: Design, *, pictures: bool = True) -> dict[str, Any]:
+    """Write all files of a design into its folder, and return the facts of summary.json."""
+    winner = work.winner
+    facts = facts_of(work)
+    write_text(work.folder / FILES[1], json.dumps(facts, indent=1))
+    if winner is not None:
+        write_text(work.folder / FILES[2], winner.scene.model_dump_json(indent=1, exclude_defaults=True) + "\n")
+        assembly = built(winner)
+        layout = Layout(winner.scene, assembly, assembly.labels)
+        write_text(work.folder / FILES[4], blocks_csv(layout))
+        if pictures:
+            _draw(work, winner)
+    write_text(work.folder / FILES[0], _page(work, pictures and winner is not None))
+    return facts
+
+
+def facts_of(work: Design) -> dict[str, Any]:
+    """Return what summary.json and `jld design --json` say."""
+    winner, usual = work.winner, work.usual
+    return {
+        "best": None if winner is None else _number(winner.proven),
+        "proven": False,
+        "fields": None if winner is None else _bounds(winner.fields),
+        "load_factor": None if winner is None else _number(winner.load_factor),
+        "tessellation": None if winner is None else winner.tessellation,
+        "kind": None if winner is None else winner.kind,
+        "usual": None
+        if usual is None
+        else {"load_factor": _number(usual.load_factor), "fields": _bounds(usual.fields)},
+        "gain": gain_of(work),
+        "tessellations": [
+            {"name": one.name, "words": one.words, "problem": one.problem, "search": work.searched.get(one.name)}
+            for one in work.tessellations
+        ],
+        "layouts": [
+            {
+                "tessellation": one.tessellation,
+                "kind": one.kind,
+                "load_factor": _number(one.load_factor),
+                "fields": _bounds(one.fields),
+                "words": one.words,
+            }
+            for one in work.trials
+        ],
+        "checks": [{"name": one.name, "words": one.words, **one.values} for one in work.checks],
+        "assumed": list(work.outline.assumed),
+        "options": work.options.given(),
+        "scene": FILES[2] if winner is not None else None,
+        "stop_reason": work.stop,
+        "seconds": work.seconds,
+    }
+
+
+def gain_of(work: Design) -> float | None:
+    """Return how many times the best load of the usual bond the best layout is proven to carry, None where unknown.
+
+    It is the lower bound of the best over the upper bound of the usual bond, both by fields or both by faces.
+    """
+    winner, usual = work.winner, work.usual
+    if winner is None or usual is None:
+        return None
+    # like with like: by faces a layout may seem far stronger
+    by_fields = math.isfinite(winner.fields[0])
+    ours, theirs = (winner.fields[0], usual.fields[1]) if by_fields else (winner.faces[0], usual.faces[1])
+    return ours / theirs if math.isfinite(ours) and 0.0 < theirs < math.inf else None
+
+
+def words_of(work: Design) -> str:
+    """Say in a few lines what a design found."""
+    winner = work.winner
+    if winner is None:
+        return "no layout was found that keeps the limits and stands"
+    lines = [f"best         {_name(winner)}: {_claim(winner)}"]
+    gain = gain_of(work)
+    if work.usual is not None and gain is not None:
+        lines.append(f"usual bond   {_claim(work.usual)}; the best is proven to carry {gain:.3g} times that most")
+    lines += [f"checked      {one.words}" for one in work.checks]
+    lines += [f"assumed      {one}" for one in work.outline.assumed]
+    lines.append("not proven   that no stronger layout exists: tessellations and moves were tried, not all")
+    return "\n".join([*lines, f"written to   {work.folder}: {', '.join(FILES)}"])
+
+
+def _name(trial: Trial) -> str:
+    """Name a trial in words."""
+    how = {"stated": "as stated", "searched": "labels searched", "moved": "labels searched and joints moved"}
+    return f"{trial.tessellation}, {how[trial.kind]}"
+
+
+def _claim(trial: Trial) -> str:
+    """Say what a layout is proven to carry."""
+    low, high = trial.fields
+    if math.isfinite(low):
+        most = f", at most {high:.4g}" if math.isfinite(high) else ""
+        return f"carries at least {low:.4g} times the load wherever its blocks crack{most}"
+    low, high = trial.faces
+    if math.isfinite(low):
+        return f"carries {low:.4g} times the load if its blocks crack along the faces of its cells only"
+    return f"λ = {trial.load_factor:.4g}, without a proof"
+
+
+def _page(work: Design, pictured: bool) -> str:
+    """Return the page of a design."""
+    winner = work.winner
+    name = work.outline.scene.name
+    parts = [f"<p>{html.escape(region_words(work.outline.scene))}. Loads: {html.escape(_loads(work))}.</p>"]
+    if winner is None:
+        parts.append("<p class=big>No layout was found yet that keeps the limits and stands.</p>")
+    else:
+        gain = gain_of(work)
+        more = f" That is {gain:.3g} times the most that the usual bond can carry." if gain is not None else ""
+        claim = f"The best layout ({_name(winner)}) {_claim(winner)}.{more}"
+        parts.append(f"<p class=big>{html.escape(claim)}</p>")
+        if pictured:
+            parts.append(f'<img src="{FILES[3]}" alt="Usual bond and best layout with numbered blocks">')
+    parts.append("<h2>What was tried</h2>" + _table(_tried(work)))
+    if work.checks:
+        parts.append("<h2>How the best was checked</h2>" + _list([one.words for one in work.checks]))
+    parts.append("<h2>What is proven, and what is not</h2>" + _list(_proven(work)))
+    if winner is not None:
+        parts.append("<h2>Blocks</h2>" + _table(_blocks(winner)))
+    if work.outline.assumed:
+        parts.append("<h2>What was assumed</h2>" + _list(work.outline.assumed))
+    parts.append("<h2>Why cuts can make a structure stronger</h2><p>" + WHY_CUT + "</p>")
+    parts.append("<h2>What next</h2>" + _list(_next()))
+    parts.append(f"<p>{work.seconds:.0f} s, ended: {html.escape(work.stop)}.</p>")
+    return _PAGE.format(title=html.escape(f"{name}: a design"), body="\n".join(parts))
+
+
+def _loads(work: Design) -> str:
+    """Describe the load cases of the outline's design."""
+    scene = next((one.scene for one in work.tessellations if one.scene is not None), work.outline.scene)
+    cases = [case.name for case in scene.loads.cases or []]
+    if cases:
+        return f"{len(cases)} cases, of which the worst counts ({', '.join(cases)})"
+    return "one live load, times λ"
+
+
+def _tried(work: Design) -> list[dict[str, str]]:
+    """Return the rows of the table of tessellations."""
+    rows = []
+    for one in work.tessellations:
+        own = [trial for trial in work.trials if trial.tessellation == one.name]
+        row = {"tessellation": one.words, "search": work.searched.get(one.name, one.problem or "not begun")}
+        for kind, words in (("stated", "as stated"), ("searched", "searched"), ("moved", "moved")):
+            found = next((trial for trial in own if trial.kind == kind), None)
+            row[f"λ by fields, {words}"] = "–" if found is None else _span(found)
+        rows.append(row)
+    return rows
+
+
+def _span(trial: Trial) -> str:
+    """Write what is known about λ of a trial."""
+    low, high = trial.fields
+    if math.isfinite(low):
+        return f"{low:.4g} to {high:.4g}"
+    return f"by faces {trial.load_factor:.4g}"
+
+
+def _proven(work: Design) -> list[str]:
+    """Say what is proven and what is not."""
+    found = []
+    winner = work.winner
+    if winner is not None and math.isfinite(winner.fields[0]):
+        found.append(
+            f"Proven: the best layout carries at least {winner.fields[0]:.4g} times the load in every load case. A "
+            "stress field that nowhere exceeds the strengths was found and weighed."
+        )
+    elif winner is not None:
+        found.append(
+            f"Proven for cracks along the faces of the cells: λ from {winner.faces[0]:.4g} to {winner.faces[1]:.4g}. "
+            "Blocks that crack elsewhere may carry less."
+        )
+    for name, words in work.searched.items():
+        if "layouts" in words and "not proven" not in words:
+            found.append(f"Proven: of the cells of {name} no other choice of joints is stronger by faces.")
+    tried = sum(one.scene is not None for one in work.tessellations)
+    found.append(
+        f"Not proven: that no stronger layout exists. {tried} kinds of cells were tried; moves end at a local best."
+    )
+    if work.options.shapes is not None or work.options.laid is not None:
+        found.append("Joints were not moved: a limit on shapes or on laying holds for the cells as they are.")
+    found.append("Not tried: cells aligned to the thrust; moved joints take their place.")
+    return found
+
+
+def _blocks(winner: Trial) -> list[dict[str, str]]:
+    """Return the rows of the table of blocks."""
+    assembly = build_assembly(winner.scene)
+    layout = Layout(winner.scene, assembly, assembly.labels)
+    return [
+        {"stone": str(number), "shape": str(one.shape), "mass": f"{one.mass:.4g}", "cells": str(one.cells)}
+        for number, one in enumerate((block for block in layout.blocks if block.cells), 1)
+    ]
+
+
+def _next() -> list[str]:
+    """Return commands that go on from a design."""
+    return [
+        "jld report DIR --pdf: pages to print, with loads, blocks, moulds and the order of laying",
+        "jld solve DIR/best.json --cracks fields: both bounds, narrower",
+        "jld export DIR/best.json --format dxf -o blocks.dxf: the blocks as a drawing",
+        "jld move DIR/best.json -o moved.json --seconds 600: joints moved further",
+    ]
+
+
+def _draw(work: Design, winner: Trial) -> None:
+    """Draw the usual bond and the best layout side by side, with numbered blocks."""
+    from jld_core.views.figure_layout import figure_for, finish
+    from jld_core.views.figures import draw_assembly, save_figure
+    from jld_core.views.structure import projection_of
+
+    shown = [one for one in (work.usual, winner) if one is not None]
+    assemblies = [built(one) for one in shown]
+    figure, axes = figure_for(assemblies[0], len(shown))
+    for ax, one, assembly in zip(axes, shown, assemblies, strict=True):
+        draw_assembly(ax, assembly, assembly.labels)
+        title = "usual bond" if one.kind == "stated" else f"best: {_name(one)}"
+        ax.set_title(f"{title}\nλ by fields {_span(one)}" if math.isfinite(one.fields[0]) else title, fontsize=9)
+        if one is winner:
+            project = projection_of(assembly)
+            blocks = [block for block in Layout(one.scene, assembly, assembly.labels).blocks if block.cells]
+            for number, block in enumerate(blocks, 1):
+                x, y = project(np.array([block.centroid]))[0]
+                ax.text(x, y, str(number), ha="center", va="center", fontsize=7)
+    finish(figure, axes, f"{work.outline.scene.name}: a design")
+    save_figure(figure, work.folder / FILES[3])
+
+
+def _table(rows: list[dict[str, str]]) -> str:
+    """Return an HTML table."""
+    if not rows:
+        return ""
+    head = "".join(f"<th>{html.escape(name)}</th>" for name in rows[0])
+    body = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row.values()) + "</tr>" for row in rows)
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _list(items: Sequence[str]) -> str:
+    """Return an HTML list."""
+    return "<ul>" + "".join(f"<li>{html.escape(item)}</li>" for item in items) + "</ul>"
+
+
+def _bounds(bounds: Bounds) -> list[float | None]:
+    """Return bounds for JSON, None where nothing is proven."""
+    return [_number(bounds[0]), _number(bounds[1])]
+
+
+def _number(value: float) -> float | None:
+    """Return a float for JSON, None where it is not finite."""
+    return float(value) if math.isfinite(value) else None

@@ -1,0 +1,270 @@
+"""A design from an outline: one clock for tessellations, searches, moved joints, checks and the page."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+from jld_core.build import build_assembly
+from jld_core.deadline import Deadline
+from jld_core.errors import InputError
+from jld_core.limit import Status
+from jld_core.models import solve
+from jld_core.scene import Scene
+from jld_core.threads import one_thread
+from jld_explore.design.checks import check_winner
+from jld_explore.design.options import DesignOptions
+from jld_explore.design.outline import read_outline
+from jld_explore.design.page import write_design
+from jld_explore.design.tessellations import Tessellation, tessellations
+from jld_explore.design.trials import NONE, Bounds, Design, Trial, field_bounds, labelled
+from jld_explore.explore import BUSY, explore
+from jld_explore.moved_search import MovedLayout, explore_and_move
+from jld_explore.report import Exploration, check_folder
+from jld_explore.settings import ExploreSettings
+from jld_explore.space import from_string
+from jld_explore.study_state import Interrupted
+
+_WRITING: Final = (0.05, 2.0)
+"""Share of the time limit, and seconds, that are kept back for page and pictures."""
+
+_SEARCHES: Final = 0.15
+"""Share of the time for the coarse searches of all tessellations."""
+
+_LEAST, _SHORT = 5.0, 0.6
+"""Least time of the search of one tessellation, s, in at most this share of a short time limit."""
+
+_CHECKS: Final = 0.12
+"""Share of the time for the checks of the winner."""
+
+_FIELDS: Final = 0.35
+"""Share of the time of a coarse search for the bounds by fields of its best layout."""
+
+_TABLES: Final = 0.85
+"""Share of the time of a search in space for the search itself; its tables take the rest."""
+
+_MOVED: Final = 12.0
+"""Shortest time in which the joints of one tessellation are moved, s."""
+
+_LAYOUTS: Final = 3
+"""Number of layouts of a round whose joints are moved."""
+
+_PREFERRED: Final = "bond"
+"""Tessellation whose joints are moved first."""
+
+_FIRST: Final = 0.75
+"""Share of the time for moves that the first tessellation has."""
+
+_REFINED: Final = 3
+"""Number of layouts whose bounds by fields are refined before the checks."""
+
+_BEST: Final = 2
+"""Number of tessellations whose joints are moved."""
+
+Say = Callable[[str], None]
+"""Function that is called with messages."""
+
+
+@one_thread()
+def design_outline(
+    file: Path, folder: Path, options: DesignOptions, announce: Say | None = None, *, started: float | None = None
+) -> Design:
+    """Design the blocks of an outline, and write page, picture, table and scene of the best layout.
+
+    file: scene, drawing or solid. folder: new or empty. announce: called with messages. started: start of the time
+    limit as `time.perf_counter` counts, s; None for now. Raises InputError for an outline or options that cannot be
+    met, and Interrupted after a signal, when the folder holds what was found until then.
+    """
+    deadline = Deadline(options.seconds, started)
+    say = announce or (lambda _: None)
+    check_folder(folder, resume=False)
+    outline = read_outline(file, options)
+    work = Design(options, outline, folder, tessellations(outline.scene, options))
+    folder.mkdir(parents=True, exist_ok=True)
+    # writing takes longer on a busy machine, by the ratio of wall-clock to processor time so far
+    busy = min(max(1.0, deadline.elapsed() / time.process_time()), BUSY)
+    until = deadline.earlier(_WRITING[0] * options.seconds + busy * _WRITING[1])
+    try:
+        for one in work.tessellations:
+            say(f"{one.name:<12} {one.words if one.scene is not None else one.problem}")
+        _measure_usual(work, until)
+        _search_all(work, until, say)
+        work.seconds = deadline.elapsed()
+        write_design(work, pictures=False)
+        _move_best(work, until, say)
+        _refine_promising(work, until, say)
+        if work.winner is not None:
+            work.checks = check_winner(work, until.within(2.0 * _CHECKS * options.seconds), say)
+    except Interrupted as stop:
+        work.stop = "interrupted"
+        work.seconds = deadline.elapsed()
+        write_design(work)
+        stop.words = f"stopped; the best so far is in {folder}" if work.winner else "stopped; no layout was found yet"
+        raise
+    if work.winner is None:
+        reasons = "; ".join(f"{name}: {words}" for name, words in work.searched.items())
+        wish = "weaker limits, a longer time, or a smaller load"
+        raise InputError(str(file), f"no layout keeps the limits and stands ({reasons})", wish)
+    work.seconds = deadline.elapsed()
+    write_design(work)
+    return work
+
+
+def _measure_usual(work: Design, until: Deadline) -> None:
+    """Bound λ of the layout that the first tessellation states, by which a gain is measured."""
+    first = work.tessellations[0]
+    if first.scene is None:
+        return
+    assembly = build_assembly(first.scene)
+    found = solve(assembly)
+    share = 0.05 * until.remaining()
+    fields = field_bounds(assembly, assembly.labels, share)
+    work.trials.append(
+        Trial(first.name, "stated", first.scene, found.load_factor, _faces(found.bracket), fields, "no search")
+    )
+
+
+def _faces(bracket: tuple[float, float]) -> Bounds:
+    """Return a bracket with infinite ends where nothing is proven."""
+    low, high = bracket
+    return (low if math.isfinite(low) else -math.inf, high if math.isfinite(high) else math.inf)
+
+
+def _search_all(work: Design, until: Deadline, say: Say) -> None:
+    """Search every tessellation coarsely, and bound its best layout by fields."""
+    fitting = [one for one in work.tessellations if one.scene is not None]
+    spatial = work.outline.scene.dimension == 3
+    # joints in space do not move, so that their searches get that time as well
+    left = until.remaining()
+    total = (1.0 - _CHECKS) * left if spatial else max(_SEARCHES * left, min(_LEAST * len(fitting), _SHORT * left))
+    for one in fitting:
+        each = until.within(total / len(fitting))
+        if each.remaining() < 1.0:
+            work.searched[one.name] = "no time was left"
+            continue
+        try:
+            _search(work, one, each)
+        except InputError as error:
+            work.searched[one.name] = f"{error.where}: {error.problem}".lstrip(": ")
+        except Interrupted as stop:
+            if isinstance(stop.done, Exploration):
+                _keep(work, one, stop.done, 0.0)
+            raise
+        best = [trial for trial in work.trials if trial.tessellation == one.name and trial.kind == "searched"]
+        say(f"{one.name:<12} " + (_said(best[-1]) if best else work.searched[one.name]))
+
+
+def _search(work: Design, tessellation: Tessellation, until: Deadline) -> None:
+    """Search the labels of one tessellation."""
+    if tessellation.scene is None:
+        raise ValueError("a tessellation without a scene is not searched")
+    options = work.options
+    planar = tessellation.scene.dimension == 2
+    # the bounds by fields take the rest; in space the tables of the search do
+    seconds = ((1.0 - _FIELDS) if planar else _TABLES) * until.remaining()
+    settings = ExploreSettings(seconds=seconds, jobs=options.jobs, seed=options.seed, pictures=False, check_fields=0)
+    done = explore(tessellation.scene, work.folder / "searches" / tessellation.name, settings)
+    _keep(work, tessellation, done, until.remaining())
+
+
+def _keep(work: Design, tessellation: Tessellation, done: Exploration, seconds: float) -> None:
+    """Add the best layout of a search, bounded by fields in some seconds; 0 for no such bounds."""
+    facts = done.summary.facts
+    work.searched[tessellation.name] = f"{facts['evaluated']} layouts, {'proven' if facts['proven'] else 'not proven'}"
+    table = done.results[done.results["status"].isin([str(Status.COLLAPSE), str(Status.LOCKED)])]
+    if not len(table):
+        work.searched[tessellation.name] += ": none of them stands"
+        return
+    row = table.iloc[0]
+    labels = from_string(str(row["labelling"]))
+    fields = field_bounds(done.assembly, labels, seconds) if seconds > 0.0 else NONE
+    faces = _faces((float(row["bracket_lo"]), float(row["bracket_hi"])))
+    scene = labelled(done.scene, done.assembly, labels)
+    words = work.searched[tessellation.name]
+    work.trials.append(Trial(tessellation.name, "searched", scene, float(row["load_factor"]), faces, fields, words))
+
+
+def _said(trial: Trial) -> str:
+    """Describe a trial for the terminal."""
+    by_fields = "" if trial.fields == NONE else f", by fields {trial.fields[0]:.4g} to {trial.fields[1]:.4g}"
+    return f"λ = {trial.load_factor:.4g} by faces{by_fields}; {trial.words}"
+
+
+def _move_best(work: Design, until: Deadline, say: Say) -> None:
+    """Move the joints of the most promising tessellations, and search their labels again."""
+    options = work.options
+    if work.outline.scene.dimension == 3 or options.shapes is not None or options.laid is not None:
+        return
+    available = until.remaining() - _CHECKS * options.seconds
+    ranked = sorted(work.allowed, key=_promise)
+    names = list(dict.fromkeys(one.tessellation for one in ranked))[:_BEST]
+    count = min(len(names), int(available / _MOVED))
+    for k, name in enumerate(names[:count]):
+        seconds = until.remaining() - _CHECKS * options.seconds
+        seconds *= _FIRST if k + 1 < count else 1.0
+        if seconds < _MOVED:
+            break
+        say(f"{name:<12} joints move, {seconds:.0f} s")
+        _move(work, name, seconds, say)
+
+
+def _refine_promising(work: Design, until: Deadline, say: Say) -> None:
+    """Refine bounds by fields of layouts that may be the strongest, in the time that the checks leave."""
+    least = work.winner.proven if work.winner is not None else -math.inf
+    open_ones = [one for one in work.allowed if one.scene.dimension == 2 and one.fields[1] > least]
+    promising = sorted(open_ones, key=lambda one: -one.most)[:_REFINED]
+    for k, one in enumerate(promising):
+        seconds = (until.remaining() - _CHECKS * work.options.seconds) / (len(promising) - k)
+        if seconds < 1.0:
+            return
+        assembly = build_assembly(one.scene)
+        low, high = field_bounds(assembly, assembly.labels, seconds)
+        better = replace(one, fields=(max(low, one.fields[0]), min(high, one.fields[1])))
+        work.trials = [better if trial is one else trial for trial in work.trials]
+        say(f"{one.tessellation:<12} {one.kind}: by fields {better.fields[0]:.4g} to {better.fields[1]:.4g}")
+
+
+def _promise(trial: Trial) -> tuple[bool, float]:
+    """Return the key by which tessellations are chosen to be moved.
+
+    Half bricks come first, since they gained most where joints moved (benchmarks/results/moved_opening.md). The others
+    follow by what their best layout may carry.
+    """
+    return trial.tessellation != _PREFERRED, -trial.most
+
+
+def _move(work: Design, name: str, seconds: float, say: Say) -> None:
+    """Move the joints of one tessellation."""
+    scene: Scene | None = next(one.scene for one in work.tessellations if one.name == name)
+    if scene is None:
+        return
+    options = work.options
+    settings = ExploreSettings(seconds=seconds, jobs=options.jobs, seed=options.seed, pictures=False, check_fields=0)
+    others = list(work.trials)
+
+    def keep(layouts: list[MovedLayout]) -> None:
+        """Record the best moved layouts found so far."""
+        standing = [one for one in layouts if one.low > -math.inf]
+        work.trials = others + [
+            Trial(
+                name,
+                "moved",
+                one.scene,
+                one.load_factor,
+                NONE,
+                (one.low, one.high),
+                f"round {one.number}, row {one.row}, {one.end}",
+            )
+            for one in standing[:1]
+        ]
+
+    try:
+        done = explore_and_move(scene, work.folder / "moved" / name, _LAYOUTS, settings, keep=keep)
+    except InputError as error:
+        say(f"{name:<12} joints cannot move: {error.problem}")
+        return
+    say(f"{name:<12} joints moved: by fields {done.best.low:.4g} to {done.best.high:.4g}, {done.stop}")

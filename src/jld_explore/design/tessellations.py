@@ -1,0 +1,238 @@
+"""Tessellations of an outline: ways to cut it into cells, whose joints a search can choose from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import shapely
+
+from jld_core.arrays import Floats
+from jld_core.assembly import Assembly
+from jld_core.build import build_assembly
+from jld_core.build.materials import direction_of_weight
+from jld_core.errors import InputError, ParameterError
+from jld_core.geometry.unions import region_of, union_outlines
+from jld_core.refinement import refine
+from jld_core.refinement.arcs import Arc, find_arcs
+from jld_core.scene import Scene, parse_scene
+from jld_explore.design.loads import side_of, with_loads
+from jld_explore.design.options import DesignOptions
+
+_CELLS: Final = 45
+"""Number of cells that a tessellation is to have: its search and its moves take seconds, not minutes."""
+
+_MOST: Final = 400
+"""Largest number of cells; a limit on the mass of blocks that asks for more cannot be met in minutes."""
+
+_SMALLER: Final = 0.88
+"""Factor on the size of cells while one exceeds the largest mass of a block."""
+
+_TRIES: Final = 12
+"""Number of sizes that are tried for a tessellation."""
+
+
+@dataclass(frozen=True)
+class Tessellation:
+    """One way to cut an outline into cells.
+
+    Attributes
+    ----------
+    name : str
+        Short name, that of its folder.
+    words : str
+        What it is.
+    scene : Scene or None
+        Its scene with loads; None where the outline cannot be cut so.
+    problem : str
+        Why it cannot.
+    """
+
+    name: str
+    words: str
+    scene: Scene | None
+    problem: str = ""
+
+
+def tessellations(outline: Scene, options: DesignOptions) -> list[Tessellation]:
+    """Return the tessellations of an outline; the first one of a planar outline is the usual running bond.
+
+    Raises InputError if the limits ask for more cells than can be searched, or no tessellation fits.
+    """
+    with_loads(outline, options)  # refuses loads that no tessellation can carry
+    assembly = build_assembly(outline)
+    kinds = _planar(outline, assembly, options) if assembly.dimension == 2 else _spatial(outline, assembly, options)
+    side = side_of(assembly)
+    found = [_made(name, words, make, options, side) for name, words, make in kinds]
+    if all(one.scene is None for one in found):
+        reasons = "; ".join(f"{one.name}: {one.problem}" for one in found)
+        raise InputError(
+            "the outline", f"no tessellation fits ({reasons})", "a larger `block_mass`, or another outline"
+        )
+    return found
+
+
+_Make = Callable[[float], Scene]
+"""Function that cuts an outline with cells of a relative size, 1 at first."""
+
+
+def _made(name: str, words: str, make: _Make, options: DesignOptions, side: Floats) -> Tessellation:
+    """Return a tessellation whose cells are light enough, or the reason why there is none."""
+    size, problem = 1.0, ""
+    for _ in range(_TRIES):
+        try:
+            scene = with_loads(make(size), options, side)
+        except InputError as error:
+            return Tessellation(name, words, None, f"{error.where}: {error.problem}".lstrip(": "))
+        elements = build_assembly(scene).elements
+        heaviest = float(elements.mass[elements.free].max())
+        if options.block_mass is None or heaviest <= options.block_mass:
+            return Tessellation(name, f"{words}, {len(elements.free)} cells", scene)
+        problem = f"a cell of {heaviest:.4g} exceeds the block mass"
+        size *= _SMALLER
+    return Tessellation(name, words, None, problem)
+
+
+def _planar(outline: Scene, assembly: Assembly, options: DesignOptions) -> list[tuple[str, str, _Make]]:
+    """Return name, words and function of the tessellations of a planar outline."""
+    elements, free = assembly.elements, assembly.elements.free
+    lower, upper = elements.lower[free].min(axis=0), elements.upper[free].max(axis=0)
+    area = float(sum(shapely.Polygon(elements.shape[k]).area for k in free))
+    cell = _cell_size(assembly, area, 2, options)
+    arcs = [arc for part in union_outlines([elements.shape[k] for k in free]) for arc in find_arcs(part.shell)]
+
+    def half_bricks(size: float) -> Scene:
+        """Cut into bricks of two square cells in running bond, and these into halves."""
+        width, height = _even(upper[0] - lower[0], size * cell), _fitting(upper[1] - lower[1], size * cell)
+        bricks = _bare(refine(outline, (2.0 * width, height), kind="bond").scene)
+        return _ready(refine(bricks, (width, height)).scene, arcs, blocks=True)
+
+    def stones(size: float) -> Scene:
+        """Cut into courses of flat stones."""
+        height = _fitting(upper[1] - lower[1], size * cell / math.sqrt(2.0))
+        return _ready(refine(outline, (1.6 * size * cell, height), kind="bond").scene, arcs)
+
+    def voussoirs(size: float) -> Scene:
+        """Cut into voussoirs."""
+        count, rings = _voussoirs(arcs, lower, upper, size * cell)
+        return _ready(refine(outline, voussoirs=count, rings=rings).scene, arcs)
+
+    def irregular(size: float) -> Scene:
+        """Cut into Voronoi cells."""
+        return _ready(refine(outline, (size * cell,), kind="voronoi", seed=options.seed).scene, arcs)
+
+    return [
+        ("bond", "half bricks in running bond", half_bricks),
+        ("stones", "courses of flat stones", stones),
+        ("voussoirs", "voussoirs from the outline's own arcs", voussoirs),
+        ("voronoi", "irregular stones", irregular),
+    ]
+
+
+def _spatial(outline: Scene, assembly: Assembly, options: DesignOptions) -> list[tuple[str, str, _Make]]:
+    """Return name, words and function of the tessellations of a solid outline."""
+    elements, free = assembly.elements, assembly.elements.free
+    volume = float(elements.volume[free].sum())
+    cell = _cell_size(assembly, volume, 3, options)
+    extent = elements.upper[free].max(axis=0) - elements.lower[free].min(axis=0)
+    side, height = side_of(assembly), float(extent @ abs(direction_of_weight(outline)))
+
+    def vault(bond: str) -> _Make:
+        """Return the function that cuts a vault by voussoirs and courses of a bond."""
+
+        def cut(size: float) -> Scene:
+            """Cut into about as many voussoirs and courses as fit a vault over its span."""
+            span, length = float(extent @ side), float(extent @ (1.0 - side)) - height
+            count = max(3, round(0.5 * math.pi * span / (size * cell) / 2.0) * 2 + 1)
+            courses = max(2, round(length / (size * cell) / 2.0))
+            return _ready(refine(outline, voussoirs=count, courses=courses, bond=bond).scene, [])
+
+        return cut
+
+    def grid(size: float) -> Scene:
+        """Cut by planes along the axes."""
+        sizes = tuple(_fitting(float(length), size * cell) for length in extent)
+        return _ready(refine(outline, sizes).scene, [])
+
+    return [
+        ("bond", "voussoirs in shifted courses", vault("running")),
+        ("courses", "voussoirs in courses in line", vault("stack")),
+        ("grid", "a grid", grid),
+    ]
+
+
+def _cell_size(assembly: Assembly, measure: float, dimension: int, options: DesignOptions) -> float:
+    """Return the size of a cell of which two weigh at most a block, and of which there are about as many as wished.
+
+    measure: area or volume of the structure. Raises InputError if the limit asks for too many cells.
+    """
+    each = measure / _CELLS
+    mass = float(assembly.elements.mass[assembly.elements.free].sum())
+    if options.block_mass is not None:
+        if mass <= 0.0:
+            raise ParameterError("block_mass", "the structure has no weight", "a `density`")
+        each = min(each, 0.5 * options.block_mass / mass * measure)
+        if measure / each > _MOST:
+            least = 2.0 * mass / _MOST
+            problem = f"blocks of {options.block_mass:g} are {mass / options.block_mass:.0f} of a mass of {mass:.4g}"
+            raise ParameterError("block_mass", problem, f"at least {least:.3g}, for {_MOST} cells at the most")
+    return float(each ** (1.0 / dimension))
+
+
+def _fitting(length: float, size: float) -> float:
+    """Return the size nearest to a size that divides a length."""
+    return float(length / max(1, round(length / size)))
+
+
+def _even(length: float, size: float) -> float:
+    """Return the size nearest to a size that divides a length in an even number of parts."""
+    return float(length / max(2, 2 * round(0.5 * length / size)))
+
+
+def _voussoirs(arcs: list[Arc], lower: Any, upper: Any, cell: float) -> tuple[int, int]:
+    """Return the number of voussoirs and rings for cells of about a size; an odd number has a keystone."""
+    hollow = [arc for arc in arcs if arc.hollow] or arcs
+    if not hollow:
+        return max(3, 2 * round(0.5 * (upper[0] - lower[0]) / cell) + 1), 1
+    length = max(arc.sweep * arc.radius for arc in hollow)
+    top = max(float(arc.centre[1]) + arc.radius for arc in hollow)
+    depth = float(upper[1]) - top
+    return max(3, 2 * round(0.5 * length / cell) + 1), max(1, round(depth / cell))
+
+
+def _bare(scene: Scene) -> Scene:
+    """Return a scene whose elements are blocks of their own."""
+    document = scene.model_dump(mode="json", exclude_defaults=True)
+    document.pop("labels", None)
+    for entry in document["elements"]:
+        if not entry.get("support"):
+            entry.pop("block", None)
+    return parse_scene(document, scene.name)
+
+
+def _ready(scene: Scene, arcs: list[Arc], *, blocks: bool = False) -> Scene:
+    """Return a scene to be searched and moved; blocks: keep the blocks of its elements."""
+    kept = scene if blocks else _bare(scene)
+    document = kept.model_dump(mode="json", exclude_defaults=True)
+    if scene.dimension == 2 and "move" not in document:
+        centres = np.array([arc.centre for arc in arcs]).reshape(-1, 2)
+        apart = [c for k, c in enumerate(centres) if all(np.hypot(*(c - d)) > 1e-6 for d in centres[:k])]
+        along = [{"circle": centre.tolist()} for centre in apart]
+        document["move"] = {"inner": "follow", "straight": False, "along": along}
+    return parse_scene(document, scene.name)
+
+
+def region_words(scene: Scene) -> str:
+    """Describe an outline: its area, and the arcs that were found."""
+    assembly = build_assembly(scene)
+    if assembly.dimension == 3:
+        return f"{len(assembly.elements.free)} solids"
+    shapes = [assembly.elements.shape[k] for k in assembly.elements.free]
+    parts = union_outlines(shapes)
+    arcs = [arc for part in parts for arc in find_arcs(region_of(shapely.Polygon(part.shell)).shell)]
+    told = ", ".join(f"an arc of radius {arc.radius:.4g} over {math.degrees(arc.sweep):.4g}°" for arc in arcs)
+    area = sum(shapely.Polygon(part.shell, part.holes).area for part in parts)
+    return f"area {area:.4g}, {told or 'no arcs'}"

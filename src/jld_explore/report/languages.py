@@ -1,0 +1,116 @@
+"""Texts of the printed report in English, German and Italian."""
+
+from __future__ import annotations
+
+from typing import Final
+
+LANGUAGES: Final = ("en", "de", "it")
+"""Languages of a printed report."""
+
+_WORDS: Final[dict[str, tuple[str, str, str]]] = {
+    "title": ("Layout of stones", "Steinschnitt", "Disposizione dei conci"),
+    "loads": ("Loads", "Lasten", "Carichi"),
+    "case": ("load case", "Lastfall", "caso di carico"),
+    "load": ("load", "Last", "carico"),
+    "times": ("λ × load", "λ × Last", "λ × carico"),
+    "body": ("share of the weight", "Anteil des Gewichts", "quota del peso"),
+    "at": ("at", "bei", "in"),
+    "on": ("on", "auf", "su"),
+    "pressure": ("pressure", "Druck", "pressione"),
+    "moment": ("moment", "Moment", "momento"),
+    "proven": ("What is proven", "Was bewiesen ist", "Che cosa è dimostrato"),
+    "by_fields": (
+        "The stones carry at least {low} times the live load wherever they crack; no more than {high} times.",
+        "Die Steine tragen mindestens das {low}-fache der Last, wo immer sie reißen; höchstens das {high}-fache.",
+        "I conci portano almeno {low} volte il carico, ovunque si fessurino; al massimo {high} volte.",
+    ),
+    "by_faces": (
+        "Cracks along the faces of the cells only: λ lies between {low} and {high}.",
+        "Risse nur entlang der Zellflächen: λ liegt zwischen {low} und {high}.",
+        "Fessure solo lungo le facce delle celle: λ è compreso tra {low} e {high}.",
+    ),
+    "locked": (
+        "No live load of this pattern is too large for the model: the stones are locked.",
+        "Keine Last dieser Art ist dem Modell zu groß: die Steine sind verkeilt.",
+        "Nessun carico di questo tipo è eccessivo per il modello: i conci sono bloccati.",
+    ),
+    "nothing": (
+        "Nothing is proven of this layout ({status}).",
+        "Über diesen Steinschnitt ist nichts bewiesen ({status}).",
+        "Di questa disposizione nulla è dimostrato ({status}).",
+    ),
+    "strongest": (
+        "Proven: no other layout of these cells is stronger by faces.",
+        "Bewiesen: kein anderer Schnitt dieser Zellen ist nach Flächen stärker.",
+        "Dimostrato: nessun'altra disposizione di queste celle è più forte secondo le facce.",
+    ),
+    "not_strongest": (
+        "Not proven: that no stronger layout exists.",
+        "Nicht bewiesen: dass es keinen stärkeren Steinschnitt gibt.",
+        "Non dimostrato: che non esista una disposizione più forte.",
+    ),
+    "stones": ("Stones", "Steine", "Conci"),
+    "stone": ("stone", "Stein", "concio"),
+    "block": ("block", "Block", "blocco"),
+    "mould": ("mould", "Form", "forma"),
+    "mass": ("mass", "Masse", "massa"),
+    "size": ("smallest cuboid", "kleinster Quader", "parallelepipedo minimo"),
+    "cuts": ("cuts", "Schnitte", "tagli"),
+    "set_ups": ("set-ups", "Einstellungen", "regolazioni"),
+    "waste": ("waste", "Verschnitt", "sfrido"),
+    "making": ("Making", "Herstellung", "Lavorazione"),
+    "making_words": (
+        "{stones} stones of {moulds} moulds; {cuts} sawn faces in {set_ups} set-ups, {sawn}; {mass} in all, the "
+        "heaviest lift {heaviest}. One cuboid for each stone: {stock} of stock, {waste} lost.",
+        "{stones} Steine aus {moulds} Formen; {cuts} Sägeflächen in {set_ups} Einstellungen, {sawn}; zusammen {mass}, "
+        "der schwerste Hub {heaviest}. Je Stein ein Quader: {stock} Rohstein, {waste} Verschnitt.",
+        "{stones} conci di {moulds} forme; {cuts} facce segate in {set_ups} regolazioni, {sawn}; in tutto {mass}, il "
+        "sollevamento maggiore {heaviest}. Un parallelepipedo per concio: {stock} di grezzo, {waste} di sfrido.",
+    ),
+    "least": (
+        "No other choice of one cuboid per stone loses less.",
+        "Keine andere Wahl eines Quaders je Stein verliert weniger.",
+        "Nessun'altra scelta di un parallelepipedo per concio perde meno.",
+    ),
+    "axes": (
+        "Cuboids lie along the axes; turned ones may be smaller.",
+        "Die Quader liegen entlang der Achsen; gedrehte können kleiner sein.",
+        "I parallelepipedi sono paralleli agli assi; ruotati possono essere più piccoli.",
+    ),
+    "moulds": ("Moulds, lengths in {unit}", "Formen, Längen in {unit}", "Forme, lunghezze in {unit}"),
+    "pieces": ("{count} ×", "{count} ×", "{count} ×"),
+    "more": ("and {count} more", "und {count} weitere", "e altri {count}"),
+    "laying": ("Order of laying", "Reihenfolge des Versetzens", "Ordine di posa"),
+    "step": ("step", "Schritt", "passo"),
+    "prop": ("prop", "Stütze", "puntello"),
+    "way": ("comes along", "kommt entlang", "arriva lungo"),
+    "stands": ("stands", "steht", "sta in piedi"),
+    "undecided": ("undecided", "offen", "indeciso"),
+    "no_order": (
+        "There is no order by translations: stones {names} lock one another.",
+        "Keine Reihenfolge aus Verschiebungen: die Steine {names} verkeilen einander.",
+        "Nessun ordine per traslazioni: i conci {names} si bloccano a vicenda.",
+    ),
+    "assumptions": ("Assumptions", "Annahmen", "Ipotesi"),
+    "friction": ("friction of joints {value}", "Reibung der Fugen {value}", "attrito dei giunti {value}"),
+    "strength": (
+        "tensile and shear strength of the stone {tension} and {shear}",
+        "Zug- und Schubfestigkeit des Steins {tension} und {shear}",
+        "resistenza a trazione e a taglio della pietra {tension} e {shear}",
+    ),
+    "density": ("density {value}", "Dichte {value}", "densità {value}"),
+    "rigid": (
+        "rigid stones and plastic joints: no settlement, no dynamics, no creep; associative friction",
+        "starre Steine und plastische Fugen: keine Setzung, keine Dynamik, kein Kriechen; assoziierte Reibung",
+        "conci rigidi e giunti plastici: niente cedimenti, dinamica o viscosità; attrito associato",
+    ),
+    "warnings": ("Warnings", "Warnungen", "Avvertenze"),
+    "page": ("page", "Seite", "pagina"),
+}
+"""Texts by key, in the order of LANGUAGES."""
+
+
+def words_in(language: str) -> dict[str, str]:
+    """Return all texts in one language, by key."""
+    place = LANGUAGES.index(language)
+    return {key: texts[place] for key, texts in _WORDS.items()}

@@ -1,0 +1,399 @@
+"""Printed report of one layout: picture, loads, stones, moulds, laying, assumptions and what is proven."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_pdf import PdfPages
+from matplotlib.figure import Figure
+
+from jld_core._version import __version__
+from jld_core.assembly_sequence import Laying
+from jld_core.exchange import Layout
+from jld_core.files import whole_file
+from jld_core.scene import Scene
+from jld_core.scene.units import NEWTONS
+from jld_core.views.figures import draw_assembly
+from jld_core.views.look import INK, SOFT, TINTS
+from jld_core.views.structure import projection_of
+from jld_core.views.writing import as_written
+from jld_explore.report.languages import words_in
+from jld_explore.report.making import Making, Stone, factor_to, making_of, stones_of
+
+_PAPER: Final = (8.27, 11.69)
+"""Size of a page, DIN A4, inches."""
+
+_ROWS: Final = 52
+"""Largest number of rows of a table on one page."""
+
+_MOULDS: Final = 28
+"""Largest number of moulds that are drawn, on one page."""
+
+_MARGIN: Final = 0.09
+"""Margin of a page, relative to its width."""
+
+
+@dataclass(frozen=True)
+class Printed:
+    """What a printed report says.
+
+    Attributes
+    ----------
+    layout : Layout
+        The layout.
+    fields, faces : (float, float)
+        Proven bounds on λ by fields and by faces, infinite where there are none.
+    status : str
+        Status of its limit analysis.
+    strongest : bool
+        True if the layout is proven the strongest of its cells.
+    laying : Laying or None
+        Order of laying, None if it was not asked for.
+    assumed : tuple of str
+        What was assumed, beside the model.
+    """
+
+    layout: Layout
+    fields: tuple[float, float]
+    faces: tuple[float, float]
+    status: str
+    strongest: bool = False
+    laying: Laying | None = None
+    assumed: tuple[str, ...] = ()
+
+    @property
+    def load_factor(self) -> float:
+        """Load factor that is proven from below: by fields where it is, else by faces."""
+        return self.fields[0] if math.isfinite(self.fields[0]) else self.faces[0]
+
+
+@dataclass
+class _Book:
+    """State of a report while its pages are made."""
+
+    content: Printed
+    language: str
+    unit: str
+    stones: list[Stone]
+    making: Making
+    words: dict[str, str]
+    pages: list[Figure] = field(default_factory=list)
+
+    @property
+    def scene(self) -> Scene:
+        """Scene of the layout."""
+        return self.content.layout.scene
+
+    @property
+    def length(self) -> float:
+        """Factor from the scene's lengths to the unit of the report."""
+        return factor_to(self.unit, self.scene.units.length)
+
+    def new(self, title: str) -> Figure:
+        """Begin a page with a title."""
+        figure = Figure(figsize=_PAPER)
+        figure.text(_MARGIN, 0.955, title, fontsize=15, color=INK, va="top")
+        self.pages.append(figure)
+        return figure
+
+    def text(self, figure: Figure, top: float, lines: list[str], size: float = 9.0) -> float:
+        """Write lines from a height on, wrapped to the page, and return the height below them."""
+        width = int(150 * 7.0 / size * (1.0 - 2.0 * _MARGIN))
+        for line in lines:
+            for part in textwrap.wrap(line, width) or [""]:
+                figure.text(_MARGIN, top, part, fontsize=size, color=INK, va="top")
+                top -= 1.45 * size / 72.0 / _PAPER[1]
+        return top
+
+    def table(self, figure: Figure, top: float, head: list[str], rows: list[list[str]], widths: list[float]) -> float:
+        """Write a table from a height on, and return the height below it; widths: shares of the page."""
+        step = 1.5 * 8.0 / 72.0 / _PAPER[1]
+        left = _MARGIN + (1.0 - 2.0 * _MARGIN) * np.concatenate([[0.0], np.cumsum(widths)[:-1]])
+        for number, row in enumerate([head, *rows]):
+            for x, cell in zip(left, row, strict=True):
+                figure.text(float(x), top, cell, fontsize=8.0, color=SOFT if number == 0 else INK, va="top")
+            top -= step
+        return top
+
+
+def write_printed(content: Printed, path: Path, *, language: str = "en", unit: str = "mm") -> int:
+    """Write the printed report of a layout as PDF, completely or not at all, and return the number of its pages.
+
+    language: one of `LANGUAGES`. unit: of lengths. Equal reports have equal bytes.
+    """
+    figures = pages_of(content, language=language, unit=unit)
+    facts = {"CreationDate": None, "Title": content.layout.scene.name}
+    with mpl.rc_context({"pdf.fonttype": 42}), whole_file(path) as fresh, PdfPages(fresh, metadata=facts) as book:
+        for figure in figures:
+            with as_written(figure):
+                book.savefig(figure)
+    return len(figures)
+
+
+def pages_of(content: Printed, *, language: str = "en", unit: str = "mm") -> list[Figure]:
+    """Return the pages of a printed report: overview, stones, moulds, and laying with assumptions."""
+    stones = stones_of(content.layout)
+    book = _Book(content, language, unit, stones, making_of(stones), words_in(language))
+    _overview(book)
+    _stones(book)
+    if content.layout.assembly.dimension == 2:
+        _moulds(book)
+    _laying(book)
+    for number, figure in enumerate(book.pages, 1):
+        foot = f"{book.scene.name} · jld {__version__} · {book.words['page']} {number}/{len(book.pages)}"
+        figure.text(_MARGIN, 0.03, foot, fontsize=7.5, color=SOFT)
+    return book.pages
+
+
+def _overview(book: _Book) -> None:
+    """Make the page with the picture, the loads and what is proven."""
+    content, words = book.content, book.words
+    layout = content.layout
+    figure = book.new(f"{words['title']}: {textwrap.shorten(book.scene.name, 50, placeholder=' …')}")
+    ax = figure.add_axes((_MARGIN, 0.52, 1.0 - 2.0 * _MARGIN, 0.38))
+    draw_assembly(ax, layout.assembly, layout.labels)
+    ax.set_title("")
+    _write_numbers(ax, book)
+    top = book.text(figure, 0.43, [words["loads"]], 12.0)
+    top = book.table(figure, top, [words["case"], words["load"], words["times"]], _loads(book)[:14], [0.2, 0.5, 0.3])
+    top = book.text(figure, top - 0.015, [words["proven"]], 12.0)
+    book.text(figure, top, _proven(book))
+
+
+def _write_numbers(ax: Axes, book: _Book) -> None:
+    """Write the numbers of the stones into a drawing."""
+    project = projection_of(book.content.layout.assembly)
+    size = 7.0 if len(book.stones) <= 60 else 4.5
+    for stone in book.stones:
+        x, y = project(np.array([stone.centroid]))[0]
+        ax.text(float(x), float(y), str(stone.number), ha="center", va="center", fontsize=size, color=INK)
+
+
+def _force(book: _Book, value: float) -> str:
+    """Write a force in kN, or in the scene's unit where that is unknown."""
+    own = book.scene.units.force
+    if own not in NEWTONS:
+        return f"{value:.4g} {own}"
+    return f"{value * NEWTONS[own] / NEWTONS['kN']:.4g} kN"
+
+
+def _loads(book: _Book) -> list[list[str]]:
+    """Return the rows of the table of loads: case, load, and λ times it."""
+    scene, factor, words = book.scene, book.content.load_factor, book.words
+    rows = []
+    cases: list[tuple[str, Any]] = [(case.name, case.live) for case in scene.loads.cases or []]
+    for name, live in cases or [("", scene.loads.live)]:
+        for entry in live:
+            told, times = _load(book, entry.model_dump(mode="json", exclude_defaults=True), factor, words)
+            rows.append([textwrap.shorten(name, 24, placeholder="…"), told, times])
+    return rows
+
+
+def _load(book: _Book, entry: dict[str, Any], factor: float, words: dict[str, str]) -> tuple[str, str]:
+    """Describe one load, and λ times it."""
+    if "body" in entry:
+        value = float(np.linalg.norm(entry["body"]))
+        vector = ", ".join(f"{one + 0.0:.4g}" for one in entry["body"])
+        return f"({vector}) {words['body']}", _finite(factor * value, lambda x: f"{x:.4g}")
+    if "force" in entry:
+        value = float(np.linalg.norm(entry["force"]))
+        place = entry.get("at")
+        length = book.scene.units.length
+        where = "" if place is None else f" {words['at']} (" + ", ".join(f"{x:.4g}" for x in place) + f") {length}"
+        told = f"{_force(book, value)} {words['on']} {entry['element']}{where}"
+        return textwrap.shorten(told, 60, placeholder="…"), _finite(factor * value, lambda x: _force(book, x))
+    if "pressure" in entry:
+        return f"{words['pressure']} {entry['pressure']}", ""
+    return f"{words['moment']} {entry.get('moment')}", ""
+
+
+def _finite(value: float, write: Any) -> str:
+    """Write a number, a dash where it is not finite."""
+    return str(write(value)) if math.isfinite(value) else "–"
+
+
+def _proven(book: _Book) -> list[str]:
+    """Say what is proven, and what is not."""
+    content, words = book.content, book.words
+    found = []
+    if math.isfinite(content.fields[0]):
+        low, high = content.fields
+        found.append(words["by_fields"].format(low=f"{low:.4g}", high=_finite(high, lambda x: f"{x:.4g}")))
+    elif math.isfinite(content.faces[0]) and content.status != "locked":
+        low, high = content.faces
+        found.append(words["by_faces"].format(low=f"{low:.4g}", high=_finite(high, lambda x: f"{x:.4g}")))
+    elif content.status == "locked":
+        found.append(words["locked"])
+    else:
+        found.append(words["nothing"].format(status=content.status))
+    found.append(words["strongest"] if content.strongest else words["not_strongest"])
+    return found
+
+
+def _stones(book: _Book) -> None:
+    """Make the page with the table of stones."""
+    words = book.words
+    figure = book.new(words["stones"])
+    head = [words[key] for key in ("stone", "block", "mould", "mass", "size", "cuts", "set_ups", "waste")]
+    head[4] += f" [{book.unit}]"
+    rows = []
+    for stone in book.stones[:_ROWS]:
+        size = " × ".join(f"{book.length * side:.4g}" for side in stone.size)
+        waste = f"{100.0 * (1.0 - stone.volume / stone.stock):.0f} %"
+        mass = f"{stone.mass:.4g} kg" if book.scene.units.force in NEWTONS else f"{stone.mass:.4g}"
+        name = textwrap.shorten(stone.name, 14, placeholder="…")
+        rows.append([str(stone.number), name, str(stone.shape), mass, size, str(stone.cuts), str(stone.set_ups), waste])
+    top = book.table(figure, 0.91, head, rows, [0.08, 0.15, 0.09, 0.14, 0.26, 0.08, 0.1, 0.1])
+    if len(book.stones) > _ROWS:
+        top = book.text(figure, top, [words["more"].format(count=len(book.stones) - _ROWS)])
+    top = book.text(figure, top - 0.01, [words["making"]], 12.0)
+    book.text(figure, top, [_making_words(book)])
+
+
+def _making_words(book: _Book) -> str:
+    """Describe the sums over all stones."""
+    sums, words = book.making, book.words
+    metres = factor_to("m", book.scene.units.length)
+    said = words["making_words"].format(
+        stones=sums.stones,
+        moulds=sums.moulds,
+        cuts=sums.cuts,
+        set_ups=sums.set_ups,
+        sawn=f"{metres**2 * sums.sawn:.4g} m²",
+        mass=f"{sums.mass:.4g} kg",
+        heaviest=f"{sums.heaviest:.4g} kg",
+        stock=f"{metres**3 * sums.stock:.4g} m³",
+        waste=f"{100.0 * sums.waste:.0f} %",
+    )
+    return f"{said} {words['least' if book.content.layout.assembly.dimension == 2 else 'axes']}"
+
+
+def _moulds(book: _Book) -> None:
+    """Make the page with a drawing of every mould, with the lengths of its edges."""
+    figure = book.new(book.words["moulds"].format(unit=book.unit))
+    shapes = sorted({stone.shape for stone in book.stones})
+    across = 4
+    down = math.ceil(min(len(shapes), _MOULDS) / across)
+    height = min(0.15, 0.84 / max(down, 1))
+    for place, shape in enumerate(shapes[:_MOULDS]):
+        alike = [stone for stone in book.stones if stone.shape == shape]
+        x = _MARGIN + (place % across) * (1.0 - 2.0 * _MARGIN) / across
+        y = 0.9 - (place // across + 1) * height
+        ax = figure.add_axes((x, y + 0.1 * height, 0.9 * (1.0 - 2.0 * _MARGIN) / across, 0.72 * height))
+        _draw_mould(ax, alike[0], book.length, TINTS[place % len(TINTS)])
+        numbers = ", ".join(str(stone.number) for stone in alike)
+        count = book.words["pieces"].format(count=len(alike))
+        title = f"{book.words['mould']} {shape}: {count} ({textwrap.shorten(numbers, 12, placeholder='…')})"
+        ax.set_title(title, fontsize=7.5, color=INK, loc="left")
+    if len(shapes) > _MOULDS:
+        book.text(figure, 0.06, [book.words["more"].format(count=len(shapes) - _MOULDS)])
+
+
+def _draw_mould(ax: Axes, stone: Stone, factor: float, tint: str) -> None:
+    """Draw the outline of a stone with the lengths of its edges."""
+    if stone.outline is None:
+        raise ValueError("a stone in space has no outline")
+    ring = factor * stone.outline
+    ax.fill(*ring.T, facecolor=tint, edgecolor=INK, linewidth=0.8)
+    edges = np.roll(ring, -1, axis=0) - ring
+    lengths = np.hypot(*edges.T)
+    outward = np.column_stack([edges[:, 1], -edges[:, 0]]) / lengths[:, None]
+    size = float(np.ptp(ring, axis=0).max())
+    for middle, normal, length in zip(ring + 0.5 * edges, outward, lengths, strict=True):
+        if length > 0.04 * size:
+            at = middle + 0.09 * size * normal
+            ax.text(
+                float(at[0]),
+                float(at[1]),
+                f"{length:.0f}" if length >= 100 else f"{length:.1f}",
+                fontsize=5.5,
+                ha="center",
+                va="center",
+            )
+    ax.set_aspect("equal")
+    ax.margins(0.2)
+    ax.set_axis_off()
+
+
+def _laying(book: _Book) -> None:
+    """Make the page with the order of laying, the assumptions and the warnings."""
+    words, laying = book.words, book.content.laying
+    figure = book.new(words["laying"] if laying is not None else words["assumptions"])
+    top = 0.91
+    if laying is not None:
+        top = _laying_table(book, figure, top)
+        top = book.text(figure, top - 0.012, [words["assumptions"]], 12.0)
+    top = book.text(figure, top, [f"– {line}" for line in _assumptions(book)], 8.0)
+    warnings = list(book.content.layout.assembly.warnings)
+    if warnings:
+        top = book.text(figure, top - 0.012, [words["warnings"]], 12.0)
+        book.text(figure, top, [f"– {line}" for line in warnings[:6]], 8.0)
+
+
+def _laying_table(book: _Book, figure: Figure, top: float) -> float:
+    """Write the table of the order of laying, in two columns where it is long."""
+    words, laying = book.words, book.content.laying
+    if laying is None:
+        return top
+    if not laying.possible:
+        names = ", ".join(_numbers(book, laying, laying.locked))
+        return book.text(figure, top, [words["no_order"].format(names=names)])
+    rows = []
+    for number, step in enumerate(laying.steps, 1):
+        stones = " + ".join(_numbers(book, laying, step.blocks))
+        way = "(" + ", ".join(f"{0.0 - x:.2f}" for x in step.direction) + ")"
+        props = float(step.stage.props.sum())
+        held = words["stands"] if step.stage.stands else words["undecided"] if step.stage.stands is None else ""
+        rows.append([str(number), stones, way, held or f"{words['prop']} {_force(book, props)}"])
+    shown = rows[: 2 * (_ROWS - 12)]
+    half = math.ceil(len(shown) / 2)
+    head = [words[key] for key in ("step", "stone", "way", "stands")]
+    both = [[*left, *right] for left, right in zip(shown[:half], [*shown[half:], *[[""] * 4] * half], strict=False)]
+    top = book.table(figure, top, [*head, *head], both, [0.07, 0.09, 0.17, 0.17] * 2)
+    if len(rows) > len(shown):
+        top = book.text(figure, top, [words["more"].format(count=len(rows) - len(shown))])
+    return top
+
+
+def _numbers(book: _Book, laying: Laying, blocks: Sequence[int]) -> list[str]:
+    """Return the numbers of the stones that an order of laying calls blocks."""
+    layout = book.content.layout
+    names = {stone.name: str(stone.number) for stone in book.stones}
+    # blocks of an order of laying are named by their first elements, those of a layout also by the scene
+    own = [layout.blocks[int(layout.block_of[laying.blocks.elements(block)[0]])].name for block in blocks]
+    return [names.get(name, name) for name in own]
+
+
+def _assumptions(book: _Book) -> list[str]:
+    """Say which values and which model the load factor rests on."""
+    words, scene = book.words, book.scene
+    materials = scene.model_dump(mode="json", exclude_defaults=True)["materials"]
+    dry, inner = materials.get("dry") or {}, materials.get("inner") or {}
+    found = []
+    if dry:
+        angle = dry.get("friction_angle")
+        value = f"{_plain(angle)}°" if angle is not None else _plain(dry.get("friction_coefficient"))
+        found.append(words["friction"].format(value=value))
+    if inner:
+        unit = f" {scene.units.force}/{scene.units.length}²"
+        tension, shear = (_plain(inner.get(key)) + unit for key in ("tensile_strength", "shear_strength"))
+        found.append(words["strength"].format(tension=tension, shear=shear))
+    if materials.get("density") is not None:
+        found.append(words["density"].format(value=_plain(materials["density"])))
+    # what the file of materials says already stands above
+    return [*found, words["rigid"], *(one for one in book.content.assumed if not one.startswith("density"))]
+
+
+def _plain(value: Any) -> str:
+    """Write a value of a material, with its low value where it has one."""
+    if isinstance(value, dict):
+        return f"{value['nominal']:.4g} ({value['low']:.4g})"
+    return f"{value:.4g}" if isinstance(value, float | int) else "–"

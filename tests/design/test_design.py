@@ -1,0 +1,259 @@
+"""A design from an outline: what is read, cut, loaded, found and said; bad input is one line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from command import Command
+from jld_core import InputError, Scene, build_assembly, solve
+from jld_explore.design import run, tessellations
+from jld_explore.design.loads import with_loads
+from jld_explore.design.options import DesignOptions
+from jld_explore.design.outline import read_outline
+from jld_explore.design.page import gain_of
+from jld_explore.design.tessellations import Tessellation
+from jld_explore.design.trials import NONE, Design, Trial, at_low_friction, field_bounds, labelled, one_case
+from jld_explore.study_state import Interrupted
+
+WALL = "id,x,y\n" + "".join(f"w,{x},{y}\n" for x, y in [(0, 0), (1.2, 0), (1.2, 0.8), (0, 0.8)])
+ASKED: dict[str, Any] = {"load": "10 kN", "places": "0.3", "push": 0.1, "thickness": 0.3, "block_mass": 150.0}
+
+
+def arch_outline() -> str:
+    """CSV of a wall of 2 × 1.2 m over a semicircular opening."""
+    angles = np.radians(np.linspace(180.0, 0.0, 17))
+    points = [(0.0, 0.0), *zip((1.0 + 0.7 * np.cos(angles)).round(9), (0.7 * np.sin(angles)).round(9), strict=True)]
+    points += [(2.0, 0.0), (2.0, 1.2), (0.0, 1.2)]
+    return "id,x,y\n" + "".join(f"w,{x},{y}\n" for x, y in points)
+
+
+@pytest.fixture
+def wall(tmp_path: Path) -> Path:
+    """Outline of a plain wall."""
+    path = tmp_path / "wall.csv"
+    path.write_text(WALL)
+    return path
+
+
+@pytest.fixture
+def opening(tmp_path: Path) -> Path:
+    """Outline of a wall over an opening."""
+    path = tmp_path / "opening.csv"
+    path.write_text(arch_outline())
+    return path
+
+
+def test_supports_are_added_below_the_lowest_edges(opening: Path) -> None:
+    """A drawing without supports gets one below each of its two feet, and says so."""
+    outline = read_outline(opening, DesignOptions(**ASKED))
+    elements = build_assembly(outline.scene).elements
+    assert int(elements.support.sum()) == 2
+    assert any("supports below the 2 lowest edges" in note for note in outline.assumed)
+    assert any("low friction 0.48" in note for note in outline.assumed)
+    assert not any("no load" in note for note in outline.assumed)
+
+
+def test_every_tessellation_carries_the_same_loads_and_keeps_the_limit(opening: Path) -> None:
+    """Volume, force, its moment and the push agree to 1e-9; no cell is heavier than a block may be."""
+    options = DesignOptions(**(ASKED | {"block_mass": 60.0}))
+    outline = read_outline(opening, options)
+    whole = build_assembly(with_loads(outline.scene, options))
+    found = [one for one in tessellations.tessellations(outline.scene, options) if one.scene is not None]
+    assert [one.name for one in found] == ["bond", "stones", "voussoirs", "voronoi"]
+    for one in found:
+        assert one.scene is not None
+        assembly = build_assembly(one.scene)
+        free = assembly.elements.free
+        assert assembly.elements.volume[free].sum() == pytest.approx(whole.elements.volume[0], rel=1e-9)
+        assert float(assembly.elements.mass[free].max()) <= 60.0
+        for ours, theirs in zip(assembly.by_case, whole.by_case, strict=True):
+            assert ours.live[:, :2].sum(axis=0) == pytest.approx(theirs.live[:, :2].sum(axis=0), rel=1e-9, abs=1e-6)
+        # the patch of the force: 10 kN about its place, 0.3 of the length of 2 m
+        case = assembly.by_case[0]
+        moment = case.live[:, 2] + case.elements.centroid[:, 0] * case.live[:, 1]
+        assert moment.sum() == pytest.approx(-1e4 * 0.6, rel=0.02)
+
+
+def test_places_are_shares_of_the_top(wall: Path) -> None:
+    """Three places lie in the middle of equal thirds; shares are taken as they are."""
+    assert DesignOptions(places="3").shares() == pytest.approx([1 / 6, 0.5, 5 / 6])
+    assert DesignOptions(places="0.5,0.25").shares() == [0.25, 0.5]
+    options = DesignOptions(load="10 kN", places="3", thickness=0.3)
+    scene = with_loads(read_outline(wall, options).scene, options)
+    assert [case.name for case in scene.loads.cases or []] == ["load at 0.2", "load at 0.6", "load at 1"]
+
+
+def test_a_layout_becomes_the_labels_of_its_scene(wall: Path) -> None:
+    """The scene of a layout has its λ; another friction and a single case are those of the scene."""
+    options = DesignOptions(**ASKED)
+    outline = read_outline(wall, options)
+    scene = next(one.scene for one in tessellations.tessellations(outline.scene, options) if one.name == "stones")
+    assert scene is not None
+    assembly = build_assembly(scene)
+    labels = np.arange(len(assembly.interfaces)) % 3 > 0
+    labels |= ~assembly.free_faces
+    expected = solve(assembly, labels)
+    again = labelled(scene, assembly, labels)
+    result = solve(again)
+    assert result.load_factor == pytest.approx(expected.load_factor, rel=1e-9)
+    case = list(expected.cases.values())[1]
+    assert solve(one_case(again, 1)).load_factor == pytest.approx(case.load_factor, rel=1e-9)
+    friction = build_assembly(at_low_friction(again, 0.25)).strengths.friction
+    assert friction[labels] == pytest.approx(0.25)
+
+
+def test_bounds_by_fields_hold_the_closed_form_of_a_sliding_wall(wall: Path) -> None:
+    """A wall that slides on its base fails at μ over the push, 0.6/0.1, from both sides."""
+    options = DesignOptions(push=0.1, friction=0.6, tension=1e9, shear=1e9, thickness=0.3)
+    scene = with_loads(read_outline(wall, options).scene, options)
+    assembly = build_assembly(scene)
+    low, high = field_bounds(assembly, assembly.labels, 60.0)
+    assert low <= 6.0 * (1.0 + 1e-6)
+    assert high >= 6.0 * (1.0 - 1e-6)
+    assert low == pytest.approx(6.0, rel=0.05)
+
+
+def test_a_gain_compares_like_with_like(wall: Path) -> None:
+    """The gain is the lower bound of the best over the upper one of the usual bond, never fields over faces."""
+    options = DesignOptions(**ASKED)
+    outline = read_outline(wall, options)
+    scene: Scene = outline.scene
+    usual = Trial("bond", "stated", scene, 2.0, (2.0, 2.0), NONE, "")
+    best = Trial("bond", "moved", scene, 9.0, NONE, (5.0, 6.0), "")
+    assert gain_of(Design(options, outline, wall.parent, trials=[usual, best])) is None
+    known = Trial("bond", "stated", scene, 2.0, (2.0, 2.0), (1.6, 2.0), "")
+    assert gain_of(Design(options, outline, wall.parent, trials=[known, best])) == pytest.approx(2.5)
+
+
+@pytest.fixture
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few cells, of one kind, without moves and experiment, so that a design takes a second."""
+    monkeypatch.setattr(tessellations, "_CELLS", 4)
+    kept = tessellations.tessellations
+
+    def first(outline: Scene, options: DesignOptions) -> list[Tessellation]:
+        return kept(outline, options)[:1]
+
+    monkeypatch.setattr(run, "tessellations", first)
+    monkeypatch.setattr(run, "_MOVED", 1e9)
+    monkeypatch.setattr("jld_explore.design.checks._LEAST_EXPERIMENT", 1e9)
+
+
+@pytest.mark.usefixtures("small")
+def test_a_design_leaves_page_scene_and_proven_load(jld: Command, tmp_path: Path, wall: Path) -> None:
+    """The scene of the best layout has the load that the summary says is proven; the page names what is not."""
+    out = tmp_path / "out"
+    asked = ["--push", "0.1", "--friction", "0.6", "--thickness", "0.3", "--seconds", "10", "--block-mass", "400"]
+    done = jld("design", wall, "-o", out, *asked, "--jobs", "1")
+    assert done.code == 0, done.err
+    facts = json.loads((out / "summary.json").read_text())
+    assert facts["proven"] is False
+    best = solve(out / "best.json")
+    assert facts["best"] <= best.load_factor * (1.0 + 1e-6)
+    # sliding on the base bounds every layout: μ over the push
+    assert facts["best"] <= 6.0 * (1.0 + 1e-6)
+    page = (out / "report.html").read_text()
+    for words in ("Not proven: that no stronger layout exists", "low friction 0.48", "supports below the 1 lowest"):
+        assert words in page
+    assert (out / "blocks.csv").read_text().count("\n") > 1
+    assert {one["name"] for one in facts["checks"]} == {"laying", "experiment", "by fields", "low friction"}
+
+
+@pytest.mark.usefixtures("small")
+def test_a_signal_leaves_the_best_so_far(
+    jld: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, wall: Path
+) -> None:
+    """Interrupted in the checks, a design writes page and scene, and ends with exit code 3."""
+
+    def stop(*_: object) -> None:
+        raise Interrupted
+
+    monkeypatch.setattr(run, "check_winner", stop)
+    out = tmp_path / "out"
+    done = jld("design", wall, "-o", out, "--push", "0.1", "--thickness", "0.3", "--seconds", "10", "--jobs", "1")
+    assert done.code == 3
+    assert "the best so far is in" in done.err
+    facts = json.loads((out / "summary.json").read_text())
+    assert facts["stop_reason"] == "interrupted"
+    assert facts["best"] is not None
+    assert (out / "report.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("flags", "words"),
+    [
+        (["--seconds", "2"], "--seconds: 2 s are too short"),
+        (["--block-mass", "0.01"], "--block-mass: blocks of 0.01"),
+        (["--block-mass", "-1"], "--block-mass"),
+        (["--shapes", "0"], "--shapes"),
+        (["--load", "10 apples"], "--load"),
+        (["--load", "1 kN/m"], "--load"),
+        (["--places", "0"], "--places"),
+        (["--places", "0.5,1.5"], "--places"),
+        (["--load", "1 kN", "--width", "5"], "--width"),
+        (["--friction-low", "0.5"], "--friction-low"),
+        (["--friction", "0.5", "--friction-low", "0.6"], "--friction-low: 0.6 is above"),
+    ],
+)
+def test_bad_options_are_one_line(jld: Command, tmp_path: Path, wall: Path, flags: list[str], words: str) -> None:
+    """Every wrong option is one line with exit code 2, and no folder is made."""
+    done = jld("design", wall, "-o", tmp_path / "out", *flags)
+    assert done.code == 2
+    assert words in done.err
+    assert done.err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_open_outline_is_named_with_the_place(jld: Command, tmp_path: Path) -> None:
+    """An outline whose ends do not meet is one line that names an end."""
+    path = tmp_path / "open.svg"
+    path.write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg"><path d="M 0 0 L 2 0 L 2 1 L 0 1" fill="none" stroke="black"/></svg>'
+    )
+    pytest.importorskip("svgelements")
+    done = jld("design", path, "-o", tmp_path / "out")
+    assert done.code == 2
+    assert "not closed" in done.err
+    assert done.err.count("\n") == 1
+
+
+def test_a_scene_says_its_thickness_itself(tmp_path: Path) -> None:
+    """Options of drawings are refused for scenes."""
+    scene = tmp_path / "scene.json"
+    scene.write_text('{"elements": []}')
+    with pytest.raises(InputError, match="the outline is a scene"):
+        read_outline(scene, DesignOptions(thickness=0.2))
+
+
+def test_a_vault_spans_across_its_axis(tmp_path: Path) -> None:
+    """A load at a quarter lies at a quarter of the span, though the vault is shorter than wide; it acts on the top."""
+    angles = np.radians(np.linspace(0.0, 180.0, 9))
+    unit = np.column_stack([np.cos(angles), np.sin(angles)]).round(12)
+    ring = np.concatenate([2.0 * unit, 1.6 * unit[::-1]])
+    count = len(ring)
+    lines = [f"v {x} {y} {z}" for y in (0.0, 1.0) for x, z in ring.tolist()]
+    loops = [range(1, count + 1), range(2 * count, count, -1)]
+    lines += ["f " + " ".join(map(str, loop)) for loop in loops]
+    lines += [f"f {i + 1} {count + i + 1} {count + (i + 1) % count + 1} {(i + 1) % count + 1}" for i in range(count)]
+    path = tmp_path / "vault.obj"
+    path.write_text("o vault\n" + "\n".join(lines) + "\n")
+    pytest.importorskip("meshio")
+    options = DesignOptions(load="5 kN", places="0.25,0.5", push=0.1)
+    outline = read_outline(path, options)
+    found = {one.name: one for one in tessellations.tessellations(outline.scene, options)}
+    assert found["grid"].scene is None
+    assert "not convex" in found["grid"].problem
+    scene = found["bond"].scene
+    assert scene is not None
+    places = [case.live[0].model_dump()["at"] for case in (scene.loads.cases or [])[:2]]
+    assert places[0][0] == pytest.approx(-1.0)
+    assert places[1] == pytest.approx([0.0, 0.499, 2.0])
+    assert (scene.loads.cases or [])[2].live[0].model_dump()["body"] == [0.1, 0.0, 0.0]
+    assembly = build_assembly(scene)
+    whole = build_assembly(outline.scene)
+    assert assembly.elements.volume[assembly.elements.free].sum() == pytest.approx(whole.elements.volume[0], rel=1e-9)

@@ -1,0 +1,180 @@
+"""The printed report: pages, numbers, languages, the cutting list and the archive."""
+
+from __future__ import annotations
+
+import re
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+
+from cases import grid_document
+from command import Command
+from jld_core import build_assembly, parse_scene, samples, solve
+from jld_core.assembly_sequence import assembly_order
+from jld_core.exchange import Layout
+from jld_explore.report.languages import _WORDS, LANGUAGES, words_in
+from jld_explore.report.making import making_of, smallest_rectangle, stones_of, stones_table
+from jld_explore.report.printed import Printed, pages_of
+
+
+def layout(rows: list[str]) -> Layout:
+    """Layout of a grid of cells."""
+    scene = parse_scene(grid_document(rows))
+    assembly = build_assembly(scene)
+    return Layout(scene, assembly, assembly.labels)
+
+
+def texts(pages: list[Figure]) -> str:
+    """All texts of the pages."""
+    return "\n".join(text.get_text() for page in pages for text in page.findobj(lambda one: hasattr(one, "get_text")))
+
+
+def test_the_smallest_rectangle_of_known_shapes() -> None:
+    """A turned rectangle is its own, a right isosceles triangle fills half, a regular hexagon 3/4 of its rectangle."""
+    turn = np.array([[np.cos(0.3), np.sin(0.3)], [-np.sin(0.3), np.cos(0.3)]])
+    box = np.array([[0, 0], [3, 0], [3, 1], [0, 1]]) @ turn
+    assert sorted(smallest_rectangle(box)) == pytest.approx([1.0, 3.0])
+    triangle = np.array([[0, 0], [1, 0], [0, 1]], dtype=float) @ turn
+    assert np.prod(smallest_rectangle(triangle)) == pytest.approx(1.0)
+    angles = np.arange(6) * np.pi / 3
+    hexagon = np.column_stack([np.cos(angles), np.sin(angles)])
+    assert np.prod(smallest_rectangle(hexagon)) == pytest.approx(2.0 * np.sqrt(3.0))
+
+
+def test_no_turned_rectangle_is_smaller() -> None:
+    """Rectangles at 2 000 angles around random points, a second route, are never smaller, and one comes near."""
+    rng = np.random.default_rng(3)
+    for _ in range(5):
+        points = rng.normal(size=(12, 2)) * [2.0, 1.0]
+        angles = np.linspace(0.0, np.pi / 2, 2001)
+        along, across = (np.column_stack([np.cos(angles + k), np.sin(angles + k)]) for k in (0.0, np.pi / 2))
+        areas = np.ptp(points @ along.T, axis=0) * np.ptp(points @ across.T, axis=0)
+        best = np.prod(smallest_rectangle(points))
+        assert best <= areas.min() * (1.0 + 1e-12)
+        assert best == pytest.approx(areas.min(), rel=1e-2)
+
+
+def test_stones_are_counted_by_hand() -> None:
+    """Two rods and an L of cells 0.1 × 0.1 × 0.1: cuts, set-ups, moulds, sawn area and waste."""
+    own = layout(["aabb", "accb", "#..#"])
+    stones = stones_of(own)
+    assert [stone.number for stone in stones] == [1, 2, 3]
+    by_cells = {one.name: one for one in stones}
+    assert sorted(stone.cuts for stone in stones) == [4, 6, 6]
+    assert all(stone.set_ups == 2 for stone in stones)
+    size = own.assembly.interfaces.l1.max()
+    sums = making_of(stones)
+    # an L of three cells needs a square of four, the rod wastes nothing
+    assert sums.waste == pytest.approx(1.0 - 8.0 / 10.0)
+    assert (sums.stones, sums.moulds, sums.cuts, sums.set_ups) == (3, 2, 16, 4)
+    # perimeters: L 8 edges of a cell each, rod 6
+    assert sums.sawn == pytest.approx((8 + 8 + 6) * size * own.thickness)
+    assert sums.mass == pytest.approx(sum(stone.mass for stone in by_cells.values()))
+    table = stones_table(own, "mm")
+    assert table["side_1_mm"].max() == pytest.approx(2e3 * size)
+
+
+def test_every_text_has_three_languages_with_the_same_places() -> None:
+    """All languages have all keys, and fill in the same values."""
+    for key, found in _WORDS.items():
+        assert len(found) == len(LANGUAGES) == 3
+        places = [sorted(re.findall(r"\{(\w+)\}", text)) for text in found]
+        assert places[0] == places[1] == places[2], key
+    assert words_in("de")["stones"] == "Steine"
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_pages_say_loads_times_the_proven_factor(language: str) -> None:
+    """1 kN times a proven λ of 2.5 is 2.5 kN; what is not proven is said in the language."""
+    scene = samples.flat_arch(voussoirs=5)
+    document = scene.model_dump(mode="json", exclude_defaults=True)
+    document["loads"]["live"][0]["force"] = [0.0, -1000.0]
+    scene = parse_scene(document)
+    assembly = build_assembly(scene)
+    found = Layout(scene, assembly, assembly.labels)
+    laying = assembly_order(assembly, assembly.labels)
+    pages = pages_of(Printed(found, (2.5, 3.0), (3.0, 3.0), "collapse", laying=laying), language=language)
+    assert 1 <= len(pages) <= 4
+    told = texts(pages)
+    assert "1 kN" in told
+    assert "2.5 kN" in told
+    assert words_in(language)["not_strongest"] in told
+    assert f"{words_in(language)['page']} 1/{len(pages)}" in told
+
+
+def test_a_locked_layout_claims_no_number() -> None:
+    """Where no load is too large there is no λ × load."""
+    own = layout(["ab", "##"])
+    nothing = (-np.inf, np.inf)
+    told = texts(pages_of(Printed(own, nothing, nothing, "locked")))
+    assert words_in("en")["locked"] in told
+    assert "–" in told
+
+
+def test_pdf_table_and_archive(jld: Command, tmp_path: Path) -> None:
+    """The same scene gives the same bytes; the archive holds scene, PDF and cutting list."""
+    scene = tmp_path / "arch.json"
+    assert jld("new", "flat-arch", "-o", scene).code == 0
+    done = jld("report", scene, "--pdf", "--zip", "--language", "it")
+    assert done.code == 0, done.err
+    first = (tmp_path / "arch.pdf").read_bytes()
+    assert first.startswith(b"%PDF")
+    table = pd.read_csv(tmp_path / "arch.stones.csv")
+    assert len(table) == 7
+    assert table["mass"].sum() == pytest.approx(stones_mass(scene))
+    with zipfile.ZipFile(tmp_path / "arch.zip") as packed:
+        assert sorted(packed.namelist()) == ["arch.json", "arch.pdf", "arch.stones.csv"]
+    assert jld("report", scene, "--pdf", "--language", "it").code == 0
+    assert (tmp_path / "arch.pdf").read_bytes() == first
+
+
+def stones_mass(path: Path) -> float:
+    """Mass of all free elements of a scene."""
+    assembly = solve(path).assembly
+    return float(assembly.elements.mass[assembly.elements.free].sum())
+
+
+@pytest.mark.parametrize(
+    ("flags", "words"),
+    [
+        ([], "--pdf: nothing is to be written"),
+        (["--pdf", "--unit", "parsec"], "--unit: no unit is named 'parsec'"),
+        (["--pdf", "--rank", "2"], "--rank"),
+        (["--pdf", "-o", "report.txt"], "--out"),
+        (["--pdf", "--language", "fr"], "--language"),
+    ],
+)
+def test_bad_reports_are_one_line(jld: Command, tmp_path: Path, flags: list[str], words: str) -> None:
+    """Every wrong option is one line with exit code 2, and nothing is written."""
+    scene = tmp_path / "arch.json"
+    assert jld("new", "flat-arch", "-o", scene).code == 0
+    done = jld("report", scene, *flags)
+    assert done.code == 2
+    assert words in done.err
+    assert done.err.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["arch.json"]
+
+
+def test_stones_in_space_have_faces_and_cuboids() -> None:
+    """Boxes of 1 × 2 × 3 have six faces in three set-ups, a surface of 22, and no waste."""
+    scene = parse_scene(
+        {
+            "elements": [
+                samples.box("b", (0.0, 0.0, 0.0), (1.0, 2.0, 3.0)),
+                samples.box("s", (0.0, 0.0, -1.0), (1.0, 2.0, 0.0), support=True),
+            ],
+            "materials": {"density": 1.0, "gravity": 1.0, "dry": {"friction_coefficient": 0.5}},
+            "loads": {"live": [{"body": [1.0, 0.0, 0.0]}]},
+        }
+    )
+    assembly = build_assembly(scene)
+    (stone,) = stones_of(Layout(scene, assembly, assembly.labels))
+    assert (stone.cuts, stone.set_ups, stone.outline) == (6, 3, None)
+    assert stone.sawn == pytest.approx(22.0)
+    assert stone.size == pytest.approx((3.0, 2.0, 1.0))
+    told = texts(pages_of(Printed(Layout(scene, assembly, assembly.labels), (-np.inf, np.inf), (0.3, 0.3), "collapse")))
+    assert words_in("en")["axes"] in " ".join(told.split())

@@ -1,0 +1,234 @@
+"""Ranges of reactions against statics, an independent linear program, and published thrusts."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+from cases_spatial import box
+from command import Command
+from jld_core import build_assembly, parse_scene
+from jld_core.errors import ParameterError
+from jld_core.limit.thrust import (
+    ResultantRange,
+    reactions_of_supports,
+    resultant_of_joint,
+    resultant_of_section,
+    thrust_ranges,
+)
+from jld_core.samples import arch
+from jld_core.scene import Scene
+from transforms import as_elements, rotated
+
+
+def ranges(scene: Scene, **options: Any) -> dict[tuple[str, str], ResultantRange]:
+    found = thrust_ranges(build_assembly(scene), **options)
+    assert found.stands
+    return {(one.resultant.place, one.resultant.component): one for one in found.ranges}
+
+
+def ends(one: ResultantRange) -> tuple[float, float]:
+    assert one.least.status == one.most.status == "certified"
+    return one.least.value, one.most.value
+
+
+def wedge(degrees: float, friction: float) -> Scene:
+    """A keystone of weight 1 between two fixed abutments whose faces lean by an angle from the vertical."""
+    t = np.tan(np.radians(degrees))
+    outlines = {
+        "left": [[-3, 0], [-1, 0], [-1 - t, 1], [-3, 1]],
+        "key": [[-1, 0], [1, 0], [1 + t, 1], [-1 - t, 1]],
+        "right": [[1, 0], [3, 0], [3, 1], [1 + t, 1]],
+    }
+    return parse_scene(
+        {
+            "name": "keystone",
+            "elements": [
+                {"id": name, "polygon": outline, "weight": 1.0, "support": name != "key"}
+                for name, outline in outlines.items()
+            ],
+            "materials": {"dry": {"friction_coefficient": friction}},
+            "loads": {"live": [{"element": "key", "force": [0, -1]}]},
+        }
+    )
+
+
+@pytest.mark.parametrize("load", [0.0, 2.0])
+def test_a_keystone_presses_within_the_cone_of_friction(load: float) -> None:
+    """Statics: each side carries (W + λP)/2 at the angle of friction to its normal, H = (W + λP)/2 cot(α ± φ)."""
+    alpha, phi = np.radians(25.0), np.arctan(0.2)
+    found = ranges(wedge(25.0, 0.2), load_factor=load)
+    half = 0.5 * (1.0 + load)
+    least, most = ends(found["support left", "Fx"])
+    assert (least, most) == pytest.approx((half / np.tan(alpha + phi), half / np.tan(alpha - phi)), rel=1e-6)
+    assert ends(found["support right", "Fx"]) == pytest.approx((-most, -least), rel=1e-6)
+    # the two sides may carry unequal shares as long as moments and horizontals balance: their sum is the load
+    low, high = ends(found["support left", "Fy"])
+    assert low == pytest.approx(1.0 + load - high, rel=1e-6)
+
+
+def test_a_jammed_keystone_has_no_greatest_thrust() -> None:
+    """Friction above the lean of the faces (α < φ): self-stress may grow without end."""
+    one = ranges(wedge(10.0, 0.5))["support left", "Fx"]
+    assert one.most.status == "unbounded"
+    assert one.interval[1] is None
+    assert one.least.value == pytest.approx(0.5 / np.tan(np.radians(10.0) + np.arctan(0.5)), rel=1e-6)
+
+
+def by_linear_program(scene: Scene, weights: Any) -> tuple[float, float]:
+    """Both ends by HiGHS, with rows written here: three-hinge statics of a planar dry structure."""
+    assembly = build_assembly(scene)
+    faces, elements = assembly.interfaces, assembly.elements
+    count = len(faces)
+    rows = np.zeros((3 * len(elements), 3 * count))
+    for k in range(count):
+        n, t = faces.normal[k], faces.e1[k]
+        for element, sign in ((faces.a[k], -1.0), (faces.b[k], 1.0)):
+            arm = faces.origin[k] - elements.centroid[element]
+            for j, way in enumerate((n, t)):
+                rows[3 * element : 3 * element + 2, 3 * k + j] = sign * way
+                rows[3 * element + 2, 3 * k + j] = sign * (arm[0] * way[1] - arm[1] * way[0])
+            rows[3 * element + 2, 3 * k + 2] = sign
+    kept = np.repeat(~elements.support, 3)
+    limits = np.zeros((4 * count, 3 * count))
+    mu = assembly.strengths.friction
+    for k in range(count):
+        limits[4 * k : 4 * k + 2, 3 * k : 3 * k + 2] = [[-mu[k], 1.0], [-mu[k], -1.0]]
+        limits[4 * k + 2, [3 * k, 3 * k + 2]] = [-faces.l1[k] / 2.0, 1.0]
+        limits[4 * k + 3, [3 * k, 3 * k + 2]] = [-faces.l1[k] / 2.0, -1.0]
+    dead = np.zeros((len(elements), 3))
+    dead[:, :2] = elements.weight
+    values = []
+    for sign in (1.0, -1.0):
+        found = linprog(
+            sign * weights.ravel(), A_ub=limits, b_ub=np.zeros(4 * count),
+            A_eq=rows[kept], b_eq=-dead.ravel()[kept], bounds=(None, None), method="highs",
+        )  # fmt: skip
+        values.append(sign * found.fun)
+    return values[0], values[1]
+
+
+def test_an_arch_agrees_with_an_independent_linear_program() -> None:
+    scene = arch(voussoirs=10, thickness=0.24)
+    assembly = build_assembly(scene)
+    wanted = (*reactions_of_supports(assembly, ["left"]), *resultant_of_joint(assembly, "v4r0", "v5r0"))
+    for one in thrust_ranges(assembly, resultants=wanted).ranges:
+        low, high = by_linear_program(scene, one.resultant.function.weights)
+        assert ends(one) == pytest.approx((low, high), rel=1e-6, abs=1e-6 * assembly.total_dead), one.resultant
+        assert one.least.bracket[0] <= low * (1 + np.sign(low) * 1e-9)
+        assert high * (1 - np.sign(high) * 1e-9) <= one.most.bracket[1]
+
+
+def test_a_section_through_a_stack_carries_what_lies_above() -> None:
+    """Statics: N is the weight above; V and M vanish, as no horizontal force acts. A turned scene has the same."""
+
+    def cell(name: str, x: float, y: float, support: bool = False) -> dict[str, Any]:
+        outline = [[x, y], [x + 0.5, y], [x + 0.5, y + 0.4], [x, y + 0.4]]
+        return {"id": name, "polygon": outline, "support": support}
+
+    cells = [cell(f"c{i}r{j}", 0.5 * i, 0.8 - 0.4 * j, support=j == 2) for i in range(2) for j in range(3)]
+    grid = {
+        "elements": cells,
+        "thickness": 1.0,
+        "materials": {"density": 1000.0, "dry": {"friction_coefficient": 0.6}},
+        "loads": {"live": [{"body": [1, 0]}]},
+    }
+    scene = parse_scene({"name": "stack", **grid})
+    assembly = build_assembly(scene)
+    above = 2 * 0.5 * 0.4 * 1000.0 * 9.81
+    normal, shear, _ = resultant_of_section(assembly, (1.0, 0.8), (0.0, 0.8))
+    found = thrust_ranges(assembly, resultants=[normal, shear])
+    # left of the way from right to left lies what is below: compression is positive on either side
+    assert ends(found.ranges[0]) == pytest.approx((above, above), rel=1e-6)
+    assert ends(found.ranges[1]) == pytest.approx((0.0, 0.0), abs=1e-6 * above)
+    turned = build_assembly(parse_scene(rotated(as_elements(scene), 30.0)))
+    here = tuple(resultant_of_joint(turned, "c0r1", "c1r1"))
+    there = tuple(resultant_of_joint(assembly, "c0r1", "c1r1"))
+    for one, other in zip(
+        thrust_ranges(turned, resultants=here).ranges, thrust_ranges(assembly, resultants=there).ranges, strict=True
+    ):
+        assert one.least.value == pytest.approx(other.least.value, rel=1e-6, abs=1e-6 * above)
+        assert one.most.value == pytest.approx(other.most.value, rel=1e-6, abs=1e-6 * above)
+
+
+def test_a_table_in_space_shares_its_weight_between_legs() -> None:
+    """A block on two supports: one may carry between half of the weight and, pressed at the inner edge, more."""
+    scene = parse_scene(
+        {
+            "name": "bridge",
+            "elements": [
+                box("left", (0, 0, 0), (1, 1, 1), support=True),
+                box("right", (3, 0, 0), (4, 1, 1), support=True),
+                box("slab", (0, 0, 1), (4, 1, 2), weight=8.0),
+            ],
+            "materials": {"dry": {"friction_coefficient": 0.5}},
+            "loads": {"live": [{"element": "slab", "force": [1, 0, 0]}]},
+        }
+    )
+    found = ranges(scene)
+    # levers about the other support's edges: at the least 8 · (2 − 1)/(4 − 1) of the left, pressed at x = 1 and 4
+    assert ends(found["support left", "Fz"]) == pytest.approx((8.0 / 3.0, 16.0 / 3.0), rel=1e-6)
+    # friction locks the slab between the supports: each holds against the other with μ N, N as above, and 4 at best
+    assert ends(found["support left", "Fx"])[1] == pytest.approx(2.0, rel=1e-5)
+    assert found["support left", "MZ".capitalize()].interval[0] is not None
+
+
+def test_the_command(tmp_path: Path, jld: Command) -> None:
+    scene = tmp_path / "arch.json"
+    assert jld("new", "arch", "--voussoirs", "7", "-o", scene).code == 0
+    done = jld("thrust", scene, "--json", "--support", "left", "--out", tmp_path / "out")
+    assert done.code == 0, done.err
+    told = json.loads(done.out)
+    assert [one["component"] for one in told["ranges"]] == ["Fx", "Fy", "M"]
+    assert told["stands"] is True
+    for one in told["ranges"]:
+        assert one["interval"][0] == one["least"]["bracket"][0] <= one["most"]["bracket"][1] == one["interval"][1]
+    assert json.loads((tmp_path / "out" / "thrust.json").read_text()) == told
+    assert len(list((tmp_path / "out").glob("thrust-*.png"))) == 3
+    fallen = jld("thrust", scene, "--load-factor", "100")
+    assert fallen.code == 0
+    assert "falls under 100 × the live load" in fallen.out
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--support", "x"), "--support: no support that bears something is named 'x'; expected left, right"),
+        (("--joint", "v0r0"), "--joint: 'v0r0' is not a pair"),
+        (("--joint", "v0r0,v3r0"), "--joint: 'v0r0' and 'v3r0' do not touch"),
+        (("--joint", "v0r0,x"), "--joint: no element is named 'x'"),
+        (("--section", "0,1"), "--section: '0,1' is not a line"),
+        (("--section", "0,0,nan,1"), "is not a line"),
+        (("--section", "5,5,6,6"), "--section: no face lies on the line"),
+        (("--section", "1,1,1,1"), "--section: both ends of the line are the same point"),
+    ],
+)
+def test_bad_input(tmp_path: Path, jld: Command, options: tuple[str, str], message: str) -> None:
+    scene = tmp_path / "arch.json"
+    jld("new", "arch", "-o", scene)
+    done = jld("thrust", scene, *options)
+    assert (done.code, done.out) == (2, "")
+    assert message in done.err
+
+
+def test_a_section_of_a_spatial_scene_is_refused() -> None:
+    assembly = build_assembly(
+        parse_scene(
+            {
+                "name": "block",
+                "elements": [
+                    box("ground", (0, 0, 0), (1, 1, 1), support=True),
+                    box("block", (0, 0, 1), (1, 1, 2), weight=1.0),
+                ],
+                "materials": {"dry": {"friction_coefficient": 0.5}},
+                "loads": {"live": [{"element": "block", "force": [1, 0, 0]}]},
+            }
+        )
+    )
+    with pytest.raises(ParameterError, match="planar structures only"):
+        resultant_of_section(assembly, (0, 1), (1, 1))
