@@ -126,6 +126,7 @@ class _Search:
     def __init__(self, scene: Scene, assembly: Assembly, labels: Bits) -> None:
         if assembly.dimension != 2:
             raise ParameterError("prove", "it bounds planar structures alone", "a planar scene")
+        assembly.members.refuse("a bound over positions")
         if assembly.nominal is not None:
             raise ParameterError("prove", "it bounds λ at nominal values of materials", "no `robust` layout")
         move = scene.move or Move()

@@ -53,7 +53,11 @@ class SpatialMesh:
 
 
 def spatial_mesh(assembly: Assembly) -> SpatialMesh:
-    """Find the vertices that the elements and interfaces of a spatial assembly share."""
+    """Find the vertices that the elements and interfaces of a spatial assembly share.
+
+    Raises InputError for an assembly with members, since nothing says how their points move.
+    """
+    assembly.members.refuse("a move of joints")
     shapes, polygons = assembly.elements.shape, assembly.interfaces.polygon
     number, places = merged_points([*shapes, *polygons], _MERGED * shortest_edge(assembly))
     starts = np.cumsum([0, *(len(one) for one in (*shapes, *polygons))]).tolist()

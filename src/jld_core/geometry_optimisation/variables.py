@@ -329,7 +329,10 @@ def _following(found: Variables, mesh: VertexMesh, followers: Bools) -> Floats:
 
 
 def ties_of(found: Variables, assembly: Assembly, move: Move) -> Floats:
-    """Return the ties (t, k) that the key "ties" states; raise InputError where they contradict one another."""
+    """Return the ties (t, k) that the key "ties" states.
+
+    Raises InputError where they contradict one another or a mirrored vertex does not exist.
+    """
     if move.ties == "none" or move.ties == "equal-shapes":  # equal shapes are equations of the limits
         return np.zeros((0, found.count))
     jacobian = found.jacobian(np.zeros(found.count)).toarray().reshape(*found.start.shape, -1)

@@ -133,6 +133,7 @@ class BoxStructure:
         between consecutive corners of both elements.
         """
         assembly = build_assembly(scene)  # for strengths, which it reads from several places of a scene
+        assembly.members.refuse("a certificate of a box")
         strengths = assembly.strengths
         plain = assembly.labels.all() and not strengths.cohesion.any() and not np.isfinite(strengths.crush_dry).any()
         if not plain:
