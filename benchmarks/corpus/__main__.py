@@ -31,7 +31,7 @@ of the tests.
 - *equal*: the relative difference is below what digits of the source, or the number of voussoirs, leave.
 - *inside*: reactions are not one number, as rigid blocks have many states of equilibrium. The published one lies in
   the interval that `jld thrust` proves, or a known pressure lies in its bracket by fields.
-- *above*: a test carries more than the model, which has neither bond nor fill; the ratio is given, and the reason.
+- *above*: a test carries more than its scene, which states neither bond nor fill; the ratio is given, and the reason.
 """
 END: Final = """
 Without dilation λ is not one number, so published local minima are no check; what is checked there is each solution's
