@@ -124,8 +124,9 @@ def test_large_tables_have_no_csv_unless_it_is_asked_for(tmp_path: Path, monkeyp
 
 
 def test_texts_made_from_bytes_are_those_of_the_labellings() -> None:
-    """More labellings than one slice holds, and none at all."""
+    """More labellings than one slice holds, none at all, and labels behind the faces, which members have."""
     labels = np.random.default_rng(1).random((tables._SLICE + 5, 11)) < 0.5
     packed = np.packbits(labels, axis=1)
-    assert tables._texts(packed, 11).tolist() == to_strings(labels)
-    assert tables._texts(packed[:0], 11).tolist() == []
+    assert tables._texts(packed, 11, 11).tolist() == to_strings(labels)
+    assert tables._texts(packed, 11, 9).tolist() == to_strings(labels[:, :9])
+    assert tables._texts(packed[:0], 11, 11).tolist() == []
