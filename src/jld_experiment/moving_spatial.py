@@ -1,8 +1,7 @@
 """Compute forces of spatial faces that follow the geometry, and contacts of corners.
 
-As in `moving`, with finite rotations: contact is lost where a face slides past the rim of another.
-New contacts arise where corners meet other elements.
-Edges that cross edges, with no corner inside the other element, are not detected.
+As in `moving`, with finite rotations: contact is lost where a face slides past the rim of another. New contacts arise
+where corners meet other elements. Edges that cross edges, with no corner inside the other element, are not detected.
 """
 
 from __future__ import annotations

@@ -1,14 +1,18 @@
-"""Choose the driver of a search, and say why a search found no layout."""
+"""Choose the driver and the number of jobs of a search, and say why a search found no layout."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from typing import Final
 
+from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import InputError, ParameterError
+from jld_core.memory import memory_limit
+from jld_core.models import require_memory
 from jld_core.scene.cracks import FieldCracks
 from jld_explore.drivers import DRIVERS, Driver, make_driver
 from jld_explore.drivers.choice import driver_for
@@ -111,3 +115,18 @@ def nothing_found(space: SearchSpace, seconds: float | None = None) -> InputErro
             problem = f"no layout was found that {wish}"
             open_question = f", and for {space.laying.undecided} of them the search for an order stopped at its limit"
     return InputError(where, problem + open_question, remedy if seconds is None else f"{remedy}, or more seconds")
+
+
+def affordable_settings(assembly: Assembly, settings: ExploreSettings, said: list[str]) -> ExploreSettings:
+    """Return settings with as many jobs as memory allows, and append messages on long solves.
+
+    said: receives the messages. Raises InputError if the scene needs more memory than there is.
+    """
+    effort = require_memory(assembly)
+    jobs = max(1, min(settings.jobs, int(memory_limit() / effort.memory))) if settings.jobs > 1 else 1
+    if jobs < settings.jobs:
+        said.append(f"jobs: {jobs} of {settings.jobs}, as each takes some {effort.memory / 1e9:.1f} GB of memory")
+    if effort.long is not None:
+        limit = "" if settings.seconds is None else "; the time limit may be passed by that"
+        said.append(f"{effort.long}{limit}")
+    return replace(settings, jobs=jobs)

@@ -17,14 +17,13 @@ from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.files import write_text
 from jld_core.limit import SolveOptions
-from jld_core.memory import memory_limit
 from jld_core.models import cost_estimate, require_memory
 from jld_core.refinement.cells import crack_cells
 from jld_core.scene import Scene, load_scene
 from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_in_words
 from jld_core.sub_assembly import with_members
 from jld_core.threads import one_thread
-from jld_explore.driver_choice import CLASSES, choose_driver, nothing_found
+from jld_explore.driver_choice import CLASSES, affordable_settings, choose_driver, nothing_found
 from jld_explore.drivers import Driver
 from jld_explore.drivers.choice import bound_of_all
 from jld_explore.drivers.exact.certifying import certify
@@ -230,7 +229,7 @@ def _search(
     said = [f"warning: {warning}" for warning in assembly.warnings]
     space = _space_of(scene, assembly, settings.driver)
     assembly = space.assembly if isinstance(settings.driver, Driver) else assembly
-    settings = _affordable(assembly, settings, said)
+    settings = affordable_settings(assembly, settings, said)
     fields = scene.cracks if isinstance(scene.cracks, FieldCracks) else None
     chosen, total = choose_driver(space, settings, deadline, many=scene.cracks != "faces", cracks_by_fields=fields)
     said.append(f"driver: {chosen.name}" + (f", {total} {CLASSES}" if total is not None else ""))
@@ -379,21 +378,6 @@ def _draw(
         write_report(done, deadline=_later(deadline, settings, OVER))  # now with the picture of the best layout
     if missing and announce is not None:
         announce(f"not drawn for lack of time: {', '.join(missing)}; jld plot {done.folder} draws them")
-
-
-def _affordable(assembly: Assembly, settings: ExploreSettings, said: list[str]) -> ExploreSettings:
-    """Return settings with as many jobs as memory allows, and append messages on long solves.
-
-    said: receives the messages. Raises InputError if the scene needs more memory than there is.
-    """
-    effort = require_memory(assembly)
-    jobs = max(1, min(settings.jobs, int(memory_limit() / effort.memory))) if settings.jobs > 1 else 1
-    if jobs < settings.jobs:
-        said.append(f"jobs: {jobs} of {settings.jobs}, as each takes some {effort.memory / 1e9:.1f} GB of memory")
-    if effort.long is not None:
-        limit = "" if settings.seconds is None else "; the time limit may be passed by that"
-        said.append(f"{effort.long}{limit}")
-    return replace(settings, jobs=jobs)
 
 
 def _bound_all(study: Study, *, sure: bool) -> None:

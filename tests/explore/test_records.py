@@ -25,7 +25,7 @@ from jld_explore.evaluation.records import RECORDS_FILE
 from jld_explore.evaluation.rows import record_type, rows_of
 from jld_explore.report import tables
 from jld_explore.space import search_space, unpack
-from jld_explore.space.counts import counts
+from jld_explore.space.count_values import counts
 from jld_explore.space.labelling import blocks_of, connectivity
 from jld_explore.space.measures import block_sizes
 from paths import SCENES

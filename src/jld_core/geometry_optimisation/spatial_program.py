@@ -218,8 +218,8 @@ def spatial_variables(assembly: Assembly, mesh: SpatialMesh, move: Move) -> Vari
     chosen: list[tuple[int, Floats]] = []
     for position, path in enumerate(move.along):
         where = f"move.along[{position}].at"
-        assert path.at is not None
-        assert path.direction is not None
+        if path.at is None or path.direction is None:
+            raise InputError(where, "it is no line", '"at" and "direction"')
         vertex = vertex_at(mesh.places, path.at, assembly.size, where)
         if held[vertex]:
             raise InputError(where, f"{path.at} is a vertex of a support", "a vertex between free elements")

@@ -24,7 +24,7 @@ from jld_explore.evaluation.rows import load_factors, settled, statuses
 from jld_explore.report import required
 from jld_explore.report.front import on_front
 from jld_explore.space import SearchSpace, registered, unpack
-from jld_explore.space.counts import counts, values_until
+from jld_explore.space.count_values import counts, values_until
 from jld_explore.space.labelling import letters_of
 from jld_explore.study import Study, versions
 from jld_explore.study_state import StopReason

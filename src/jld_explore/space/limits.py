@@ -19,7 +19,8 @@ from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.scene import Search
-from jld_explore.space.counts import Count, Terms, registered, values_of
+from jld_explore.space.count_values import values_of
+from jld_explore.space.counts import Count, Terms, registered
 from jld_explore.space.labelling import Connectivity, blocks_of, numbers_of
 from jld_explore.space.measures import CELLS, EXEMPT, MEASURES, Measure, Range, Sized, SizeOf, block_sizes
 from jld_explore.space.shapes import BlockShapes
