@@ -160,7 +160,7 @@ def is_installed() -> bool:
 
 
 def _arrays(matrix: sp.csr_array, sizes: tuple[int, int, int], rhs: Floats, idle: Floats) -> dict[str, Any]:
-    """Return the arrays of `JldCones` by name."""
+    """Compute the arrays of `JldCones` by name, with the factor pattern; see `ConeBatch`."""
     factor = factor_of(matrix, sizes)
     terms = terms_of(factor, matrix, sizes)
     sign = np.ones(len(factor.place))

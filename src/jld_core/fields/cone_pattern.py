@@ -118,7 +118,11 @@ def _minimum_degree(pattern: sp.csr_array) -> Ints:
 
 
 def _filled(place: Ints, one: Ints, other: Ints) -> Factor:
-    """Return the pattern of the factor, fill included, of entries (one, other) of a symmetric matrix."""
+    """Compute the pattern of a symmetric matrix's factor, with fill.
+
+    place: (N,) place of each unknown. one, other: (k,) row and column places of the entries; those with one ≤ other are
+    ignored.
+    """
     count = len(place)
     below = one > other
     structure: list[set[int]] = [set() for _ in range(count)]
@@ -148,7 +152,7 @@ def terms_of(factor: Factor, matrix: sp.csr_array, sizes: tuple[int, int, int]) 
     order = np.argsort(keys)
 
     def entry(a: Ints, b: Ints) -> Ints:
-        """Numbers of the entries at two places each, in the lower triangle."""
+        """Return the numbers of the entries at pairs of places a, b, in either order."""
         wanted = np.minimum(a, b) * count + np.maximum(a, b)
         return np.asarray(order[np.searchsorted(keys[order], wanted)])
 
@@ -172,7 +176,11 @@ def terms_of(factor: Factor, matrix: sp.csr_array, sizes: tuple[int, int, int]) 
 
 
 def _products(matrix: sp.csr_array, one: Ints, other: Ints, weight: Ints) -> tuple[Ints, Ints, Ints, Floats]:
-    """Return columns a, b, weight and product of all pairs of entries of row one[k] and row other[k]."""
+    """Multiply all pairs of entries of row one[k] and row other[k] of a matrix.
+
+    one, other, weight: (k,) row numbers, and weight number of each pair of rows. Returns columns of both factors,
+    weight number and product of each pair of entries.
+    """
     start, length = matrix.indptr, np.diff(matrix.indptr)
     count = length[one] * length[other]
     pair = np.repeat(np.arange(len(one)), count)

@@ -149,9 +149,10 @@ class UpperBound:
         return found
 
     def _with_margins(self, labels: Bits, found: VelocityField | None, expected: float) -> VelocityField | None:
-        """Return the best of `found` and the fields of programs with room in every flow rule.
+        """Return the field of least bound: `found`, or one of programs with room in flow rules.
 
-        found: field so far or None. expected: scaled λ by the solver. The first that costs little ends the attempts.
+        labels: (m,) True = dry. found: field so far or None. expected: scaled λ by the solver. Margins grow; the first
+        field whose repairs cost little ends the attempts.
         """
         for margin in _MARGINS:
             answer = VelocityProgram(self.problem, self.live, self.dead, margin).solve(self.problem.is_dry(labels))

@@ -14,13 +14,13 @@ _EQUAL: Final = 1e-6
 
 
 def equal_corners(outlines: list[Ints], places: Floats, changing: Bools) -> list[tuple[Ints, Ints]]:
-    """Return pairs of outlines that are equal, corner by corner: the first of each kind and every further one.
+    """Pair equal outlines corner by corner: the first of each kind with every further one.
 
     Elements are equal if one is the other moved, turned or mirrored. Kinds without an element that changes are left
     out.
 
     outlines: vertices of the corners around each element. places: (v, 2) positions. changing: (n,) True for elements
-    with a vertex that moves.
+    with a vertex that moves. Each pair holds two equally long arrays of vertices.
     """
     kinds: list[list[tuple[int, Ints]]] = []
     for element, outline in enumerate(outlines):
@@ -37,7 +37,10 @@ def equal_corners(outlines: list[Ints], places: Floats, changing: Bools) -> list
 
 
 def _matched(places: Floats, one: Ints, other: Ints) -> Ints | None:
-    """Return the corners of an outline in the order of an equal one; None if they are not equal."""
+    """Reorder the corners `other` to match an equal outline `one`; None if they are not equal.
+
+    places: (v, 2) positions. one, other: vertices around two elements.
+    """
     if len(one) != len(other):
         return None
     wanted = _distances(places[one])
@@ -88,7 +91,10 @@ class EqualShapes:
         return values - self._start, sp.csr_array(entries, shape=(len(self._rows), places.size))
 
     def _differences(self, places: Floats) -> tuple[Floats, Floats]:
-        """Return differences (r,) of squared distances, relative to the start, and derivatives (r, 4, 2)."""
+        """Compute differences (r,) of squared distances, relative to the start, and derivatives.
+
+        The derivatives (r, 4, 2) are by the positions of the four vertices of each equation. places: (v, 2) positions.
+        """
         first, second = (places[self._rows[:, k + 1]] - places[self._rows[:, k]] for k in (0, 2))
         values = ((first**2).sum(axis=1) - (second**2).sum(axis=1)) / self._unit
         slopes = 2.0 * np.stack([-first, first, second, -second], axis=1) / self._unit[:, None, None]

@@ -143,7 +143,11 @@ class SpatialMovedScene:
 
 
 def _parts(ring: Ints, face: list[int], joints: set[frozenset[int]], moving: Bools) -> list[list[int]]:
-    """Return the face of an element, or its triangles where it is outside and has a vertex that moves."""
+    """Triangulate a face of an element if it is outer and has a vertex that moves.
+
+    ring: (k,) vertices. face: the same as corners of the element. joints: vertex sets of all interfaces. moving: (v,)
+    True for vertices that move. Returns the loops of corners: triangles, or the face alone.
+    """
     if frozenset(ring.tolist()) in joints or len(face) == 3 or not moving[ring].any():
         return [face]
     return [[face[0], face[k], face[k + 1]] for k in range(1, len(face) - 1)]

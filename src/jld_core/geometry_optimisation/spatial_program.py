@@ -24,7 +24,10 @@ _PLANAR_KEYS: Final = ("angle", "draft", "straight", "inner")
 
 
 def require_spatial(assembly: Assembly, labels: Bits, move: Move) -> None:
-    """Raise InputError for what does not move in space."""
+    """Raise InputError for labels, strengths, options or loads that joints in space exclude.
+
+    Excluded are inner faces, cohesion, compressive strength, pressure on faces, and planar options of the key "move".
+    """
     strengths = assembly.strengths
     if not labels.all() or strengths.cohesion.any() or np.isfinite(strengths.crush_dry).any():
         problem = "in space only joints without cohesion and compressive strength move, and no inner faces"
@@ -149,7 +152,10 @@ class SpatialLimits:
         return LimitValues(values, sp.csr_array(sp.vstack([rates for _, rates in parts])))
 
     def _of_planes(self, places: Floats) -> tuple[Floats, sp.csr_array]:
-        """Return rows of plane joints: distance of a corner from the plane of three, relative to the joint."""
+        """Return distances of corners of joints from the plane of three others, and derivatives.
+
+        Values are relative to the size of the joint; 0 keeps a joint plane.
+        """
         values, rows, columns = [], [], []
         for four in self._plane:
             p, q, r, s = places[four]
@@ -166,7 +172,7 @@ class SpatialLimits:
         return np.array(values), sparse_rows(np.array(rows).reshape(count, 12), places_of, places.size)
 
     def _of_edges(self, places: Floats) -> tuple[Floats, sp.csr_array]:
-        """Return rows of the least edge, relative to it."""
+        """Return edge lengths over the least length, less 1, and their derivatives."""
         edge = places[self._edges[:, 1]] - places[self._edges[:, 0]]
         length = np.linalg.norm(edge, axis=1)
         along = edge / length[:, None] / self._edge
@@ -174,7 +180,10 @@ class SpatialLimits:
         return length / self._edge - 1.0, sparse_rows(np.concatenate([-along, along], axis=1), columns, places.size)
 
     def _of_volumes(self, places: Floats) -> list[tuple[Floats, sp.csr_array]]:
-        """Return rows of the least volume of elements, and of the least and largest mass of blocks."""
+        """Return limits on volumes of elements and masses of blocks, with their derivatives.
+
+        Values are volume over that at the start less the least share, mass / least − 1 and 1 − mass / largest.
+        """
         share, rates = np.ones(len(self._volumes)), sp.lil_array((len(self._volumes), places.size))
         for k in self._elements.tolist():
             volume, by_corner = _volume(self._mesh, places, k)
@@ -240,7 +249,11 @@ def spatial_variables(assembly: Assembly, mesh: SpatialMesh, move: Move) -> Vari
 
 
 def _joint_corners(assembly: Assembly, mesh: SpatialMesh, held: Bools, taken: set[int]) -> list[tuple[int, Floats]]:
-    """Return vertex and direction of each corner of one joint with one edge across to either side."""
+    """Return vertex and unit sliding direction (3,) of each corner that belongs to one joint.
+
+    Both elements must have exactly one edge from the corner across the joint, nearly opposite to each other. held: (v,)
+    True for vertices that stay. taken: vertices to leave out.
+    """
     faces, owner, edges = assembly.interfaces, *mesh.edges
     count = np.bincount(np.concatenate(mesh.polygons), minlength=len(mesh.places))
     found = []
