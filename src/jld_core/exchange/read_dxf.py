@@ -139,9 +139,9 @@ class _Reader:
             self.unread[kind, layer] += 1
 
     def _switched(self, layer: str) -> tuple[bool, bool]:
-        """Return whether a layer is off, and whether it is frozen.
+        """Return two flags of a layer: whether it is off, and whether it is frozen.
 
-        What stands on other layers inside a block is shown if the layer of the block is off, not if it is frozen.
+        Entities on other layers inside a block are shown if the block's layer is off, not if it is frozen.
         """
         if layer not in self.document.layers:
             return False, False
@@ -149,9 +149,9 @@ class _Reader:
         return bool(found.is_off()), bool(found.is_frozen())
 
     def _insert(self, entity: Any, layer: str, depth: int) -> None:
-        """Read a block reference: a mark on a load layer, else the entities of the block.
+        """Read a block reference: as a mark on a load layer, else by the entities of its block.
 
-        An attribute names the outline if the block has only one. depth: of nesting.
+        An attribute id or name names the outline if the block has only one. depth: of nesting.
         """
         if depth > _DEPTH:
             raise InputError("", "its blocks are nested too deeply", f"at most {_DEPTH} levels")
@@ -175,9 +175,10 @@ class _Reader:
             self.paths[fresh[0]] = Path(path.points, path.closed, path.layer, names[0], path.holes)
 
     def _add(self, points: Any, closed: bool, layer: str, holes: tuple[Any, ...] = (), side: int = 1) -> bool:
-        """Add a path; return False where it is neither a line nor an area in the plane.
+        """Add a path; return False if it is inclined, or has too few points.
 
-        side: as of `_side`; a path seen from below is mirrored.
+        points: (k, 3) x, y and bulge. holes: outlines of the same form. side: as of `_side`; a path seen from below is
+        mirrored. Raises InputError for coordinates that are not finite, and for too many lines.
         """
         if side == 0:
             return False
@@ -260,9 +261,9 @@ class _Reader:
     _mpolygon = _hatch
 
     def _region(self, entity: Any, layer: str) -> bool:
-        """Read the faces of a region with straight edges.
+        """Read the plane faces of a region as closed paths; return False if there are none.
 
-        ezdxf does not extract other faces from the ACIS data.
+        ezdxf extracts only faces with straight edges from the ACIS data.
         """
         found = False
         for body in import_module("ezdxf.acis.api").load_dxf(entity):

@@ -119,10 +119,10 @@ class _Reader:
         return {key: found[key] for key in _KEYS if key in found}
 
     def _layer(self, index: int, parent: str | None) -> tuple[str, bool]:
-        """Return the name of a layer and whether it is shown.
+        """Return the name of an object's layer, and True if the layer is shown.
 
-        Of a path of layers the last one with a role counts. parent: layer of the instance that holds the object, which
-        replaces the first layer of the model.
+        In a path of layers the last one with a role counts, else the last. parent: layer of the instance that holds the
+        object. It replaces layers without a role, and None stands for no instance.
         """
         layer = self._layers.get(index)
         if layer is None:
@@ -205,7 +205,10 @@ class _Reader:
             number *= 2
 
     def _drawing(self, unit: str | None, facts: dict[str, Any], name: str) -> Drawing:
-        """Return the curves, points and texts as a drawing in the plane in which they lie."""
+        """Project curves, points and texts onto their plane x–y or x–z, as a drawing.
+
+        Raises InputError if there is nothing, a coordinate is not finite, or they lie in no such plane.
+        """
         every = [points for points, _, _, _ in self._curves] + [mark.at[None] for mark in self._marks]
         if not every:
             raise InputError("", "it holds no solid and no curve", "closed curves, meshes or polysurfaces")

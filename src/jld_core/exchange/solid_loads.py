@@ -57,7 +57,11 @@ def _written(mark: SolidMark) -> Floats:
 
 
 def _arrow(mark: SolidMark, texts: list[SolidMark], taken: set[int]) -> Floats:
-    """Return the force (3,) of an arrow, whose text is its own or the nearest at most its length away."""
+    """Return the force (3,) of an arrow: the magnitude of its text along its direction.
+
+    The text is its own or the nearest one, at most its length from its middle. texts: marks with a text. taken: indices
+    of used texts, to which one is added. Raises InputError without a text, and for one that is no magnitude.
+    """
     tail = mark.at if mark.tail is None else mark.tail
     along = mark.at - tail
     length = float(np.linalg.norm(along))

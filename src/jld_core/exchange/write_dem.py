@@ -104,7 +104,7 @@ class _Dem:
         return self._object("compas_dem.models/BlockModel", self._name, whole)
 
     def _densities(self) -> list[float]:
-        """Return the density of each solid; a support without weight gets that of the scene, or 1."""
+        """Return the density of each solid; one without mass gets that of the scene, or 1."""
         layout = self._layout
         elements = layout.assembly.elements
         usual = layout.scene.materials.density
@@ -143,7 +143,10 @@ class _Dem:
         return {"dtype": "compas_dem.interactions/FrictionContact", "data": data}
 
     def _resultants(self, face: int) -> Floats:
-        """Return N, V1, V2, M1, M2 and MT of an interface; planar ones without those out of the plane."""
+        """Return the resultants N, V1, V2, M1, M2, MT (6,) of an interface.
+
+        Planar ones have V2 = M1 = MT = 0. Raises ValueError without an analysis with forces.
+        """
         result = self._layout.result
         if result is None or result.forces is None:
             raise ValueError("the layout has no analysis with forces")
@@ -296,9 +299,10 @@ class _Dem:
         return float(mechanism_scale(self._layout.assembly, result.mechanism))
 
     def _moved(self, number: int) -> dict[str, Any]:
-        """Return the rigid motion of a solid by the mechanism, as a transformation.
+        """Return the rigid motion of a solid by the scaled mechanism, as a COMPAS transformation.
 
-        A block that cracks moves as its element of largest volume.
+        number: index of the solid. A block that cracks moves as its element of largest volume. Without a mechanism it
+        is the identity.
         """
         from scipy.spatial.transform import Rotation
 

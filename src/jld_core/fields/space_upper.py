@@ -265,7 +265,7 @@ class _Program:
     def _solids(self) -> None:
         """Add flow rule and dissipation of every tetrahedron, with strain rate ε.
 
-        The conditions are ε + B ⪰ 0 and tr ε + 2 tr B ≤ y1 + y2 + y3 for a new tensor B ⪰ 0.
+        B ⪰ 0 is a new tensor with ε + B ⪰ 0. Its trace satisfies tr ε + 2 tr B ≤ y1 + y2 + y3.
         """
         mesh = self.problem.mesh
         count = len(mesh)
