@@ -101,7 +101,10 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes) -> Impo
 
 
 def _scale(drawing: Drawing, options: ImportOptions, notes: Notes) -> tuple[float, str]:
-    """Return the factor to the scene's length unit, and the name of this unit."""
+    """Return scene units per drawing unit, and the name of the scene's unit of length.
+
+    Raises InputError for an unknown unit.
+    """
     if drawing.facts:
         own = str(drawing.facts.get("units", {}).get("length", "m"))
         used = options.unit or drawing.unit
@@ -161,7 +164,7 @@ def _note_snapped(snapped: Snapped, tolerance: float, scale: float, drawn_in: st
 def _name(cells: list[Cell], marks: list[Mark], options: ImportOptions) -> None:
     """Name the cells: by a text on a name layer inside, else by the outline, else by number.
 
-    Changes the cells; of equal names the first one stays.
+    The names of `cells` are changed. Of equal names the first one stays, others become numbers.
     """
     named = [mark for mark in marks if mark.text and options.role(mark.layer) == "id"]
     if named:

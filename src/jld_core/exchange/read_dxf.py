@@ -201,24 +201,24 @@ class _Reader:
         return True
 
     def _lwpolyline(self, entity: Any, layer: str) -> bool:
-        """Read a polyline with bulges."""
+        """Read a polyline with bulges; return False if it is unusable, see `_add`."""
         points = np.array(entity.get_points("xyb"), dtype=float).reshape(-1, 3)
         return self._add(points, bool(entity.closed), layer, side=_side(entity))
 
     def _polyline(self, entity: Any, layer: str) -> bool:
-        """Read an old-style polyline."""
+        """Read an old-style polyline; return False for a mesh, or if it is unusable."""
         if not (entity.is_2d_polyline or entity.is_3d_polyline):
             return False
         points = [(v.dxf.location.x, v.dxf.location.y, v.dxf.get("bulge", 0.0)) for v in entity.vertices]
         return self._add(points, bool(entity.is_closed), layer, side=_side(entity) if entity.is_2d_polyline else 1)
 
     def _line(self, entity: Any, layer: str) -> bool:
-        """Read a line."""
+        """Read a line; return False if it has no length in the plane."""
         start, end = entity.dxf.start, entity.dxf.end
         return self._add([(start.x, start.y, 0.0), (end.x, end.y, 0.0)], False, layer)
 
     def _arc(self, entity: Any, layer: str) -> bool:
-        """Read an arc."""
+        """Read an arc; return False if it is unusable, see `_add`."""
         first = np.radians(entity.dxf.start_angle)
         sweep = np.mod(np.radians(entity.dxf.end_angle) - first, 2.0 * np.pi) or 2.0 * np.pi
         centre = entity.dxf.center
@@ -226,13 +226,13 @@ class _Reader:
         return self._add(points, False, layer, side=_side(entity))
 
     def _circle(self, entity: Any, layer: str) -> bool:
-        """Read a circle."""
+        """Read a circle; return False if it is unusable, see `_add`."""
         centre = entity.dxf.center
         points = arc_points((centre.x, centre.y), entity.dxf.radius, 0.0, 2.0 * np.pi)[:-1]
         return self._add(points, True, layer, side=_side(entity))
 
     def _curve(self, entity: Any, layer: str) -> bool:
-        """Read an ellipse or spline as chords."""
+        """Read an ellipse or spline as chords; return False if it is unusable, see `_add`."""
         rough = entity.flattening(1e30, segments=8) if entity.dxftype() == "SPLINE" else entity.flattening(1e30)
         size = float(np.ptp(np.array([(p.x, p.y) for p in rough]), axis=0).max())
         facet = FACET * size if self.options.facet is None else self.options.facet
@@ -242,7 +242,7 @@ class _Reader:
     _ellipse = _spline = _curve
 
     def _solid(self, entity: Any, layer: str) -> bool:
-        """Read a filled triangle or quadrilateral."""
+        """Read a filled triangle or quadrilateral; return False if it is unusable, see `_add`."""
         side = 1 if entity.dxftype() == "3DFACE" else _side(entity)
         corners = entity.wcs_vertices() if side == 1 else entity.vertices()
         return self._add([(p.x, p.y, 0.0) for p in corners], True, layer, side=side)
@@ -250,7 +250,7 @@ class _Reader:
     _trace = _3dface = _solid
 
     def _hatch(self, entity: Any, layer: str) -> bool:
-        """Read a hatch: its largest boundary with the others as holes."""
+        """Read a hatch: its largest boundary with the others as holes; False if unusable."""
         loops = [loop for loop in (self._loop(path) for path in entity.paths) if loop is not None]
         if not loops:
             return False
@@ -274,7 +274,7 @@ class _Reader:
         return found
 
     def _mesh(self, entity: Any, layer: str) -> bool:
-        """Read a mesh as a solid."""
+        """Read a mesh as a solid; return False without faces or with a wrong vertex number."""
         vertices = np.array([tuple(vertex) for vertex in entity.vertices], dtype=float).reshape(-1, 3)
         faces = tuple(tuple(int(index) for index in face) for face in entity.faces)
         if not faces or max(map(max, faces)) >= len(vertices):
@@ -283,7 +283,7 @@ class _Reader:
         return True
 
     def _3dsolid(self, entity: Any, layer: str) -> bool:
-        """Read the ACIS solids with plane faces and straight edges."""
+        """Read ACIS solids with plane faces and straight edges; return False if there are none."""
         before = len(self._solids)
         for body in import_module("ezdxf.acis.api").load_dxf(entity):
             for mesh in import_module("ezdxf.acis.api").mesh_from_body(body):

@@ -133,9 +133,10 @@ class _Reader:
         return (parent if parent is not None and not known else own), bool(layer.Visible)
 
     def _read(self, item: Any, parent: str | None, moves: list[Any]) -> None:
-        """Read one object.
+        """Read one object: a solid, a mark, a curve or the objects of an instance.
 
-        parent: layer of the instance that holds it. moves: transformations of the instances around it, innermost first.
+        Hidden objects and other kinds are counted. parent: layer of the instance that holds it. moves: transformations
+        of the instances around it, innermost first.
         """
         attributes, geometry = item.Attributes, item.Geometry
         layer, shown = self._layer(attributes.LayerIndex, parent)
@@ -235,14 +236,18 @@ class _Reader:
 
 
 def _force(texts: dict[str, str]) -> str:
-    """Return the force that user text states, or an empty text."""
+    """Return the force stated by user text, as text for `parse_force`; "" without one."""
     stated = [texts[key] for key in _FORCE if key in texts]
     parts = [f"{key} = {texts[key]}" for key in ("fx", "fy", "fz") if key in texts]
     return stated[0] if stated else "; ".join(parts)
 
 
 def _element_keys(texts: dict[str, str], title: str) -> dict[str, Any]:
-    """Return the element keys that user text states: density and block; raise InputError for a wrong density."""
+    """Return density and block of an element from the user text of its object.
+
+    The block is left out where the text lists exactly one element. title: words for the object. Raises InputError for a
+    density that is no number.
+    """
     found: dict[str, Any] = {}
     if texts.get("block") and len(texts.get("elements", "").split()) != 1:
         found["block"] = texts["block"]

@@ -213,7 +213,10 @@ class _Dem:
         return -vector[-1]
 
     def _group(self, name: str, entries: list[dict[str, Any]]) -> dict[str, Any]:
-        """Return the group of boundary conditions of load entries."""
+        """Convert load entries to a group of boundary conditions of COMPAS.
+
+        Raises InputError for a pressure, and for gravity that does not act along −z.
+        """
         gravity = self._gravity()
         points, bodies = [], []
         for number, entry in enumerate(entries):
@@ -254,7 +257,11 @@ class _Dem:
         return {"name": "MohrCoulomb", "phi": float(np.degrees(np.arctan(mu))), "mu": mu, "c": c or None, "t_c": None}
 
     def results(self) -> dict[str, Any]:
-        """Return the results: moved blocks, contacts with forces, and load factor in the metadata."""
+        """Return moved blocks, forces by pair of blocks, and load factor as COMPAS results.
+
+        Raises ValueError without an analysis. A pair with several contacts states their resultant, and the first of
+        them.
+        """
         result = self._layout.result
         if result is None:
             raise ValueError("the layout has no analysis")

@@ -167,7 +167,7 @@ class _Ifc:
 
 
 def _values(facts: BlockFacts) -> list[tuple[str, str, Any]]:
-    """Return name, IFC type and value of each known property of a block."""
+    """Return name, IFC type and value of each property of a block that is known."""
     found: list[tuple[str, str, Any]] = [
         ("Block", "IfcLabel", printable(facts.block)),
         ("Elements", "IfcText", printable(" ".join(facts.elements))),

@@ -87,7 +87,7 @@ class _File:
         self.model.Objects.AddCurve(line.ToPolylineCurve(), attributes)
 
     def _layer_of(self, block: int) -> str:
-        """Return the layer of a block."""
+        """Return the layer name of a block: "SUPPORTS", or that of its shape."""
         found = self._layout.blocks[block]
         return "SUPPORTS" if found.support and not found.cells else f"SHAPE_{found.shape:02d}"
 

@@ -170,11 +170,14 @@ class _Search:
         return BoxNode(bound.value, motion, bound.case)
 
     def places(self, parameters: Floats) -> Floats:
-        """Return the positions (v, 2) of all vertices."""
+        """Return the positions (v, 2) of all vertices at parameters (p,), lengths."""
         return np.asarray(self.mesh.places + np.einsum("p,pvd->vd", parameters, self.directions))
 
     def try_position(self, parameters: Floats) -> LimitAnalysisResult | None:
-        """Solve one position (p,) and keep it if it is the best; None where it cannot be built."""
+        """Analyse the scene at parameters (p,), and keep the position if its λ is the best so far.
+
+        None where no valid scene has this position.
+        """
         try:
             assembly = build_assembly(self.moved.at(self.places(parameters)))
         except InputError:

@@ -142,7 +142,7 @@ class GeometrySearch:
         return self.evaluator.load_factor(values, near)
 
     def value_of(self, point: Evaluated) -> float:
-        """Return the value of a point as users read it, scene units.
+        """Convert the objective of a point to the value that users read, scene units.
 
         It is λ, the largest friction coefficient of dry faces, or the thickness.
         """

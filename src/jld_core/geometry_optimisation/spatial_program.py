@@ -216,7 +216,7 @@ def _volume(mesh: SpatialMesh, places: Floats, element: int) -> tuple[float, Flo
 
 
 def spatial_variables(assembly: Assembly, mesh: SpatialMesh, move: Move) -> Variables:
-    """Find the variables of a structure in space: corners of joints that slide along the edges that they end.
+    """Choose the variables of a structure in space: corners of joints that slide along edges.
 
     A corner that belongs to one joint of two free elements slides along the mean of the edges on both sides. Corners
     that "along" names move in its direction. Raises InputError as `variables_of`.

@@ -191,7 +191,7 @@ def _words(point: Floats) -> str:
 
 
 class _Finder:
-    """Vertices that may move, with their directions."""
+    """Search for the vertices that may move, with their directions or circles."""
 
     def __init__(self, assembly: Assembly, labels: Bits, mesh: VertexMesh, move: Move) -> None:
         self._mesh, self._move, self._size = mesh, move, assembly.size
