@@ -186,7 +186,7 @@ class _Reader:
                 self._read(self._by_id[str(identity)], layer, [reference.Xform, *moves])
 
     def _points(self, curve: Any) -> Floats:
-        """Return the corners (k, 3) of a curve; curved ones become chords within the facet tolerance."""
+        """Return the corners (k, 3) of a curve, with chords within the facet tolerance."""
         if isinstance(curve, self._rhino.PolylineCurve):
             found = [curve.Point(k) for k in range(curve.PointCount)]
             return np.array([(p.X, p.Y, p.Z) for p in found])

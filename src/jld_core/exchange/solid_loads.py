@@ -83,7 +83,11 @@ def _arrow(mark: SolidMark, texts: list[SolidMark], taken: set[int]) -> Floats:
 
 
 def _entry(force: Floats, at: Floats, names: list[str], vertices: list[Floats], supports: list[bool]) -> dict[str, Any]:
-    """Return the entry of a force on the free element whose bounding box is nearest, the smallest of equally near."""
+    """Return the load entry of a force on the nearest free element, by bounding boxes.
+
+    Of equally near elements the smallest one is taken. force, at: (3,) vector and place. names, vertices, supports: of
+    all elements.
+    """
 
     def away(k: int) -> tuple[float, float, int]:
         low, high = vertices[k].min(axis=0), vertices[k].max(axis=0)

@@ -125,7 +125,10 @@ def named_faces(layout: Layout, cells: bool) -> list[tuple[str, str, Floats, int
 
 
 def point_in_space(layout: Layout, point: Floats) -> Floats:
-    """Return a point (3,) of a scene; one of a planar scene lies in the middle of the thickness."""
+    """Convert a point of a scene to space, (3,).
+
+    One of a planar scene lies in the middle of the thickness.
+    """
     return point if len(point) == 3 else np.array([point[0], 0.5 * layout.thickness, point[1]])
 
 

@@ -25,7 +25,9 @@ _UNCERTAINTY: Final = 1e-9
 
 
 def step_text(layout: Layout, *, cells: bool) -> str:
-    """Return the text of a STEP file with a `MANIFOLD_SOLID_BREP` of plane faces for each block.
+    """Return the text of a STEP file with a solid of plane faces for each block.
+
+    Solids are `MANIFOLD_SOLID_BREP`.
 
     cells: write every element, not every block. Solids and products carry the names of the blocks. Lengths are in the
     scene's unit, in metres where it is unknown.
@@ -48,7 +50,7 @@ def step_text(layout: Layout, *, cells: bool) -> str:
 
 
 def _text(words: str) -> str:
-    """Return a string of ISO 10303-21: apostrophes doubled, other characters than ASCII escaped."""
+    """Quote a string for ISO 10303-21: apostrophes doubled, non-ASCII characters escaped."""
     plain = printable(words).replace("\\", "\\\\").replace("'", "''").replace("\n", " ")
     return "'" + "".join(c if " " <= c <= "~" else f"\\X4\\{ord(c):08X}\\X0\\" for c in plain) + "'"
 

@@ -28,7 +28,9 @@ STATUS: Final = {
 
 @dataclass(frozen=True)
 class Regularisation:
-    """How the linear systems of the interior point are regularised, for programs with numbers of order one.
+    """Regularisation of the linear systems of the interior-point method.
+
+    The values suit programs with numbers of order one.
 
     Attributes
     ----------
@@ -130,7 +132,7 @@ class ConeBatch:
         self._problem = Cones(**numbers, **asdict(Regularisation()), **pointers(**self._arrays))
 
     def solve(self, off: Bits, objective: Floats) -> ConeAnswers:
-        """Solve k programs; the answer to each is the same to the last digit whatever the others are.
+        """Solve k programs; each answer is independent of the others to the last digit.
 
         off: (k, m) True for rows switched off; of a cone all three. objective: (k, n) costs.
         """

@@ -23,7 +23,9 @@ _SMALL = 1e-10
 
 @dataclass(frozen=True)
 class Factor:
-    """Pattern of the factor L D Lᵀ of the reduced system of N unknowns, in the order of elimination.
+    """Pattern of the factor L D Lᵀ of the reduced system, in the order of elimination.
+
+    The system has N unknowns: the variables, then the equations.
 
     Attributes
     ----------
@@ -45,7 +47,9 @@ class Factor:
 
 @dataclass(frozen=True)
 class Terms:
-    """Entries of the reduced system as sums over weights of rows: diagonal entries, then those of `Factor.row`.
+    """Entries of the reduced system as sums over weights of rows.
+
+    The e entries are the diagonal ones, then those of `Factor.row`.
 
     Attributes
     ----------
@@ -109,7 +113,10 @@ def _hessian_pattern(matrix: sp.csr_array, sizes: tuple[int, int, int]) -> sp.cs
 
 
 def _minimum_degree(pattern: sp.csr_array) -> Ints:
-    """Return the place (k,) of each unknown in an order of minimum degree of a symmetric pattern."""
+    """Return the place (k,) of each unknown in a minimum-degree elimination order.
+
+    pattern: (k, k) symmetric.
+    """
     dummy = pattern.copy()
     dummy.data = np.full(len(dummy.data), -1.0)
     heavy = sp.csc_matrix(dummy + (2.0 + np.diff(pattern.indptr).max(initial=0)) * sp.eye_array(pattern.shape[0]))
@@ -144,7 +151,10 @@ def _filled(place: Ints, one: Ints, other: Ints) -> Factor:
 
 
 def terms_of(factor: Factor, matrix: sp.csr_array, sizes: tuple[int, int, int]) -> Terms:
-    """Return the entries of the reduced system as sums over weights; see `factor_of` for the parameters."""
+    """Compute the entries of the reduced system as sums over weights of rows.
+
+    factor: pattern. matrix, sizes: as for `factor_of`.
+    """
     equations, linear, cones = sizes
     width, count = matrix.shape[1], len(factor.place)
     column = np.repeat(np.arange(count), np.diff(factor.start))

@@ -196,9 +196,9 @@ class _Refinement:
 
     @property
     def ended(self) -> bool:
-        """True if the gap is reached, or `upper` is below 0, or a bound stays missing.
+        """True if the gap is reached, `upper` is below 0, or a bound remains missing.
 
-        A bound that is missing after `_PATIENCE` meshes counts as staying so.
+        A bound that is missing after `_PATIENCE` meshes is not waited for.
         """
         status = self.best.status
         lone = status is not FieldStatus.OPEN and len(self.best.history) >= _PATIENCE

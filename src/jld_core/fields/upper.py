@@ -135,7 +135,10 @@ class UpperBound:
         return [self._bound_by(answer, labels) for answer, labels in zip(answers, labellings, strict=True)]
 
     def _bound_by(self, answer: Answer, labels: Bits) -> VelocityField | None:
-        """Certify an answer of the solver, or what programs with margins propose instead; see `bound`."""
+        """Certify an answer of the solver; try programs with margins if repairs cost much λ.
+
+        labels: (m,) True = dry. See `bound` for the result.
+        """
         self.status = answer.status
         # a ray of an unbounded program is a mechanism too: the blocks are too weak for their dead load
         if not (answer.usable or answer.status == "DualInfeasible"):

@@ -58,7 +58,9 @@ def _distances(corners: Floats) -> Floats:
 
 
 class EqualShapes:
-    """Equations that keep pairs of outlines equal: differences of squared distances of corners, all to be zero.
+    """Equations that keep pairs of outlines equal, by squared distances of corners.
+
+    Each equation keeps the difference of two squared distances as it is at the start.
 
     Of an outline with k corners, the k edges and the k − 3 diagonals from its first corner are compared.
 
@@ -83,7 +85,10 @@ class EqualShapes:
         return len(self._rows)
 
     def at(self, places: Floats) -> tuple[Floats, sp.csr_array]:
-        """Return the values (r,) of the equations at positions (v, 2), and their derivatives (r, 2v)."""
+        """Return the values (r,) of the equations and their derivatives (r, 2v).
+
+        places: (v, 2) positions.
+        """
         values, slopes = self._differences(places)
         columns = (2 * self._rows[:, :, None] + np.arange(2)).reshape(len(self._rows), 8)
         row = np.repeat(np.arange(len(self._rows)), 8)

@@ -52,7 +52,9 @@ class LimitValues:
 
 
 class Limits:
-    """Limits on angles, edges, areas, masses, draft, equal shapes and places of loads, as r numbers.
+    """Limits of planar joints as r numbers, each with a least or an exact value.
+
+    They limit angles, edges, areas, masses, draft, equal shapes and places of loads.
 
     A limit that the start does not keep is relaxed to what the start keeps.
 
@@ -268,9 +270,10 @@ def sparse_rows(values: Floats, columns: Ints, size: int) -> sp.csr_array:
 
 
 def mass_rows(assembly: Assembly, labels: Bits, changing: Bools) -> sp.csr_array:
-    """Return the masses (b, n) of elements by blocks, for blocks of free elements of which one changes.
+    """Return the masses (b, n) of the elements in blocks that change, by block.
 
-    changing: (n,) True for elements with a vertex that moves.
+    A row holds the masses of one block's elements, zeros elsewhere. Blocks that hold a support or no changing element
+    have no row. labels: (m,) True = dry. changing: (n,) True for elements with a vertex that moves.
     """
     elements = assembly.elements
     block = blocks_of(assembly, labels)

@@ -127,7 +127,10 @@ class SpatialMovedScene:
         self._document = document
 
     def at(self, places: Floats, friction: float = 1.0) -> Scene:
-        """Return the validated scene with the vertices at the positions (v, 3); friction: not used in space."""
+        """Return the validated scene with the vertices at the positions (v, 3).
+
+        friction: not used in space.
+        """
         found = dict(self._document)
         found["elements"] = [
             {**entry, "vertices": places[corner].tolist()}

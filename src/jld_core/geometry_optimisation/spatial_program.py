@@ -98,7 +98,9 @@ def _columns(vertices: Ints) -> Ints:
 
 
 class SpatialLimits:
-    """Limits of joints in space as r numbers: plane joints, lengths of edges, volumes and masses of blocks.
+    """Limits of joints in space as r numbers, each with a least or an exact value.
+
+    They limit planes of joints, lengths of edges, volumes of elements and masses of blocks.
 
     Parameters
     ----------
@@ -201,7 +203,10 @@ class SpatialLimits:
 
 
 def _volume(mesh: SpatialMesh, places: Floats, element: int) -> tuple[float, Floats]:
-    """Return the volume of an element at positions (v, 3), and its derivatives (k, 3) by its corners."""
+    """Compute the volume of an element, and its derivatives (k, 3) by its k corners.
+
+    places: (v, 3) positions of all vertices.
+    """
     corners = mesh.corners[element]
     middle = places[corners].mean(axis=0)
     position = {int(vertex): k for k, vertex in enumerate(corners)}
@@ -274,7 +279,10 @@ def _joint_corners(assembly: Assembly, mesh: SpatialMesh, held: Bools, taken: se
 
 
 def _require_corners(mesh: SpatialMesh, assembly: Assembly, moving: set[int]) -> None:
-    """Raise InputError where a joint with a vertex that moves is not a whole face of both of its elements."""
+    """Raise InputError for a moving joint that is not a whole face of both elements.
+
+    moving: vertices that move; a joint moves if one of its corners does.
+    """
     faces = assembly.interfaces
     for face, polygon in enumerate(mesh.polygons):
         own = set(polygon.tolist())

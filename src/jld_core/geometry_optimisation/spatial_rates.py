@@ -58,9 +58,10 @@ def _element_rates(assembly: Assembly, element: int, motion: Floats, load_factor
 
 
 def volume_rates(assembly: Assembly, element: int) -> tuple[float, Floats, Floats]:
-    """Return the volume of an element, and its rates (k, 3) and those of the first moment (k, 3, 3) by its corners.
+    """Return the volume of an element, and the rates of volume and first moment by corners.
 
-    The first moment is about the present centroid; its rate [corner, i, j] is that of component i by coordinate j.
+    The rates are (k, 3) and (k, 3, 3). The first moment is about the present centroid. Its rate [corner, i, j] is that
+    of component i by coordinate j.
     """
     corner = assembly.elements.shape[element] - assembly.elements.centroid[element]
     volume, by_volume, by_moment = 0.0, np.zeros_like(corner), np.zeros((len(corner), 3, 3))
@@ -98,7 +99,10 @@ class HeldForces:
     twist: float
 
     def wrench(self, polygon: Floats) -> Floats:
-        """Return force and moment (6,) on the second element, about the origin, of a polygon (k, 3)."""
+        """Return force and moment about the origin (6,) of the held forces on the second element.
+
+        polygon: (k, 3) present corners of the face.
+        """
         vector = area_vector(polygon) if area_vector(polygon) @ self.normal > 0.0 else -area_vector(polygon)
         normal = vector / float(np.linalg.norm(vector))
         frame = plane_frame(normal, self.normal)

@@ -80,7 +80,9 @@ class StepAnswer:
 
 @dataclass(frozen=True)
 class Region:
-    """Steps that are allowed at the present position, for k variables and v vertices in d dimensions.
+    """Steps allowed at the present position: derivatives, limits, ties and bounds.
+
+    There are k variables, and v vertices in d dimensions.
 
     Attributes
     ----------
