@@ -300,7 +300,7 @@ def _pieces(face: shapely.Polygon, layer: str) -> list[Cell]:
 def _cut(shape: shapely.Polygon, lines: list[shapely.LineString], layer: str, size: float) -> list[Cell]:
     """Cut an outline by lines; return its cells, lowest first, or none if no line crosses.
 
-    size: of the drawing; much shorter lines and smaller cells are ignored.
+    size: of the drawing, relative to which tiny lines and cells are ignored.
     """
     inside = [shapely.intersection(shape, line) for line in lines]
     kept = [part for part in inside if part.length > 1e-9 * size]

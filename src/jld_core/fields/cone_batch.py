@@ -63,7 +63,7 @@ class Stopping:
     ray : float
         Relative residual of a ray that shows a program to be infeasible or unbounded.
     share : float
-        Share of the longest step.
+        Share that is taken of the longest step to the boundary of the cones.
     least_step : float
         Step below which iterations end without result.
     iterations : int

@@ -275,8 +275,8 @@ def _between(piece: _Piece, low: float, high: float) -> Floats:
 def _spread(assembly: Assembly, face: _FreeFace, forces: list[_Force]) -> _Piece:
     """Spread forces without a stated width over one face as a linear traction.
 
-    It covers the face. If the resultant lies beyond the middle third, it is uniform about the resultant instead. Raises
-    InputError without room for that.
+    It covers the face. If forces of one sign have their resultant beyond the middle third, it is uniform about the
+    resultant instead. Raises InputError without room for that.
     """
     thickness = thickness_of(assembly)
     normal = np.array([face.along[1], -face.along[0]])

@@ -192,8 +192,8 @@ def _patches(
 def _spread(assembly: Assembly, facet: Facet, region: shapely.Polygon, forces: list[_Force]) -> _Piece:
     """Spread forces without a stated width over a free region as a linear traction.
 
-    If that would pull and press, it covers only the largest part that is symmetric about the resultant. Raises
-    InputError if that part is too small.
+    If forces of one sign would make it pull and press, it covers only the largest part that is symmetric about the
+    resultant. Raises InputError if that part is too small.
     """
     push = np.array([force.vector @ facet.normal for force in forces])
     whole = _linear(facet, region, forces)

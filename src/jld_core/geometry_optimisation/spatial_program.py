@@ -256,8 +256,8 @@ def spatial_variables(assembly: Assembly, mesh: SpatialMesh, move: Move) -> Vari
 def _joint_corners(assembly: Assembly, mesh: SpatialMesh, held: Bools, taken: set[int]) -> list[tuple[int, Floats]]:
     """Return vertex and unit sliding direction (3,) of each corner that belongs to one joint.
 
-    Both elements must have exactly one edge from the corner across the joint, nearly opposite to each other. held: (v,)
-    True for vertices that stay. taken: vertices to leave out.
+    Each of the two elements must have exactly one edge from the corner across the joint, at more than 60° to one
+    another. held: (v,) True for vertices that stay. taken: vertices to leave out.
     """
     faces, owner, edges = assembly.interfaces, *mesh.edges
     count = np.bincount(np.concatenate(mesh.polygons), minlength=len(mesh.places))

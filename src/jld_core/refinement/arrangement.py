@@ -90,7 +90,7 @@ def _faces(
     extent: float,
     size: float,
 ) -> list[shapely.Polygon]:
-    """Return the polygons into which all outlines and cell boundaries divide the plane.
+    """Return the polygons that all outlines and cell boundaries together enclose.
 
     outlines: corners (k, 2) of each element that is cut. known: (c, 2) corners that stay exact. cells: cells. origin:
     (2,) point about which coordinates are computed. extent: size of the structure. size: of a cell. Both are lengths.
