@@ -95,9 +95,10 @@ class Arcs:
         return self._exact[piece]
 
     def _seen(self, piece: int, resting: Floats, same: float) -> tuple[Floats, Floats]:
-        """Return begin (p,) and width (p,) of the arcs of pieces at rest for one moving piece.
+        """Compute the begin (p,) and width (p,) of the directions that each resting piece blocks.
 
-        resting: (p, k, 2) corners of the pieces at rest. same: distance up to which coinciding corners are ignored.
+        piece: index of the moving piece. resting: (p, k, 2) corners of the pieces at rest. same: distance up to which
+        coinciding corners are ignored. Angles are in radians; begins are not reduced to one turn.
         """
         arm = resting[:, None] - self._corner[piece][None, :, None]
         arm = arm.reshape(len(self._corner), -1, 2)
@@ -145,10 +146,10 @@ class Arcs:
 
     @cached_property
     def turns(self) -> Floats:
-        """Return the directions to be tried for groups of blocks: angles (k,) in radians.
+        """Angles (k,) of the directions tried for groups of blocks, radians, from 0 to 2π.
 
-        They are the angles at which blocking changes, the ends of all arcs, ascending. An assembly of many pieces or
-        many ends has the directions along its contacts instead, at most 2000.
+        They are the ends of all arcs, at which blocking changes. An assembly with too many pieces or ends has the
+        directions along its contacts instead, at most 2000.
         """
         if len(self.owner) <= _PIECES:
             every = np.concatenate([self.ends(piece) for piece in range(len(self.owner))]).ravel()
@@ -191,7 +192,10 @@ def _nearest(wanted: float, middle: Floats | float, half: Floats | float) -> Flo
 
 
 def _different(angles: Floats) -> Floats:
-    """Return the angles that differ by more than 1e-6, ascending and not rounded."""
+    """Reduce angles to [0, 2π) and drop repeated ones, equal when rounded to 1e-6.
+
+    The order is that of the rounded angles, modulo 2π. An angle just below 2π therefore counts as 0 and may come first.
+    """
     angles = angles % (2.0 * np.pi)
     _, first = np.unique(np.round(angles, 6) % round(2.0 * np.pi, 6), return_index=True)
     return angles[first]

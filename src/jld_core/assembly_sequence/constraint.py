@@ -96,7 +96,7 @@ class SequenceConstraint:
 
     @property
     def refused(self) -> int:
-        """Return the number of different labellings tested so far without finding a sequence."""
+        """Number of different labellings tested so far without finding a sequence."""
         return sum(lock is not None for lock in self._known.values())
 
     @property
@@ -224,11 +224,11 @@ class SequenceConstraint:
         return np.asarray(inside[first[np.round(tree).astype(np.int64) - 1]])
 
     def _in_the_way(self, labels: Bits, among: Bools, ground: Bools) -> Bools:
-        """Return a mask (n,) of elements that lock blocks as obstacles held by supports.
+        """Return a small set of elements, held by supports, that lock blocks as obstacles.
 
-        Elements are removed one by one while the blocks remain locked, so that the set is small but not minimum.
-        labels: (m,) True = dry. among: (n,) elements of the locked blocks. ground: (n,) free elements that a support
-        holds, the candidates.
+        labels: (m,) True = dry. among: (n,) mask of the elements of the locked blocks. ground: (n,) mask of the
+        candidates, free elements that a support holds. Candidates are dropped one by one while the blocks stay locked.
+        Returns a mask (n,), small but not minimum.
         """
         faces, support = self.assembly.interfaces, self.assembly.elements.support
         blocks = blocks_of_labelling(self.assembly, labels | ground[faces.a] | ground[faces.b])
@@ -244,5 +244,5 @@ class SequenceConstraint:
 
 
 def _graph(a: Ints, b: Ints, count: int) -> coo_array:
-    """Return a sparse graph of edges (k,) from a to b, with edge numbers from 1 as weights."""
+    """Return a sparse matrix (count, count) of edges a to b, (k,), with values 1 to k."""
     return coo_array((1.0 + np.arange(len(a)), (a, b)), shape=(count, count))

@@ -131,10 +131,10 @@ class Freedom:
         return next((found for found in self._groups(there, most) if self._planar or self._separable(found[0])), None)
 
     def _groups(self, there: Bools, most: int) -> list[tuple[Ints, Floats]]:
-        """Return the smallest sets that can leave together for each start block and direction.
+        """Return the smallest group that must leave with each block, for each direction tried.
 
-        there: (k,) mask of the blocks present. most: largest size of a set. Each set comes with a unit direction (d,);
-        smaller sets come first.
+        there: (k,) mask of the blocks present. most: largest size of a group. Groups that hold a fixed block are left
+        out. Each comes as block indices with a unit direction (d,), smaller groups first.
         """
         blocks = self.blocks
         ways, table = self._blocking

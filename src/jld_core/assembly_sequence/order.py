@@ -190,7 +190,7 @@ Move = tuple[tuple[int, ...], Floats]
 
 
 def _moves(freedom: Freedom, there: Bools, group: int) -> list[Move]:
-    """Return all single blocks that can be removed now; if there are none, the smallest group.
+    """List the blocks that can be removed now with directions; else the smallest group.
 
     there: (k,) mask of the blocks present. group: largest number of blocks that are moved together. The list is empty
     if neither exists.
@@ -216,11 +216,11 @@ def _without(there: Bools, move: Move) -> Bools:
 
 
 def _disassembly(freedom: Freedom, standing: Standing, group: int, turn: Turn) -> tuple[list[Move] | None, Bools]:
-    """Return moves that remove all blocks, and the blocks (k,) that remain.
+    """Take a structure apart; return the moves in order, and the blocks (k,) that remain.
 
-    The moves are None if the blocks that remain lock one another. Of the first moves in the order of `turn`, the first
-    whose remaining stage stands is taken, or else the one that needs the least prop force. group: as in `_moves`. turn:
-    sort key of a removal.
+    The moves are None if the remaining blocks lock one another. At each step the first few moves in the order of `turn`
+    are tried. The first whose remaining stage stands is taken, else the one that needs the least prop force. group: as
+    in `_moves`. turn: sort key of a removal.
     """
     blocks = freedom.blocks
     there = np.ones(len(blocks), dtype=bool)
@@ -239,10 +239,10 @@ def _disassembly(freedom: Freedom, standing: Standing, group: int, turn: Turn) -
 
 
 def emptied(freedom: Freedom, there: Bools, group: int) -> Bools:
-    """Return the blocks that remain after removal of all blocks and groups that can leave.
+    """Return the mask (k,) of blocks that remain when all that can leave are removed.
 
-    there: (k,) bool mask of the blocks present. group: largest number of blocks that may leave together. The result is
-    such a mask, with all present fixed blocks; it does not depend on the order of removal.
+    there: (k,) bool mask of the blocks present. group: largest number of blocks that may leave together. Fixed blocks
+    stay. The result does not depend on the order of removal.
     """
     blocks = freedom.blocks
     there = there.copy()
@@ -261,9 +261,9 @@ def emptied(freedom: Freedom, there: Bools, group: int) -> Bools:
 
 
 def _smallest_lock(freedom: Freedom, there: Bools, group: int) -> tuple[int, ...]:
-    """Return an irreducible set of blocks that lock one another.
+    """Return the indices of an irreducible set of blocks that lock one another.
 
-    there: (k,) mask of the blocks present. group: as in `_moves`.
+    there: (k,) mask of the blocks present. group: as in `_moves`. Empty if all blocks can leave.
     """
     there = emptied(freedom, there, group)
     blocks = freedom.blocks
@@ -279,10 +279,10 @@ def _smallest_lock(freedom: Freedom, there: Bools, group: int) -> tuple[int, ...
 
 
 def _standing_order(freedom: Freedom, standing: Standing, group: int, turn: Turn) -> tuple[list[Move] | None, bool]:
-    """Search moves whose every stage stands, depth first with memory of failures.
+    """Search moves of disassembly whose every stage stands, depth first.
 
-    The results are the moves, None if none were found, and True if the search was exhaustive: it neither stopped at its
-    limit nor met an undecided stage. turn: sort key of a removal.
+    group: as in `_moves`. turn: sort key of a removal. Returns the moves, None if none were found, and True if the
+    search was exhaustive. It is not if it stopped at its limit or met an undecided stage. Failed stages are remembered.
     """
     blocks = freedom.blocks
     failed: set[bytes] = set()
@@ -372,7 +372,7 @@ def built_up(freedom: Freedom, standing: Standing) -> Built:
 
 
 def _steps(blocks: Blocks, standing: Standing, taken: list[Move]) -> tuple[Step, ...]:
-    """Return the steps of laying for moves of disassembly."""
+    """Reverse moves of disassembly to the steps of laying, each with the stage after it."""
     laid = blocks.fixed.copy()
     steps = []
     for move in reversed(taken):

@@ -124,7 +124,7 @@ class Solids:
         return bool(self._inside(rows, right, equal) > depth)
 
     def _depth(self, moving: int, still: int) -> float:
-        """Return the penetration up to which two elements count as touching, a length."""
+        """Return the penetration, a length, up to which two elements only touch."""
         return float(SHARED ** (2.0 / 3.0) * min(self.size[moving], self.size[still]))
 
     def _inside(self, rows: Floats, right: Floats, equal: tuple[Floats, Floats] | None) -> float:

@@ -187,10 +187,10 @@ class Parts:
         return _Part(np.where(props > _NONE * weight, props, 0.0), error * relative, weight)
 
     def _props(self, standing: Ints) -> tuple[Floats, Ints]:
-        """Return the unit props of a stage as columns (q·k, props), and their elements (props,).
+        """Return unit prop forces as columns (q·k, props), and the element (props,) of each.
 
-        A column holds the scaled force and moment of one prop in the equations of the laid elements. standing: (k,)
-        laid elements as indices among the free elements.
+        standing: (k,) laid elements as indices among the free elements. Props act upwards at the centroid and at
+        extreme corners of each element. A column holds force and moment in the scaled equations of the laid elements.
         """
         assembly, template = self.assembly, self.template
         elements, q, d = assembly.elements, assembly.freedoms, assembly.dimension

@@ -43,7 +43,10 @@ def turn_of(blocks: Blocks, start: LayingStart = "ground") -> Turn:
         far = elements.centroid @ _to_the_right(blocks, up) * (1.0 if start == "left" else -1.0)
 
     def key(there: Bools, removed: Sequence[int]) -> tuple[float, ...]:
-        """Return the key of a removal."""
+        """Return the sort key of removing some blocks: distance from the start, height, contacts.
+
+        there: (k,) mask of the blocks present. removed: indices of the blocks.
+        """
         touching = sum(int(np.count_nonzero(there[blocks.contacts_of(block)[0]])) for block in removed)
         chosen = np.isin(blocks.of, removed)
         weights = elements.volume[chosen]
@@ -69,7 +72,10 @@ def _to_the_right(blocks: Blocks, up: Floats) -> Floats:
 
 
 def _steps_from_supports(blocks: Blocks) -> Floats:
-    """Return the number of blocks between each element's block and the nearest support, (n,)."""
+    """Return for each element (n,) the least number of contacts from its block to a support.
+
+    Elements of fixed blocks have 0; without a connection the number is that of all blocks.
+    """
     steps = np.where(blocks.fixed, 0.0, np.inf)
     while True:
         across = np.concatenate([steps[blocks.first], steps[blocks.second]])

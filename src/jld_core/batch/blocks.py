@@ -166,9 +166,9 @@ class BatchBlockSolver:
         return max((one.own + len(one.shared) for one in blocks), default=0) <= interface.BLOCK_ROWS
 
     def _places(self, rows: Ints) -> Ints:
-        """Return the positions in the factored matrix of all pairs of shared rows of one block.
+        """Return the factor positions of all products of two shared rows of one block.
 
-        rows: (r,) shared rows. A pair is one of a row and one before it, or itself. Positions ≥ 0 count within the
+        rows: (r,) shared rows. A pair is a row with itself or one before it, row by row. Positions ≥ 0 count within the
         diagonal matrix blocks, −1 − position within the others.
         """
         starts, below = self.pattern.column_start, self.pattern.row

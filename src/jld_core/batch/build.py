@@ -80,9 +80,10 @@ SANITIZED: Final[dict[str, tuple[str, ...]]] = {
 
 
 def variants(machine: str | None = None) -> tuple[str, ...]:
-    """Return the variants of a processor family, fastest first.
+    """Return the names of the batch solver's variants for a processor family, fastest first.
 
-    machine: name of the family, as in `platform.machine`; None: this one.
+    machine: family as in `platform.machine`; None for this machine. Its processor may lack the instructions of some
+    variants, see `runs_here`.
     """
     machine = (machine or platform.machine()).lower()
     if machine in ("x86_64", "amd64"):
@@ -121,7 +122,7 @@ def _numpy_flags() -> frozenset[str]:
 
 
 def best() -> str:
-    """Return the fastest variant that this processor runs."""
+    """Return the name of the fastest variant whose instructions this processor has."""
     return next(name for name in variants() if runs_here(name))
 
 
@@ -245,7 +246,7 @@ def compile_by_any(variant: str, folder: Path, extra: tuple[str, ...] = ()) -> t
 
 
 def _is_there(library: Path) -> bool:
-    """Return True if a library was compiled from the present sources already."""
+    """Return True if a library exists and was compiled from the present sources."""
     return library.exists() and is_current(library)
 
 

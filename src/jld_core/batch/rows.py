@@ -128,7 +128,7 @@ def rows_of(template: Template, undecided: Rows | None = None) -> BatchRows | No
 
 @lru_cache(maxsize=2)
 def _decided(template: Template) -> BatchRows | None:
-    """Return the rows of the labels dry and inner, from a cache; None if unsupported."""
+    """Compute the rows of the labels inner and dry; cached; None if unsupported."""
     return _rows_of(template, None)
 
 
@@ -192,9 +192,10 @@ def planar_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
 
 
 def _pairs(pattern: RowPattern, values: Floats, sides: Floats, faces: int) -> Floats | None:
-    """Return the rows (m, pairs, 3) of one label, in pairs for M, V, M; None if unsupported.
+    """Return the coefficients a, b, h of one label's rows −a N ± b X ≤ h, (m, pairs, 3).
 
-    values, sides: coefficients and right-hand sides of the label in the pattern. faces: m.
+    X is M, V and, where inner faces crush, M again. pattern: rows of the yield sets. values, sides: coefficients and
+    right-hand sides of the label. faces: m. None if the rows form no such pairs.
     """
     linear = pattern.row < pattern.linear
     row, resultant = pattern.row[linear], pattern.column[linear] % 3
@@ -249,10 +250,10 @@ def spatial_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
 
 
 def _spatial_table(table: Floats, pattern: RowPattern, faces: int) -> Floats | None:
-    """Return an array (m, EDGES + 1, 4) of the rows of spatial faces; None if unsupported.
+    """Return the coefficients (m, EDGES + 1, 4) of spatial yield rows under one label.
 
-    Bending rows come first: a, p, q, h of −a N + p M1 + q M2 ≤ h, idle rows last. The last row holds a, b, h of
-    torsion. table: dense rows of the program.
+    Bending rows come first: a, p, q, h of −a N + p M1 + q M2 ≤ h, idle rows last. The last row holds a, b, h, 0 of
+    torsion. table: dense rows of the program. None if unsupported.
     """
     found = np.zeros((faces, EDGES + 1, 4))
     found[:, :, 3] = 1.0
@@ -282,9 +283,9 @@ def _spatial_table(table: Floats, pattern: RowPattern, faces: int) -> Floats | N
 
 
 def _in_pairs(found: Floats) -> Floats | None:
-    """Return numbers (labels, m, 9) if all bending rows form pairs ±M1 and ±M2, else None.
+    """Return a, b, h of M1, M2 and MT, (labels, m, 9), if bending rows are pairs; else None.
 
-    The numbers are a, b, h of M1, M2 and MT. found: (labels, m, EDGES + 1, 4) rows.
+    found: (labels, m, EDGES + 1, 4) rows of `_spatial_table`. Pairs are ±M1 and ±M2 with the same b.
     """
     edges = found[:, :, :4]
     used = edges[..., 1:3].any(axis=-1)
@@ -299,9 +300,10 @@ def _in_pairs(found: Floats) -> Floats | None:
 
 
 def _along_edges(found: Floats) -> Floats:
-    """Return numbers (labels, m, 6 R + 3): rows of R edges, their corners, and torsion.
+    """Return rows of R edges, their corners, and torsion of each face, (labels, m, 6 R + 3).
 
-    R is the smallest compiled number of edges that holds all hulls. found: (labels, m, EDGES + 1, 4) rows.
+    R is the smallest compiled number of edges that holds all hulls. found: (labels, m, EDGES + 1, 4) rows of
+    `_spatial_table`.
     """
     used = int(found[:, :, :EDGES, 1:3].any(axis=-1).sum(axis=-1).max())
     most = next(size for size in _SIZES if size >= used)

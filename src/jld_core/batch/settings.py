@@ -67,7 +67,7 @@ cone. Source: measured in benchmarks/lanes.py.
 
 
 def tries_of(dimension: int, faces: int, parabolas: bool) -> tuple[library.Try, ...]:
-    """Return the passes over the open labellings of an assembly.
+    """Return the settings of each pass over the labellings that are still open.
 
     dimension: 2 or 3. faces: number of interfaces. parabolas: True if some face crushes along a parabola, which passes
     for rays and for states on the boundary do not support.

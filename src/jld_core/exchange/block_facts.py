@@ -80,9 +80,10 @@ def block_facts(layout: Layout) -> list[BlockFacts]:
 
 
 def _order(layout: Layout) -> dict[int, int]:
-    """Return the step in which each block is laid, from 1; empty where no order of single blocks is found.
+    """Return the step, from 1, in which each block is laid, by the block's index.
 
-    Orders of laying do not model members, so that layouts with members have none.
+    The index is that in `Layout.blocks`. Empty where no order of single blocks is found, for layouts with members, and
+    for layouts with too many blocks.
     """
     if layout.assembly.members or sum(1 for block in layout.blocks if block.cells) > _MOST[layout.assembly.dimension]:
         return {}

@@ -31,11 +31,11 @@ _FEW: Final = 4
 def find_cells(
     paths: list[Path], snapped: Snapped, options: ImportOptions, size: float, tolerance: float, notes: Notes
 ) -> list[Cell]:
-    """Return the cells that become elements, none of them in an opening.
+    """Find the cells of a drawing that become elements; cells in openings are left out.
 
-    They are outlines, cut by lines that cross them, and areas that lines enclose beside them. Without outlines of free
-    elements they are the cells of the network of lines. paths, snapped: the drawing before and after snapping. size,
-    tolerance: lengths in scene units. notes: receives findings and omissions. Raises InputError where nothing is
+    Cells are closed outlines, cut by lines that cross them, and areas that lines enclose beside them. Without outlines
+    of free elements they are the cells of the network of lines. paths, snapped: the drawing before and after snapping.
+    size, tolerance: lengths in scene units. notes: receives findings and omissions. Raises InputError where nothing is
     enclosed, or there are too many cells.
     """
     kept = [k for k in range(len(paths)) if k not in snapped.collapsed]
@@ -108,9 +108,10 @@ def _outlined(
     size: float,
     notes: Notes,
 ) -> list[Cell]:
-    """Return the cells of closed outlines, cut by lines that cross them; supports stay whole.
+    """Return the cells of closed outlines, cut by the lines that cross them.
 
-    used: numbers of the outlines in `paths`. segments: lines that cut. size: of the drawing.
+    Supports are not cut. An outline around others loses their areas. used: indices into `paths` of the outlines.
+    segments: lines that cut. size: of the drawing, scene units. notes: receives the numbers of cells.
     """
     cells: list[Cell] = []
     cut = pieces_in_all = 0
@@ -140,7 +141,10 @@ def _outlined(
 
 
 def _inside(shapes: dict[int, shapely.Polygon]) -> dict[int, list[int]]:
-    """Return the numbers of the outlines that lie wholly in another one, by the number of that."""
+    """Map each outline that covers others to the outlines inside it, by their keys.
+
+    The map is empty if any outline crosses itself.
+    """
     found: dict[int, list[int]] = {}
     keys, polygons = list(shapes), list(shapes.values())
     if not all(polygon.is_valid for polygon in polygons):
@@ -155,10 +159,10 @@ def _inside(shapes: dict[int, shapely.Polygon]) -> dict[int, list[int]]:
 def _beside(
     cells: list[Cell], own: list[tuple[shapely.LineString, str]], options: ImportOptions, size: float, notes: Notes
 ) -> list[Cell]:
-    """Return the cells that lines enclose beside closed outlines.
+    """Return the cells that lines enclose beside closed outlines, with the layer of each.
 
-    Lines through the inside of an outline only cut it. A space between outlines is no cell: more than half of the
-    boundary of a cell lies on lines. own: lines with their layers.
+    cells: those of the outlines. own: lines with their layers; those through the inside of an outline are ignored. A
+    face counts if most of its boundary lies on lines and it is connected to the outlines. size: of the drawing.
     """
     shapes = [shape for shape in (shapely.Polygon(cell.points) for cell in cells) if shape.is_valid]
     if not own or not shapes:
@@ -189,9 +193,9 @@ def _beside(
 
 
 def _reached(faces: list[tuple[shapely.Polygon, str]], covered: shapely.Geometry) -> list[tuple[shapely.Polygon, str]]:
-    """Return the faces, each with its layer, that touch an area directly or by other faces.
+    """Drop the faces that are not connected to an area, directly or through other faces.
 
-    Faces elsewhere are no part of a structure. covered: the area.
+    faces: polygons with their layers. covered: the area.
     """
     shapes = [face for face, _ in faces]
     reached = set(np.flatnonzero(shapely.intersects(shapes, covered)).tolist()) if shapes else set()
@@ -242,9 +246,10 @@ def _refuse_crossings(segments: list[shapely.LineString]) -> None:
 
 
 def _one_outline_each(outlines: list[int], paths: list[Path], snapped: Snapped, notes: Notes) -> list[int]:
-    """Return the outlines, indices into `paths`, without those drawn twice.
+    """Return the indices of outlines without those drawn twice; the first of equal ones stays.
 
-    Two outlines are the same if they have the same corners in any order.
+    outlines: indices into `paths`. Two outlines are equal if they have the same snapped corners in any order. notes:
+    receives the number left out.
     """
     seen: dict[bytes, int] = {}
     kept = []
@@ -284,7 +289,7 @@ def _network(
 
 
 def _pieces(face: shapely.Polygon, layer: str) -> list[Cell]:
-    """Return a face as cells without holes, which are one block."""
+    """Convert a polygon to cells without holes, joined as one block."""
     parts = _without_holes(face)
     cells = [Cell(shapely.get_coordinates(part.exterior)[:-1], layer, None) for part in parts]
     for cell in cells[1:]:
@@ -293,7 +298,10 @@ def _pieces(face: shapely.Polygon, layer: str) -> list[Cell]:
 
 
 def _cut(shape: shapely.Polygon, lines: list[shapely.LineString], layer: str, size: float) -> list[Cell]:
-    """Cut an outline by lines; return the pieces, the lowest first, empty if none crosses."""
+    """Cut an outline by lines; return its cells, lowest first, or none if no line crosses.
+
+    size: of the drawing, relative to which tiny lines and cells are ignored.
+    """
     inside = [shapely.intersection(shape, line) for line in lines]
     kept = [part for part in inside if part.length > 1e-9 * size]
     if not kept:
@@ -305,12 +313,15 @@ def _cut(shape: shapely.Polygon, lines: list[shapely.LineString], layer: str, si
 
 
 def _height(cell: Cell, size: float) -> tuple[float, ...]:
-    """Return the key that sorts cells from below to above, and from left to right."""
+    """Return the sort key (height, x) of a cell: the mean of its corners over `size`."""
     return tuple(np.round(cell.points.mean(axis=0)[::-1] / size, 9).tolist())
 
 
 def _without_holes(cell: shapely.Polygon) -> list[shapely.Polygon]:
-    """Return a cell without holes, cut through them, since an element has one outline."""
+    """Cut a polygon through its holes into polygons without holes.
+
+    An element has one outline.
+    """
     if not cell.interiors:
         return [cell]
     x0, y0, x1, y1 = cell.bounds

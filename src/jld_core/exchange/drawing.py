@@ -101,7 +101,10 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes) -> Impo
 
 
 def _scale(drawing: Drawing, options: ImportOptions, notes: Notes) -> tuple[float, str]:
-    """Return the factor to the scene's length unit, and the name of this unit."""
+    """Return scene units per drawing unit, and the name of the scene's unit of length.
+
+    Raises InputError for an unknown unit.
+    """
     if drawing.facts:
         own = str(drawing.facts.get("units", {}).get("length", "m"))
         used = options.unit or drawing.unit
@@ -130,9 +133,10 @@ def _moved(mark: Mark, scale: float) -> Mark:
 
 
 def _tolerance(paths: list[Path], size: float, options: ImportOptions, drawing: Drawing) -> float:
-    """Return the default tolerance, scene units.
+    """Return the default snapping tolerance of a drawing, scene units.
 
-    It is a share of the size, and at the most a share of the median edge. Drawings by jld are exact.
+    It is at least a tiny share of the size. It grows with the median edge, up to a larger share of the size. Drawings
+    written by jld use the tiny share alone.
     """
     if drawing.facts:
         return SNAP * size
@@ -160,7 +164,7 @@ def _note_snapped(snapped: Snapped, tolerance: float, scale: float, drawn_in: st
 def _name(cells: list[Cell], marks: list[Mark], options: ImportOptions) -> None:
     """Name the cells: by a text on a name layer inside, else by the outline, else by number.
 
-    Changes the cells; of equal names the first one stays.
+    The names of `cells` are changed. Of equal names the first one stays, others become numbers.
     """
     named = [mark for mark in marks if mark.text and options.role(mark.layer) == "id"]
     if named:
@@ -214,7 +218,10 @@ def check_supports(support: Sequence[bool], options: ImportOptions) -> None:
 
 
 def _element(cell: Cell, size: float) -> dict[str, Any]:
-    """Return the scene entry of a cell."""
+    """Return the scene entry of a cell, with corners in straight edges removed.
+
+    The points of the cell are changed to match, counter-clockwise. size: of the drawing, scene units.
+    """
     # corners of neighbours in straight edges were needed for cutting; the element does not need them
     cell.points = straight(cell.points)
     cell.points = points = cell.points if polygons.area(cell.points[None])[0] > 0.0 else cell.points[::-1]
@@ -227,10 +234,11 @@ def _element(cell: Cell, size: float) -> dict[str, Any]:
 def _labels(
     cells: list[Cell], paths: list[Path], snapped: Snapped, options: ImportOptions, reach: float, notes: Notes
 ) -> dict[str, Any]:
-    """Return labels of the interfaces that lie on lines of joint or crack layers.
+    """Read labels of interfaces from lines on joint or crack layers, as keys of a scene.
 
-    The result holds lists of pairs of elements, or all interfaces where two of one pair have different labels. It is
-    empty without such lines. reach: distance within which an interface lies on a line, scene units.
+    The result is "labels" with pairs of elements. It is "interfaces" with all of them if two faces of one pair have
+    different labels. It is empty without such lines or contacts. reach: distance within which an interface lies on a
+    line, scene units.
     """
     drawn: dict[str, list[shapely.Geometry]] = {"dry": [], "inner": []}
     for k, path in enumerate(paths):

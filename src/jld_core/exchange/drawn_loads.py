@@ -79,7 +79,7 @@ def _layers(paths: list[Path], marks: list[Mark]) -> list[str]:
     layers = {path.layer for path in paths} | {mark.layer for mark in marks}
 
     def parts(layer: str) -> list[tuple[int, str]]:
-        """Return numbers and words of a name."""
+        """Split a name into numbers and words, as a key for natural order."""
         return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", layer)]
 
     return sorted(layers, key=parts)
@@ -197,9 +197,10 @@ class _Loads:
 
 
 def _nearest(texts: list[Mark], start: Floats, end: Floats, taken: set[int]) -> int | None:
-    """Return the number of the text nearest to a line, None if all are too far.
+    """Return the index of the unused text nearest to a line, None if all are too far.
 
-    A text may be at most the length of the line away. taken: numbers of texts that other lines use.
+    A text may be at most the length of the line away. start, end: (2,) ends of the line. taken: indices of texts that
+    other lines use.
     """
     line = shapely.LineString([start, end])
     away = [(line.distance(shapely.Point(mark.at)), k) for k, mark in enumerate(texts) if k not in taken]

@@ -51,7 +51,10 @@ def facts_of(layout: Layout, *, cells: bool, spatial: bool) -> dict[str, Any]:
     names = _names(layout, cells)
 
     def carried(loads: dict[str, Any], parsed: Loads | Case) -> dict[str, Any]:
-        """Return the live and dead loads of an entry, converted for the file."""
+        """Return "live" and "dead" of a load entry, converted for the file.
+
+        loads: entry as plain data. parsed: the same entry as an object.
+        """
         given = {key: loads[key] for key in ("live", "dead") if loads.get(key)}
         if spatial or not cells:
             given = {key: _without_pressures(entries, getattr(parsed, key), layout) for key, entries in given.items()}
@@ -72,7 +75,10 @@ def facts_of(layout: Layout, *, cells: bool, spatial: bool) -> dict[str, Any]:
 
 
 def _without_pressures(entries: list[dict[str, Any]], parsed: Sequence[Any], layout: Layout) -> list[dict[str, Any]]:
-    """Return load entries with the forces and moments that pressures add up to in place of these."""
+    """Replace pressures in load entries by the forces and moments that they add up to.
+
+    entries: load entries as plain data. parsed: the same loads as objects.
+    """
     assembly = layout.assembly
     boundary = Boundary(assembly.elements, assembly.interfaces, layout.scene.plane_thickness)
     found = []
@@ -157,10 +163,10 @@ def interfaces_of(layout: Layout) -> list[dict[str, Any]]:
 
 
 def _stated_values(scene: Scene) -> dict[tuple[str, str, bytes], dict[str, Any]]:
-    """Return the values by which stated interfaces override the materials, by interface.
+    """Map each stated interface to the values by which it overrides the materials.
 
-    The keys are the ids of its two elements and the bytes of its origin. The values are taken from the scene, because
-    an assembly holds neither low values of a spread nor which key was given.
+    Keys are the ids of its two elements and the bytes of its origin. Values are taken from the scene: an assembly holds
+    neither low values of a spread nor which key was given.
     """
     if not scene.interfaces:
         return {}

@@ -70,7 +70,6 @@ def parse_force(text: str, unit: str = "N", *, distributed: bool = False, dimens
         separated by a semicolon, or by a comma with a blank or a sign behind it.
     unit : str
         Force unit of the result, and of numbers without a unit.
-
     distributed : bool
         Accept one load per length or area, as ``10 kN/m``, as well.
     dimension : int
@@ -84,8 +83,8 @@ def parse_force(text: str, unit: str = "N", *, distributed: bool = False, dimens
     Raises
     ------
     InputError
-        The text holds anything else, a load per length or area, an unknown unit, or a comma that may
-        separate thousands.
+        The text is no force: it holds other words, an unknown unit, a comma that may separate thousands, or too few or
+        too many components. A load per length or area is an error without `distributed`.
 
     Examples
     --------
@@ -117,9 +116,10 @@ def parse_force(text: str, unit: str = "N", *, distributed: bool = False, dimens
 
 
 def _part(found: re.Match[str], text: str, unit: str, *, distributed: bool = False) -> tuple[str, float, bool]:
-    """Return name, value and presence of a unit of one number.
+    """Parse one number with its name and unit, matched by `_FORCE`.
 
-    The name is "" where none is given. Raises InputError as `parse_force`.
+    Returns the name ("" without one), the value in `unit`, and True if the text gives a unit. Raises InputError as
+    `parse_force`.
     """
     number, given = found["number"], found["unit"]
     if found["per"] and not distributed:
@@ -142,9 +142,10 @@ def _part(found: re.Match[str], text: str, unit: str, *, distributed: bool = Fal
 
 
 def _joined(parts: list[tuple[str, float, bool]], text: str, dimension: int) -> WrittenForce:
-    """Return the force that one number, or one for each component, from `_part`, states.
+    """Combine the parsed numbers of a text into one magnitude or all components of a force.
 
-    Raises InputError as `parse_force`.
+    parts: results of `_part`. dimension: 2 or 3 components; named ones that are missing are 0. Raises InputError as
+    `parse_force`.
     """
     if len(parts) > dimension:
         raise _refused(text, f"it has {len(parts)} numbers")

@@ -177,9 +177,9 @@ class Layout:
         return tuple(found)
 
     def _name(self, members: Ints) -> str:
-        """Return the scene's name of a block with exactly these elements, else the first id.
+        """Return a block's name: that of the scene for exactly these elements, else the first id.
 
-        members: (k,) elements.
+        members: (k,) indices of its elements.
         """
         elements = self.assembly.elements
         name = elements.blocks[int(members[0])]
@@ -187,9 +187,9 @@ class Layout:
         return name if name is not None and whole == members.tolist() else elements.ids[int(members[0])]
 
     def _shapes(self) -> list[int]:
-        """Return the shape number of each block, from 1; 0 for supports alone.
+        """Return the shape number of each block: from 1, equal for equal shapes; 0 for supports.
 
-        Planar blocks may be mirrored (turned over), spatial ones may not.
+        Supports are blocks without a free element. Planar blocks may be mirrored (turned over), spatial ones may not.
         """
         elements = self.assembly.elements
         planar = self.assembly.dimension == 2

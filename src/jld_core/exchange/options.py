@@ -225,7 +225,11 @@ def listed(names: Iterable[str], most: int = 6) -> str:
 
 
 def _fits(entry: dict[str, Any], ids: set[str], dimension: int) -> bool:
-    """Return True if a load entry of another scene can act on elements of these ids, in this dimension."""
+    """Return True if a load entry of another scene can be used in this one.
+
+    ids: elements of this scene, among which a load on an element must be. dimension: that of this scene, which vectors
+    must have.
+    """
     if "face" in entry:
         return dimension == 2 if "along" in entry["face"] else entry["face"]["between"][0] in ids
     vector = entry.get("body") or entry.get("force") or []

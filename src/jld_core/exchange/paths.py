@@ -81,9 +81,10 @@ def without_repeats(path: Path, same: float) -> Path:
 
 
 def _between(point: Floats, ring: Floats, step: int, same: float) -> bool:
-    """Return True if a point lies on the straight edge of a ring that ends at corner `step`.
+    """Return True if a point lies on the straight edge that ends at corner `step` of a ring.
 
-    ring: (k, 3). same: distance within which it does. False for an arc.
+    ring: (k, 3) as `Path.points`; the number of the corner is taken modulo k. same: distance within which the point
+    lies on the edge. False for an arc.
     """
     start, end = ring[(step - 1) % len(ring)], ring[step % len(ring)]
     along = end[:2] - start[:2]
@@ -111,7 +112,7 @@ def flatten(paths: Sequence[Path], facet: float, same: float) -> Chords:
     """Approximate the arcs of all paths by chords, equal ones on both sides of a shared arc.
 
     facet: largest distance between an arc and its chord. same: distance within which two circles are equal. Both are
-    lengths. Raises InputError where one circle has excessively many arcs.
+    lengths. Raises InputError where all circles together have excessively many arcs.
     """
     arcs = [arc for number, path in enumerate(paths) for arc in _arcs(number, path)]
     if not arcs:
@@ -150,10 +151,10 @@ def flatten(paths: Sequence[Path], facet: float, same: float) -> Chords:
 
 
 def _divided(stops: Floats, radius: float, facet: float, same: float) -> Floats:
-    """Return the angles that divide a circle at ends of its arcs and at steps between them.
+    """Return ascending angles (j,) that divide a circle at the ends of its arcs and between.
 
-    The steps between two ends are equal, so that the division has every symmetry of the ends. stops: (k,) angles,
-    radians. facet: largest distance of a chord from the circle. same: distance within which two ends are equal.
+    The steps between two ends are equal, so that the division has every symmetry of the ends. stops: (k,) angles of the
+    ends, radians. facet: largest distance of a chord from the circle. same: distance within which two ends are equal.
     """
     apart = max(same / radius, 1e-9)
     ends = np.sort(np.mod(stops, 2.0 * np.pi))
@@ -172,7 +173,10 @@ def _divided(stops: Floats, radius: float, facet: float, same: float) -> Floats:
 
 
 def _arcs(number: int, path: Path) -> list[_Arc]:
-    """Return the arcs of a path, without edges that are nearly straight; number: of the path."""
+    """Return the arcs of a path; edges with a bulge below 1e-9 are straight.
+
+    number: index of the path, which the arcs hold.
+    """
     found = []
     points = path.points
     for edge in range(len(points) if path.closed else len(points) - 1):

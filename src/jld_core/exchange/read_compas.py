@@ -77,9 +77,9 @@ def _refuse(name: str) -> float:
 
 
 def _nodes(graph: dict[str, Any]) -> tuple[list[Part], dict[str, str]]:
-    """Return the blocks at the nodes of a graph, and their names by node.
+    """Read the blocks at the nodes of a graph, and the name of each by node.
 
-    This is the form of compas_assembly and compas_cra.
+    This is the form of compas_assembly and compas_cra. Raises InputError for a node without a block, or too many.
     """
     default = bool((graph.get("default_node_attributes") or {}).get("is_support", False))
     parts, names = [], {}
@@ -155,9 +155,9 @@ def _part(
 
 
 def _contacts(graph: dict[str, Any], names: dict[str, str]) -> Any:
-    """Yield two element names and the corners (k, 3) of each interface along the edges.
+    """Yield both element names and the corners (k, 3) of each interface on a graph's edges.
 
-    names: by node number. Interfaces with fewer than three corners are no plane contacts and left out.
+    names: by node. Interfaces with fewer than three corners are left out.
     """
     for u, others in graph.get("edge", {}).items():
         for v, attributes in others.items():

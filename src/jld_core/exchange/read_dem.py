@@ -17,7 +17,10 @@ _GRAVITY: Final = 9.81
 
 
 def data_of(value: Any) -> dict[str, Any]:
-    """Return the data of an object, with or without its COMPAS envelope."""
+    """Return the data of an object, without its COMPAS envelope if it has one.
+
+    Raises InputError if the data are no object.
+    """
     inner = value["data"] if isinstance(value, dict) and "dtype" in value else value
     if not isinstance(inner, dict):
         raise InputError("", "it holds no object where COMPAS has one", "an assembly or a block model")
@@ -25,7 +28,7 @@ def data_of(value: Any) -> dict[str, Any]:
 
 
 def model_and_problems(document: Any) -> tuple[Any, list[dict[str, Any]]]:
-    """Return the model of a document and the data of its problems.
+    """Find the first model in a document, and the data of all its problems.
 
     The document may be an analysis, a list or an object of COMPAS objects by name, or the model itself. Raises
     InputError for problems without a model.
@@ -94,7 +97,11 @@ def problem_facts(
 
 
 def _materials(problem: dict[str, Any], notes: Notes) -> dict[str, Any]:
-    """Return the material of joints by the contact model."""
+    """Read the scene's materials "dry" and "inner" from the contact model of a problem.
+
+    Without a contact model they are defaults; assumptions are added to `notes`. Raises InputError for a model other
+    than Mohr–Coulomb.
+    """
     contact = data_of(problem.get("contact_properties") or {})
     law = contact.get("contact_model")
     if not law:
@@ -121,9 +128,9 @@ def _materials(problem: dict[str, Any], notes: Notes) -> dict[str, Any]:
 
 
 class _Groups:
-    """Conversion of groups of boundary conditions.
+    """Conversion of groups of boundary conditions to loads and movements of a scene.
 
-    parts, names: blocks and their names by node of the graph. gravity: m/s².
+    parts, names: blocks, and their names, by node of the graph. gravity: m/s².
     """
 
     def __init__(self, parts: dict[str, Part], names: dict[str, str], gravity: float) -> None:
@@ -137,7 +144,10 @@ class _Groups:
         return node
 
     def loads(self, group: dict[str, Any]) -> list[dict[str, Any]]:
-        """Return the load entries of a group."""
+        """Convert point, body and surface loads of a group to load entries of a scene.
+
+        Raises InputError for a load on a missing block or face, and for body forces without gravity.
+        """
         entries: list[dict[str, Any]] = []
         for item in group.get("point_loads") or []:
             load = data_of(item)
@@ -181,7 +191,7 @@ class _Groups:
 
 
 def _vector(values: Any) -> list[float]:
-    """Return three numbers."""
+    """Convert three numbers to floats; raise an error for any other count."""
     x, y, z = (float(value) for value in values)
     return [x, y, z]
 

@@ -139,9 +139,9 @@ class _Reader:
             self.unread[kind, layer] += 1
 
     def _switched(self, layer: str) -> tuple[bool, bool]:
-        """Return whether a layer is off, and whether it is frozen.
+        """Return two flags of a layer: whether it is off, and whether it is frozen.
 
-        What stands on other layers inside a block is shown if the layer of the block is off, not if it is frozen.
+        Entities on other layers inside a block are shown if the block's layer is off, not if it is frozen.
         """
         if layer not in self.document.layers:
             return False, False
@@ -149,9 +149,9 @@ class _Reader:
         return bool(found.is_off()), bool(found.is_frozen())
 
     def _insert(self, entity: Any, layer: str, depth: int) -> None:
-        """Read a block reference: a mark on a load layer, else the entities of the block.
+        """Read a block reference: as a mark on a load layer, else by the entities of its block.
 
-        An attribute names the outline if the block has only one. depth: of nesting.
+        An attribute id or name names the outline if the block has only one. depth: of nesting.
         """
         if depth > _DEPTH:
             raise InputError("", "its blocks are nested too deeply", f"at most {_DEPTH} levels")
@@ -175,9 +175,10 @@ class _Reader:
             self.paths[fresh[0]] = Path(path.points, path.closed, path.layer, names[0], path.holes)
 
     def _add(self, points: Any, closed: bool, layer: str, holes: tuple[Any, ...] = (), side: int = 1) -> bool:
-        """Add a path; return False where it is neither a line nor an area in the plane.
+        """Add a path; return False if it is inclined, or has too few points.
 
-        side: as of `_side`; a path seen from below is mirrored.
+        points: (k, 3) x, y and bulge. holes: outlines of the same form. side: as of `_side`; a path seen from below is
+        mirrored. Raises InputError for coordinates that are not finite, and for too many lines.
         """
         if side == 0:
             return False
@@ -200,24 +201,24 @@ class _Reader:
         return True
 
     def _lwpolyline(self, entity: Any, layer: str) -> bool:
-        """Read a polyline with bulges."""
+        """Read a polyline with bulges; return False if it is unusable, see `_add`."""
         points = np.array(entity.get_points("xyb"), dtype=float).reshape(-1, 3)
         return self._add(points, bool(entity.closed), layer, side=_side(entity))
 
     def _polyline(self, entity: Any, layer: str) -> bool:
-        """Read an old-style polyline."""
+        """Read an old-style polyline; return False for a mesh, or if it is unusable."""
         if not (entity.is_2d_polyline or entity.is_3d_polyline):
             return False
         points = [(v.dxf.location.x, v.dxf.location.y, v.dxf.get("bulge", 0.0)) for v in entity.vertices]
         return self._add(points, bool(entity.is_closed), layer, side=_side(entity) if entity.is_2d_polyline else 1)
 
     def _line(self, entity: Any, layer: str) -> bool:
-        """Read a line."""
+        """Read a line; return False if it has no length in the plane."""
         start, end = entity.dxf.start, entity.dxf.end
         return self._add([(start.x, start.y, 0.0), (end.x, end.y, 0.0)], False, layer)
 
     def _arc(self, entity: Any, layer: str) -> bool:
-        """Read an arc."""
+        """Read an arc; return False if it is unusable, see `_add`."""
         first = np.radians(entity.dxf.start_angle)
         sweep = np.mod(np.radians(entity.dxf.end_angle) - first, 2.0 * np.pi) or 2.0 * np.pi
         centre = entity.dxf.center
@@ -225,13 +226,13 @@ class _Reader:
         return self._add(points, False, layer, side=_side(entity))
 
     def _circle(self, entity: Any, layer: str) -> bool:
-        """Read a circle."""
+        """Read a circle; return False if it is unusable, see `_add`."""
         centre = entity.dxf.center
         points = arc_points((centre.x, centre.y), entity.dxf.radius, 0.0, 2.0 * np.pi)[:-1]
         return self._add(points, True, layer, side=_side(entity))
 
     def _curve(self, entity: Any, layer: str) -> bool:
-        """Read an ellipse or spline as chords."""
+        """Read an ellipse or spline as chords; return False if it is unusable, see `_add`."""
         rough = entity.flattening(1e30, segments=8) if entity.dxftype() == "SPLINE" else entity.flattening(1e30)
         size = float(np.ptp(np.array([(p.x, p.y) for p in rough]), axis=0).max())
         facet = FACET * size if self.options.facet is None else self.options.facet
@@ -241,7 +242,7 @@ class _Reader:
     _ellipse = _spline = _curve
 
     def _solid(self, entity: Any, layer: str) -> bool:
-        """Read a filled triangle or quadrilateral."""
+        """Read a filled triangle or quadrilateral; return False if it is unusable, see `_add`."""
         side = 1 if entity.dxftype() == "3DFACE" else _side(entity)
         corners = entity.wcs_vertices() if side == 1 else entity.vertices()
         return self._add([(p.x, p.y, 0.0) for p in corners], True, layer, side=side)
@@ -249,7 +250,7 @@ class _Reader:
     _trace = _3dface = _solid
 
     def _hatch(self, entity: Any, layer: str) -> bool:
-        """Read a hatch: its largest boundary with the others as holes."""
+        """Read a hatch: its largest boundary with the others as holes; False if unusable."""
         loops = [loop for loop in (self._loop(path) for path in entity.paths) if loop is not None]
         if not loops:
             return False
@@ -260,9 +261,9 @@ class _Reader:
     _mpolygon = _hatch
 
     def _region(self, entity: Any, layer: str) -> bool:
-        """Read the faces of a region with straight edges.
+        """Read the plane faces of a region as closed paths; return False if there are none.
 
-        ezdxf does not extract other faces from the ACIS data.
+        ezdxf extracts only faces with straight edges from the ACIS data.
         """
         found = False
         for body in import_module("ezdxf.acis.api").load_dxf(entity):
@@ -273,7 +274,7 @@ class _Reader:
         return found
 
     def _mesh(self, entity: Any, layer: str) -> bool:
-        """Read a mesh as a solid."""
+        """Read a mesh as a solid; return False without faces or with a wrong vertex number."""
         vertices = np.array([tuple(vertex) for vertex in entity.vertices], dtype=float).reshape(-1, 3)
         faces = tuple(tuple(int(index) for index in face) for face in entity.faces)
         if not faces or max(map(max, faces)) >= len(vertices):
@@ -282,7 +283,7 @@ class _Reader:
         return True
 
     def _3dsolid(self, entity: Any, layer: str) -> bool:
-        """Read the ACIS solids with plane faces and straight edges."""
+        """Read ACIS solids with plane faces and straight edges; return False if there are none."""
         before = len(self._solids)
         for body in import_module("ezdxf.acis.api").load_dxf(entity):
             for mesh in import_module("ezdxf.acis.api").mesh_from_body(body):

@@ -64,7 +64,10 @@ def read_ifc(path: Path, options: ImportOptions, notes: Notes) -> Solids:
 
 
 def _group(product: Any, options: ImportOptions) -> str:
-    """Return the name that says what a product is: layer, object type, class or name."""
+    """Return the first of layer, object type, class and name with a role, else the class.
+
+    product: IFC product. options: state which names have a role.
+    """
     layers = [
         str(layer.Name)
         for shape in product.Representation.Representations
@@ -87,7 +90,10 @@ def _refused(item: Any, title: str) -> InputError:
 
 
 def _solids(item: Any, title: str) -> list[tuple[Floats, Faces]]:
-    """Return the vertices and faces of the solids of a representation item."""
+    """Read the solids of a representation item as vertices (k, 3) and faces.
+
+    Raises InputError for an item of another kind; title: words for the product in messages.
+    """
     if item.is_a("IfcMappedItem"):
         operator = item.MappingTarget
         matrix = np.array(import_module("ifcopenshell.util.placement").get_cartesiantransformationoperator3d(operator))
@@ -104,7 +110,10 @@ def _solids(item: Any, title: str) -> list[tuple[Floats, Faces]]:
 
 
 def _of_faces(faces: Any, title: str) -> tuple[Floats, Faces]:
-    """Return vertices and faces of the faces of a closed shell."""
+    """Convert the faces of a closed shell to vertices (k, 3) and loops of vertex indices.
+
+    Raises InputError for a face with a hole; title: words for the product.
+    """
     number: dict[tuple[float, ...], int] = {}
     loops = []
     for face in faces:
@@ -118,7 +127,10 @@ def _of_faces(faces: Any, title: str) -> tuple[Floats, Faces]:
 
 
 def _of_face_set(item: Any, title: str) -> tuple[Floats, Faces]:
-    """Return vertices and faces of a tessellated shape."""
+    """Convert a tessellated shape to vertices (k, 3) and loops of vertex indices.
+
+    Raises InputError for a face with a hole; title: words for the product.
+    """
     points = np.array(item.Coordinates.CoordList, dtype=float)
     if item.is_a("IfcTriangulatedFaceSet"):
         return points, tuple(tuple(int(k) - 1 for k in loop) for loop in item.CoordIndex)

@@ -53,9 +53,9 @@ def read_mesh(path: File, notes: Notes) -> Solids:
 
 
 def _parts(name: str, points: Floats, faces: Faces) -> list[Part]:
-    """Split the faces of one group, named `name` or "", into solids.
+    """Split the faces of one group, named `name` or "", into solids with names.
 
-    Raises InputError for a face with a vertex that does not exist.
+    points: (n, 3) of the file. faces: loops of indices. Raises InputError for a face with a vertex that does not exist.
     """
     if not faces:
         return []
@@ -77,13 +77,13 @@ def _parts(name: str, points: Floats, faces: Faces) -> list[Part]:
 
 
 def _cells(mesh: Any) -> list[tuple[int, ...]]:
-    """Return the faces with three or more corners, in the order of the file."""
+    """Return the triangles, quadrilaterals and polygons of a meshio mesh, in file order."""
     kept = [block.data.tolist() for block in mesh.cells if block.type in ("triangle", "quad", "polygon")]
     return [tuple(loop) for loops in kept for loop in loops]
 
 
 def _obj(meshio: Any, data: bytes) -> tuple[Floats, list[tuple[str, Faces]]]:
-    """Return points and groups of an OBJ file."""
+    """Read points (n, 3) and faces by group of an OBJ file; objects count as groups."""
     text = _absolute(data.decode("utf-8", "replace"))
     # treat objects as groups, and faces before the first group as a group without a name
     text = "g \n" + re.sub(r"(?m)^o(?=\s)", "g", text)
@@ -119,9 +119,10 @@ def _ply(meshio: Any, data: bytes) -> tuple[Floats, list[tuple[str, Faces]]]:
 
 
 def _stl(meshio: Any, data: bytes) -> tuple[Floats, list[tuple[str, Faces]]]:
-    """Return points and named solids of an STL file.
+    """Read points (n, 3) and triangles by solid of an STL file; a binary one has one solid.
 
-    meshio would lose the names, and cannot read some files written by trimesh.
+    meshio would lose the names, and cannot read some files written by trimesh. Raises InputError for an incomplete text
+    file.
     """
     if _is_binary(data):
         record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])

@@ -119,10 +119,10 @@ class _Reader:
         return {key: found[key] for key in _KEYS if key in found}
 
     def _layer(self, index: int, parent: str | None) -> tuple[str, bool]:
-        """Return the name of a layer and whether it is shown.
+        """Return the name of an object's layer, and True if the layer is shown.
 
-        Of a path of layers the last one with a role counts. parent: layer of the instance that holds the object, which
-        replaces the first layer of the model.
+        In a path of layers the last one with a role counts, else the last. parent: layer of the instance that holds the
+        object. It replaces layers without a role, and None stands for no instance.
         """
         layer = self._layers.get(index)
         if layer is None:
@@ -133,9 +133,10 @@ class _Reader:
         return (parent if parent is not None and not known else own), bool(layer.Visible)
 
     def _read(self, item: Any, parent: str | None, moves: list[Any]) -> None:
-        """Read one object.
+        """Read one object: a solid, a mark, a curve or the objects of an instance.
 
-        parent: layer of the instance that holds it. moves: transformations of the instances around it, innermost first.
+        Hidden objects and other kinds are counted. parent: layer of the instance that holds it. moves: transformations
+        of the instances around it, innermost first.
         """
         attributes, geometry = item.Attributes, item.Geometry
         layer, shown = self._layer(attributes.LayerIndex, parent)
@@ -185,7 +186,7 @@ class _Reader:
                 self._read(self._by_id[str(identity)], layer, [reference.Xform, *moves])
 
     def _points(self, curve: Any) -> Floats:
-        """Return the corners (k, 3) of a curve; curved ones become chords within the facet tolerance."""
+        """Return the corners (k, 3) of a curve, with chords within the facet tolerance."""
         if isinstance(curve, self._rhino.PolylineCurve):
             found = [curve.Point(k) for k in range(curve.PointCount)]
             return np.array([(p.X, p.Y, p.Z) for p in found])
@@ -205,7 +206,10 @@ class _Reader:
             number *= 2
 
     def _drawing(self, unit: str | None, facts: dict[str, Any], name: str) -> Drawing:
-        """Return the curves, points and texts as a drawing in the plane in which they lie."""
+        """Project curves, points and texts onto their plane x–y or x–z, as a drawing.
+
+        Raises InputError if there is nothing, a coordinate is not finite, or they lie in no such plane.
+        """
         every = [points for points, _, _, _ in self._curves] + [mark.at[None] for mark in self._marks]
         if not every:
             raise InputError("", "it holds no solid and no curve", "closed curves, meshes or polysurfaces")
@@ -232,14 +236,18 @@ class _Reader:
 
 
 def _force(texts: dict[str, str]) -> str:
-    """Return the force that user text states, or an empty text."""
+    """Return the force stated by user text, as text for `parse_force`; "" without one."""
     stated = [texts[key] for key in _FORCE if key in texts]
     parts = [f"{key} = {texts[key]}" for key in ("fx", "fy", "fz") if key in texts]
     return stated[0] if stated else "; ".join(parts)
 
 
 def _element_keys(texts: dict[str, str], title: str) -> dict[str, Any]:
-    """Return the element keys that user text states: density and block; raise InputError for a wrong density."""
+    """Return density and block of an element from the user text of its object.
+
+    The block is left out where the text lists exactly one element. title: words for the object. Raises InputError for a
+    density that is no number.
+    """
     found: dict[str, Any] = {}
     if texts.get("block") and len(texts.get("elements", "").split()) != 1:
         found["block"] = texts["block"]

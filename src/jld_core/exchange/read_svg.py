@@ -126,7 +126,7 @@ def _round(arc: Any) -> bool:
 
 
 def _halves(arc: Any) -> list[tuple[float, float, float]]:
-    """Return the rows of x, y and bulge that begin the two halves of an arc, with y upwards."""
+    """Return the rows x, y, bulge that begin the two halves of a circular arc, y upwards."""
     bulge = -float(np.tan(float(arc.sweep) / 8.0))
     middle = arc.point(0.5)
     return [(float(p.x), -float(p.y), bulge) for p in (arc.start, middle)]

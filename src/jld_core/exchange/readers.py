@@ -56,7 +56,10 @@ def import_file(path: str | Path, options: ImportOptions | None = None) -> Impor
 
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """Name a file in errors about its content; errors about the file itself and about options stay."""
+    """Make errors about the content of a file name that file.
+
+    Errors about the file itself and about options stay.
+    """
     try:
         yield
     except InputError as error:

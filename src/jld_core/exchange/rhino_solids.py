@@ -15,7 +15,7 @@ _PLANE: Final = 1e-6
 
 
 def polyhedron(geometry: Any, title: str) -> tuple[Floats, Faces]:
-    """Return the vertices (k, 3) and faces of a mesh, an extrusion or a polysurface of rhino3dm.
+    """Return vertices (k, 3) and faces of a mesh, extrusion or polysurface of rhino3dm.
 
     title: words for the object in messages. Raises InputError for an object that is open or has a curved face, or a
     face with a hole.

@@ -43,7 +43,7 @@ def say_size(size: float, outlines: Sequence[Floats], unit: str, drawn_in: str, 
     per_unit = 1.0 / METRES[drawn_in]
 
     def strangeness(name: str) -> float:
-        """Return how far the sizes are from usual ones if the drawing is in this unit."""
+        """Return the sum of |log(size / usual size)| of structure and block, in unit `name`."""
         factor = METRES[name] * per_unit
         return abs(log(size * factor / _USUAL[0])) + abs(log(block * factor / _USUAL[1]))
 

@@ -16,7 +16,11 @@ from jld_core.geometry.spatial_contacts import SpatialContact
 def given_contacts(
     contacts: list[tuple[str, str, Floats]], names: dict[str, str], scale: float, size: float
 ) -> list[dict[str, Any]]:
-    """Return interfaces for a scene, with corners projected onto their best-fit planes."""
+    """Convert interfaces stated by a file to scene entries, projected onto best-fit planes.
+
+    contacts: (name, name, corners (k, 3)) in file units. names: ids in the scene by those names. scale: scene units per
+    file unit. size: of the structure, scene units.
+    """
     entries = []
     for a, b, corners in contacts:
         points = scale * corners
@@ -28,9 +32,9 @@ def given_contacts(
 
 
 def contacts_of(vertices: list[Floats], faces: list[Faces], notes: Notes) -> list[SpatialContact]:
-    """Return the contacts, and note their number and pairs that touch along several facets.
+    """Find the contacts between solids; note their number, and pairs with several contacts.
 
-    A label given to such a pair holds for all its facets.
+    vertices, faces: of each solid. A label given to a pair holds for all its contacts.
     """
     lower, upper = np.array([v.min(axis=0) for v in vertices]), np.array([v.max(axis=0) for v in vertices])
     pairs = near_pairs(lower, upper, 1e-5 * (upper - lower).max(axis=1))

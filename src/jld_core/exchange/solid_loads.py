@@ -57,7 +57,11 @@ def _written(mark: SolidMark) -> Floats:
 
 
 def _arrow(mark: SolidMark, texts: list[SolidMark], taken: set[int]) -> Floats:
-    """Return the force (3,) of an arrow, whose text is its own or the nearest at most its length away."""
+    """Return the force (3,) of an arrow: the magnitude of its text along its direction.
+
+    The text is its own or the nearest one, at most its length from its middle. texts: marks with a text. taken: indices
+    of used texts, to which one is added. Raises InputError without a text, and for one that is no magnitude.
+    """
     tail = mark.at if mark.tail is None else mark.tail
     along = mark.at - tail
     length = float(np.linalg.norm(along))
@@ -79,7 +83,11 @@ def _arrow(mark: SolidMark, texts: list[SolidMark], taken: set[int]) -> Floats:
 
 
 def _entry(force: Floats, at: Floats, names: list[str], vertices: list[Floats], supports: list[bool]) -> dict[str, Any]:
-    """Return the entry of a force on the free element whose bounding box is nearest, the smallest of equally near."""
+    """Return the load entry of a force on the nearest free element, by bounding boxes.
+
+    Of equally near elements the smallest one is taken. force, at: (3,) vector and place. names, vertices, supports: of
+    all elements.
+    """
 
     def away(k: int) -> tuple[float, float, int]:
         low, high = vertices[k].min(axis=0), vertices[k].max(axis=0)

@@ -175,9 +175,9 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes) -> Import
 
 
 def _scale(found: Solids, options: ImportOptions, notes: Notes) -> tuple[float, str | None, str]:
-    """Return the factor to the scene's unit of length, that unit, and the unit of the file.
+    """Return scene units per file unit, the scene's unit of length, and that of the file.
 
-    The second is None where the document need not state it. Raises InputError for an unknown unit.
+    The second is None where stored facts state it, and where no unit is known. Raises InputError for an unknown unit.
     """
     given = options.unit or found.unit
     if given is not None and given not in METRES:
@@ -195,7 +195,7 @@ def _scale(found: Solids, options: ImportOptions, notes: Notes) -> tuple[float, 
 
 
 def _names(given: Sequence[str]) -> list[str]:
-    """Return unique names that are not empty; equal ones get numbers."""
+    """Make names unique: empty ones become "b" and number, repeated ones get a suffix."""
     taken: set[str] = set()
     names = []
     for number, name in enumerate(given):
@@ -246,7 +246,7 @@ def _triangulated(vertices: Floats, faces: Faces) -> Faces:
 
 
 def _apex(corners: Floats) -> int:
-    """Return the corner from which a bent face is split.
+    """Return the index of the corner from which a bent face (k, 3) is split.
 
     It is an end of the shorter diagonal of a quadrilateral, else the first corner in lexicographic order.
     """
@@ -339,5 +339,5 @@ def _uses(faces: Faces, part: Ints) -> Counter[tuple[int, int]]:
 
 
 def _closed(faces: Faces, part: Ints) -> bool:
-    """Return True if every edge of some faces is used twice."""
+    """Return True if the faces `part` (k,) number at least four and share each edge in pairs."""
     return len(part) > 3 and set(_uses(faces, part).values()) == {2}

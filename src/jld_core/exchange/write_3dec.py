@@ -100,5 +100,5 @@ def _median(values: np.ndarray) -> float:
 
 
 def _word(name: str) -> str:
-    """Return a name without apostrophes."""
+    """Replace apostrophes in a name by underscores."""
     return name.replace("'", "_")

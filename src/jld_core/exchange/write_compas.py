@@ -102,9 +102,10 @@ def _envelope(kind: str, data: Any, name: str) -> dict[str, Any]:
 
 
 def named_faces(layout: Layout, cells: bool) -> list[tuple[str, str, Floats, int]]:
-    """Return names, corners (k, 3) in space, and number of each interface between the written solids.
+    """Return both names, corners (k, 3) and index of each interface between written solids.
 
-    cells: the solids are elements, not blocks; interfaces inside a block are then written too.
+    Corners run counter-clockwise about the normal out of the first solid. cells: the solids are elements, not blocks;
+    interfaces inside a block are then written too.
     """
     assembly = layout.assembly
     faces = assembly.interfaces
@@ -124,7 +125,10 @@ def named_faces(layout: Layout, cells: bool) -> list[tuple[str, str, Floats, int
 
 
 def point_in_space(layout: Layout, point: Floats) -> Floats:
-    """Return a point (3,) of a scene; one of a planar scene lies in the middle of the thickness."""
+    """Convert a point of a scene to space, (3,).
+
+    One of a planar scene lies in the middle of the thickness.
+    """
     return point if len(point) == 3 else np.array([point[0], 0.5 * layout.thickness, point[1]])
 
 
@@ -138,9 +142,10 @@ def _in_space(layout: Layout, polygon: Floats) -> Floats:
 
 
 def weights_of(layout: Layout, cells: bool) -> dict[str, dict[str, Any]]:
-    """Return weight and centroid of the written free solids by name, as the scene has them.
+    """Return weight and centroid of the written free solids by name, scene units.
 
-    For elements of a spatial scene only the values that the scene states are given.
+    cells: the solids are elements, not blocks. For elements of a spatial scene the result is that of `element_keys`
+    instead: only values that the scene states. Blocks with a support are left out.
     """
     layout = layout.drawn_from or layout
     elements = layout.assembly.elements

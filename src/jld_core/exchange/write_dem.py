@@ -24,7 +24,9 @@ _SPACE: Final = uuid.UUID("2f0a4d4e-0f55-5f2e-9d0e-6a6c6464656d")
 
 
 def dem_text(layout: Layout, *, cells: bool) -> str:
-    """Return a layout as the JSON text of a compas_dem `Analysis`, and of its `Results` where there is an analysis.
+    """Return a layout as the JSON text of a compas_dem `Analysis` and its `Results`.
+
+    Without an analysis of the layout there are no results.
 
     cells: write every element, not every block. The text is an object with the keys "analysis" and "results", which
     `compas.json_load` returns as a dict. Loads of a case are a group of boundary conditions; load factor and bracket
@@ -61,7 +63,7 @@ class _Dem:
         return self._object("compas_dem.models/Analysis", self._name, data)
 
     def _model(self) -> dict[str, Any]:
-        """Return the block model: blocks with materials, and contacts along the edges of the graph."""
+        """Return the block model: blocks with materials, and contacts on the graph's edges."""
         elements, materials, nodes = {}, {}, {}
         for k, ((name, support, surface), density) in enumerate(zip(self._solids, self._densities(), strict=True)):
             stuff = self._guid("compas_dem.material/GenericMaterial", f"{density:.12g}")
@@ -104,7 +106,7 @@ class _Dem:
         return self._object("compas_dem.models/BlockModel", self._name, whole)
 
     def _densities(self) -> list[float]:
-        """Return the density of each solid; a support without weight gets that of the scene, or 1."""
+        """Return the density of each solid; one without mass gets that of the scene, or 1."""
         layout = self._layout
         elements = layout.assembly.elements
         usual = layout.scene.materials.density
@@ -143,7 +145,10 @@ class _Dem:
         return {"dtype": "compas_dem.interactions/FrictionContact", "data": data}
 
     def _resultants(self, face: int) -> Floats:
-        """Return N, V1, V2, M1, M2 and MT of an interface; planar ones without those out of the plane."""
+        """Return the resultants N, V1, V2, M1, M2, MT (6,) of an interface.
+
+        Planar ones have V2 = M1 = MT = 0. Raises ValueError without an analysis with forces.
+        """
         result = self._layout.result
         if result is None or result.forces is None:
             raise ValueError("the layout has no analysis with forces")
@@ -153,7 +158,9 @@ class _Dem:
         return np.array([normal, shear, 0.0, 0.0, moment, 0.0])
 
     def _corner_forces(self, points: Floats, face: int, axes: Floats, centre: Floats) -> list[dict[str, float]]:
-        """Return forces at the corners with the resultants of the interface, linear in the coordinates.
+        """Return forces at an interface's corners, linear in place, with its resultants.
+
+        points: (k, 3) corners. axes: (3, 3) e1, e2 and n. centre: (3,) origin. Empty without an analysis with forces.
 
         Normal forces satisfy Σ f = N, Σ f x1 = −M2 and Σ f x2 = M1; shear forces Σ c = V, Σ (x1 c2 − x2 c1) = MT.
         """
@@ -178,7 +185,7 @@ class _Dem:
         ]
 
     def _problem(self) -> dict[str, Any]:
-        """Return the problem: one group of boundary conditions for each case, and the contact model."""
+        """Return the problem: boundary conditions of each load case, and the contact model."""
         facts = facts_of(self._layout, cells=self._cells, spatial=True)["loads"]
         cases = facts.get("cases") or [{"name": "Live", "live": facts.get("live", []), "dead": []}]
         groups = [self._group(str(case["name"]), case.get("live", [])) for case in cases]
@@ -210,7 +217,10 @@ class _Dem:
         return -vector[-1]
 
     def _group(self, name: str, entries: list[dict[str, Any]]) -> dict[str, Any]:
-        """Return the group of boundary conditions of load entries."""
+        """Convert load entries to a group of boundary conditions of COMPAS.
+
+        Raises InputError for a pressure, and for gravity that does not act along −z.
+        """
         gravity = self._gravity()
         points, bodies = [], []
         for number, entry in enumerate(entries):
@@ -251,7 +261,11 @@ class _Dem:
         return {"name": "MohrCoulomb", "phi": float(np.degrees(np.arctan(mu))), "mu": mu, "c": c or None, "t_c": None}
 
     def results(self) -> dict[str, Any]:
-        """Return the results: moved blocks, contacts with forces, and load factor in the metadata."""
+        """Return moved blocks, forces by pair of blocks, and load factor as COMPAS results.
+
+        Raises ValueError without an analysis. A pair with several contacts states their resultant, and the first of
+        them.
+        """
         result = self._layout.result
         if result is None:
             raise ValueError("the layout has no analysis")
@@ -296,9 +310,10 @@ class _Dem:
         return float(mechanism_scale(self._layout.assembly, result.mechanism))
 
     def _moved(self, number: int) -> dict[str, Any]:
-        """Return the rigid motion of a solid by the mechanism, as a transformation.
+        """Return the rigid motion of a solid by the scaled mechanism, as a COMPAS transformation.
 
-        A block that cracks moves as its element of largest volume.
+        number: index of the solid. A block that cracks moves as its element of largest volume. Without a mechanism it
+        is the identity.
         """
         from scipy.spatial.transform import Rotation
 

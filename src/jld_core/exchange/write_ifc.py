@@ -27,7 +27,9 @@ PROPERTIES: Final = "Jld_Block"
 
 
 def write_ifc(layout: Layout, path: Path, *, cells: bool) -> None:
-    """Write an IFC 4 file: a building element proxy for each block, with mass, mould, order, λ and faces.
+    """Write an IFC 4 file with a building element proxy for each block.
+
+    Its properties are mass, mould, order, λ and faces.
 
     cells: write every element, not every block. Raises InputError if ifcopenshell is missing.
     """
@@ -167,7 +169,7 @@ class _Ifc:
 
 
 def _values(facts: BlockFacts) -> list[tuple[str, str, Any]]:
-    """Return name, IFC type and value of each known property of a block."""
+    """Return name, IFC type and value of each property of a block that is known."""
     found: list[tuple[str, str, Any]] = [
         ("Block", "IfcLabel", printable(facts.block)),
         ("Elements", "IfcText", printable(" ".join(facts.elements))),

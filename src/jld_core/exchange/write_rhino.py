@@ -34,7 +34,7 @@ _LENGTH: Final = 0.25
 
 
 def write_rhino(layout: Layout, path: Path, *, cells: bool) -> None:
-    """Write a Rhino file of a layout: planar outlines and faces in the x–y plane, or in space a mesh per solid.
+    """Write a Rhino file of a layout: planar outlines in x–y, or in space a mesh per solid.
 
     cells: write every element of a spatial layout, not every block. Blocks stand on layers by shape, with their facts
     as user text; mechanism and thrust have layers of their own where there is an analysis. Scene data without a place
@@ -87,7 +87,7 @@ class _File:
         self.model.Objects.AddCurve(line.ToPolylineCurve(), attributes)
 
     def _layer_of(self, block: int) -> str:
-        """Return the layer of a block."""
+        """Return the layer name of a block: "SUPPORTS", or that of its shape."""
         found = self._layout.blocks[block]
         return "SUPPORTS" if found.support and not found.cells else f"SHAPE_{found.shape:02d}"
 
@@ -157,7 +157,7 @@ class _File:
         return [(float(point.x), float(point.y)) for point in shapes]
 
     def analysis(self) -> None:
-        """Add the moved blocks of the mechanism, and the lines of thrust, where there is an analysis."""
+        """Add the moved blocks of the mechanism and the lines of thrust, if analysed."""
         layout, result = self._layout.drawn_from or self._layout, self._layout.result
         if result is None:
             return

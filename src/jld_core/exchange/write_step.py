@@ -25,7 +25,9 @@ _UNCERTAINTY: Final = 1e-9
 
 
 def step_text(layout: Layout, *, cells: bool) -> str:
-    """Return the text of a STEP file with a `MANIFOLD_SOLID_BREP` of plane faces for each block.
+    """Return the text of a STEP file with a solid of plane faces for each block.
+
+    Solids are `MANIFOLD_SOLID_BREP`.
 
     cells: write every element, not every block. Solids and products carry the names of the blocks. Lengths are in the
     scene's unit, in metres where it is unknown.
@@ -48,7 +50,7 @@ def step_text(layout: Layout, *, cells: bool) -> str:
 
 
 def _text(words: str) -> str:
-    """Return a string of ISO 10303-21: apostrophes doubled, other characters than ASCII escaped."""
+    """Quote a string for ISO 10303-21: apostrophes doubled, non-ASCII characters escaped."""
     plain = printable(words).replace("\\", "\\\\").replace("'", "''").replace("\n", " ")
     return "'" + "".join(c if " " <= c <= "~" else f"\\X4\\{ord(c):08X}\\X0\\" for c in plain) + "'"
 
@@ -73,12 +75,15 @@ class _Part21:
         self._product_context = ""
 
     def add(self, words: str) -> str:
-        """Add an instance and return its name."""
+        """Add an instance, given as text, and return its reference, such as "#12"."""
         self.lines.append(f"#{len(self.lines) + 1}={words};")
         return f"#{len(self.lines)}"
 
     def context(self, unit: str, size: float) -> str:
-        """Add units and contexts; return the geometric context."""
+        """Add units and contexts; return the reference of the geometric context.
+
+        unit: of length. size: of the structure in this unit, for the stated accuracy.
+        """
         application = self.add("APPLICATION_CONTEXT('core data for automotive mechanical design processes')")
         self.add(
             "APPLICATION_PROTOCOL_DEFINITION('international standard','automotive_design',2000," + application + ")"
@@ -116,19 +121,22 @@ class _Part21:
         self.add(f"SHAPE_DEFINITION_REPRESENTATION({form},{shape})")
 
     def _point(self, place: Floats) -> str:
-        """Add a point."""
+        """Add a point (3,) and return its reference."""
         return self.add(f"CARTESIAN_POINT('',{_triple(place)})")
 
     def _direction(self, vector: Floats) -> str:
-        """Add a unit vector."""
+        """Add the direction of a vector (3,), and return its reference."""
         return self.add(f"DIRECTION('',{_triple(vector / np.linalg.norm(vector))})")
 
     def _placement(self, place: Floats, axis: Floats, along: Floats) -> str:
-        """Add a frame: origin, axis and first direction."""
+        """Add a frame by origin, axis and first direction, (3,) each; return its reference."""
         return self.add(f"AXIS2_PLACEMENT_3D('',{self._point(place)},{self._direction(axis)},{self._direction(along)})")
 
     def solid(self, name: str, surface: Surface) -> str:
-        """Add a solid with plane faces; edges are shared by the two faces that meet in them."""
+        """Add a solid with plane faces, and return its reference.
+
+        Each edge is shared by the two faces that meet in it.
+        """
         places = [self._point(point) for point in surface.points]
         vertices = [self.add(f"VERTEX_POINT('',{place})") for place in places]
         edges: dict[tuple[int, int], str] = {}

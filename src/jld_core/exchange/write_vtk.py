@@ -94,7 +94,7 @@ def write_vtk(layout: Layout, path: Path, *, legacy: bool = False) -> None:
     stops = np.cumsum([0, *(len(block) for _, block in cells)])
 
     def by_block(values: Floats) -> list[Floats]:
-        """Split values by cell type, in the order of the file."""
+        """Split values (k, …) of polygons by cell type, in the order of the file."""
         return [values[order[a:b]] for a, b in itertools.pairwise(stops)]
 
     fields = {name: by_block(np.array(values)) for name, values in found.rows.items()}

@@ -120,7 +120,10 @@ def export(layout: Layout, kind: str, path: str | Path, *, cells: bool = False, 
 
 
 def _of_faces(layout: Layout, kind: str) -> Layout:
-    """Return a layout without the interfaces of members; raise InputError for formats that an analysis starts from."""
+    """Drop the interfaces of members from a layout and its analysis.
+
+    Raises InputError for a layout with members if `kind` is a format that an analysis starts from.
+    """
     if kind in ("3dec", "compas", "compas_dem"):
         layout.assembly.members.refuse(f"a file of the format {kind}")
     assembly = faces_of(layout.assembly)

@@ -72,7 +72,7 @@ class FieldSetting:
 
     @classmethod
     def of(cls, assembly: Assembly, patch: float | None = None) -> FieldSetting:
-        """Make the setting of a planar assembly: its material, units, coarsest mesh and loads.
+        """Compute material, units, coarsest mesh and loads of a planar assembly.
 
         patch: length that each live force on a free face is spread on; None: the whole face (see `loaded_mesh`). Raises
         InputError as `material_of` and `loaded_mesh` do.
@@ -145,9 +145,10 @@ class Fields:
 
     @cached_property
     def for_all(self) -> tuple[FieldStresses | None, FieldMechanism | None]:
-        """Bounds on λ of other labellings that the two fields prove: lower, then upper.
+        """Bounds on the λ of all labellings that the stress and velocity fields prove.
 
-        Either is None without its field; the upper one also where `mechanism_of` returns None.
+        The first is a lower, the second an upper bound. Either is None without its field; the upper one also where
+        `mechanism_of` returns None.
         """
         stresses = None if self.stress is None else stresses_of(self.lower, self.stress, self.labels)
         return stresses, None if self.velocity is None else mechanism_of(self.upper, self.velocity, self.labels)
@@ -257,10 +258,11 @@ class CoarseBounds:
 
 
 def _marks(problem: Problem, stress: StressField | None, velocity: VelocityField | None, wanted: float) -> Bools:
-    """Choose the triangles to split, (t,) True, by docs/method.md (9.12).
+    """Mark the triangles to split, (t,) True, by the criterion of docs/method.md (9.12).
 
-    wanted: share of the criterion that they hold. Without `stress` all but the smallest are chosen. By the disagreement
-    alone the lower bound stalls: on the flagship [5.89, 6.49] instead of [6.15, 6.46] in 3 s.
+    stress: None marks all but the smallest triangles. velocity: None leaves the disagreement of the fields out. wanted:
+    share of the summed criterion that the marked triangles hold, 0 to 1. By the disagreement alone the lower bound
+    stalls: on the flagship [5.89, 6.49] instead of [6.15, 6.46] in 3 s.
     """
     count = len(problem.mesh)
     small = problem.mesh.area < _LEAST_AREA * problem.mesh.area.sum()
@@ -310,10 +312,10 @@ def finer_by_dissipation(mesh: Mesh, power: Floats) -> Mesh:
 
 
 def _singular_corners(problem: Problem, stress: StressField | None) -> Ints:
-    """Return the corner (t,) at which each triangle should be bisected, −1 for no preference.
+    """Return the corner (t,) at which to bisect each triangle, −1 for no preference.
 
-    Stresses jump at ends of loads and at corners of blocks; only a fan of triangles about such a node can follow. The
-    corner is the one that holds most of `stress.rate` of its triangle, where its angle is wide as well.
+    A corner counts if it holds most of `stress.rate` of its triangle and its angle is wide. Stresses jump at ends of
+    loads and at corners of blocks; only a fan of triangles about such a node can follow. Without `stress` all are −1.
     """
     none = np.full(len(problem.mesh), -1, dtype=np.int64)
     if stress is None:
@@ -330,7 +332,7 @@ def _singular_corners(problem: Problem, stress: StressField | None) -> Ints:
 
 
 def disagreement(problem: Problem, stress: StressField, velocity: VelocityField) -> Floats:
-    """Return how much each triangle adds to the gap between the bounds: (t,), scaled λ.
+    """Compute each triangle's share (t,) of the gap between the bounds, scaled λ.
 
     It is the dissipation of the velocity field less the power of the stress field on it. Each triangle counts with half
     of its edges. Up to the opening that `UpperBound.certify` added, the sum is upper less lower bound. Both fields

@@ -28,7 +28,9 @@ STATUS: Final = {
 
 @dataclass(frozen=True)
 class Regularisation:
-    """How the linear systems of the interior point are regularised, for programs with numbers of order one.
+    """Regularisation of the linear systems of the interior-point method.
+
+    The values suit programs with numbers of order one.
 
     Attributes
     ----------
@@ -61,7 +63,7 @@ class Stopping:
     ray : float
         Relative residual of a ray that shows a program to be infeasible or unbounded.
     share : float
-        Share of the longest step.
+        Share that is taken of the longest step to the boundary of the cones.
     least_step : float
         Step below which iterations end without result.
     iterations : int
@@ -130,7 +132,7 @@ class ConeBatch:
         self._problem = Cones(**numbers, **asdict(Regularisation()), **pointers(**self._arrays))
 
     def solve(self, off: Bits, objective: Floats) -> ConeAnswers:
-        """Solve k programs; the answer to each is the same to the last digit whatever the others are.
+        """Solve k programs; each answer is independent of the others to the last digit.
 
         off: (k, m) True for rows switched off; of a cone all three. objective: (k, n) costs.
         """
@@ -160,7 +162,7 @@ def is_installed() -> bool:
 
 
 def _arrays(matrix: sp.csr_array, sizes: tuple[int, int, int], rhs: Floats, idle: Floats) -> dict[str, Any]:
-    """Return the arrays of `JldCones` by name."""
+    """Compute the arrays of `JldCones` by name, with the factor pattern; see `ConeBatch`."""
     factor = factor_of(matrix, sizes)
     terms = terms_of(factor, matrix, sizes)
     sign = np.ones(len(factor.place))

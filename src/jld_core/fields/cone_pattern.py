@@ -23,7 +23,9 @@ _SMALL = 1e-10
 
 @dataclass(frozen=True)
 class Factor:
-    """Pattern of the factor L D Lᵀ of the reduced system of N unknowns, in the order of elimination.
+    """Pattern of the factor L D Lᵀ of the reduced system, in the order of elimination.
+
+    The system has N unknowns: the variables, then the equations.
 
     Attributes
     ----------
@@ -45,7 +47,9 @@ class Factor:
 
 @dataclass(frozen=True)
 class Terms:
-    """Entries of the reduced system as sums over weights of rows: diagonal entries, then those of `Factor.row`.
+    """Entries of the reduced system as sums over weights of rows.
+
+    The e entries are the diagonal ones, then those of `Factor.row`.
 
     Attributes
     ----------
@@ -109,7 +113,10 @@ def _hessian_pattern(matrix: sp.csr_array, sizes: tuple[int, int, int]) -> sp.cs
 
 
 def _minimum_degree(pattern: sp.csr_array) -> Ints:
-    """Return the place (k,) of each unknown in an order of minimum degree of a symmetric pattern."""
+    """Return the place (k,) of each unknown in a minimum-degree elimination order.
+
+    pattern: (k, k) symmetric.
+    """
     dummy = pattern.copy()
     dummy.data = np.full(len(dummy.data), -1.0)
     heavy = sp.csc_matrix(dummy + (2.0 + np.diff(pattern.indptr).max(initial=0)) * sp.eye_array(pattern.shape[0]))
@@ -118,7 +125,11 @@ def _minimum_degree(pattern: sp.csr_array) -> Ints:
 
 
 def _filled(place: Ints, one: Ints, other: Ints) -> Factor:
-    """Return the pattern of the factor, fill included, of entries (one, other) of a symmetric matrix."""
+    """Compute the pattern of a symmetric matrix's factor, with fill.
+
+    place: (N,) place of each unknown. one, other: (k,) row and column places of the entries; those with one ≤ other are
+    ignored.
+    """
     count = len(place)
     below = one > other
     structure: list[set[int]] = [set() for _ in range(count)]
@@ -140,7 +151,10 @@ def _filled(place: Ints, one: Ints, other: Ints) -> Factor:
 
 
 def terms_of(factor: Factor, matrix: sp.csr_array, sizes: tuple[int, int, int]) -> Terms:
-    """Return the entries of the reduced system as sums over weights; see `factor_of` for the parameters."""
+    """Compute the entries of the reduced system as sums over weights of rows.
+
+    factor: pattern. matrix, sizes: as for `factor_of`.
+    """
     equations, linear, cones = sizes
     width, count = matrix.shape[1], len(factor.place)
     column = np.repeat(np.arange(count), np.diff(factor.start))
@@ -148,7 +162,7 @@ def terms_of(factor: Factor, matrix: sp.csr_array, sizes: tuple[int, int, int]) 
     order = np.argsort(keys)
 
     def entry(a: Ints, b: Ints) -> Ints:
-        """Numbers of the entries at two places each, in the lower triangle."""
+        """Return the numbers of the entries at pairs of places a, b, in either order."""
         wanted = np.minimum(a, b) * count + np.maximum(a, b)
         return np.asarray(order[np.searchsorted(keys[order], wanted)])
 
@@ -172,7 +186,11 @@ def terms_of(factor: Factor, matrix: sp.csr_array, sizes: tuple[int, int, int]) 
 
 
 def _products(matrix: sp.csr_array, one: Ints, other: Ints, weight: Ints) -> tuple[Ints, Ints, Ints, Floats]:
-    """Return columns a, b, weight and product of all pairs of entries of row one[k] and row other[k]."""
+    """Multiply all pairs of entries of row one[k] and row other[k] of a matrix.
+
+    one, other, weight: (k,) row numbers, and weight number of each pair of rows. Returns columns of both factors,
+    weight number and product of each pair of entries.
+    """
     start, length = matrix.indptr, np.diff(matrix.indptr)
     count = length[one] * length[other]
     pair = np.repeat(np.arange(len(one)), count)

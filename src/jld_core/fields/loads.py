@@ -201,11 +201,11 @@ def _free_faces(outlines: Outlines, index: int) -> list[_FreeFace]:
 
 
 def _face_of(assembly: Assembly, faces: list[_FreeFace], place: Floats, vector: Floats, taken: Floats) -> int | None:
-    """Return the number of the free face that a live force acts on, or None.
+    """Return the index of the free face that a live force acts on; None if inside a cell.
 
-    None: the force lies inside a cell. place, vector: (2,) of the force. taken: (n, 3) live forces that faces took
-    before. Among several faces at the place, the cell whose remaining live force is nearest to `vector` counts first,
-    then the steepest push. Raises InputError for a force on the outline of a cell without a free face there.
+    place, vector: (2,) of the force. taken: (n, 3) live forces that faces took before. Of several faces, one of the
+    cell whose remaining live force is nearest to `vector` is taken, then the steepest push. Raises InputError for a
+    force on the outline of a cell without a free face there.
     """
     reach = tolerances.ON_OUTLINE * assembly.size
     loaded = [int(cell) for cell in assembly.elements.free if assembly.live[cell].any()]
@@ -218,7 +218,7 @@ def _face_of(assembly: Assembly, faces: list[_FreeFace], place: Floats, vector: 
             return None
 
     def misfit(cell: int) -> float:
-        """Return how far the remaining live force of a cell is from the vector."""
+        """Return the distance of a cell's remaining live force from the vector."""
         return float(np.hypot(*(assembly.live[cell, :2] - taken[cell, :2] - vector)))
 
     def push(face: _FreeFace) -> float:
@@ -242,7 +242,10 @@ def _face_of(assembly: Assembly, faces: list[_FreeFace], place: Floats, vector: 
 
 
 def _segments(assembly: Assembly, face: _FreeFace, forces: list[_Force]) -> list[Segment]:
-    """Return the loaded segments of one free face; where they overlap, tractions are summed."""
+    """Return the loaded segments of one free face, split and summed where loads overlap.
+
+    forces: live forces on the face, with or without a stated width. Raises InputError where one has no room.
+    """
     pieces = [_stated(assembly, face, force, force.width) for force in forces if force.width is not None]
     plain = [force for force in forces if force.width is None]
     if plain:
@@ -263,17 +266,17 @@ def _segments(assembly: Assembly, face: _FreeFace, forces: list[_Force]) -> list
 
 
 def _between(piece: _Piece, low: float, high: float) -> Floats:
-    """Return the tractions (2, 2) of a piece at distances `low` and `high` along the face."""
+    """Interpolate the tractions (2, 2) of a piece at distances `low`, `high` along its face."""
     start, stop, ends = piece
     shares = (np.array([low, high]) - start) / (stop - start)
     return np.asarray(ends[0] * (1.0 - shares[:, None]) + ends[1] * shares[:, None])
 
 
 def _spread(assembly: Assembly, face: _FreeFace, forces: list[_Force]) -> _Piece:
-    """Return the linear traction of several forces without a stated width on one face.
+    """Spread forces without a stated width over one face as a linear traction.
 
-    It covers the face, or is uniform about the resultant where that lies beyond the middle third. Raises InputError
-    without room for that.
+    It covers the face. If forces of one sign have their resultant beyond the middle third, it is uniform about the
+    resultant instead. Raises InputError without room for that.
     """
     thickness = thickness_of(assembly)
     normal = np.array([face.along[1], -face.along[0]])
@@ -321,7 +324,7 @@ def _no_room(assembly: Assembly, face: _FreeFace, at: float) -> InputError:
 
 
 def _tagged(mesh: Mesh, segments: list[Segment], faces: int) -> Mesh:
-    """Return the mesh with tags on the outline edges that lie on loaded segments.
+    """Tag the free outline edges of a mesh that lie on loaded segments.
 
     faces: number of interfaces. Segment i gets the tag faces + i.
     """
@@ -343,9 +346,10 @@ def _tagged(mesh: Mesh, segments: list[Segment], faces: int) -> Mesh:
 
 
 def _body(assembly: Assembly, mesh: Mesh, loads: Floats) -> Floats:
-    """Return forces per volume (t, 2) in root triangles, equivalent to nodal loads of cells.
+    """Spread loads on cells over their root triangles as forces per volume (t, 2).
 
-    loads: (n, 3) forces and moments about the centroids of the elements, scene units.
+    loads: (n, 3) forces and moments about the centroids of the elements, scene units. Force and moment of each cell are
+    kept.
     """
     thickness = thickness_of(assembly)
     middle = mesh.corners.mean(axis=1)

@@ -154,13 +154,19 @@ class LowerBound:
         return program.solve(self._off(owner, labels))
 
     def _program_with(self, margin: float) -> tuple[ConeProgram, Ints]:
-        """Return the program of a margin, set up once, and the edge that owns each row."""
+        """Return the program of a margin and the edge whose label switches each row, −1 for none.
+
+        Each program is set up once and kept. margin: slack to yield, scaled stress.
+        """
         if margin not in self._programs:
             self._programs[margin] = self._program(margin)
         return self._programs[margin]
 
     def _off(self, owner: Ints, labels: Bits) -> Bools:
-        """Return (rows,) True for rows on joints that are not dry."""
+        """Mark the rows (rows,) to switch off: those whose owner edge is not on a dry joint.
+
+        owner: (rows,) edge of each row, −1 for none. labels: (m,) True = dry.
+        """
         return (owner >= 0) & ~self.problem.is_dry(labels)[owner]
 
     def certify(self, stress: Floats, factor: float, labels: Bits) -> StressField | None:
@@ -176,7 +182,7 @@ class LowerBound:
         return StressField(factor, field, room, rest, np.zeros((self._triangles, 3))) if room >= 0.0 else None
 
     def _rate(self, dual: Floats) -> Floats:
-        """Return the `StressField.rate` (t, 3) of multipliers of all rows of the program."""
+        """Compute `StressField.rate` (t, 3) from the multipliers `dual` of all rows."""
         lines = self.problem.material.lines
         start, count = len(self.equilibrium[1]), 3 * self._triangles
         shares = dual[start : start + len(lines) * count].reshape(len(lines), count)
@@ -254,9 +260,10 @@ class LowerBound:
         return rows.matrix(last + 1), rows.right
 
     def _traction(self, rows: Ints, end: int, axis: int, sign: float) -> list[tuple[Ints, Floats]]:
-        """Return columns and values (k,) of one component of the traction at one end of edges.
+        """Return columns and values (k,) of one traction component at one end of edges.
 
         rows: (k,) edges. end: 0 or 1. axis: 0 or 1. sign: 1 for the traction of triangle a, −1 for minus that of b.
+        Each of the three pairs refers to one stress component.
         """
         e = self.problem.edges
         triangle, corner = (e.a, e.corner_a) if sign > 0.0 else (e.b, e.corner_b)
@@ -265,10 +272,10 @@ class LowerBound:
         return [(base + k, part) for k, part in enumerate((nx, nx, ny) if axis == 0 else (ny, -ny, nx))]
 
     def _equalities(self, labels: Bits) -> tuple[sp.csr_array, object]:
-        """Return the matrix A of all equations on the stresses (9t,), and a factor of A Aᵀ.
+        """Return the matrix A (rows, 9t) of all equations on the stresses, and a factor of A Aᵀ.
 
-        They are equilibrium and no shear on dry joints without friction and cohesion. λ is no unknown here: its dense
-        column would fill A Aᵀ. Factors are kept.
+        The equations are equilibrium, and no shear on dry joints without friction and cohesion. λ is no unknown here:
+        its dense column would fill A Aᵀ. labels: (m,) True = dry. Factors are kept.
         """
         p = self.problem
         edges = p.on_faces[p.is_dry(labels)[p.on_faces] & self.frictionless[p.face[p.on_faces]]]

@@ -199,7 +199,7 @@ def _centre(ring: Floats) -> Floats | None:
 def _chains(points: Floats, ring: Ints) -> dict[int, list[int]]:
     """Map each corner of an outline to the nodes from it to the next corner, both included.
 
-    points: (p, 2) of all nodes. ring: (k,) nodes of the outline, in order.
+    points: (p, 2) positions of all nodes. ring: (k,) nodes of the outline, in order.
     """
     turn, size = _turns(points[ring])
     corners = np.flatnonzero(abs(turn) > _STRAIGHT * size)
@@ -212,7 +212,7 @@ def _chains(points: Floats, ring: Ints) -> dict[int, list[int]]:
 
 
 def _turns(ring: Floats) -> tuple[Floats, Floats]:
-    """Return cross products (k,) of successive edges of a ring, and products of lengths."""
+    """Return cross products (k,) of successive edges of a ring (k, 2), and length products."""
     before, after = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
     turn = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
     return turn, np.hypot(*before.T) * np.hypot(*after.T)

@@ -171,9 +171,9 @@ def problem_of(assembly: Assembly, material: Material, units: Units, mesh: Mesh,
 
 
 def _pull(mesh: Mesh, loads: FieldLoads, faces: int) -> Floats:
-    """Return live tractions (e, 2, 2) at both ends of edges, scene units.
+    """Compute the live tractions (e, 2, 2) at both ends of all edges for λ = 1, scene units.
 
-    faces: number of interfaces.
+    faces: number of interfaces; load segment i has the tag faces + i.
     """
     edges = mesh.edges
     pull = np.zeros((len(edges), 2, 2))

@@ -80,9 +80,9 @@ class Settling:
         return np.asarray(moved.reshape(velocity.shape))
 
     def _active(self, velocity: Floats, dry: Bools) -> sp.csr_array | None:
-        """Return rows over velocities (6t,) that active flow rules make zero.
+        """Return equations over velocities (6t,) that keep active flow rules at equality.
 
-        None without any. velocity: (6t,). dry: (e,) edges on dry interfaces.
+        velocity: (6t,), at which rules count as active. dry: (e,) edges on dry interfaces. None if no rule is active.
         """
         p, small = self.problem, _ACTIVE * float(abs(velocity).max())
         rates = self._rates @ velocity
@@ -104,12 +104,12 @@ class Settling:
 def _choose(
     chosen: Rows, rates: Floats, head: Ints, tail: list[Ints], slope: Floats, wanted: Bools, small: float
 ) -> None:
-    """Append to `chosen` the active rules among head ≥ slope · |tail|.
+    """Append equations for the active flow rules among head ≥ slope · |tail|.
 
-    rates: all rates. head: (k,) rows of openings. tail: arrays (k,) of rows of slips. slope, wanted: (k,), the slope of
-    each rule and whether it applies. small: rate that counts as zero. Where head and tail vanish, both become zero;
-    else the tangent of the rule does. A vanishing slip is removed without friction as well: in strong blocks it would
-    dissipate.
+    chosen: takes them, over the rates. rates: all opening and slip rates. head: (k,) indices of openings. tail: arrays
+    (k,) of indices of slips. slope: (k,) of each rule. wanted: (k,) whether it applies. small: rate that counts as
+    zero. Where head and tail vanish, both are set to zero; otherwise the tangent of the rule is. A vanishing slip is
+    removed without friction as well: in strong blocks it would dissipate.
     """
     value, parts = rates[head], [rates[part] for part in tail]
     size = np.sqrt(sum((part**2 for part in parts), np.zeros(len(value))))

@@ -170,16 +170,17 @@ class SpatialFields:
         return replace(finer, points=finer.points * units.length + units.origin, root=self.mesh.root[finer.root])
 
     def _moved(self, velocity: Floats) -> Floats:
-        """Return velocities (4t, 4, 3) of the quarters of tetrahedra from those (t, 4, 3)."""
+        """Interpolate velocities (t, 4, 3) of tetrahedra to their quarters on `split`, (4t, 4, 3)."""
         rows = np.arange(4)
         parts = np.repeat(velocity[:, None], 4, axis=1)
         parts[:, rows, rows] = velocity.mean(axis=1)[:, None]
         return parts.reshape(-1, 4, 3)
 
     def _joint_corners(self, stress: SpatialStress, velocity: Floats) -> Floats:
-        """Return the power (t, 4) that tractions on joints lose, at each corner of the tetrahedra.
+        """Compute the power (t, 4) that joint tractions lose at each corner of the tetrahedra.
 
-        velocity: (4t, 4, 3) on `split`. Lost is the positive part of minus the power of tractions on the jump.
+        velocity: (4t, 4, 3) on `split`. The loss is minus the power of the tractions on the jump, where positive;
+        scaled.
         """
         p, s = self.fine, self.fine.sides
         shares = np.zeros((len(self.mesh), 4))
@@ -225,9 +226,9 @@ def stress_power(problem: SpatialProblem, stress: SpatialStress, velocity: Float
 
 
 def _weak_corners(stress: SpatialStress) -> Floats:
-    """Return multipliers of yield (t, 4) at the corners of tetrahedra.
+    """Sum the multipliers of yield to the corners (t, 4) of the unsplit tetrahedra.
 
-    stress: on `split`. Multipliers at the centroid are shared by all four corners alike.
+    stress: on `split`. The multiplier at a centroid is shared equally by the four corners.
     """
     rate = np.maximum(stress.rate, 0.0).reshape(-1, 4, 4)
     middle = np.diagonal(rate, axis1=1, axis2=2)
@@ -237,9 +238,9 @@ def _weak_corners(stress: SpatialStress) -> Floats:
 def _across_sides(
     problem: SpatialProblem, stress: SpatialStress, velocity: Floats, rows: Ints
 ) -> tuple[Floats, Floats]:
-    """Return tractions on tetrahedron a and jumps, (k, 3, 3) each, at corners of triangles.
+    """Return tractions on tetrahedron a and velocity jumps at the corners of triangles.
 
-    rows: (k,) triangles. velocity: (t, 4, 3).
+    rows: (k,) triangles. velocity: (t, 4, 3), scaled. Both results are (k, 3, 3): triangle, corner, axis.
     """
     s = problem.sides
     jump = -velocity[s.a[rows][:, None], s.corner_a[rows]]

@@ -196,9 +196,9 @@ class _Refinement:
 
     @property
     def ended(self) -> bool:
-        """True if the gap is reached, or `upper` is below 0, or a bound stays missing.
+        """True if the gap is reached, `upper` is below 0, or a bound remains missing.
 
-        A bound that is missing after `_PATIENCE` meshes counts as staying so.
+        A bound that is missing after `_PATIENCE` meshes is not waited for.
         """
         status = self.best.status
         lone = status is not FieldStatus.OPEN and len(self.best.history) >= _PATIENCE
@@ -206,7 +206,10 @@ class _Refinement:
 
     @property
     def most(self) -> int:
-        """Tetrahedra up to which a mesh is small enough, and expected to be done in time."""
+        """Largest number of tetrahedra of a mesh that fits the limit and the time left.
+
+        The time is extrapolated from the last mesh.
+        """
         if self._seconds is None:
             return self._most
         count, took = self._last
@@ -230,10 +233,10 @@ class _Refinement:
 def _layered(
     setting: SpatialSetting, fields: SpatialFields, patch: float | None
 ) -> tuple[SpatialSetting, SolidMesh] | None:
-    """Cut the long or flat cells that deform into layers.
+    """Cut long or flat cells that deform into layers; return new setting and coarsest mesh.
 
-    Returns setting and coarsest mesh. None where no cell is cut, where the mesh would not grow, or where a mesh with
-    layers is refused.
+    fields: decide which cells deform. patch: as in `loaded_solids`. None if no cell is cut, if the mesh would not grow,
+    or if the layers do not fit.
     """
     cut = tuple(cell for cell in fields.deforming().tolist() if setting.uniform(cell, fields.mesh))
     try:
@@ -251,7 +254,7 @@ _Case = tuple[SpatialFields, SpatialSetting]
 
 
 def _narrower(one: _Case, other: _Case) -> _Case:
-    """Return the case whose bounds have the smaller relative gap, the first of equal ones."""
+    """Return the case with the smaller relative gap of its bounds, the first of equal ones."""
     return min(one, other, key=lambda case: relative_gap(case[0].lower, case[0].upper))
 
 

@@ -39,10 +39,11 @@ class _Filler:
         self.points = surface.points.tolist()
 
     def triangles(self, facet: Facet, region: shapely.Polygon, ringed: bool = False) -> list[tuple[int, int, int]]:
-        """Return triangles of a plane region of a facet, counter-clockwise seen from outside.
+        """Triangulate a plane region of a facet, counter-clockwise seen from outside.
 
-        ringed: True if a convex region gets a ring of triangles along its edges. Raises InputError where a corner of
-        the region is no node, or the region is not valid.
+        region: in the plane of the facet. ringed: True if a convex region gets a ring of triangles along its edges.
+        Returns the nodes of each triangle. Raises InputError where a corner of the region is no node, or the region is
+        not valid.
         """
         reach, fixed = self.surface.reach, self.surface.points
         rings = [np.asarray(ring.coords)[:-1] for ring in (region.exterior, *region.interiors)]
@@ -205,7 +206,7 @@ class _Skins:
     def _filled(
         self, index: int, region: shapely.Polygon, face: int | None = None, *, ringed: bool = False
     ) -> _Triangles:
-        """Return triangles of a region of facet `index`, each within one part of the cell.
+        """Triangulate a region of facet `index`, with each triangle in one part of the cell.
 
         face: interface that the region is, None for any other region. ringed: as for `_Filler.triangles`.
         """
@@ -213,7 +214,10 @@ class _Skins:
         return [three for one in cut for three in self.filler.triangles(self.surface.facets[index], one, ringed)]
 
     def _put(self, cell: int, triangles: _Triangles, tag: int | None = None) -> None:
-        """Append triangles to the parts of a cell that they lie on; tag: of all, or None."""
+        """Add triangles to the parts of a cell on whose surface they lie.
+
+        tag: interface or load patch of all of them; None for no tag.
+        """
         points, layers = self.filler.points, self.layers.get(cell)
         for three in triangles:
             side = layers.side(np.mean([points[node] for node in three], axis=0)) if layers else ()

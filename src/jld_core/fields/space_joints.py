@@ -191,7 +191,10 @@ def _wrenches(at: Floats) -> Floats:
 
 
 def _resultants(problem: SpatialProblem, blocks: RigidBlocks, body: Floats) -> Floats:
-    """Return forces and moments about the origin (b, 6) on blocks; body: (t, 3) per volume."""
+    """Sum body forces to force and moment about the origin (b, 6) of each block, scaled.
+
+    body: (t, 3) force per volume in each tetrahedron.
+    """
     mesh = problem.mesh
     total = np.zeros((len(blocks.free), 6))
     force = body * mesh.volume[:, None]
@@ -200,10 +203,10 @@ def _resultants(problem: SpatialProblem, blocks: RigidBlocks, body: Floats) -> F
 
 
 def _joint_cones(problem: SpatialProblem) -> tuple[Rows, Rows]:
-    """Return rows of s ≥ 0 and of cones of size 3 over tractions (9k,) of the dry joints.
+    """Return the yield conditions of the k dry triangles over their tractions (9k,).
 
-    They are docs/method.md (10.5). Pressure is limited by crushing of the joint, and by a share of the strength of the
-    blocks in one direction.
+    The results are inequalities, then second-order cones of size 3: docs/method.md (10.5). Pressure is limited by
+    crushing of the joint, and by a share of the strength of the blocks in one direction.
     """
     p, rows = problem, problem.dry
     face, normal = p.face[rows], p.sides.normal[rows]
@@ -226,11 +229,12 @@ def _joint_cones(problem: SpatialProblem) -> tuple[Rows, Rows]:
 
 
 def _edges_of_loss(problem: SpatialProblem, blocks: RigidBlocks, traction: Floats, velocity: Floats) -> Ints:
-    """Return the edges (e, 2) of joints to be halved, the longest first.
+    """Return the joint edges (e, 2) to halve, where most power is lost; longest first.
 
-    Nodes are in ascending order. traction: (k, 3, 3) on dry triangles. velocity: (b, 6) of blocks. Marked are the
-    triangles whose tractions lose most power on jumps; the loss is 0 where a traction presses at a hinge. Of each
-    triangle the edge along which the loss changes most is taken, long ones first.
+    traction: (k, 3, 3) at the corners of the dry triangles. velocity: (b, 6) of blocks, about the origin. The loss of a
+    triangle is the power of its corner tractions against the jumps. The worst triangles, which hold half of the loss,
+    each give one edge. It is the one along which the loss changes most, with a small bonus for length. Each row has its
+    nodes in ascending order. Without a loss there are no rows.
     """
     s, rows, mesh = problem.sides, problem.dry, problem.mesh
     nodes = mesh.tetrahedra[s.a[rows][:, None], s.corner_a[rows]]

@@ -98,11 +98,10 @@ def layers_of(surface: Surface, cell: int) -> Layers | None:
 
 
 def corners_of(surface: Surface, layers: dict[int, Layers]) -> Floats:
-    """Return the points (k, 3) at which cells cut into layers need nodes, scene units.
+    """Return the points (k, 3) where layered cells need nodes, scene units; some repeat.
 
-    They are the corners of the parts of these cells, and of the pieces of interfaces, load patches and free regions on
-    their facets. surface: surfaces of all cells. layers: by cell, at least one; cells without an entry stay whole.
-    Points may repeat.
+    They are the corners of the cells' parts, and of the pieces of interfaces, load patches and free regions on their
+    facets. surface: surfaces of all cells. layers: by cell, at least one; cells without an entry stay whole.
     """
     places = [outline for one in layers.values() for part in one.parts for _, outline in (*part.skin, *part.caps)]
     for index, facet in enumerate(surface.facets):
@@ -184,14 +183,14 @@ def _nodes(surface: Surface, own: list[int]) -> Floats:
 
 
 def _planes(surface: Surface, one: Facet, other: Facet, nodes: Floats) -> list[tuple[Floats, float]]:
-    """Return planes (normal, offset) between two opposite facets of a cell.
+    """Return the planes, as unit normal (3,) and offset, that cut a cell between two facets.
 
-    Empty unless the cell is long or flat. nodes: (k, 3) of the surface of the cell, which planes are moved to where
-    near. Where the facets lean, all planes meet in one line.
+    one, other: opposite facets. nodes: (k, 3) of the surface of the cell; a plane close to one is moved to it. Where
+    the facets lean, all planes meet in one line. Empty unless the cell is long or flat.
     """
 
     def share(places: Floats) -> Floats:
-        """Return the distance (k,) of places (k, 3) from `one` over that from both facets."""
+        """Return the distance (k,) of places (k, 3) from `one`, over the sum of both distances."""
         near, far = (one.origin - places) @ one.normal, (other.origin - places) @ other.normal
         return np.asarray(near / (near + far))
 
@@ -224,7 +223,8 @@ def _smaller_side(surface: Surface, facet: Facet) -> float:
 def _halves(part: Part, number: int, normal: Floats, offset: float, reach: float) -> list[Part]:
     """Cut a part by plane `number`: return its two halves, or the part alone if on one side.
 
-    normal, offset: of the plane. reach: distance within which a corner lies on it. `Part.side` grows by one entry.
+    normal: (3,) and offset of the plane. reach: distance within which a corner lies on it. `Part.side` grows by one
+    entry.
     """
     skins: tuple[list[tuple[int, Floats]], ...] = ([], [])
     caps: tuple[list[tuple[int, Floats]], ...] = ([], [])
@@ -243,10 +243,10 @@ def _halves(part: Part, number: int, normal: Floats, offset: float, reach: float
 
 
 def _clipped(outline: Floats, normal: Floats, offset: float, reach: float) -> list[tuple[Floats, Floats]]:
-    """Cut a convex outline by a plane into pieces before and beyond it.
+    """Cut a convex outline (c, 3) by a plane into the pieces before and beyond it.
 
-    Returns two pairs of a piece and its points on the plane. Pieces are (c, 3), empty where the outline has nothing on
-    that side. normal, offset: of the plane. Points within `reach` lie on it.
+    normal: (3,) and offset of the plane. Points within `reach` lie on it. Each of the two results is a piece (c, 3)
+    with its points on the plane (j, 3). A piece is empty if nothing of the outline lies strictly on its side.
     """
     height = outline @ normal - offset
     height = np.where(abs(height) <= reach, 0.0, height)
@@ -268,9 +268,10 @@ def _clipped(outline: Floats, normal: Floats, offset: float, reach: float) -> li
 
 
 def _convex(places: Floats, normal: Floats, reach: float) -> Floats:
-    """Return places in convex position on a plane in counter-clockwise order, (c, 3).
+    """Order the corners of a convex polygon counter-clockwise and merge repeated ones, (c, 3).
 
-    places: (k, 3). normal: of the plane, about which they turn. reach: distance within which places are one corner.
+    places: (k, 3) corners in any order. normal: (3,) of their plane. reach: distance within which places are one
+    corner.
     """
     one = np.eye(3)[np.argmin(abs(normal))]
     one = np.cross(normal, one)

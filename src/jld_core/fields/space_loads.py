@@ -133,11 +133,11 @@ def loaded_solids(
 
 
 def _region_of(assembly: Assembly, surface: Surface, force: _Force, taken: Floats) -> tuple[int, int] | None:
-    """Return the facet and number of its free region that a live force acts on, else None.
+    """Return facet and number of the free region that a live force acts on, None if inside.
 
-    taken: (n, 6) live loads that regions took before. Among several regions at the place, the cell whose remaining live
-    force is nearest to the force counts first, then the steepest push. None for a force inside a cell. Raises
-    InputError for a force on a surface without a free region there.
+    taken: (n, 6) live loads that regions took before. Of several regions, one of the cell whose remaining live force is
+    nearest to the force is taken, then the steepest push. Raises InputError for a force on a surface without a free
+    region there.
     """
     reach = max(surface.reach, tolerances.ON_OUTLINE * assembly.size)
     height: dict[int, float] = {}
@@ -169,7 +169,11 @@ def _region_of(assembly: Assembly, surface: Surface, force: _Force, taken: Float
 def _patches(
     assembly: Assembly, surface: Surface, chosen: dict[tuple[int, int], list[_Force]]
 ) -> tuple[list[Patch], list[Traction]]:
-    """Return load patches that do not overlap, and the traction on each."""
+    """Return the load patches on free regions, cut where they overlap, and their tractions.
+
+    chosen: live forces on each region, by facet and number of its free region. Tractions add up where patches overlap.
+    Raises InputError where a patch does not fit.
+    """
     patches, tractions = [], []
     for (index, number), forces in chosen.items():
         facet = surface.facets[index]
@@ -186,10 +190,10 @@ def _patches(
 
 
 def _spread(assembly: Assembly, facet: Facet, region: shapely.Polygon, forces: list[_Force]) -> _Piece:
-    """Return the linear traction of forces without a stated width over a region.
+    """Spread forces without a stated width over a free region as a linear traction.
 
-    It covers the largest part symmetric about the resultant where that lies beyond the kern. Raises InputError if that
-    part is too small.
+    If forces of one sign would make it pull and press, it covers only the largest part that is symmetric about the
+    resultant. Raises InputError if that part is too small.
     """
     push = np.array([force.vector @ facet.normal for force in forces])
     whole = _linear(facet, region, forces)
@@ -209,10 +213,9 @@ def _spread(assembly: Assembly, facet: Facet, region: shapely.Polygon, forces: l
 
 
 def _stated(assembly: Assembly, facet: Facet, region: shapely.Polygon, force: _Force, reach: float) -> _Piece:
-    """Return a square patch of stated width about one force.
+    """Spread one force over a square of its stated width; sides are along e1 and e2.
 
-    Raises InputError if it does not fit. Its sides are along e1 and e2 of the facet. reach: distance by which it may
-    exceed the region.
+    Raises InputError if the square exceeds the region by more than `reach`.
     """
     assert force.width is not None
     x, y = facet.flat(force.place[None])[0]
@@ -224,9 +227,10 @@ def _stated(assembly: Assembly, facet: Facet, region: shapely.Polygon, force: _F
 
 
 def _linear(facet: Facet, region: shapely.Polygon, forces: list[_Force]) -> Traction:
-    """Return the traction F/A + n g·x + ω n × x on a region, docs/method.md (10.3).
+    """Compute the traction F/A + n g·x + ω n × x on a region, docs/method.md (10.3).
 
-    It has the resultant force and moment of the forces.
+    F, A: total force and area. g, ω: such that the traction has the force and moment of `forces`. x: place from the
+    centroid.
     """
     area = float(region.area)
     middle = np.array(region.centroid.coords[0])
@@ -259,7 +263,10 @@ def _second_moment(region: shapely.Polygon, middle: Floats) -> Floats:
 
 
 def _overlaid(pieces: list[_Piece], reach: float) -> list[_Piece]:
-    """Return parts that do not overlap, each with the sum of the tractions on it."""
+    """Cut overlapping pieces into disjoint parts, each with the sum of its tractions.
+
+    pieces: polygons and tractions on one facet. reach: parts thinner than about this length are dropped.
+    """
     done: list[_Piece] = []
     for polygon, traction in pieces:
         rest, new = polygon, []
@@ -298,9 +305,10 @@ def _place_text(place: Floats) -> str:
 
 
 def _body(assembly: Assembly, mesh: SolidMesh, loads: Floats) -> Floats:
-    """Return forces per volume (t, 3) in root tetrahedra, equivalent to nodal loads of cells.
+    """Spread loads on cells over their root tetrahedra as forces per volume (t, 3).
 
-    loads: (n, 6) forces and moments about the centroids of the elements, scene units.
+    loads: (n, 6) forces and moments about the centroids of the elements, scene units. Force and moment of each cell are
+    kept.
     """
     middle = mesh.corners.mean(axis=1)
     body = np.zeros((len(mesh), 3))

@@ -144,9 +144,10 @@ class SpatialLowerBound:
         return least - tolerances.ROUNDING * float(abs(principal).max())
 
     def _joint_room(self, stress: Floats) -> Floats:
-        """Return distances (k, 3) of stresses (t, 4, 6) to yield at the corners of dry triangles.
+        """Return the distances (k, 3) to yield at the corners of the k dry triangles.
 
-        Shear on joints without friction and cohesion has no room: it is made zero as equilibrium is made exact.
+        stress: (t, 4, 6), scaled. Negative distances are violations. Shear on joints without friction and cohesion is
+        not measured: it is made zero as equilibrium is made exact.
         """
         p, s, rows = self.problem, self.problem.sides, self.problem.dry
         own = stress[s.a[rows][:, None], s.corner_a[rows]]
@@ -205,9 +206,9 @@ class SpatialLowerBound:
         return columns, values if first else -values
 
     def _along(self, rows: Ints, corner: int, along: Floats) -> tuple[Ints, Floats]:
-        """Return columns and values (k, 6) of tractions of tetrahedron a along directions.
+        """Return columns and values (k, 6) of traction components along given directions.
 
-        along: (k, 3). rows: (k,) triangles. corner: 0 to 2.
+        rows: (k,) triangles, with the tractions of tetrahedron a. corner: 0 to 2. along: (k, 3) directions.
         """
         s = self.problem.sides
         columns = 24 * s.a[rows][:, None] + 6 * s.corner_a[rows, corner][:, None] + np.arange(6)

@@ -123,9 +123,9 @@ class SolidMesh:
         return Sides(a, b, corner_a, corner_b, outward / double[:, None], 0.5 * double, tags)
 
     def _tags(self, whole: Ints) -> Ints:
-        """Return the tag (u,) of triangles, FREE without one.
+        """Return the tag (u,) of each triangle; FREE without one.
 
-        whole: (u, 3) nodes in ascending order, rows sorted.
+        whole: (u, 3) nodes of the triangles, each row ascending, rows in lexicographic order.
         """
         tags = np.full(len(whole), FREE, dtype=np.int64)
         if len(self.tagged):

@@ -133,7 +133,7 @@ def spatial_problem(
 
 
 def _pull(mesh: SolidMesh, loads: SpatialLoads) -> Floats:
-    """Return live tractions (f, 3, 3) at the corners of all triangles, scene units."""
+    """Compute the live tractions (f, 3, 3) at the corners of all triangles, scene units."""
     sides = mesh.sides
     pull = np.zeros((len(sides), 3, 3))
     for index, traction in enumerate(loads.tractions):

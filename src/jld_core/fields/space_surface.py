@@ -162,7 +162,7 @@ def surface_of(assembly: Assembly, patches: tuple[Patch, ...] = (), more: Floats
 
 
 def _merged(places: Floats, reach: float) -> tuple[Floats, Ints]:
-    """Merge places (k, 3) within `reach` to points (p, 3); also return the point of each."""
+    """Merge places (k, 3) within `reach`; return points (p, 3) and the point (k,) of each."""
     pairs = cKDTree(places).query_pairs(reach, output_type="ndarray")
     group = components(len(places), pairs[:, 0], pairs[:, 1])
     _, first, number = np.unique(group, return_index=True, return_inverse=True)

@@ -177,9 +177,9 @@ class SpatialUpperBound:
         return power
 
     def _joint_power(self, rates: SpatialRates) -> Floats:
-        """Return power (k, 3) per area at corners of dry triangles.
+        """Compute the power per area (k, 3) at the corners of the k dry triangles, scaled.
 
-        Slip costs cohesion. Opening that friction lacks costs crushing, inf where the joint cannot crush.
+        Slip costs cohesion. Opening that friction lacks costs crushing; it is inf where the joint cannot crush.
         """
         p = self.problem
         face = p.face[p.dry]
@@ -235,16 +235,17 @@ class _Program:
         return solve_cones(np.concatenate(self._costs), matrix, rhs, sizes)
 
     def _new(self, cost: Floats) -> Ints:
-        """Add variables with costs (k,), and return their columns (k,)."""
+        """Add k variables with the given costs (k,) and return their column numbers (k,)."""
         columns = self._columns + np.arange(len(cost))
         self._columns += len(cost)
         self._costs.append(cost)
         return columns
 
     def _multipliers(self, size: Floats, trace: tuple[Ints, Floats]) -> list[tuple[Ints, Floats | float]]:
-        """Add y1 and y3, with y2 = e − sin φ y1 + y3 at least the margin, of (9.3).
+        """Add the multipliers y1, y3 ≥ 0 and y2 = e − sin φ y1 + y3 ≥ margin of (9.3).
 
-        size: (k,) costs of a unit of dissipation. trace: columns and values of e. Returns the entries of y1 + y2 + y3.
+        size: (k,) factors on the dissipation. trace: columns and values of e. Returns the entries of y1 + y2 + y3. y3
+        exists only for a material that crushes, without a margin then.
         """
         material, count = self.problem.material, len(size)
         columns, values = trace
@@ -262,7 +263,10 @@ class _Program:
         return total
 
     def _solids(self) -> None:
-        """Append ε + B ⪰ 0, B ⪰ 0 and tr ε + 2 tr B ≤ y1 + y2 + y3 for every tetrahedron."""
+        """Add flow rule and dissipation of every tetrahedron, with strain rate ε.
+
+        B ⪰ 0 is a new tensor with ε + B ⪰ 0. Its trace satisfies tr ε + 2 tr B ≤ y1 + y2 + y3.
+        """
         mesh = self.problem.mesh
         count = len(mesh)
         height = np.cbrt(mesh.volume)
@@ -278,9 +282,9 @@ class _Program:
         self._psd.add([(np.repeat(columns, 6, axis=0), -strain.reshape(rows, 12)), (negative.ravel(), -1.0)], 0.0, rows)
 
     def _jump(self, rows: Ints, corner: int) -> tuple[Ints, Floats]:
-        """Return columns (k, 6) and values (k, 3, 6) of the jump at one corner of triangles.
+        """Return columns (k, 6) and values (k, 3, 6) of velocity jumps at a corner of triangles.
 
-        Supports stand still.
+        rows: (k,) triangles. corner: 0 to 2. Supports stand still.
         """
         s = self.problem.sides
         own = 12 * s.a[rows] + 3 * s.corner_a[rows, corner]
@@ -293,7 +297,10 @@ class _Program:
         return columns, values
 
     def _cut_corners(self, corner: int) -> None:
-        """Append |δ| ≤ y1 + y2 + y3, e = δn, for jumps in the material at one corner."""
+        """Add dissipation and flow rule |δ| ≤ y1 + y2 + y3 of jumps δ in the material at a corner.
+
+        corner: 0 to 2. The trace e of (9.3) is the opening δn.
+        """
         rows, s = self.problem.cut, self.problem.sides
         columns, jump = self._jump(rows, corner)
         opening = np.einsum("ki,kij->kj", s.normal[rows], jump)
@@ -301,7 +308,10 @@ class _Program:
         self._cone(self._fours, total, [(columns, jump[:, axis]) for axis in range(3)], len(rows))
 
     def _dry_corners(self, corner: int) -> None:
-        """Append p ≥ |δs| and δn + q ≥ μ p for joints at one corner; p costs cohesion, q crushing."""
+        """Add p ≥ |δs| and δn + q ≥ μ p for jumps on dry joints at one corner, 0 to 2.
+
+        δn: opening. δs: slip. p ≥ 0 costs cohesion, q ≥ 0 crushing.
+        """
         p, s, rows = self.problem, self.problem.sides, self.problem.dry
         if not rows.size:
             return

@@ -135,7 +135,10 @@ class UpperBound:
         return [self._bound_by(answer, labels) for answer, labels in zip(answers, labellings, strict=True)]
 
     def _bound_by(self, answer: Answer, labels: Bits) -> VelocityField | None:
-        """Certify an answer of the solver, or what programs with margins propose instead; see `bound`."""
+        """Certify an answer of the solver; try programs with margins if repairs cost much λ.
+
+        labels: (m,) True = dry. See `bound` for the result.
+        """
         self.status = answer.status
         # a ray of an unbounded program is a mechanism too: the blocks are too weak for their dead load
         if not (answer.usable or answer.status == "DualInfeasible"):
@@ -149,9 +152,10 @@ class UpperBound:
         return found
 
     def _with_margins(self, labels: Bits, found: VelocityField | None, expected: float) -> VelocityField | None:
-        """Return the best of `found` and the fields of programs with room in every flow rule.
+        """Return the field of least bound: `found`, or one of programs with room in flow rules.
 
-        found: field so far or None. expected: scaled λ by the solver. The first that costs little ends the attempts.
+        labels: (m,) True = dry. found: field so far or None. expected: scaled λ by the solver. Margins grow; the first
+        field whose repairs cost little ends the attempts.
         """
         for margin in _MARGINS:
             answer = VelocityProgram(self.problem, self.live, self.dead, margin).solve(self.problem.is_dry(labels))

@@ -106,7 +106,10 @@ class VelocityProgram:
         return self._program.solve_all(np.array(off), np.array(objective))
 
     def _switched(self, dry: Bools, undecided: Bools | None = None) -> tuple[Bools, Floats]:
-        """Return the rows (rows,) that are off, and the costs (columns,); see `solve`."""
+        """Return which rows (rows,) are off, and the costs (columns,), for labels of the edges.
+
+        dry, undecided: (e,) as for `solve`.
+        """
         off = (self._off_owner >= 0) & (dry[self._off_owner] != self._off_dry)
         if undecided is not None:
             either = (self._off_owner >= 0) & undecided[self._off_owner]
@@ -118,7 +121,7 @@ class VelocityProgram:
         return off, objective
 
     def _new(self, cost: Floats) -> Ints:
-        """Add variables with costs (k,), and return their columns (k,)."""
+        """Add k variables with the given costs (k,) and return their column numbers (k,)."""
         columns = self._columns + np.arange(len(cost))
         self._columns += len(cost)
         self._costs.append(cost)
@@ -135,7 +138,7 @@ class VelocityProgram:
         self._when_dry[cone].append(np.full(count, when_dry))
 
     def _power(self, trace: Entries, shear: tuple[Entries, Entries], size: Floats, owner: Ints | None) -> None:
-        """Append conditions and costs of the support function of the material.
+        """Add flow rule and dissipation of the material for k triangles or edge ends.
 
         trace: entries of e. shear: those of the two components of g. size: (k,) area over the scale of its entries, or
         half a length. owner: as for `_rows`.
@@ -167,7 +170,7 @@ class VelocityProgram:
         self._rows(entries, 0.0, 3 * count, owners, False, True)
 
     def _triangles(self) -> None:
-        """Append the dissipation in the triangles."""
+        """Add flow rule and dissipation of all triangles."""
         mesh, material = self.problem.mesh, self.problem.material
         count = len(mesh)
         size = np.sqrt(mesh.area)
@@ -177,7 +180,10 @@ class VelocityProgram:
         self._power(trace, (stretch, shear), size, None)
 
     def _material_ends(self, rows: Ints, end: int) -> None:
-        """Append the dissipation at one end of edges `rows` in the material."""
+        """Add flow rule and dissipation of jumps in the material at one end of edges.
+
+        rows: (k,) edges. end: 0 or 1.
+        """
         e, material = self.problem.edges, self.problem.material
         normal = e.normal[rows]
         opening = jump_entries(self.problem, rows, end, normal)
@@ -188,9 +194,9 @@ class VelocityProgram:
         self._power(opening, (opening, slip), half, rows)
 
     def _dry_ends(self, rows: Ints, end: int) -> None:
-        """Append δn + q ≥ μ|δs|, q ≥ 0, p ≥ |δs| at one end of dry edges.
+        """Add δn + q ≥ μ|δs| and p ≥ |δs| for jumps on dry joints at one end of edges.
 
-        q costs crushing, p cohesion.
+        rows: (k,) edges. end: 0 or 1. δn: opening. δs: slip. q ≥ 0 costs crushing, p ≥ 0 cohesion.
         """
         p, e = self.problem, self.problem.edges
         face, normal, half = p.face[rows], e.normal[rows], 0.5 * e.length[rows]

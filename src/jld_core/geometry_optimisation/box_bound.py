@@ -154,10 +154,10 @@ class BoxProblem:
         return both[..., 0], both[..., 1:]
 
     def loads(self, low: Floats, high: Floats) -> tuple[Floats, Floats]:
-        """Return the scaled dead and live loads on free elements over a box in Bernstein form.
+        """Compute the scaled dead and live loads on free elements over a box, in Bernstein form.
 
-        Each is (4^p, 3·free): its values in the box lie within the convex hull of the rows. Columns are force x, force
-        y and moment of each element. low, high: (p,) bounds on the parameters, lengths.
+        low, high: (p,) bounds on the parameters, lengths. Each result is (4^p, 3·free): force x, force y and moment of
+        each free element in turn. The loads at any position in the box lie within the convex hull of the rows.
         """
         area, moment = self._bernstein_moments(low, high)
         free = self._assembly.elements.free
@@ -184,11 +184,11 @@ class BoxProblem:
         return np.array(areas)
 
     def generators(self, low: Floats, high: Floats) -> tuple[Floats, Floats] | None:
-        """Return forces at ends of faces whose cone holds all forces of faces in the box.
+        """Return extreme contact forces on free elements, which generate all forces in a box.
 
-        The results are the forces (g, 3·free) on free elements, scaled, and magnitudes of the terms of each entry, of
-        the same shape. Rounding errors follow from these. None where the directions of a face span half a turn. low,
-        high: (p,) bounds on the parameters, lengths.
+        low, high: (p,) bounds on the parameters, lengths. Both results are (g, 3·free), scaled: the forces, and the
+        magnitudes of the terms that each entry sums. The magnitudes bound rounding errors. None where the force
+        directions at one face span half a turn.
         """
         places = self.corners(low, high)
         faces, elements = self._assembly.interfaces, self._assembly.elements
@@ -220,9 +220,10 @@ class BoxProblem:
         return np.concatenate(rows), np.concatenate(sizes)
 
     def motion(self, velocity: Floats) -> Floats:
-        """Return the velocities (n, 3) of all elements about their centroids, of a mechanism in scaled units.
+        """Convert scaled velocities of free elements to velocities (n, 3) of all elements.
 
-        Rows are (ux, uy, ω); only ratios have a meaning. velocity: (3·free,) as in `BoxBound`.
+        velocity: (3·free,) as in `BoxBound`. Rows are (ux, uy, ω) about the centroids, 0 for supports. Their common
+        scale is arbitrary.
         """
         found = np.zeros((len(self._row), 3))
         found[self._row >= 0] = velocity.reshape(-1, 3)
@@ -253,11 +254,11 @@ class BoxProblem:
     def _weighed(
         self, velocity: Floats, forces: Floats, sizes: Floats, dead: Floats, live: Floats, parameters: int
     ) -> tuple[float, Floats | None]:
-        """Repair velocities over a box; return the scaled bound that they prove, and them.
+        """Repair a mechanism over a box; return the scaled bound on λ that it proves, and itself.
 
-        velocity: (3·free,). forces, sizes: (g, 3·free) of `generators`. dead, live: (4^p, 3·free) of `loads`.
-        parameters: p. Every sum is lowered by the rounding error that it can have. The bound is inf, with None, where
-        no repair succeeds.
+        velocity: (3·free,) mechanism. forces, sizes: (g, 3·free) of `generators`. dead, live: (4^p, 3·free) of `loads`.
+        parameters: p. Possible rounding errors count against the proof. The bound is −inf where no position stands;
+        (inf, None) if no repair succeeds.
         """
         # coordinates far from the origin have lost digits before areas and moments are formed
         growth = _ROUNDED * _GROWTH**parameters * (1.0 + float(abs(self._mesh.places).max()) / self._length)
@@ -291,7 +292,7 @@ def _require_dry(assembly: Assembly, labels: Bits) -> None:
 
 
 def _extremes(force: Floats) -> Floats | None:
-    """Return the two outermost of unit vectors (k, 2); None where they span half a turn."""
+    """Return the two outermost (2, 2) of unit vectors (k, 2); None if they span half a turn."""
     middle = force.sum(axis=0)
     angle = np.arctan2(middle[0] * force[:, 1] - middle[1] * force[:, 0], force @ middle)
     first, last = int(np.argmin(angle)), int(np.argmax(angle))
@@ -302,10 +303,10 @@ def _extremes(force: Floats) -> Floats | None:
 
 
 def _mechanism(forces: Floats, dead: Floats, live: Floats, *, standing: bool = False) -> Floats | None:
-    """Return the unverified mechanism of least bound over a box, None where none is found.
+    """Find the mechanism (3·free,) with the least upper bound on λ over a box; unverified.
 
-    forces: (g, 3·free). dead, live: (4^p, 3·free). standing: seek a mechanism under which no position stands, instead
-    of one that bounds λ.
+    forces: (g, 3·free) contact forces, on which it does no negative work. dead, live: (4^p, 3·free) loads. standing:
+    find a mechanism under which no position stands instead. None if the solver finds none.
     """
     count = forces.shape[1]
     rows = np.zeros((len(forces) + len(live) + len(dead), count + 1))
@@ -325,9 +326,9 @@ def _mechanism(forces: Floats, dead: Floats, live: Floats, *, standing: bool = F
 
 
 def _opening(forces: Floats) -> Floats | None:
-    """Return velocities of at most one that maximise the least power of all forces.
+    """Find velocities (3·free,), at most 1 each, that maximise the least power of all forces.
 
-    forces: (g, 3·free). None where the solver fails.
+    forces: (g, 3·free) contact forces. None if the solver fails.
     """
     count = forces.shape[1]
     rows = np.hstack([forces, -np.ones((len(forces), 1))])
@@ -337,9 +338,10 @@ def _opening(forces: Floats) -> Floats | None:
 
 
 def _solved(rows: Floats, objective: Floats, low: Floats, least: Floats, most: Floats, count: int) -> Floats | None:
-    """Return the first columns of a solution of min objective·x; None without a solution.
+    """Minimise objective·x subject to rows @ x ≥ low and least ≤ x ≤ most.
 
-    Constraints are rows @ x ≥ low and least ≤ x ≤ most. count: number of columns returned.
+    rows: (r, c). objective, least, most: (c,). low: (r,). Returns the first `count` values of x; None unless the solver
+    reports an optimum.
     """
     high = np.full(len(low), np.inf)
     highs = highs_of(sp.csc_array(rows), objective, low, high, least, most, _HIGHS)

@@ -154,9 +154,9 @@ class _Search:
         self.best: tuple[float, Floats, LimitAnalysisResult] | None = None
 
     def bound(self, low: Floats, high: Floats) -> BoxBound:
-        """Return the least bound on the governing factor over a box, of all load cases.
+        """Bound the governing load factor over a box: the least bound of all load cases.
 
-        low, high: (p,) lengths.
+        low, high: (p,) ends of the box, lengths. The bound of each case is divided by its required load factor.
         """
         self.boxes += 1
         found = [one.bound(low, high) for one in self.problems]
@@ -165,16 +165,19 @@ class _Search:
         return BoxBound(values[least], found[least].velocity, least)
 
     def node(self, bound: BoxBound) -> BoxNode:
-        """Return the leaf of a box with a bound."""
+        """Make a leaf of the tree from a bound, with the velocities of all elements."""
         motion = None if bound.velocity is None else self.problems[bound.case].motion(bound.velocity)
         return BoxNode(bound.value, motion, bound.case)
 
     def places(self, parameters: Floats) -> Floats:
-        """Return the positions (v, 2) of all vertices."""
+        """Return the positions (v, 2) of all vertices at parameters (p,), lengths."""
         return np.asarray(self.mesh.places + np.einsum("p,pvd->vd", parameters, self.directions))
 
     def try_position(self, parameters: Floats) -> LimitAnalysisResult | None:
-        """Solve one position (p,) and keep it if it is the best; None where it cannot be built."""
+        """Analyse the scene at parameters (p,), and keep the position if its λ is the best so far.
+
+        None where no valid scene has this position.
+        """
         try:
             assembly = build_assembly(self.moved.at(self.places(parameters)))
         except InputError:
@@ -186,9 +189,11 @@ class _Search:
         return result
 
     def split(self, low: Floats, high: Floats, whole: Floats) -> tuple[int, list[tuple[BoxBound, Floats, Floats]]]:
-        """Return the best axis, and both halves of a box along it, each with bound, low and high (p,).
+        """Halve a box along the parameter for which the larger bound of both halves is least.
 
-        That axis gives the least larger bound. Narrow axes are not tried. whole: (p,) size of the first box.
+        low, high: (p,) ends of the box. whole: (p,) size of the first box; all are lengths. Parameters along which the
+        box is relatively narrow are not tried. Returns the parameter, and for each half its bound, low (p,) and high
+        (p,).
         """
         choices = []
         wide = np.flatnonzero((high - low) / whole >= 0.25 * ((high - low) / whole).max())

@@ -14,13 +14,13 @@ _EQUAL: Final = 1e-6
 
 
 def equal_corners(outlines: list[Ints], places: Floats, changing: Bools) -> list[tuple[Ints, Ints]]:
-    """Return pairs of outlines that are equal, corner by corner: the first of each kind and every further one.
+    """Pair equal outlines corner by corner: the first of each kind with every further one.
 
     Elements are equal if one is the other moved, turned or mirrored. Kinds without an element that changes are left
     out.
 
     outlines: vertices of the corners around each element. places: (v, 2) positions. changing: (n,) True for elements
-    with a vertex that moves.
+    with a vertex that moves. Each pair holds two equally long arrays of vertices.
     """
     kinds: list[list[tuple[int, Ints]]] = []
     for element, outline in enumerate(outlines):
@@ -37,7 +37,10 @@ def equal_corners(outlines: list[Ints], places: Floats, changing: Bools) -> list
 
 
 def _matched(places: Floats, one: Ints, other: Ints) -> Ints | None:
-    """Return the corners of an outline in the order of an equal one; None if they are not equal."""
+    """Reorder the corners `other` to match an equal outline `one`; None if they are not equal.
+
+    places: (v, 2) positions. one, other: vertices around two elements.
+    """
     if len(one) != len(other):
         return None
     wanted = _distances(places[one])
@@ -55,7 +58,9 @@ def _distances(corners: Floats) -> Floats:
 
 
 class EqualShapes:
-    """Equations that keep pairs of outlines equal: differences of squared distances of corners, all to be zero.
+    """Equations that keep pairs of outlines equal, by squared distances of corners.
+
+    Each equation keeps the difference of two squared distances as it is at the start.
 
     Of an outline with k corners, the k edges and the k − 3 diagonals from its first corner are compared.
 
@@ -80,7 +85,10 @@ class EqualShapes:
         return len(self._rows)
 
     def at(self, places: Floats) -> tuple[Floats, sp.csr_array]:
-        """Return the values (r,) of the equations at positions (v, 2), and their derivatives (r, 2v)."""
+        """Return the values (r,) of the equations and their derivatives (r, 2v).
+
+        places: (v, 2) positions.
+        """
         values, slopes = self._differences(places)
         columns = (2 * self._rows[:, :, None] + np.arange(2)).reshape(len(self._rows), 8)
         row = np.repeat(np.arange(len(self._rows)), 8)
@@ -88,7 +96,10 @@ class EqualShapes:
         return values - self._start, sp.csr_array(entries, shape=(len(self._rows), places.size))
 
     def _differences(self, places: Floats) -> tuple[Floats, Floats]:
-        """Return differences (r,) of squared distances, relative to the start, and derivatives (r, 4, 2)."""
+        """Compute differences (r,) of squared distances, relative to the start, and derivatives.
+
+        The derivatives (r, 4, 2) are by the positions of the four vertices of each equation. places: (v, 2) positions.
+        """
         first, second = (places[self._rows[:, k + 1]] - places[self._rows[:, k]] for k in (0, 2))
         values = ((first**2).sum(axis=1) - (second**2).sum(axis=1)) / self._unit
         slopes = 2.0 * np.stack([-first, first, second, -second], axis=1) / self._unit[:, None, None]

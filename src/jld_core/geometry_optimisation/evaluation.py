@@ -122,9 +122,9 @@ class Evaluator:
         return self._mesh.at(self.variables.places(values))
 
     def region(self, values: Floats, low: Floats, high: Floats) -> Region:
-        """Return the steps allowed from variables z (k,), for `solve_step`.
+        """Compute the linearised limits, ties and bounds of a step from variables z (k,).
 
-        low, high: (k,) bounds on the step, lengths; the region holds them in units of `unit`.
+        low, high: (k,) bounds on the step, lengths; the result holds them in units of `unit`.
         """
         places, unit = self.variables.places(values), self.unit
         jacobian = self.variables.jacobian(values) * unit
@@ -174,16 +174,20 @@ class Evaluator:
 
     @staticmethod
     def with_forces(point: Evaluated, answer: StepAnswer) -> Evaluated:
-        """Return a copy of a point with the unproven forces of the answer of its step."""
+        """Copy a point with the unproven forces that the program of its step found.
+
+        Mechanisms of load cases are dropped.
+        """
         states = [
             replace(state, forces=own, mechanism=None) for state, own in zip(point.states, answer.forces, strict=True)
         ]
         return replace(point, states=states)
 
     def _dead_states(self, values: Floats, assembly: Assembly, near: list[CaseState]) -> list[CaseState]:
-        """Return a state for every different dead load of the cases, with admissible forces.
+        """Return admissible forces under each different dead load of the load cases.
 
-        near: states of a point nearby, whose forces are taken if they fit. Empty where no forces are found.
+        values: (k,) variables z. near: states of a point nearby. Its forces are reused if it has as many dead loads,
+        without a check of equilibrium. Otherwise a program finds them; an empty list means that it failed.
         """
         known = [state for state in near if state.dead]
         different: list[Assembly] = []
@@ -201,10 +205,10 @@ class Evaluator:
         return [replace(state, forces=own) for state, own in zip(states, answer.forces, strict=True)]
 
     def frozen(self, values: Floats, answer: StepAnswer, states: list[CaseState]) -> Evaluated | None:
-        """Return the point at variables z (k,) with the forces of a step, without a proof.
+        """Return an unproven point at variables z (k,) with the forces that a step found.
 
-        A correction of second order starts there. None where z is no structure. states: cases of the step, in their
-        order.
+        It is where a second-order correction starts. answer: forces, λ and objective of the step. states: its load
+        cases, in order. None where elements turn over or overlap.
         """
         assembly = self.assembly(values)
         if assembly is None:
@@ -217,11 +221,11 @@ class Evaluator:
         return Evaluated(values, answer.value, None, found)
 
     def missing(self, values: Floats) -> Evaluated | None:
-        """Return the point at variables z (k,) with the strength that it lacks, for phase one.
+        """Return an unproven point at variables z (k,), whose objective is its spare strength.
 
-        The objective is minus the force that, added to every yield condition, lets the structure stand at some λ ≥ 0.
-        It is positive where strength is left, and not proven. Phase one maximises it. None where z is no structure or
-        the program fails.
+        The objective is minus the least force that, added to every yield condition, lets the structure stand at some λ
+        ≥ 0. Phase one maximises it until it is positive. None where elements turn over or overlap, or the program
+        fails.
         """
         assembly = self.assembly(values)
         if assembly is None:

@@ -172,9 +172,10 @@ def shaped_scene(scene: Scene, assembly: Assembly, labels: Bits, shape: Shape) -
 
 
 def _shape_face(assembly: Assembly, face: int, shape: Shape, cells: list[list[shapely.Polygon]]) -> None:
-    """Cut each tooth of a face out of the cells of one element and add it to the other.
+    """Cut each tooth of a face out of one element's cells, and add it to the other's.
 
-    cells: polygons of each element, changed in place. Raises InputError for a tooth that does not fit.
+    cells: polygons of each element, changed in place. For a key, the receiving block is also cut at the depth of the
+    key. Raises InputError for a tooth that does not fit.
     """
     faces = assembly.interfaces
     first, last = faces.polygon[face][0], faces.polygon[face][1]
@@ -216,7 +217,7 @@ def _shape_face(assembly: Assembly, face: int, shape: Shape, cells: list[list[sh
 
 
 def _pieces(found: Any) -> list[shapely.Polygon]:
-    """Return the polygons of a result of set operations, without those due to rounding."""
+    """Return the polygons in a shapely geometry, without slivers due to rounding."""
     parts = [one for one in getattr(found, "geoms", [found]) if one.geom_type == "Polygon"]
     most = max((one.area for one in parts), default=0.0)
     return [one for one in parts if one.area > _SAME * most]

@@ -29,12 +29,11 @@ _ALIKE: Final = 1e-6
 
 
 def one_sided(result: LimitAnalysisResult, mesh: VertexMesh, rates: Floats) -> tuple[Floats, Floats]:
-    """Return the rates (2v,) of λ for a decrease and for an increase of each coordinate.
+    """Compute the rates (2v,) of λ for a decrease and for an increase of each coordinate.
 
-    Where neither forces nor mechanism can change the rate, both sides are equal to `rates`. So they are for programs
-    with cones and for large ones, where kinks are not looked for. Entry 2·vertex + axis; rates per length, scene units.
-
-    rates: (2v,) from the forces and the mechanism of the result.
+    rates: (2v,) from the forces and the mechanism of the result, per length, scene units; entry 2·vertex + axis. Both
+    results equal `rates` where forces and mechanism leave the rate unique. They also do for large programs and programs
+    with cones, in which kinks are not looked for.
     """
     analysis = LimitAnalysis(result.assembly)
     structure = analysis.template.structure
@@ -71,7 +70,10 @@ class _ProgramRates:
         self._stretch = sp.diags_array(1.0 / assembly.interfaces.l1) @ lengths
 
     def of(self, column: int) -> tuple[sp.csr_array, Floats]:
-        """Return the derivatives of matrix and right-hand side by coordinate 2·vertex + axis."""
+        """Return the derivatives of matrix and right-hand side by one vertex coordinate.
+
+        column: the coordinate, 2·vertex + axis. The results have the shapes of the program's data.
+        """
         structure = self.solved.program.structure
         rows, columns, values = [], [], []
         active = self.template.yield_set.active(self.solved.labels)
@@ -97,9 +99,9 @@ class _ProgramRates:
 
 
 def _may_jump(result: LimitAnalysisResult, mesh: VertexMesh, data: _ProgramRates, largest: float) -> Bools:
-    """Return True (2v,) where the rates vary over the optimal forces or multipliers.
+    """Mark the coordinates (2v,) whose rate of λ varies over optimal forces or multipliers.
 
-    data: derivatives of the program. largest: greatest size of a rate.
+    data: derivatives of the linear program. largest: greatest absolute rate, per length.
     """
     template, solved = data.template, data.solved
     structure = solved.program.structure
@@ -131,5 +133,5 @@ def _may_jump(result: LimitAnalysisResult, mesh: VertexMesh, data: _ProgramRates
 
 
 def _size(direction: Floats, values: Floats) -> float:
-    """Return the norm of a direction over the largest size of the values."""
+    """Return the Euclidean norm of a direction over the largest absolute entry of `values`."""
     return float(np.linalg.norm(direction)) / max(float(abs(values).max(initial=0.0)), tolerances.ROUNDING)

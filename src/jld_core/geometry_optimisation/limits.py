@@ -52,7 +52,9 @@ class LimitValues:
 
 
 class Limits:
-    """Limits on angles, edges, areas, masses, draft, equal shapes and places of loads, as r numbers.
+    """Limits of planar joints as r numbers, each with a least or an exact value.
+
+    They limit angles, edges, areas, masses, draft, equal shapes and places of loads.
 
     A limit that the start does not keep is relaxed to what the start keeps.
 
@@ -127,7 +129,7 @@ class Limits:
         return corners[(angle < np.pi) & ~straight], corners[straight]
 
     def _equal(self, count: int) -> Bools:
-        """Return True (count,) for the rows of limits that are equations."""
+        """Mark the limits (count,) that are equations: straight corners if required, equal shapes."""
         found = np.zeros(count, dtype=bool)
         if self._move.straight:
             found[: len(self._straight)] = True
@@ -151,9 +153,9 @@ class Limits:
         return LimitValues(values, sp.csr_array(sp.vstack([rates for _, rates in parts])))
 
     def _of_straight(self, places: Floats) -> tuple[Floats, sp.csr_array]:
-        """Return rows of straight corners, rad: deviations from 180°, if these must be 0.
+        """Return deviations of straight corners from 180°, rad, and their derivatives.
 
-        Otherwise the rows are the distances to the largest bend on either side.
+        Where corners need not stay straight, the values are distances to the largest bend on either side.
         """
         angle = _angle(places, self._straight) - np.pi
         rates = _angle_rates(places, self._straight)
@@ -163,13 +165,13 @@ class Limits:
         return np.concatenate([angle + _BEND, _BEND - angle]), both
 
     def _of_angles(self, places: Floats) -> tuple[Floats, sp.csr_array]:
-        """Return rows of the distances of angles at corners to the least and largest one, rad."""
+        """Return angles less the least and largest less angles at corners, rad, and derivatives."""
         angle, rates = _angle(places, self._corners), _angle_rates(places, self._corners)
         low, high = np.radians(self._move.angle)
         return np.concatenate([angle - low, high - angle]), sp.csr_array(sp.vstack([rates, -rates]))
 
     def _of_edges(self, places: Floats) -> tuple[Floats, sp.csr_array]:
-        """Return rows of the edges less the least edge, relative to it."""
+        """Return edge lengths over the least length, less 1, and their derivatives."""
         edge = places[self._edges[:, 1]] - places[self._edges[:, 0]]
         length = np.linalg.norm(edge, axis=1)
         along = edge / length[:, None] / self._edge
@@ -177,13 +179,16 @@ class Limits:
         return length / self._edge - 1.0, sparse_rows(np.concatenate([-along, along], axis=1), columns, places.size)
 
     def _of_areas(self, rates: AreaRates) -> tuple[Floats, sp.csr_array]:
-        """Return rows of the least area of elements, relative to the area at the start."""
+        """Return element areas relative to the start, less the least share, and their derivatives."""
         start = self._areas[self._elements]
         scaled = sp.diags_array(1.0 / start) @ rates.by_area[self._elements]
         return rates.area[self._elements] / start - LEAST_AREA, sp.csr_array(scaled)
 
     def _of_masses(self, rates: AreaRates) -> tuple[Floats, sp.csr_array]:
-        """Return rows of the least and the largest mass of blocks, relative to the bound."""
+        """Return mass / least − 1 and 1 − mass / largest of blocks, and their derivatives.
+
+        Bounds that the user does not state give no values.
+        """
         low, high = self._move.block_mass
         mass: Floats = np.asarray(self._masses @ (rates.area / self._areas))
         slopes = sp.csr_array(self._masses @ sp.diags_array(1.0 / self._areas) @ rates.by_area)
@@ -197,9 +202,9 @@ class Limits:
         return np.concatenate([np.empty(0), *values]), sp.csr_array(sp.vstack(parts))
 
     def _of_loads(self, places: Floats) -> tuple[Floats, sp.csr_array]:
-        """Return rows that keep point loads on the edges of their elements.
+        """Return distances of point loads to both ends of their edges, and their derivatives.
 
-        Values are distances to the ends of the edge, relative to the size of the structure.
+        Half the width of a load is subtracted. Values are relative to the size of the structure.
         """
         values, rates, columns = [], [], []
         for point, first, last, half in self._loads:
@@ -214,9 +219,9 @@ class Limits:
         )
 
     def _of_draft(self, places: Floats, drafted: bool) -> tuple[Floats, sp.csr_array]:
-        """Return rows of the sine between joints and the direction of lifting, less the least one.
+        """Return sines between joints and lifting direction less the least one, and derivatives.
 
-        drafted: as in `at`. Without a draft there are no rows.
+        drafted: as in `at`. No values without a draft.
         """
         draft = self._move.draft
         if draft is None:
@@ -238,7 +243,7 @@ class Limits:
 
 
 def relaxed(values: Floats) -> Floats:
-    """Return values (r,) lowered a little, as least values of limits that a start violates."""
+    """Lower limit values (r,) slightly, for use as least values that the start keeps."""
     return np.asarray(values - (1.0 - _KEPT) * abs(values))
 
 
@@ -259,15 +264,16 @@ def _angle_rates(places: Floats, corners: Ints) -> sp.csr_array:
 
 
 def sparse_rows(values: Floats, columns: Ints, size: int) -> sp.csr_array:
-    """Return rows (k, size) with values (k, j) at columns (k, j)."""
+    """Make a sparse matrix (k, size) from values (k, j) and their columns (k, j)."""
     rows = np.repeat(np.arange(len(values)), values.shape[1])
     return sp.csr_array((values.ravel(), (rows, columns.ravel())), shape=(len(values), size))
 
 
 def mass_rows(assembly: Assembly, labels: Bits, changing: Bools) -> sp.csr_array:
-    """Return the masses (b, n) of elements by blocks, for blocks of free elements of which one changes.
+    """Return the masses (b, n) of the elements in blocks that change, by block.
 
-    changing: (n,) True for elements with a vertex that moves.
+    A row holds the masses of one block's elements, zeros elsewhere. Blocks that hold a support or no changing element
+    have no row. labels: (m,) True = dry. changing: (n,) True for elements with a vertex that moves.
     """
     elements = assembly.elements
     block = blocks_of(assembly, labels)
@@ -279,10 +285,10 @@ def mass_rows(assembly: Assembly, labels: Bits, changing: Bools) -> sp.csr_array
 
 
 def _loads_on_edges(scene: Scene, assembly: Assembly, mesh: VertexMesh) -> list[tuple[Floats, int, int, float]]:
-    """Return place, edge and half the width of each point load on the outline of its element.
+    """Return place (2,), edge and half width of each point load on its element's outline.
 
-    An edge is given by its first and last vertex; a load without a stated width has half width 0. Raises InputError for
-    moving loads and pressure on faces.
+    An edge is given by its first and last vertex. Loads inside elements are left out; half widths are 0 where none is
+    stated. Raises InputError for moving loads and pressure on faces.
     """
     loads = scene.loads
     entries: list[PointLoad | BodyLoad | FaceLoad] = [*loads.dead, *(loads.live or [])]
@@ -312,6 +318,6 @@ def _loads_on_edges(scene: Scene, assembly: Assembly, mesh: VertexMesh) -> list[
 
 
 def _corners_alone(loop: Ints, places: Floats) -> Ints:
-    """Return the vertices of a loop at which it is not straight."""
+    """Return the vertices of a loop without those at which it is straight; places: (v, 2)."""
     angle = _angle(places, np.column_stack([np.roll(loop, 1), loop, np.roll(loop, -1)]))
     return loop[abs(angle - np.pi) > _STRAIGHT]

@@ -75,13 +75,14 @@ class MovedScene:
 
 
 def move_with_points(move: dict[str, Any], start: Floats, places: Floats, size: float) -> dict[str, Any]:
-    """Return the key "move" with its points of vertices where the vertices are now; other points stay.
+    """Return the key "move" with each point at a vertex replaced by the vertex's new position.
 
-    start, places: (v, d) positions to which the key refers, and those now. size: of the structure, length.
+    move: entry of the scene; points elsewhere stay. start, places: (v, d) positions before and now. size: size of the
+    structure, a length, for the tolerance.
     """
 
     def moved(point: list[float]) -> list[float]:
-        """Return where the vertex at a point of the start is now."""
+        """Return the present position of the vertex at a point, or the point if none is there."""
         distance = np.linalg.norm(start - np.array(point, dtype=float), axis=1)
         vertex = int(np.argmin(distance))
         if distance[vertex] > SAME * size:

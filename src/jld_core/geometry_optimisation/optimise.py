@@ -192,7 +192,7 @@ def move_joints(
 def _result(
     search: GeometrySearch, before: Evaluated | None, best: tuple[Evaluated, str], points: list[Point]
 ) -> MovedJoints:
-    """Return the result of a search; best: the last point, and why its search ended."""
+    """Assemble the result of a search; best: the last point, and why its search ended."""
     point, end = best
     places = search.variables.places(point.values)
     scene = search.moved.at(places, point.friction)
@@ -213,9 +213,9 @@ def _result(
 
 
 def _contacts_found(search: GeometrySearch, scene: Scene, point: Evaluated) -> list[str]:
-    """Return a warning if contacts found anew give another λ than those that moved.
+    """Return a warning (list of one) if contacts found anew give another λ; else no warning.
 
-    Empty without one. Only dry joints with λ as objective are compared.
+    Only results with λ as objective, dry joints alone and no strengths of single interfaces are compared.
     """
     result = point.result
     if search.goal != "load_factor" or result is None or result.status is not Status.COLLAPSE:

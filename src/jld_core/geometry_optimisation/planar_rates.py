@@ -72,7 +72,7 @@ def area_rates(mesh: VertexMesh) -> AreaRates:
 
 
 def _by_length(loops: tuple[Ints, ...]) -> Iterator[tuple[Ints, Ints]]:
-    """Yield the positions (n,) of loops with equally many vertices, and these loops (n, k)."""
+    """Yield the indices (k,) and vertices (k, c) of all loops with c vertices, for each c."""
     lengths = np.array([len(loop) for loop in loops])
     for length in np.unique(lengths).tolist():
         chosen = np.flatnonzero(lengths == length)
@@ -169,10 +169,10 @@ def load_rates(assembly: Assembly, mesh: VertexMesh, load_factor: float) -> sp.c
 
 
 def shape_loads(assembly: Assembly, load_factor: float) -> tuple[Floats, Floats]:
-    """Return forces (n, d) in proportion to volume, and forces that move with the centroid.
+    """Return the forces (n, d) that grow with volumes, and those that move with centroids.
 
-    These are the loads at λ that change while an element changes its shape, in scene units. Where the assembly states
-    none, self-weight is both, and all other loads stay.
+    Both are the loads on elements at `load_factor` that change with an element's shape, scene units. Without such data
+    in the assembly, both are the weights of free elements.
     """
     known = assembly.shape_loads
     if known is None:

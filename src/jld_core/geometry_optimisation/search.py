@@ -131,9 +131,9 @@ class GeometrySearch:
         return goals.get(self.move.maximise, "load_factor")
 
     def evaluate(self, values: Floats, near: Evaluated | None) -> Evaluated | None:
-        """Return the point at variables z (k,) with its proven value, None where it has none.
+        """Evaluate the objective at variables z (k,) with a proof; None where none is found.
 
-        near: a point not far away, whose forces or friction are the start; None for none.
+        near: a point not far away, whose forces or friction factor are the start; None for none.
         """
         if self.goal == "friction":
             return self.evaluator.friction(values, 1.0 if near is None else near.friction)
@@ -142,7 +142,7 @@ class GeometrySearch:
         return self.evaluator.load_factor(values, near)
 
     def value_of(self, point: Evaluated) -> float:
-        """Return the value of a point as users read it, scene units.
+        """Convert the objective of a point to the value that users read, scene units.
 
         It is λ, the largest friction coefficient of dry faces, or the thickness.
         """
@@ -172,9 +172,9 @@ class GeometrySearch:
         return None
 
     def _bounds(self, values: Floats, radius: float) -> tuple[Floats, Floats]:
-        """Return bounds low, high (k,) on a step from z, within trust region and box.
+        """Return bounds low, high (k,) on a step from z (k,) by trust region and user's box.
 
-        values: (k,) z. radius: of the trust region, length.
+        radius: of the trust region; all are lengths. The thickness of an arch is limited by the radius alone.
         """
         low, high = np.full(len(values), -radius), np.full(len(values), radius)
         box = self.move.box
@@ -247,10 +247,11 @@ class GeometrySearch:
         return point, "points"
 
     def _try(self, point: Evaluated, radius: float) -> tuple[Evaluated | None, float]:
-        """Return the best point that one step leads to, if any, and the predicted objective.
+        """Take one step; return the best point found or None, and the predicted objective.
 
-        With corrections allowed and λ as goal, a program is solved again from a new point that gains too little. It
-        uses the forces of the step, within the same trust region: a correction of second order.
+        radius: of the trust region, length. With λ as goal, points that gain too little are corrected: the program is
+        solved again there, with the forces of the step (second-order correction). The prediction is inf if the program
+        fails.
         """
         low, high = self._bounds(point.values, radius)
         answer = self.evaluator.step(point, low, high, self.goal)
@@ -288,9 +289,9 @@ class GeometrySearch:
         return answer.value
 
     def _with_other_forces(self, point: Evaluated, random: np.random.Generator) -> Evaluated:
-        """Return a point with other optimal forces, from which a step may find an ascent.
+        """Return a point with other, randomly chosen optimal forces, to look for an ascent.
 
-        It is the point itself where the program fails.
+        The point itself is returned if the program fails.
         """
         still = np.zeros(self.variables.count)
         objective = random.normal(size=point.states[0].forces.size)
@@ -301,10 +302,10 @@ class GeometrySearch:
         return replace(point, states=states)
 
     def shaken(self, number: int, best: Floats | None) -> Floats | None:
-        """Return random variables (k,) of a further start; None where its limits cannot be kept.
+        """Draw random variables z (k,) for a further start; None if none keeps all limits.
 
-        number: seed of the random numbers. best: variables of the best point so far, around which odd numbers start;
-        other starts are around the scene as it is.
+        number: seed of the random numbers. best: (k,) best variables so far, or None. Odd numbers start around `best`,
+        others around the scene as it is.
         """
         random = np.random.default_rng(number)
         basis = self.variables.basis

@@ -24,7 +24,10 @@ _PLANAR_KEYS: Final = ("angle", "draft", "straight", "inner")
 
 
 def require_spatial(assembly: Assembly, labels: Bits, move: Move) -> None:
-    """Raise InputError for what does not move in space."""
+    """Raise InputError for labels, strengths, options or loads that joints in space exclude.
+
+    Excluded are inner faces, cohesion, compressive strength, pressure on faces, and planar options of the key "move".
+    """
     strengths = assembly.strengths
     if not labels.all() or strengths.cohesion.any() or np.isfinite(strengths.crush_dry).any():
         problem = "in space only joints without cohesion and compressive strength move, and no inner faces"
@@ -95,7 +98,9 @@ def _columns(vertices: Ints) -> Ints:
 
 
 class SpatialLimits:
-    """Limits of joints in space as r numbers: plane joints, lengths of edges, volumes and masses of blocks.
+    """Limits of joints in space as r numbers, each with a least or an exact value.
+
+    They limit planes of joints, lengths of edges, volumes of elements and masses of blocks.
 
     Parameters
     ----------
@@ -149,7 +154,10 @@ class SpatialLimits:
         return LimitValues(values, sp.csr_array(sp.vstack([rates for _, rates in parts])))
 
     def _of_planes(self, places: Floats) -> tuple[Floats, sp.csr_array]:
-        """Return rows of plane joints: distance of a corner from the plane of three, relative to the joint."""
+        """Return distances of corners of joints from the plane of three others, and derivatives.
+
+        Values are relative to the size of the joint; 0 keeps a joint plane.
+        """
         values, rows, columns = [], [], []
         for four in self._plane:
             p, q, r, s = places[four]
@@ -166,7 +174,7 @@ class SpatialLimits:
         return np.array(values), sparse_rows(np.array(rows).reshape(count, 12), places_of, places.size)
 
     def _of_edges(self, places: Floats) -> tuple[Floats, sp.csr_array]:
-        """Return rows of the least edge, relative to it."""
+        """Return edge lengths over the least length, less 1, and their derivatives."""
         edge = places[self._edges[:, 1]] - places[self._edges[:, 0]]
         length = np.linalg.norm(edge, axis=1)
         along = edge / length[:, None] / self._edge
@@ -174,7 +182,10 @@ class SpatialLimits:
         return length / self._edge - 1.0, sparse_rows(np.concatenate([-along, along], axis=1), columns, places.size)
 
     def _of_volumes(self, places: Floats) -> list[tuple[Floats, sp.csr_array]]:
-        """Return rows of the least volume of elements, and of the least and largest mass of blocks."""
+        """Return limits on volumes of elements and masses of blocks, with their derivatives.
+
+        Values are volume over that at the start less the least share, mass / least − 1 and 1 − mass / largest.
+        """
         share, rates = np.ones(len(self._volumes)), sp.lil_array((len(self._volumes), places.size))
         for k in self._elements.tolist():
             volume, by_corner = _volume(self._mesh, places, k)
@@ -192,7 +203,10 @@ class SpatialLimits:
 
 
 def _volume(mesh: SpatialMesh, places: Floats, element: int) -> tuple[float, Floats]:
-    """Return the volume of an element at positions (v, 3), and its derivatives (k, 3) by its corners."""
+    """Compute the volume of an element, and its derivatives (k, 3) by its k corners.
+
+    places: (v, 3) positions of all vertices.
+    """
     corners = mesh.corners[element]
     middle = places[corners].mean(axis=0)
     position = {int(vertex): k for k, vertex in enumerate(corners)}
@@ -207,7 +221,7 @@ def _volume(mesh: SpatialMesh, places: Floats, element: int) -> tuple[float, Flo
 
 
 def spatial_variables(assembly: Assembly, mesh: SpatialMesh, move: Move) -> Variables:
-    """Find the variables of a structure in space: corners of joints that slide along the edges that they end.
+    """Choose the variables of a structure in space: corners of joints that slide along edges.
 
     A corner that belongs to one joint of two free elements slides along the mean of the edges on both sides. Corners
     that "along" names move in its direction. Raises InputError as `variables_of`.
@@ -240,7 +254,11 @@ def spatial_variables(assembly: Assembly, mesh: SpatialMesh, move: Move) -> Vari
 
 
 def _joint_corners(assembly: Assembly, mesh: SpatialMesh, held: Bools, taken: set[int]) -> list[tuple[int, Floats]]:
-    """Return vertex and direction of each corner of one joint with one edge across to either side."""
+    """Return vertex and unit sliding direction (3,) of each corner that belongs to one joint.
+
+    Each of the two elements must have exactly one edge from the corner across the joint, at more than 60° to one
+    another. held: (v,) True for vertices that stay. taken: vertices to leave out.
+    """
     faces, owner, edges = assembly.interfaces, *mesh.edges
     count = np.bincount(np.concatenate(mesh.polygons), minlength=len(mesh.places))
     found = []
@@ -261,7 +279,10 @@ def _joint_corners(assembly: Assembly, mesh: SpatialMesh, held: Bools, taken: se
 
 
 def _require_corners(mesh: SpatialMesh, assembly: Assembly, moving: set[int]) -> None:
-    """Raise InputError where a joint with a vertex that moves is not a whole face of both of its elements."""
+    """Raise InputError for a moving joint that is not a whole face of both elements.
+
+    moving: vertices that move; a joint moves if one of its corners does.
+    """
     faces = assembly.interfaces
     for face, polygon in enumerate(mesh.polygons):
         own = set(polygon.tolist())

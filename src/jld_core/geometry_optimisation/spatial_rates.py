@@ -46,9 +46,9 @@ def spatial_rates(result: LimitAnalysisResult, forces: Floats, mechanism: Floats
 
 
 def _element_rates(assembly: Assembly, element: int, motion: Floats, load_factor: float) -> Floats:
-    """Return −d(power of the loads of an element) by its vertices (k, 3), scene units.
+    """Return minus the derivatives of an element's load power by its vertices, (k, 3).
 
-    motion: (6,) velocity of the centroid, then rotation.
+    motion: (6,) velocity of the centroid, then rotation. load_factor: λ of the live loads. Scene units.
     """
     growing, riding = (load[element] for load in shape_loads(assembly, load_factor))
     volume, by_volume, by_moment = volume_rates(assembly, element)
@@ -58,9 +58,10 @@ def _element_rates(assembly: Assembly, element: int, motion: Floats, load_factor
 
 
 def volume_rates(assembly: Assembly, element: int) -> tuple[float, Floats, Floats]:
-    """Return the volume of an element, and its rates (k, 3) and those of the first moment (k, 3, 3) by its corners.
+    """Return the volume of an element, and the rates of volume and first moment by corners.
 
-    The first moment is about the present centroid; its rate [corner, i, j] is that of component i by coordinate j.
+    The rates are (k, 3) and (k, 3, 3). The first moment is about the present centroid. Its rate [corner, i, j] is that
+    of component i by coordinate j.
     """
     corner = assembly.elements.shape[element] - assembly.elements.centroid[element]
     volume, by_volume, by_moment = 0.0, np.zeros_like(corner), np.zeros((len(corner), 3, 3))
@@ -98,7 +99,10 @@ class HeldForces:
     twist: float
 
     def wrench(self, polygon: Floats) -> Floats:
-        """Return force and moment (6,) on the second element, about the origin, of a polygon (k, 3)."""
+        """Return force and moment about the origin (6,) of the held forces on the second element.
+
+        polygon: (k, 3) present corners of the face.
+        """
         vector = area_vector(polygon) if area_vector(polygon) @ self.normal > 0.0 else -area_vector(polygon)
         normal = vector / float(np.linalg.norm(vector))
         frame = plane_frame(normal, self.normal)
@@ -134,7 +138,10 @@ def plane_frame(normal: Floats, beside: Floats) -> Floats:
 
 
 def face_motion(assembly: Assembly, face: int, mechanism: Floats) -> tuple[Floats, Floats]:
-    """Return velocity at the origin of a face and spin (3,), of its second element less those of the first."""
+    """Return the relative velocity (3,) at a face's origin and relative spin (3,).
+
+    Both are those of its second element less those of the first. mechanism: (n, 6) velocities of the elements.
+    """
     faces = assembly.interfaces
     velocity, spin = np.zeros(3), np.zeros(3)
     for element, sign in ((int(faces.a[face]), -1.0), (int(faces.b[face]), 1.0)):
@@ -145,10 +152,10 @@ def face_motion(assembly: Assembly, face: int, mechanism: Floats) -> tuple[Float
 
 
 def held_forces(assembly: Assembly, face: int, polygon: Floats, forces: Floats, gaps: Floats) -> HeldForces:
-    """Return the forces of a face as they are held.
+    """Convert the resultants of a face to corner forces, shear and twist that are held.
 
-    polygon: (k, 3) about the origin of the face. forces: (6,) resultants. gaps: (k,) opening at the corners, on which
-    the corner forces work least where they are not unique; zeros for any.
+    polygon: (k, 3) corners about the origin of the face. forces: (6,) resultants. gaps: (k,) opening rates at the
+    corners. Where corner forces are not unique, those of least power on the gaps are taken.
     """
     faces = assembly.interfaces
     axes = np.array([faces.e1[face], faces.e2[face]])
@@ -158,7 +165,10 @@ def held_forces(assembly: Assembly, face: int, polygon: Floats, forces: Floats, 
 
 
 def _face_rates(assembly: Assembly, face: int, forces: Floats, mechanism: Floats) -> Floats:
-    """Return the derivatives (k, 3) of dissipation minus power of one face by its corners."""
+    """Return the derivatives (k, 3) of a face's dissipation minus power by its k corners.
+
+    forces: (6,) of the face. mechanism: (n, 6) velocities of the elements. Both are in scene units.
+    """
     faces = assembly.interfaces
     velocity, spin = face_motion(assembly, face, mechanism)
     # coordinates about the centroid keep all digits far from the origin
@@ -177,10 +187,10 @@ def _face_rates(assembly: Assembly, face: int, forces: Floats, mechanism: Floats
 
 
 def corner_forces(corner: Floats, forces: Floats, gaps: Floats) -> Floats:
-    """Return normal forces (k,) at the corners with the resultants of a face.
+    """Return the normal forces (k,) at corners that have a face's N, M1 and M2 as resultants.
 
-    Of all such forces they have the least power on the gaps. corner: (k, 2) about the centroid. forces: (6,) of the
-    face. gaps: (k,) opening rates.
+    Of all such forces they have the least power on the gaps. corner: (k, 2) coordinates about the centroid. forces:
+    (6,) resultants of the face. gaps: (k,) opening rates.
     """
     size = float(abs(corner).max())
     rows = np.vstack([np.ones(len(corner)), corner[:, 0] / size, corner[:, 1] / size])

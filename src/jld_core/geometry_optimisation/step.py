@@ -80,7 +80,9 @@ class StepAnswer:
 
 @dataclass(frozen=True)
 class Region:
-    """Steps that are allowed at the present position, for k variables and v vertices in d dimensions.
+    """Steps allowed at the present position: derivatives, limits, ties and bounds.
+
+    There are k variables, and v vertices in d dimensions.
 
     Attributes
     ----------
@@ -149,9 +151,9 @@ def solve_step(
 
 
 class _Rows:
-    """Rows of the program of a step.
+    """Constraints of the program of a step, collected by group.
 
-    The columns are those of each case, then the steps of the variables, then the goal.
+    The columns are those of each load case in turn, then the k steps of the variables, then the goal.
     """
 
     def __init__(self, states: list[CaseState], count: int) -> None:
@@ -163,13 +165,17 @@ class _Rows:
         self.cones: list[int] = []
 
     def add(self, group: str, rows: sp.csr_array, right: Floats) -> None:
-        """Add rows over all columns to a group: "equal", "linear" or "cones"; right: their side."""
+        """Add rows over all columns to the group "equal", "linear" or "cones".
+
+        rows: (r, width) coefficients. right: (r,) right-hand sides.
+        """
         self._groups[group].append((rows, right))
 
     def placed(self, case: int, own: sp.csr_array, steps: sp.csr_array | None, goal: Floats | None) -> sp.csr_array:
-        """Return rows over one case, the steps and the goal as rows over all columns.
+        """Pad the rows of one load case to all columns of the program of a step.
 
-        own: (r, columns of the case). steps: (r, k) and goal: (r,); None for zeros.
+        case: its index. own: (r, columns of the case), steps: (r, k) and goal: (r,) coefficients of the case, of the k
+        shape variables and of the goal. None stands for zeros. Returns (r, width).
         """
         count = own.shape[0]
         before = sp.csr_array((count, self.start[case]))
@@ -179,7 +185,7 @@ class _Rows:
         return sp.csr_array(sp.hstack([before, own, after, moved, last]))
 
     def program(self, objective: Floats) -> ConicProgram:
-        """Return the program of all rows."""
+        """Assemble the conic program of all groups; objective: (width,)."""
         groups = [self._groups[name] for name in ("equal", "linear", "cones")]
         parts = [rows for group in groups for rows, _ in group]
         right = np.concatenate([right for group in groups for _, right in group])
@@ -187,7 +193,7 @@ class _Rows:
         return pack(sp.vstack(parts), right, objective, sizes[0], sizes[1], tuple(self.cones))
 
     def answer(self, point: Floats, goal: Goal) -> StepAnswer:
-        """Return the answer in scene units; point: values of all columns."""
+        """Convert a solution (width,) to forces and λ in scene units, step and value of the goal."""
         forces, factors = [], []
         for k, state in enumerate(self._states):
             own = point[self.start[k] : self.start[k + 1]]
@@ -209,9 +215,9 @@ def _add_case(
     lengths: sp.csr_array,
     goal: Goal,
 ) -> None:
-    """Add equilibrium, yield and goal rows of one load case.
+    """Add the equilibrium, yield and goal rows of one load case to the program of a step.
 
-    case: its number. lengths: (m, k) relative rates of the lengths of faces by the variables.
+    case: its index. lengths: (m, k) relative rates of the lengths of faces by the variables.
     """
     template = state.template
     program, scaling = template.program(labels), template.scaling
@@ -254,9 +260,9 @@ def _add_case(
 
 
 def _friction_column(template: Template, labels: Bits, forces: Floats, count: int) -> Floats:
-    """Return the derivatives (count,) of yield rows by a factor on the friction of dry faces.
+    """Return the derivatives (count,) of yield rows by a common factor on dry friction.
 
-    forces: (m, 3) at which they are taken, scene units.
+    forces: (m, 3) at which they are taken, scene units. count: number of yield rows.
     """
     pattern = template.yield_set.pattern
     scaled = (forces / template.scaling.face).ravel()
@@ -266,11 +272,11 @@ def _friction_column(template: Template, labels: Bits, forces: Floats, count: in
 
 
 def _add_shape(rows: _Rows, region: Region) -> None:
-    """Add limits, ties and bounds of the step."""
+    """Add limits on shapes, ties and bounds of the step to the program of a step."""
     count = rows.count
 
     def wide(steps: sp.csr_array) -> sp.csr_array:
-        """Return rows over the steps as rows over all columns."""
+        """Pad coefficients (r, k) of the steps to all columns of the program."""
         before = sp.csr_array((steps.shape[0], rows.start[-1]))
         return sp.csr_array(sp.hstack([before, steps, sp.csr_array((steps.shape[0], 1))]))
 

@@ -186,12 +186,12 @@ def vertex_at(places: Floats, point: list[float], size: float, where: str) -> in
 
 
 def _words(point: Floats) -> str:
-    """Return a point as a reader writes it."""
+    """Format a point for messages, as in "[1, 2.5]"."""
     return "[" + ", ".join(f"{value:.6g}" for value in point) + "]"
 
 
 class _Finder:
-    """Vertices that may move, with their directions."""
+    """Search for the vertices that may move, with their directions or circles."""
 
     def __init__(self, assembly: Assembly, labels: Bits, mesh: VertexMesh, move: Move) -> None:
         self._mesh, self._move, self._size = mesh, move, assembly.size
@@ -218,9 +218,10 @@ class _Finder:
                 self._before.setdefault(j, []).append(i)
 
     def named(self) -> list[tuple[int, Floats, Floats]]:
-        """Return vertex, direction and centre (NaN) for each vertex that "along" names.
+        """Return vertex, unit direction (2,) and centre (NaN) for each vertex that "along" names.
 
-        Raises InputError for a vertex that does not exist or belongs to a support.
+        Raises InputError for a vertex that does not exist or belongs to a support, and for a direction with three
+        numbers.
         """
         found = []
         for position, path in enumerate(self._move.along):
@@ -237,9 +238,10 @@ class _Finder:
         return found
 
     def joints(self, circles: list[Path], taken: set[int]) -> list[tuple[int, Floats, Floats]]:
-        """Return vertex, direction and centre (NaN on lines) of all vertices that move or follow.
+        """Return vertex, unit direction (2,) and centre (2,) of each way to move a joint's vertex.
 
-        circles: entries of "along" with a circle. taken: vertices to leave out.
+        Centres are NaN for lines. A vertex inside the structure has both axes as ways. circles: entries of "along" with
+        a circle. taken: vertices to leave out.
         """
         found: list[tuple[int, Floats, Floats]] = []
         for vertex in np.flatnonzero(self._dry | self.followers).tolist():
@@ -259,10 +261,10 @@ class _Finder:
         return found
 
     def _circle(self, vertex: int, around: list[int], circles: list[Path]) -> tuple[Floats, bool] | None:
-        """Return the centre of the first circle on which a vertex and its outline neighbours lie.
+        """Find the first circle through a vertex and its neighbours on the outline; else None.
 
-        The second value is True if vertices of supports slide on it. None without a circle. around: the neighbours. Of
-        a vertex on a support one neighbour suffices, where such vertices slide.
+        around: the neighbours. For a vertex on a support one of them suffices, if vertices of supports slide on the
+        circle. Returns centre (2,), and True if vertices of supports slide on it.
         """
         for path in circles:
             centre = np.array(path.circle, dtype=float)
@@ -273,7 +275,10 @@ class _Finder:
         return None
 
     def _line(self, vertex: int, around: list[int]) -> Floats | None:
-        """Return the direction of a straight outline at a vertex, None at a corner; around: (2,)."""
+        """Return the unit direction (2,) of a straight outline at a vertex; None at a corner.
+
+        around: the two vertices before and after it.
+        """
         before, after = self._mesh.places[around] - self._mesh.places[vertex]
         lengths = np.hypot(*before) * np.hypot(*after)
         if abs(before[0] * after[1] - before[1] * after[0]) > _STRAIGHT * lengths or before @ after > 0.0:
@@ -301,10 +306,10 @@ def _with_thickness(found: Variables, assembly: Assembly, circles: list[Path]) -
 
 
 def _following(found: Variables, mesh: VertexMesh, followers: Bools) -> Floats:
-    """Return ties (t, k) by which vertices without joints follow their neighbours.
+    """Return the ties (t, k) by which vertices without joints follow their neighbours.
 
-    Each moves by the mean of the movements of its neighbours, weighted by the inverse of their distance. followers:
-    (v,) True for these vertices.
+    Each follower moves by the mean of its neighbours' movements, weighted by inverse distance. followers: (v,) True for
+    these vertices. Rows hold as ties @ z = 0.
     """
     own = np.flatnonzero(followers[found.vertex])
     if not len(own):
@@ -329,9 +334,10 @@ def _following(found: Variables, mesh: VertexMesh, followers: Bools) -> Floats:
 
 
 def ties_of(found: Variables, assembly: Assembly, move: Move) -> Floats:
-    """Return the ties (t, k) that the key "ties" states.
+    """Return the ties (t, k) between variables that the key "ties" states, as ties @ z = 0.
 
-    Raises InputError where they contradict one another or a mirrored vertex does not exist.
+    There are no rows for "none" and "equal-shapes". Raises InputError for a vertex that does not exist and for ties
+    that leave one no direction. It also does so where a vertex moves and its mirror image does not.
     """
     if move.ties == "none" or move.ties == "equal-shapes":  # equal shapes are equations of the limits
         return np.zeros((0, found.count))
@@ -364,7 +370,7 @@ def ties_of(found: Variables, assembly: Assembly, move: Move) -> Floats:
 
 
 def mirrored(found: Variables, assembly: Assembly) -> Ints:
-    """Return the vertex (v,) nearest to the mirror image of each vertex.
+    """Return for each vertex (v,) the vertex nearest to its mirror image.
 
     The axis is vertical, in the middle of the free elements. Raises InputError for a moving vertex without an image.
     """

@@ -105,9 +105,10 @@ def merged_points(groups: Sequence[Floats], reach: float) -> tuple[Ints, Floats]
 
 
 def _refined(loop: Ints, ends: Ints, places: Floats, reach: float) -> Ints:
-    """Return a loop with ends of interfaces on its edges, without corners inside interfaces.
+    """Insert interface ends on a loop's edges, and remove its corners inside interfaces.
 
-    ends: (k, 2) vertices of the interfaces of the element. reach: distance within which a vertex lies on an edge.
+    loop: (k,) vertices of an element. ends: (j, 2) vertices of its interfaces. places: (v, 2) positions. reach:
+    distance within which a vertex lies on an edge.
     """
     for vertex in sorted(set(ends.ravel().tolist()) - set(loop.tolist())):
         start, edge = places[loop], places[np.roll(loop, -1)] - places[loop]

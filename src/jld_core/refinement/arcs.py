@@ -79,8 +79,8 @@ def find_arcs(ring: Floats) -> list[Arc]:
 def _longest(ring: Floats, turn: Floats, smooth: Floats, start: int, most: int) -> int:
     """Return the number of corners from `start` on that form one arc, 1 if there is none.
 
-    Corners of an arc lie on one circle and turn to one side. ring: (k, 2). turn: (k,) angle at each corner. smooth:
-    (k,) True for corners inside an arc. most: largest number to try.
+    Corners of an arc lie on one circle and turn to one side. ring: (k, 2) corners. turn: (k,) angle at each corner,
+    radians. smooth: (k,) True where that angle is small enough for an arc. most: largest number to try.
     """
     count, run = len(ring), 1
     for number in range(_LEAST, most + 1):
@@ -94,9 +94,9 @@ def _longest(ring: Floats, turn: Floats, smooth: Floats, start: int, most: int) 
 
 
 def _fit(points: Floats) -> tuple[Floats, float] | None:
-    """Return centre and radius of the circle through points (k, 2).
+    """Fit a circle to points (k, 2) by least squares; return its centre (2,) and radius.
 
-    The circle is a least-squares fit. The result is None if a point is off it by more than a tolerance.
+    None if a point is off the circle by more than a tolerance, or the points lie on a line.
     """
     middle, extent = points.mean(axis=0), float(np.ptp(points, axis=0).max())
     local = (points - middle) / extent
@@ -110,9 +110,9 @@ def _fit(points: Floats) -> tuple[Floats, float] | None:
 
 
 def _arc(points: Floats) -> Arc | None:
-    """Return the arc through points (k, 2) of a counter-clockwise outline.
+    """Fit an arc to consecutive corners (k, 2) of a counter-clockwise outline.
 
-    The result is None if the points are on no circle, or turn by less than the least angle of an arc.
+    None if the points are on no circle, or turn by less than the least angle of an arc.
     """
     fitted = _fit(points)
     if fitted is None:

@@ -90,10 +90,10 @@ def _faces(
     extent: float,
     size: float,
 ) -> list[shapely.Polygon]:
-    """Return the faces of the arrangement of all outlines and cell boundaries.
+    """Return the polygons that all outlines and cell boundaries together enclose.
 
     outlines: corners (k, 2) of each element that is cut. known: (c, 2) corners that stay exact. cells: cells. origin:
-    (2,) point about which coordinates are computed. extent: of the structure. size: of a cell, length.
+    (2,) point about which coordinates are computed. extent: size of the structure. size: of a cell. Both are lengths.
     """
     rings = [shapely.LinearRing(outline - origin) for outline in outlines]
     borders = shapely.transform(shapely.boundary(np.array(list(cells))), lambda points: points - origin)
@@ -154,7 +154,11 @@ def join_small(parts: list[shapely.Polygon], least: float) -> list[shapely.Polyg
 
 
 def _joined(part: shapely.Polygon, others: list[shapely.Polygon]) -> tuple[int, shapely.Polygon] | None:
-    """Return the neighbour with the longest common boundary and the union of both, or None."""
+    """Join a polygon to the neighbour with the longest common boundary, if that makes one.
+
+    Neighbours whose union with it would have a hole or two components are passed over. Returns the neighbour's index
+    and the union; None if there is no such neighbour.
+    """
     edges = _edges(part)
     lengths = [sum(float(np.hypot(*np.subtract(*edge))) for edge in edges & _edges(other)) for other in others]
     for index in sorted(range(len(others)), key=lambda k: -lengths[k]):

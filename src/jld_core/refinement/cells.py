@@ -82,11 +82,11 @@ def crack_cells(scene: Scene, assembly: Assembly, cell: float) -> CrackCells:
 
 
 def joint_faces(joints: Assembly, fine: Assembly, parent: dict[str, str]) -> Ints:
-    """Return the face of the joint grid that each face of the cells is a piece of, (M,).
+    """Map each face of the cells to the joint-grid face that it is a piece of, (M,).
 
-    It is −1 inside an element. joints: assembly of the joint grid. fine: assembly of the cells, with M interfaces.
-    parent: element of the joint grid, by the id of each cell. Raises InputError if two cells touch although their
-    elements do not.
+    The value is −1 inside an element. joints: assembly of the joint grid. fine: assembly of the cells, with M
+    interfaces. parent: element of the joint grid, by the id of each cell. Raises InputError if two cells touch although
+    their elements do not.
     """
     element = np.array([joints.elements.index[parent[name]] for name in fine.elements.ids])
     between: dict[tuple[int, int], list[int]] = {}

@@ -135,7 +135,7 @@ def refine(
 
 @dataclass(frozen=True)
 class _Grid:
-    """Parameters of `refine` that define the cells."""
+    """Arguments of `refine` that define the cells."""
 
     cell: tuple[float, ...]
     kind: str
@@ -148,7 +148,10 @@ class _Grid:
 
 
 def _check(scene: Scene, grid: _Grid, by: str | None) -> None:
-    """Raise InputError for arguments that do not fit the scene."""
+    """Raise an error for arguments of `refine` that are invalid or do not fit the scene.
+
+    ParameterError: `grid` or `by` is wrong. InputError: the scene cannot be refined.
+    """
     if by is not None and by not in BY:
         raise ParameterError("by", f"{by!r} is unknown", "one of " + ", ".join(BY))
     if grid.voussoirs is None:
@@ -174,7 +177,7 @@ def _check(scene: Scene, grid: _Grid, by: str | None) -> None:
 
 
 def _check_sizes(scene: Scene, grid: _Grid) -> None:
-    """Raise InputError for cells of a given size that do not fit the scene."""
+    """Raise ParameterError for options of a grid that are invalid or contradict each other."""
     cell, kind = grid.cell, grid.kind
     if kind not in KINDS:
         raise ParameterError("kind", f"no cells are named {kind!r}", "one of " + ", ".join(KINDS))
@@ -217,9 +220,9 @@ def _planar(assembly: Assembly, grid: _Grid, down: Floats) -> list[list[Piece]]:
 def _cells(
     assembly: Assembly, outlines: list[shapely.Polygon], grid: _Grid, down: Floats
 ) -> tuple[list[shapely.Polygon], float, float]:
-    """Return the cells, the length of the shortest side, and the least area of a piece.
+    """Return the cells, the length of their shortest side, and the least area of a piece.
 
-    Pieces of smaller area join a neighbour. outlines: elements as polygons. down: (2,) direction of weight.
+    outlines: elements as polygons. down: (2,) direction of weight. Pieces of smaller area join a neighbour later.
     """
     elements, free = assembly.elements, assembly.elements.free
     if grid.voussoirs is not None:
@@ -316,9 +319,10 @@ def _volume(vertices: Floats, faces: Faces) -> float:
 def _elements(
     scene: Scene, assembly: Assembly, cut_up: list[list[Piece]]
 ) -> tuple[list[dict[str, Any]], dict[str, str], list[str]]:
-    """Return scene entries of all pieces, the original element of each by id, and notes.
+    """Write the scene entries of all pieces; return them, their original elements, and notes.
 
-    cut_up: pieces of each element. Raises InputError if a piece would have the id of another element.
+    cut_up: pieces of each element. Original elements are ids by the id of the piece. Notes name the data that are
+    dropped. Raises InputError if a piece would have the id of another element.
     """
     elements = assembly.elements
     given = {e.id: e.model_dump(mode="json", exclude_defaults=True) for e in scene.elements or []}

@@ -140,7 +140,7 @@ def _half(vertices: Floats, faces: Faces, height: Floats, normal: Floats) -> tup
     place: dict[tuple[int, int], int] = {}
 
     def number(key: tuple[int, int], point: Floats) -> int:
-        """Return the index of a new vertex, adding it at first use."""
+        """Return the index of the vertex with a key, adding it at `point` at first use."""
         if key not in place:
             place[key] = len(points)
             points.append(point)

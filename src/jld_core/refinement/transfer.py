@@ -16,9 +16,10 @@ from jld_core.scene import Scene
 
 @dataclass(frozen=True)
 class Piece:
-    """Part of an element.
+    """Part of an element after the split.
 
-    keys: geometry keys of the scene. share: volume relative to the element. shape: shape by which points are located.
+    keys: geometry keys of its scene entry. share: its volume over that of the element. shape: geometry by which
+    `_nearest` locates points.
     """
 
     keys: dict[str, Any]
@@ -108,9 +109,10 @@ def _old_faces(assembly: Assembly) -> dict[tuple[str, str], list[int]]:
 
 
 def labels_of(old: Assembly, new: Assembly, parent: dict[str, str]) -> dict[str, list[list[str]]]:
-    """Return the pairs of pieces to label "inner" and "dry", so that faces keep their labels.
+    """Return the label lists of pairs of pieces under which all faces keep their old labels.
 
-    New faces within one element are inner. Pairs that the new scene labels so already are left out.
+    New faces within one element are inner, those between elements that did not touch dry. Faces that `new` labels so
+    already are left out. parent: original element of each piece, by id. The keys are "inner" and "dry".
     """
     known = _old_faces(old)
     ids, faces = new.elements.ids, new.interfaces

@@ -43,12 +43,12 @@ class VoussoirCells:
 
 @dataclass(frozen=True)
 class _Fan:
-    """Rays from one centre, with the distances at which rings end.
+    """Rays from one centre that bound the voussoirs of an arc, with the rings' end distances.
 
     directions: (s, 2) unit vectors of rays, and of corners between them. ray: indices of those directions that are
-    joints. distance: (k, s) distance of each end of a ring from the centre, without the last one, which is far outside.
-    first, last: springings (2,). width: of a voussoir at the intrados. depth: of a ring at the crown. opening: number
-    of the opening, whose arcs may be several.
+    joints. distance: (k, s) from the centre to the end of each ring but the last, which ends far outside. first, last:
+    springings (2,). width: of a voussoir at the intrados. depth: of a ring at the crown. opening: number of the
+    opening, which may have several arcs.
     """
 
     centre: Floats
@@ -62,7 +62,10 @@ class _Fan:
     opening: int = 0
 
     def cells(self, far: float) -> list[shapely.Polygon]:
-        """Return the cells, ring by ring; the last ring ends beyond the distance `far`."""
+        """Return the cells between the rays, ring by ring; the last ring ends beyond `far`.
+
+        far: distance from the centre, length.
+        """
         found = []
         for k in range(len(self.distance) + 1):
             for a, b in zip(self.ray[:-1], self.ray[1:], strict=True):
@@ -128,7 +131,7 @@ def _fans(
     centre: tuple[float, float] | None,
     number: int,
 ) -> list[_Fan]:
-    """Return the fans of one connected part: one for each arc, or one for a flat arch.
+    """Make the rays of one connected part: a fan for each arc, or one for a flat arch.
 
     down, voussoirs, rings, centre: as in `voussoir_cells`. number: number of the first opening. Without an arc and
     without a flat arch the list is empty.
@@ -180,10 +183,11 @@ def _shared(chain: list[Arc], voussoirs: int) -> list[int]:
 
 
 def _of_arc(arc: Arc, arcs: list[Arc], part: shapely.Polygon, voussoirs: int, rings: int) -> _Fan:
-    """Return the fan of one arc.
+    """Make the rays and rings of one arc.
 
-    arcs: all arcs of the part, among which is the extrados. voussoirs: number for this arc. rings: number over the
-    depth. Raises ParameterError for too many cells, and InputError if no material lies above the arc.
+    arcs: all arcs of the part, among which is the extrados. part: polygon of the structure. voussoirs: number for this
+    arc. rings: number over the depth. Raises ParameterError for too many cells, and InputError if no material lies
+    above the arc.
     """
     joints = np.linspace(arc.angles[0], arc.angles[-1], voussoirs + 1)
     near = 1e-3 * (joints[1] - joints[0])
@@ -325,7 +329,7 @@ def _reach(region: shapely.Geometry, centre: Floats) -> float:
 
 
 def _zones(fans: list[_Fan], down: Floats, far: float) -> list[shapely.Polygon]:
-    """Return the strip of the plane that belongs to each fan.
+    """Return the strip of the plane, along the direction of weight, that each fan cuts.
 
     Borders lie in the middle of the piers between openings. Fans of one opening share a strip. down: (2,) direction of
     weight. far: extent of the structure.
@@ -352,10 +356,10 @@ def _zones(fans: list[_Fan], down: Floats, far: float) -> list[shapely.Polygon]:
 
 
 def _courses(region: shapely.Geometry, fans: list[shapely.Polygon], fan: _Fan, down: Floats) -> list[shapely.Polygon]:
-    """Return cells in courses that cover the part of a structure that no ray reaches.
+    """Cover the part of a structure outside all voussoirs by cells in courses.
 
-    region: the structure. fans: cells of the voussoirs. fan: fan whose first springing and size of voussoirs define the
-    courses. down: (2,) direction of weight.
+    region: the structure. fans: cells of the voussoirs. fan: its first springing and size of voussoirs define the
+    courses. down: (2,) direction of weight. If nothing is left, the result is one box around the structure.
     """
     rest = shapely.difference(region, shapely.union_all(fans))
     if rest.area <= 1e-9 * region.area:

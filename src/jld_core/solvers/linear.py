@@ -139,7 +139,7 @@ def interior_point(
 
 
 def _run(highs: Any) -> LinearAnswer:
-    """Run a HiGHS instance, and return its unverified solution."""
+    """Run a HiGHS instance, and return its solution, which is not verified."""
     highs.run()
     solution = highs.getSolution()
     found = highs.getModelStatus().name == "kOptimal"

@@ -23,7 +23,7 @@ Terms of faces within the block cancel up to rounding, which grows with the dist
 
 
 class BlockEquations:
-    """Exact change of the equations of one structure under one labelling.
+    """Equations of a program replaced by those of whole blocks, for one labelling.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ class BlockEquations:
         )
 
     def fits(self, program: ConicProgram) -> bool:
-        """Return True if a program has the same structure, blocks and entries of block equations."""
+        """Return True if `changed` applies: same structure, labelling and equation coefficients."""
         mine = self._program
         if program is mine:
             return True
@@ -92,7 +92,7 @@ class BlockEquations:
         return same and np.array_equal(program.data[self._inside], mine.data[self._inside])
 
     def changed(self, program: ConicProgram) -> ConicProgram:
-        """Return a program of the same structure and labelling with the equations of blocks."""
+        """Replace the equations of a program that fits by those of whole blocks."""
         rhs = np.concatenate([self._sums @ program.rhs[: self._edge], program.rhs[self._edge :]])
         return replace(program, structure=self.structure, data=np.asarray(self._map @ program.data), rhs=rhs)
 

@@ -48,7 +48,10 @@ class Factorisation(Protocol):
 
 
 def factorisation(fronts: Fronts) -> Factorisation:
-    """Return the compiled factorisation of a pattern, or `fronts` itself without a library."""
+    """Return the compiled factorisation of a pattern; `fronts` itself if that cannot be used.
+
+    It needs the batch solver's library, and a BLAS of scipy with 32-bit integers.
+    """
     variant, routines = chosen(), _addresses()
     return fronts if variant is None or routines is None else CompiledFronts(fronts, variant, routines)
 

@@ -195,8 +195,8 @@ class _Layout:
 def _numbered(owner: Ints, count: int) -> tuple[tuple[Ints, Ints], Ints]:
     """Group members by owner, and number them within their group.
 
-    owner: (n,) group of each member. count: number of groups. The results are (members, start), with members in
-    ascending order, and the number (n,) of each member in its group.
+    owner: (n,) group of each member, −1 for none. count: number of groups. Returns (members, start), with the members
+    of each group ascending, and the number (n,) of each member in its group, −1 for none.
     """
     members = np.argsort(owner, kind="stable")
     members = members[np.searchsorted(owner[members], 0) :]
@@ -207,7 +207,7 @@ def _numbered(owner: Ints, count: int) -> tuple[tuple[Ints, Ints], Ints]:
 
 
 def filled(shape: tuple[int, ...], entries: tuple[Ints, Ints], data: Floats) -> Floats:
-    """Return an array with some entries of a program's data, and zeros elsewhere.
+    """Place some entries of a program's data in an array, zero elsewhere.
 
     shape: shape of the array. entries: indices into `data`, and the positions of these values in the flat array.
     """

@@ -101,7 +101,11 @@ class SchurSolver(Solver):
         return RawSolution(status, point, dual, iterations, time.perf_counter() - start, note=run.note)
 
     def _block_equations(self, program: ConicProgram) -> BlockEquations | None:
-        """Return the change to equations of blocks, None where every block is one element."""
+        """Return the change to equations of whole blocks, for the labelling of a program.
+
+        None for a program without `bodies`, and where every block is one element. The last change is kept and reused if
+        it fits.
+        """
         bodies, known = program.bodies, self._equations
         if bodies is None:
             return None
@@ -160,14 +164,17 @@ class _Iteration:
         return RawStatus.LIMIT, best, most
 
     def _is_enough(self, it: _Iterate) -> bool:
-        """Return True if the gap of an iterate is at most `EARLY` and its user accepts it."""
+        """Return True if the caller accepts an iterate as sufficient.
+
+        It is asked only once the relative duality gap is at most `EARLY` and κ is small against τ.
+        """
         if self.suffices is None or it.kappa > _SETTLED * it.tau:
             return False
         gap = float(it.s @ it.v) / it.tau**2 / max(1.0, abs(float(self.q @ it.x) / it.tau))
         return gap <= EARLY and self.suffices(*self.answer(RawStatus.OPTIMAL, it))
 
     def answer(self, status: RawStatus, it: _Iterate) -> tuple[Floats, Floats]:
-        """Return point and multipliers of an iterate, or the ray that its status states."""
+        """Return point (columns,) and multipliers (rows,) of an iterate, or a ray by its status."""
         dual = np.concatenate([it.u, it.v])
         if status is RawStatus.INFEASIBLE:
             return it.x, dual / -(self.r @ it.u + self.h @ it.v)
