@@ -151,9 +151,10 @@ def solids(
 
 
 def _closed(surface: _Surface, count: int) -> Bools:
-    """Return a mask (n,) of elements in which every edge occurs equally often in both senses.
+    """Return a mask (n,), True for elements whose surface is closed and consistently oriented.
 
-    count: number n of elements.
+    Each edge of such an element occurs equally often in both senses, and none joins a vertex to itself. count: number n
+    of elements.
     """
     width = len(surface.points)
     low, high = np.minimum(surface.vertex, surface.after), np.maximum(surface.vertex, surface.after)

@@ -31,7 +31,7 @@ _TWISTING = (5, 1, 2)
 
 
 def areas_under(assembly: Assembly, forces: Floats, labels: Bits) -> EffectiveAreas:
-    """Compute the effective areas of dry rectangles under given forces.
+    """Compute the torsion factors of the effective areas of faces under given forces.
 
     Parameters
     ----------
@@ -45,8 +45,9 @@ def areas_under(assembly: Assembly, forces: Floats, labels: Bits) -> EffectiveAr
     Returns
     -------
     EffectiveAreas
-        Ratio c_T / c_T,e and arm (x2, −x1) / c_T of each face. Inner faces, faces without normal force and faces that
-        are not rectangles keep the whole face.
+        ratio (m,) = c_T / c_T,e: torsion length of the whole face over that of its effective rectangle. arm (m, 2) =
+        (x2, −x1) / c_T, with centre of pressure x. Inner faces, faces without normal force and faces that are not
+        rectangles have ratio 1 and arm 0.
 
     Notes
     -----

@@ -86,10 +86,10 @@ class AlternatingPrograms:
         return self.modes.rates @ answer.point if answer.found else None
 
     def forces(self, moving: Bools, objective: Floats) -> Floats | None:
-        """Return the state (F, λ) that minimises an objective and completes one mechanism.
+        """Minimise an objective over the forces in equilibrium that complement a mechanism.
 
-        moving: (4m,) modes that move, whose slack y is zero. objective: (3m + 1,) coefficients of (F, λ). The result is
-        None if no state exists.
+        moving: (4m,) modes with z > 0; their slacks y are set to zero. objective: (3m + 1,) coefficients of (F, λ).
+        Returns the point (F, λ), unverified; None if the solver finds none.
         """
         d = self.modes.constants
         self._statics.bound(slice(self._first, self._first + len(d)), -d, np.where(moving, -d, np.inf))
