@@ -232,7 +232,10 @@ def _case(
 
 
 def _points(live: Sequence[PlacedLoad], elements: Elements) -> Points:
-    """Return the point of application and the force of each live point load."""
+    """Return (point of application, force) of each live load that is a force on an element.
+
+    The default point is the centroid of the element. elements: of the assembly.
+    """
     points = []
     for _, entry, _ in live:
         if isinstance(entry, PointLoad) and entry.force is not None:
@@ -242,9 +245,9 @@ def _points(live: Sequence[PlacedLoad], elements: Elements) -> Points:
 
 
 def _widths(live: Sequence[PlacedLoad]) -> tuple[float | None, ...]:
-    """Return the width of the patch of each live point load, None for a load without one.
+    """Return the patch width of each live force on an element, None for a force without one.
 
-    The result is () if no load has a width.
+    The order is that of `_points`. The result is () if no load has a width.
     """
     widths = tuple(entry.width for _, entry, _ in live if isinstance(entry, PointLoad) and entry.force is not None)
     return widths if any(width is not None for width in widths) else ()

@@ -160,11 +160,10 @@ class ConeProgram(AllBlocksProgram):
 
 
 def _lists(face: Ints, value: Ints, count: int, freedoms: int = 0) -> list[Ints]:
-    """Return the distinct values (k,) of each face, in ascending order.
+    """Group integer values by face: for each face its distinct values (k,), ascending.
 
     face, value: (pairs,) a face and a value that belongs to it. count: number of faces. freedoms: number of resultants
-    per face. If above 0, the indices of the resultants of a face in the whole vector, `freedoms` · face and following,
-    belong to it as well.
+    per face. If above 0, the values of face f also include the indices freedoms · f to freedoms · (f + 1) − 1.
     """
     face = np.concatenate([face, np.repeat(np.arange(count), freedoms)])
     value = np.concatenate([value, np.arange(count * freedoms)])

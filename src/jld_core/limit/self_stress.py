@@ -43,9 +43,10 @@ _RAYS: Final = ((0.0, 1e-5), (0.0, 0.0), (1e3, 1e-5), (1e2, 1e-4))
 
 @dataclass(frozen=True)
 class _Stage:
-    """Self-stresses found so far, and the rows that they leave.
+    """Sequence of self-stresses, and the yield rows that they leave.
 
-    stresses: each (columns,). before: rows in which each was found. left: rows left by all of them.
+    stresses: each (columns,) scaled forces. before: rows of the program in which each was found. left: rows left by all
+    of them.
     """
 
     stresses: tuple[Floats, ...]
@@ -177,10 +178,10 @@ class SelfStress:
         return forces.reshape(len(self.labels), -1)
 
     def _with_stresses(self, point: Floats, stage: _Stage) -> Floats | None:
-        """Add self-stresses to a point until it is admissible in all rows; None on failure.
+        """Add large self-stresses to a point until it is admissible in all rows; None on failure.
 
-        Each self-stress of the stage is added so large, the last first, that the rows before it hold. point: (columns +
-        1,).
+        They are added from the last to the first, each so large that the rows it was found in hold. point: (columns +
+        1,) forces, further variables and λ, scaled.
         """
         for stress, before in zip(stage.stresses[::-1], stage.before[::-1], strict=True):
             rows = program_of_rows(self.program, before, right=True)
@@ -194,7 +195,10 @@ class SelfStress:
         return point
 
     def _reduced(self) -> Iterator[_Stage]:
-        """Reduce the rows by one self-stress after the other; yield the stage reached each time."""
+        """Find self-stresses one after the other; yield each stage with a cone reduced to a ray.
+
+        The search ends where no self-stress removes another row, or after `_ROUNDS` rounds.
+        """
         stage = _Stage((), (), kept_rows(self.program))
         for _ in range(_ROUNDS):
             for search in SEARCHES[:2]:
@@ -262,9 +266,9 @@ def _blended(rows: ConicProgram, outer: Floats, inner: Floats) -> Floats | None:
 
 
 def _row_position(program: ConicProgram, point: Floats) -> _RowPosition:
-    """Return the slacks and cone values of a vector in all rows but that of λ.
+    """Return the slacks of a scaled vector in all linear rows and cones, but that of λ.
 
-    point: (columns,); if it is shorter, its last columns are zero.
+    program: whose cones have three rows. point: (columns,); if it is shorter, its last columns are zero.
     """
     s = program.structure
     values = program.rhs - program.matrix.tocsr()[:, : len(point)] @ point
