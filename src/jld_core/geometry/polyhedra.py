@@ -299,7 +299,7 @@ def _repeats(surface: _Surface) -> Bools:
 
 
 def _join_coplanar(surface: _Surface, vector: Floats, size: Floats) -> tuple[Ints, Bools]:
-    """Number the facets that neighbouring faces in one plane form together.
+    """Join neighbouring faces in one plane to facets, and return the facet of each face.
 
     vector: (faces, 3) area vector of each face. size: (faces,) largest extent of each. Returns the facet (faces,) of
     each face, numbered by first face, and a mask (faces,) of faces that are a facet alone.

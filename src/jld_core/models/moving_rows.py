@@ -184,7 +184,10 @@ class MovingRows:
         self._coefficients = self._torsion_coefficients(template)
 
     def _torsion_coefficients(self, template: Template) -> Floats:
-        """Return the coefficients (3, k) of the parameters ρ, ρ a1, ρ a2 in the torsion rows."""
+        """Return the derivatives (3, k) of the torsion rows by their parameters ρ, ρ a1 and ρ a2.
+
+        They are coefficients of mT, V1 and V2 in the columns of `_columns`. template: with whole faces.
+        """
         labels, first = self.labels, self.balance.shape[0]
         shifted = [self._matrix(template, labels, 1.0, arm)[first:] - self.rows for arm in ((1.0, 0.0), (0.0, 1.0))]
         parts = [self.rows, *shifted]
@@ -244,10 +247,10 @@ class MovingRows:
         return values, np.concatenate([of_ratio[face].T[None], slopes.transpose(1, 2, 0)])
 
     def entries(self, values: Floats) -> tuple[Ints, Ints, Floats]:
-        """Return the entries that turn the matrix G of whole faces into that of given areas.
+        """Return the changes of the matrix G from whole faces to given effective areas.
 
-        values: (3, k) parameters of the torsion rows. The results are rows, columns and values (3k,), which are added
-        to `rows`.
+        values: (3, k) parameters of the torsion rows. Returns rows, columns and values (3k,) of a sparse matrix, which
+        is added to `rows`.
         """
         coefficients = self._coefficients * (values - np.array([1.0, 0.0, 0.0])[:, None])
         return np.tile(self.torsion, 3), self._columns.ravel(), coefficients.ravel()

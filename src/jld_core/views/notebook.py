@@ -81,7 +81,10 @@ def _loads(assembly: Assembly) -> dict[str, str]:
 
 
 def _load(sum_of: Resultant, force: str, length: str) -> str:
-    """Describe a load: its resultant, line of action, and remaining moment."""
+    """Describe the resultant of a load: force, point of its line of action, remaining moment.
+
+    force, length: units. Forces that cancel are described as a couple.
+    """
     moment = f"{sum_of.moment:.6g} {force}·{length}"
     if sum_of.cancels:
         cancel = f", forces of {sum_of.total:.6g} {force} cancel" if sum_of.total else ""

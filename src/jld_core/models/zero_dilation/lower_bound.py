@@ -56,7 +56,7 @@ _DEPTH: Final = 6
 
 @dataclass(frozen=True)
 class _Bounds:
-    """Lower bounds on λ of one region of solutions, scaled.
+    """Lower bounds on scaled λ of the solutions in one region.
 
     proven: by certificates. believed: the highest one, which may rely on the solver.
     """

@@ -189,9 +189,10 @@ class BlockSweep:
         return answer is not None and self.problem.gains_enough(region.low, answer.multipliers.bound)
 
     def _branch(self, low: float, region: Region, answer: RltSolution, stage: int, depth: int) -> float:
-        """Split a region at one mode, and return the lower of the bounds of both parts.
+        """Split a region at one mode, sweep both parts, and return the lower of their bounds.
 
-        low: bound of the region so far. answer: solution whose mode violates y z = 0 most. stage, depth: as in `sweep`.
+        low: bound of the region so far, returned if no mode violates y z = 0. answer: solution whose mode violates it
+        most. stage, depth: as in `sweep`.
         """
         halves = region.split(answer.rates, answer.slacks)
         if halves is None:
