@@ -162,11 +162,11 @@ def _check_paths(geometry: Geometry) -> None:
 
 
 def _own_labels(scene: Scene, elements: Elements, interfaces: Interfaces, given: list[Contact | None]) -> Bits:
-    """Return the labels (m,) that the scene states, True = dry.
+    """Return the labels (m,) of all interfaces that the scene states, True = dry.
 
-    The first of these that exists counts: label of the interface, lists "dry" and "inner", default, membership in
-    blocks. given: the scene's entry for each interface. Raises InputError for unknown elements, or a pair in both
-    lists.
+    The first of these that exists counts: label of the interface, lists "dry" and "inner", default. Otherwise faces
+    inside a named block are inner, except those at supports, and all others are dry. given: the scene's entry for each
+    interface. Raises InputError for unknown elements, or a pair in both lists.
     """
     number = {name: n for n, name in enumerate(dict.fromkeys(elements.blocks))}
     block = np.array([-1 if name is None else number[name] for name in elements.blocks])

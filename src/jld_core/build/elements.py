@@ -23,7 +23,7 @@ def collect_elements(
     shape: list[Floats],
     faces: tuple[tuple[tuple[int, ...], ...], ...],
 ) -> Elements:
-    """Make the elements of a scene from its entries and computed geometry, without weights.
+    """Build the elements of a scene from its entries and computed geometry, without weights.
 
     centroid: (n, d) and volume: (n,), computed; values that an entry states replace them. shape, faces: as in
     `Elements`. Raises InputError where all or none of the elements are supports.

@@ -105,7 +105,7 @@ def shape_dependent(
 
 
 def _vector(values: list[float], dimension: int, where: str) -> Floats:
-    """Return a list as a vector; raise InputError for a wrong length."""
+    """Convert numbers to a vector; raise InputError unless their number is `dimension`."""
     if len(values) != dimension:
         raise InputError(where, f"it has {len(values)} numbers", f"{dimension} in this scene")
     return np.array(values, dtype=float)

@@ -120,10 +120,11 @@ class Boundary:
         return found
 
     def _along(self, entry: FaceLoad, along: list[list[float]], where: str) -> list[PointLoad]:
-        """Return the loads of a pressure along a polyline on the free boundary (planar).
+        """Return the forces of a pressure along a polyline on the free boundary (planar).
 
-        Pieces on supports get no load. entry: the pressure at both ends. along: points of the polyline. where: key in
-        the scene. Raises InputError if two points coincide or a part of the polyline is no free boundary.
+        entry: supplies the pressures at both ends, between which it is linear. along: points of the polyline. where:
+        key in the scene. Supports get no load. Raises InputError for a spatial scene, coinciding points, or a part of
+        the polyline that is no free boundary.
         """
         if self.elements.centroid.shape[1] == 3 or any(len(point) != 2 for point in along):
             raise InputError(f"{where}.face.along", "it is for planar scenes", f'"between": [element, "{OUTSIDE}"]')

@@ -145,7 +145,7 @@ def _falls_on(points: Floats, count: int, other: Outline, reach: float) -> bool:
 
 
 def _axis_mirrors(dimension: int) -> list[Floats]:
-    """Return all products of mirrors along the axes except the identity.
+    """Return all products of mirrors along the axes but the identity, as matrices (d, d).
 
     Single mirrors alone do not form a group.
     """

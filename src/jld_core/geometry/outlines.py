@@ -185,9 +185,9 @@ def flat_outline(polygons: Sequence[Floats], reach: float, edges: Sequence[_Edge
 
 
 def _edges(polygon: Floats, step: float) -> _Edges:
-    """Return the edges of a polygon (k, 2) in counter-clockwise order.
+    """Return the edges of a polygon (k, 2) counter-clockwise, with corners rounded to a grid.
 
-    step: grid width to which corners are rounded.
+    step: grid width. Each entry holds the edge, the reversed edge and the unrounded start point, see `_Edges`.
     """
     points = [(x, y) for x, y in polygon.tolist()]
     if sum(points[k - 1][0] * y - x * points[k - 1][1] for k, (x, y) in enumerate(points)) < 0.0:

@@ -124,10 +124,11 @@ class ConeProgram(AllBlocksProgram):
         return _Copies(face, block, begin[:, None] + np.arange(q), active[face])
 
     def _sets(self, rows: OwnedIndices, copies: _Copies, *, dry: bool, linear: bool) -> None:
-        """Add the rows x h − G F of copies of faces: either the linear rows or the cones.
+        """Add the yield rows h x − G F of copies of faces: either the linear rows or the cones.
 
-        rows: receives the new rows. copies: of faces under one label. dry: True for the dry label. linear: True for
-        linear rows.
+        h and G are right-hand sides and coefficients of a `RowPattern`, x is the share of the block of a copy, F its
+        resultants. rows: receives the new rows. copies: of faces under one label. dry: True for the dry label. linear:
+        True for linear rows.
         """
         pattern = self._template.yield_set.pattern
         count = len(self._template.assembly.interfaces)

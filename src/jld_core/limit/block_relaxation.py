@@ -295,10 +295,10 @@ class BlockRelaxation:
     # --- proof ------------------------------------------------------------------------------------------
 
     def _margin(self, velocity: Floats, wall: Floats, allowed: Bools | None = None) -> float:
-        """Return the least margin for finite dissipation over the jumps of all blocks.
+        """Return the least margin for finite dissipation over half jumps and jumps at joints.
 
         velocity: (k, q) of the parts. wall: (f, q) of the shared faces. allowed: (p,) blocks whose jumps count; None:
-        all.
+        all. The result is inf without jumps.
         """
         parts = self._parts
         half, inner = parts.jumps(velocity, wall)

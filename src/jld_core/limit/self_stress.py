@@ -162,10 +162,9 @@ class SelfStress:
                 yield State(self._table(forces[:resultants]), float(point[-1]), 2.0 * error, error)
 
     def _balanced(self, point: Floats) -> tuple[Floats, float] | None:
-        """Project forces onto equilibrium, and return them with the error left.
+        """Project a point onto equilibrium; return it with the error left, None if it is unusable.
 
-        point: (columns + 1,) forces, further variables, and λ. The further variables stay as they are. The result is
-        None if the point is unusable.
+        point: (columns + 1,) forces, further variables, and λ, scaled. The further variables stay as they are.
         """
         if not usable(point):
             return None
@@ -219,9 +218,10 @@ class SelfStress:
                 return
 
     def _remaining_rows(self, stress: Floats, left: ConicProgram, reduced: Reduced) -> Reduced | None:
-        """Return the rows that a self-stress leaves; None if it is invalid or leaves all.
+        """Return the yield rows left once a self-stress acts; None if it removes none or is invalid.
 
-        stress: (columns,) to be checked. left: program of the rows so far, which `reduced` lists.
+        stress: (columns,) scaled forces, invalid if out of equilibrium or not admissible. left: program of the rows so
+        far. reduced: these rows.
         """
         position, size = _row_position(left, stress), float(abs(stress).max())
         exact = self.prover.exact * max(1.0, size)

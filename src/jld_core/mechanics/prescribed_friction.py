@@ -107,10 +107,10 @@ class PrescribedFriction:
         return np.asarray((1.0 - self.alpha) * self.base.friction_of(labels) * previous)
 
     def _with_areas(self, pattern: RowPattern, areas: EffectiveAreas) -> RowPattern:
-        """Return a row pattern with torsion about effective areas.
+        """Return a row pattern in which torsion is taken about effective areas.
 
-        The torsion rows become t ± e ≤ capacity, divided by ρ, which keeps coefficients of order one. pattern: with
-        torsion about whole faces. areas: the effective areas.
+        The torsion rows of dry faces become t ± ρ (mT + a·V) ≤ capacity, divided by ρ to keep coefficients of order
+        one. pattern: with torsion about whole faces. areas: the effective areas, with ρ and a.
         """
         p, own = pattern, 6 * len(self.previous)
         twist = np.flatnonzero((p.column < own) & (p.column % 6 == 5) & (p.dry != 0.0))

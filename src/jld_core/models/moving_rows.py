@@ -198,9 +198,10 @@ class MovingRows:
         )
 
     def _matrix(self, template: Template, labels: Bits, ratio: float, arm: tuple[float, float]) -> sp.csr_array:
-        """Return the matrix of the program if all faces have the same effective area.
+        """Return the matrix of the program with one and the same effective area for all faces.
 
-        ratio: c_T / c_T,e. arm: (2,) x / c_T.
+        template: with whole faces. labels: (m,) True = dry. ratio: c_T / c_T,e. arm: (x2, −x1) / c_T with centre of
+        pressure x, see `EffectiveAreas`. The rows are those of equilibrium, of λ, and of yield.
         """
         count = len(labels)
         areas = EffectiveAreas(np.full(count, ratio), np.tile(np.array(arm), (count, 1)))

@@ -98,7 +98,7 @@ def _load(sum_of: Resultant, force: str, length: str) -> str:
 
 
 def _tensions(result: LimitAnalysisResult) -> dict[str, str]:
-    """Describe the tensions of members; nothing without members or forces."""
+    """Describe the tensions of up to `_MEMBERS` members; {} without members or forces."""
     assembly = result.assembly
     if not assembly.members or result.forces is None:
         return {}

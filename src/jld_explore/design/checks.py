@@ -174,5 +174,5 @@ def _laid(work: Design, until: Deadline) -> Check:
 
 
 def _number(value: float) -> float | None:
-    """Return a float for JSON, None where it is not finite."""
+    """Return a float as a JSON number, None if it is not finite."""
     return float(value) if math.isfinite(value) else None

@@ -330,12 +330,11 @@ def velocities_of(local_space: LocalProductSpace, facts: Floats, statics: Floats
 
 
 def lone_faces(used: Bools, closed: Bools, loops: Floats) -> Bools:
-    """Return a mask (m,) of faces whose slides are multiplied with their own slacks and 1.
+    """Return a mask (m,) of lone faces, whose slides have products with own slacks and 1 only.
 
-    No other product holds these slides, and both are free to move, so that `ProductSpace` needs four products each.
-    used: (4m + 3, 4m + 2e) mask of the products in the program. Its rows are the yield slacks y, λ − L, U − λ and 1,
-    with L ≤ λ ≤ U; its columns are mode rates and forms of loops. closed: (4m,) modes with z = 0. loops: (2e, 4m), see
-    `Modes.loops`.
+    Both slides of such a face are free to move, and `ProductSpace` needs four products for it. used: (4m + 3, 4m + 2e)
+    mask of the products in the program. Its rows are the yield slacks y, λ − L, U − λ and 1, with L ≤ λ ≤ U; its
+    columns are mode rates and forms of loops. closed: (4m,) modes with z = 0. loops: (2e, 4m), see `Modes.loops`.
     """
     faces = len(closed) // 4
     around = loops[used[:, 4 * faces :].any(axis=0)].reshape(-1, faces, 4)[:, :, 2:].any(axis=(0, 2))

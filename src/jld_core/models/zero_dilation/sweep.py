@@ -91,9 +91,10 @@ class BlockSweep:
         self.stages = (("all hinges", few), ("all products", np.ones_like(few)))
 
     def near_hinge_bound(self, low: float) -> float:
-        """Prove a bound with products of near hinges only, solved to full accuracy.
+        """Prove a lower bound on λ by a program with the products of near hinges only.
 
-        low: scaled λ up to which no solution exists. The result is scaled, and −inf if nothing is proven.
+        The program is solved to full accuracy. low: scaled λ up to which no solution exists. The result is scaled, and
+        −inf if nothing is proven.
         """
         none = np.zeros(len(self.modes.rows), dtype=bool)
         return self._step("near hinges", self._region(low, none, none), self.near_pairs, _FINE, None)[1]
