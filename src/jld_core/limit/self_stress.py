@@ -218,7 +218,7 @@ class SelfStress:
                 return
 
     def _remaining_rows(self, stress: Floats, left: ConicProgram, reduced: Reduced) -> Reduced | None:
-        """Return the yield rows left once a self-stress acts; None if it removes none or is invalid.
+        """Return the yield rows left beside a self-stress; None if it removes none or is invalid.
 
         stress: (columns,) scaled forces, invalid if out of equilibrium or not admissible. left: program of the rows so
         far. reduced: these rows.
