@@ -108,7 +108,7 @@ def _of_no_use(scene: Scene) -> Iterator[str]:
 
 
 def _within(value: float, usual: tuple[float, float]) -> bool:
-    """Return True if a value lies within limits."""
+    """Return True if a value lies between the limits `usual`, (least, greatest)."""
     return usual[0] <= value <= usual[1]
 
 

@@ -76,9 +76,9 @@ class Trial:
 
     @property
     def most(self) -> float:
-        """Least known upper estimate of λ: upper bound by fields, or λ by faces if it is lower.
+        """Lowest known upper estimate of λ: upper bound by fields, or λ by faces if it is lower.
 
-        Without λ by faces its upper bound counts; inf where nothing is known. λ by faces is no bound by fields.
+        If λ by faces is unknown, the upper bound by faces takes its place. The result is inf where nothing is known.
         """
         return min(self.fields[1], self.faces[1] if math.isnan(self.load_factor) else self.load_factor)
 

@@ -173,9 +173,9 @@ class _InteriorPointMethod:
         return np.append(table[self.k, self.l], last), table[self.ke, self.le]
 
     def apply_transpose(self, v: Floats, q: Floats) -> Point:
-        """Return a weighted sum of the rows of the program as a form of (Z, T).
+        """Return the sum of the rows of the program, weighted by v and q, as a form of (Z, T).
 
-        It is the transpose of `rows`. v, q: weights of positive and of zero products.
+        It is the transpose of `rows`. v: weights of the positive rows. q: weights of the zero rows.
         """
         table = np.zeros(self.shape)
         table[self.k, self.l] = v[:-1]
