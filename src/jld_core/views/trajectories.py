@@ -57,7 +57,7 @@ class AveragedStresses:
         return np.stack(parts, axis=1)
 
     def holds(self, points: Floats) -> Bools:
-        """Return a mask (k,) of the points (k, 2) whose nearest grid point is inside free elements."""
+        """Return a mask (k,) of points (k, 2) whose nearest grid point is inside free elements."""
         column, row = np.round((points - self.origin) / self.spacing).astype(np.int64).T
         rows, columns = self.inside.shape
         known = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
