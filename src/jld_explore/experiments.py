@@ -117,7 +117,7 @@ class Experiments:
 
 
 def _portions(rows: list[tuple[str, float]], size: int) -> Iterator[list[tuple[str, float]]]:
-    """Yield consecutive parts of a list with at most `size` entries."""
+    """Yield consecutive slices of a list of (labelling, λ), each with at most `size` entries."""
     for start in range(0, len(rows), size):
         yield rows[start : start + size]
 
@@ -146,9 +146,9 @@ def one_experiment(assembly: Assembly, name: str, load_factor: float) -> dict[st
 
 
 def best_by_load_factor(done: Exploration, count: int) -> list[tuple[str, float]]:
-    """Return the first `count` layouts of a study that collapse, as (text, associative λ).
+    """List the first `count` collapsing layouts of a study, each with its associative λ.
 
-    Layouts are in the order of the results table, best first; there may be fewer.
+    Each entry is (text of the labels, λ), in the order of the results table. There may be fewer than `count`.
     """
     ranked = done.results[done.results["status"] == str(Status.COLLAPSE)].head(count)
     return [(str(a), float(b)) for a, b in zip(ranked["labelling"], ranked["load_factor_associative"], strict=True)]
@@ -189,9 +189,9 @@ def search_by_experiment(
 
 
 def _told(experiments: Experiments, names: list[str], evaluations: list[Evaluation]) -> list[Evaluation]:
-    """Return the evaluations given to the driver: by experiment if tested, else estimated.
+    """Return the evaluations that the driver receives: measured ones, else half of λ.
 
-    names: text of each labelling. evaluations: by limit analysis, in the same order.
+    names: text of each labelling. evaluations: by limit analysis, in the same order; see `_worth` and `_below`.
     """
     return [
         _worth(experiments, name) if name in experiments.rows else _below(evaluation)
@@ -200,9 +200,10 @@ def _told(experiments: Experiments, names: list[str], evaluations: list[Evaluati
 
 
 def _worth(experiments: Experiments, name: str) -> Evaluation:
-    """Return an evaluation whose load factor is the result of an experiment.
+    """Return an evaluation whose λ is the load carried in an experiment.
 
-    name: text of the labelling, which is in `experiments.rows`. Its status is unstable if the layout did not stand.
+    name: text of the labelling, which is in `experiments.rows`. Its upper bound is the `load_factor` of that row. The
+    status is unstable if the layout did not stand or the load is not finite, else collapse.
     """
     row = experiments.rows[name]
     status = Status.COLLAPSE if row["stands"] and np.isfinite(row["experiment"]) else Status.UNSTABLE
@@ -210,9 +211,9 @@ def _worth(experiments: Experiments, name: str) -> Evaluation:
 
 
 def _below(evaluation: Evaluation) -> Evaluation:
-    """Return a copy of an evaluation that collapses, with half of λ; others unchanged.
+    """Return an evaluation with half of the associative λ if it collapses; else the same one.
 
-    Half of λ is about the load that brittle faces carry.
+    The bounds are kept. Half of λ is about the load that brittle faces carry.
     """
     if evaluation.status is not Status.COLLAPSE:
         return evaluation

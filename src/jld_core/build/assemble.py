@@ -162,11 +162,11 @@ def _check_paths(geometry: Geometry) -> None:
 
 
 def _own_labels(scene: Scene, elements: Elements, interfaces: Interfaces, given: list[Contact | None]) -> Bits:
-    """Return the labels (m,) that the scene states, True = dry.
+    """Return the labels (m,) of all interfaces that the scene states, True = dry.
 
-    The first of these that exists counts: label of the interface, lists "dry" and "inner", default, membership in
-    blocks. given: the scene's entry for each interface. Raises InputError for unknown elements, or a pair in both
-    lists.
+    The first of these that exists counts: label of the interface, lists "dry" and "inner", default. Otherwise faces
+    inside a named block are inner, except those at supports, and all others are dry. given: the scene's entry for each
+    interface. Raises InputError for unknown elements, or a pair in both lists.
     """
     number = {name: n for n, name in enumerate(dict.fromkeys(elements.blocks))}
     block = np.array([-1 if name is None else number[name] for name in elements.blocks])
@@ -232,7 +232,10 @@ def _case(
 
 
 def _points(live: Sequence[PlacedLoad], elements: Elements) -> Points:
-    """Return the point of application and the force of each live point load."""
+    """Return (point of application, force) of each live load that is a force on an element.
+
+    The default point is the centroid of the element. elements: of the assembly.
+    """
     points = []
     for _, entry, _ in live:
         if isinstance(entry, PointLoad) and entry.force is not None:
@@ -242,9 +245,9 @@ def _points(live: Sequence[PlacedLoad], elements: Elements) -> Points:
 
 
 def _widths(live: Sequence[PlacedLoad]) -> tuple[float | None, ...]:
-    """Return the width of the patch of each live point load, None for a load without one.
+    """Return the patch width of each live force on an element, None for a force without one.
 
-    The result is () if no load has a width.
+    The order is that of `_points`. The result is () if no load has a width.
     """
     widths = tuple(entry.width for _, entry, _ in live if isinstance(entry, PointLoad) and entry.force is not None)
     return widths if any(width is not None for width in widths) else ()

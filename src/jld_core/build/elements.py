@@ -23,7 +23,7 @@ def collect_elements(
     shape: list[Floats],
     faces: tuple[tuple[tuple[int, ...], ...], ...],
 ) -> Elements:
-    """Make the elements of a scene from its entries and computed geometry, without weights.
+    """Build the elements of a scene from its entries and computed geometry, without weights.
 
     centroid: (n, d) and volume: (n,), computed; values that an entry states replace them. shape, faces: as in
     `Elements`. Raises InputError where all or none of the elements are supports.
@@ -50,9 +50,9 @@ def collect_elements(
 
 
 def weighed(elements: Elements, entries: list[Element], scene: Scene) -> Elements:
-    """Return elements with the self-weights that their entries or the materials give.
+    """Compute the self-weights of all elements, and return the elements with them.
 
-    entries: the scene's entry for each element, in the same order.
+    entries: the scene's entry for each element, in the same order; it may state weight or density.
     """
     direction = materials.direction_of_weight(scene)
     gravity = float(np.linalg.norm(materials.gravity_vector(scene.materials, scene.dimension)))

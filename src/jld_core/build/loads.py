@@ -81,10 +81,12 @@ def shape_dependent(
     elements: Elements,
     entries: Sequence[Element],
 ) -> ShapeLoads:
-    """Return the parts of the loads that change with the shapes of elements.
+    """Return the forces that grow with the volumes of elements or move with their centroids.
 
-    Self-weight is included. dead, live: valid load entries. elements: with weights. entries: the scene's entry for each
-    element. A stated weight or volume does not grow with the shape, and a stated centroid does not move with it.
+    dead, live: valid load entries, which may include body loads. elements: with weights; their self-weight counts as a
+    dead load. entries: the scene's entry for each element. Forces on an element with a stated weight or volume do not
+    grow; those on one with a stated centroid do not move. Supports have none. Returns arrays (n, d), scene units, and
+    whether any entry comes from a pressure.
     """
     rides = ~elements.support & np.array([entry.centroid is None for entry in entries])
     grows = ~elements.support & np.array([entry.weight is None and entry.volume is None for entry in entries])
@@ -103,7 +105,7 @@ def shape_dependent(
 
 
 def _vector(values: list[float], dimension: int, where: str) -> Floats:
-    """Return a list as a vector; raise InputError for a wrong length."""
+    """Convert numbers to a vector; raise InputError unless their number is `dimension`."""
     if len(values) != dimension:
         raise InputError(where, f"it has {len(values)} numbers", f"{dimension} in this scene")
     return np.array(values, dtype=float)

@@ -102,14 +102,14 @@ def _of_face(face: FaceMaterial) -> dict[str, float]:
 def strengths(
     materials: Materials, contacts: list[Contact | None], faces: list[FaceMaterial | None] | None = None
 ) -> Strengths:
-    """Return the strengths of m interfaces under both labels.
+    """Return the strengths of m interfaces under both labels, scene units.
 
     contacts: for each interface the scene's own entry, or None. faces: for each interface the entry of
-    "materials.faces" for its two elements, or None. Keys of a contact override those of faces, which override the
-    materials.
+    "materials.faces" for its two elements, or None. Values of a contact replace those of `faces`, which replace those
+    of `materials`.
 
     Friction, tension and shear that are not stated are NaN; compressive strengths are inf, cohesion and inner friction
-    0. Raises InputError where a tensile strength exceeds the apex of its friction cone.
+    0. Raises InputError where the inner tension of a face or contact entry exceeds the apex of its friction cone.
     """
     dry, inner = materials.dry, materials.inner
     usual = {

@@ -66,7 +66,7 @@ _Arrays = TypeVar("_Arrays", Interfaces, Strengths)
 
 
 def _joined(one: _Arrays, other: _Arrays) -> _Arrays:
-    """Return two sets of interfaces, or of strengths, as one set."""
+    """Concatenate two sets of interfaces, or two sets of strengths."""
     parts: dict[str, Any] = {}
     for part in fields(one):
         first, second = getattr(one, part.name), getattr(other, part.name)
@@ -75,7 +75,10 @@ def _joined(one: _Arrays, other: _Arrays) -> _Arrays:
 
 
 def _members(assembly: Assembly, entries: Sequence[Member]) -> Members:
-    """Return the members of the scene's entries; their interfaces are not numbered yet."""
+    """Convert the entries of members to `Members`, without the numbers of their interfaces.
+
+    Raises InputError for invalid points or elements, an undefined axis, or a repeated name.
+    """
     names, held, points, axes = [], [], [], []
     for position, entry in enumerate(entries):
         where = f"members[{position}]"
@@ -105,7 +108,11 @@ def _members(assembly: Assembly, entries: Sequence[Member]) -> Members:
 
 
 def _anchored(assembly: Assembly, anchor: Anchor, where: str) -> tuple[int, Floats]:
-    """Return element and point of an anchor; raise InputError for a point outside the element."""
+    """Return the element index and the point (d,) of an anchor.
+
+    where: key of the anchor, for the message. Raises InputError for an unknown element, a wrong number of coordinates,
+    or a point outside the element.
+    """
     elements, d = assembly.elements, assembly.dimension
     if anchor.element not in elements.index:
         raise InputError(f"{where}.element", f"no element is named {anchor.element!r}", "the id of an element")
@@ -132,9 +139,11 @@ def _require_two(assembly: Assembly, elements: Ints, where: str) -> None:
 
 
 def _axis(assembly: Assembly, entry: Member, elements: Ints, points: Floats, where: str) -> Floats:
-    """Return the unit vector (d,) of a member; raise InputError where its points give none.
+    """Return the unit vector (d,) along the first segment of a member.
 
-    The axis of a pin whose ends coincide is the normal of the nearest face between its two elements.
+    elements, points: of all anchors. where: key of the member, for the message. The axis of a pin whose ends coincide
+    is the normal of the nearest face between its elements. Raises InputError if other successive points coincide, or if
+    those elements share no face.
     """
     step = np.diff(points, axis=0)
     length = np.linalg.norm(step, axis=1)

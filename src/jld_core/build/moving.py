@@ -71,10 +71,10 @@ def cases_of(moving: MovingLoad, elements: Elements, downwards: Floats, where: s
 def _positions(
     moving: MovingLoad, points: Floats, legs: Floats
 ) -> Iterator[tuple[float, list[tuple[Floats, Floats, float]]]]:
-    """Yield the positions of a vehicle on a path, in equal steps.
+    """Yield the positions of a vehicle on a path, in equal steps of its first axle.
 
-    points: (k, 2) of the path. legs: (k − 1,) lengths between them. A position is given by the distance of the first
-    axle along the path, and by place, direction and weight of each axle on the path.
+    points: (k, 2) of the path. legs: (k − 1,) lengths between them. Each position is the distance of the first axle
+    along the path, and a list (point, direction, weight) of the axles on the path.
     """
     behind = np.cumsum([0.0, *(axle.distance for axle in moving.axles[1:])])
     ends = np.append(0.0, np.cumsum(legs))

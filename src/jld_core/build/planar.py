@@ -69,8 +69,9 @@ def planar_geometry(scene: Scene) -> Geometry:
 
 
 def _closed(scene: Scene, ids: list[str], outlines: list[Floats]) -> tuple[list[Floats], float]:
-    """Close gaps and overlaps up to the tolerance; return outlines, largest displacement.
+    """Close gaps and overlaps between outlines, each up to the tolerance of the scene.
 
+    ids: names of the elements. outlines: corners (k, 2) of each. Returns the new outlines and the largest displacement.
     Grids and scenes with stated interfaces stay unchanged. So do scenes whose largest displacement is within the
     tolerance of contact detection, and scenes without a stated tolerance in which an element would vanish. Raises
     InputError if an element vanishes within a stated tolerance.
@@ -118,9 +119,9 @@ def _cells(grid: Grid) -> list[Element]:
 
 
 def _joined_letters(rows: list[str]) -> dict[tuple[int, int], str]:
-    """Return the block name of each free cell.
+    """Return the block name of each free cell of a grid, by (row, column).
 
-    The name is the letter, numbered where one letter forms several blocks.
+    rows: letters of the grid. The name is the letter, numbered where one letter forms several connected blocks.
     """
     part: dict[tuple[int, int], int] = {}
     parts: dict[str, int] = {}

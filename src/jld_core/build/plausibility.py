@@ -108,14 +108,15 @@ def _of_no_use(scene: Scene) -> Iterator[str]:
 
 
 def _within(value: float, usual: tuple[float, float]) -> bool:
-    """Return True if a value lies within limits."""
+    """Return True if a value lies between the limits `usual`, (least, greatest)."""
     return usual[0] <= value <= usual[1]
 
 
 def _meant(readings: dict[str, float], usual: tuple[float, float], unit: str = "", *, first: bool = False) -> str:
-    """Describe the plausible values of a number in other units; "" where none is plausible.
+    """Describe which readings of an implausible number lie within the usual range.
 
-    readings: values by the words for their units. first: mention only the first plausible one.
+    readings: value of the number in each reading, by words such as "MPa are meant". usual: least and greatest usual
+    value. unit: text after a value. first: mention only the first such reading. Returns "" if there is none.
     """
     likely = [f"{value:.4g}{unit} if {how}" for how, value in readings.items() if _within(value, usual)]
     return "".join(f"; {text}" for text in likely[: 1 if first else None])
@@ -166,7 +167,7 @@ def _of_weight(scene: Scene) -> Iterator[str]:
 
 
 def _of_strengths(scene: Scene, assembly: Assembly) -> Iterator[str]:
-    """Warn about strengths above 1 GPa or below the stress from self-weight."""
+    """Warn about strengths above 1 GPa, or below the pressure of the structure's own weight."""
     elements = assembly.elements
     free = elements.free
     weight = np.linalg.norm(elements.weight[free], axis=1).sum() / elements.volume[free].sum()

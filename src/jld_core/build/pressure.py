@@ -38,7 +38,7 @@ class Boundary:
     thickness: float
 
     def plain(self, entries: Sequence[PointLoad | BodyLoad | FaceLoad], key: str) -> list[PlacedLoad]:
-        """Replace pressures by the forces and moments on elements that they add up to.
+        """Replace pressures by statically equivalent forces and moments on elements.
 
         Parameters
         ----------
@@ -50,7 +50,8 @@ class Boundary:
         Returns
         -------
         list of PlacedLoad
-            The other entries unchanged. One force and moment for each straight piece of free boundary under pressure.
+            Other entries unchanged. In the plane, a pressure gives one force and moment for each straight piece of free
+            boundary. On a solid it gives one force at each interface, see `_solid`.
 
         Raises
         ------
@@ -104,9 +105,10 @@ class Boundary:
         return free
 
     def _solid(self, index: int, pressure: float) -> list[PointLoad]:
-        """Return the loads of a uniform pressure on the free surface of a solid.
+        """Return the forces of a uniform pressure on the free surface of a solid.
 
-        Pressure on a whole closed surface is in balance, so that on the free part is minus that on the interfaces.
+        Pressure on the whole closed surface is in balance. The forces are therefore those of the opposite pressure on
+        its interfaces, one at each centroid.
         """
         found: list[PointLoad] = []
         for face in range(len(self.interfaces)):
@@ -118,10 +120,11 @@ class Boundary:
         return found
 
     def _along(self, entry: FaceLoad, along: list[list[float]], where: str) -> list[PointLoad]:
-        """Return the loads of a pressure along a polyline on the free boundary (planar).
+        """Return the forces of a pressure along a polyline on the free boundary (planar).
 
-        Pieces on supports get no load. entry: the pressure at both ends. along: points of the polyline. where: key in
-        the scene. Raises InputError if two points coincide or a part of the polyline is no free boundary.
+        entry: supplies the pressures at both ends, between which it is linear. along: points of the polyline. where:
+        key in the scene. Supports get no load. Raises InputError for a spatial scene, coinciding points, or a part of
+        the polyline that is no free boundary.
         """
         if self.elements.centroid.shape[1] == 3 or any(len(point) != 2 for point in along):
             raise InputError(f"{where}.face.along", "it is for planar scenes", f'"between": [element, "{OUTSIDE}"]')
@@ -173,9 +176,10 @@ class Boundary:
                         yield index, least, most, forward
 
     def _edges(self, index: int) -> Iterator[tuple[Floats, Floats, list[tuple[Floats, Floats]]]]:
-        """Yield both ends of each edge of a planar element, and the free pieces of this edge.
+        """Yield the ends of each edge of a planar element, with its free intervals.
 
-        A piece is a pair of points in the direction of the edge. index: of the element.
+        index: of the element. A free interval is a pair of points in the direction of the edge, covered by no
+        interface. Edges shorter than `_reach` are left out.
         """
         reach = self._reach
         outline = self.elements.shape[index]

@@ -92,7 +92,7 @@ def _velocity(scene: Scene, assembly: Assembly, place: int) -> Floats:
 
 
 def _sized(values: list[float], size: int, where: str) -> Floats:
-    """Return a list as a vector; raise InputError for a wrong length."""
+    """Convert a list of numbers to a vector; raise InputError unless its length is `size`."""
     if len(values) != size:
         raise InputError(where, f"it has {len(values)} number{'s' * (len(values) != 1)}", f"{size} in this scene")
     return np.array(values, dtype=float)

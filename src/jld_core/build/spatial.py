@@ -69,10 +69,11 @@ def spatial_geometry(scene: Scene) -> Geometry:
 
 
 def _closed(scene: Scene, vertices: list[Floats], faces: list[Faces]) -> tuple[list[Floats], float]:
-    """Close gaps and make faces coplanar; return vertices and the largest displacement.
+    """Close gaps between solids and make their faces plane, up to the tolerance of the scene.
 
-    Scenes with stated interfaces stay unchanged. So do scenes whose largest displacement is within the tolerance of
-    contact detection.
+    vertices: (k, 3) of each solid. faces: loops of vertex indices of each. Returns the new vertices and the largest
+    displacement. Scenes with stated interfaces or a tolerance of 0 stay unchanged. So do scenes whose largest
+    displacement is within the tolerance of contact detection.
     """
     if scene.interfaces is not None or scene.tolerance == 0.0:
         return vertices, 0.0

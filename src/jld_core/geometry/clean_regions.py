@@ -51,7 +51,7 @@ def _polygons(region: shapely.Geometry) -> list[shapely.Polygon]:
 
 
 def _without_necks(part: shapely.Polygon, reach: float) -> list[shapely.Polygon]:
-    """Split a polygon at necks narrower than half of `reach`.
+    """Split a polygon at necks narrower than half of `reach`, and return the parts.
 
     The list is empty if the whole polygon is narrower.
     """

@@ -74,9 +74,10 @@ class Kinds:
         return self._count - 1
 
     def _moments(self, points: Floats) -> Floats:
-        """Compute numbers that are nearly equal for outlines of one shape, squares of lengths.
+        """Compute invariants of an outline, equal up to rounding for outlines of one shape.
 
-        They do not change under the allowed moves. points: (k, d) of an outline.
+        They are means of squares of coordinates that no allowed move changes. points: (k, d) of the outline, relative
+        to its centroid.
         """
         square = (points**2).sum(axis=1)
         found = [square.mean(), np.sqrt((square**2).mean())]
@@ -144,7 +145,7 @@ def _falls_on(points: Floats, count: int, other: Outline, reach: float) -> bool:
 
 
 def _axis_mirrors(dimension: int) -> list[Floats]:
-    """Return all products of mirrors along the axes except the identity.
+    """Return all products of mirrors along the axes but the identity, as matrices (d, d).
 
     Single mirrors alone do not form a group.
     """
@@ -153,10 +154,10 @@ def _axis_mirrors(dimension: int) -> list[Floats]:
 
 
 def _turns(one: Outline, other: Outline, reach: float, flip: bool) -> list[Floats]:
-    """Return orthogonal matrices (d, d) that may map one outline onto the other.
+    """Return the orthogonal matrices (d, d) that may map one outline onto the other.
 
-    They are rotations and, with `flip`, also rotations combined with a mirror. Each maps one or two far corners onto
-    corners as far away. reach: half the largest distance at which two points coincide.
+    They are rotations and, with `flip`, also rotations combined with a mirror. Each maps a far corner, in space two,
+    onto corners at the same distance from the centroid. reach: half the largest distance at which two points coincide.
     """
     d = one.points.shape[1]
     corners, images = one.points[: one.count], other.points[: other.count]

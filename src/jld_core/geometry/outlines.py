@@ -185,9 +185,9 @@ def flat_outline(polygons: Sequence[Floats], reach: float, edges: Sequence[_Edge
 
 
 def _edges(polygon: Floats, step: float) -> _Edges:
-    """Return the edges of a polygon (k, 2) in counter-clockwise order.
+    """Return the edges of a polygon (k, 2) counter-clockwise, with corners rounded to a grid.
 
-    step: grid width to which corners are rounded.
+    step: grid width. Each entry holds the edge, the reversed edge and the unrounded start point, see `_Edges`.
     """
     points = [(x, y) for x, y in polygon.tolist()]
     if sum(points[k - 1][0] * y - x * points[k - 1][1] for k, (x, y) in enumerate(points)) < 0.0:
@@ -197,9 +197,10 @@ def _edges(polygon: Floats, step: float) -> _Edges:
 
 
 def _whole(polygons: Sequence[_Edges]) -> shapely.Polygon | None:
-    """Unite polygons that share whole edges by cancelling these edges; None where this fails.
+    """Unite polygons by removing the edges that two of them share as a whole.
 
-    It takes a tenth of the time of a general union.
+    It takes a tenth of the time of a general union. None if boundaries touch in a corner, edges overlap only in part,
+    or the union is not one region.
     """
     edges: dict[tuple[_Corner, _Corner], tuple[float, float]] = {}
     for polygon in polygons:
@@ -264,7 +265,7 @@ def _solid_outline(
 
 
 def _beside(points: Floats) -> tuple[Floats, Floats]:
-    """Return the previous and the next corner of each corner of a ring (k, 2).
+    """Return the previous and the next corners, (k, 2) each, of the corners of a ring (k, 2).
 
     It takes a fifth of the time of `numpy.roll`.
     """
@@ -296,7 +297,7 @@ def _straightened(points: Floats, reach: float) -> Floats:
 
 
 def _merged(points: Floats, reach: float) -> Floats:
-    """Remove the points that lie within `reach` of an earlier point."""
+    """Remove each point (k, d) that lies within `reach` of an earlier point."""
     from scipy.spatial import cKDTree
 
     pairs = cKDTree(points).query_pairs(reach, output_type="ndarray")
@@ -306,10 +307,11 @@ def _merged(points: Floats, reach: float) -> Floats:
 
 
 def _skin(facets: Sequence[_Facet], reach: float) -> list[Floats]:
-    """Compute the outlines (k, 3) of the outer faces of a union of solids.
+    """Compute the boundary loops (k, 3) of the outer faces of a union of solids.
 
-    Parts of faces that two solids share are left out, and so are corners in straight edges. reach: distance from the
-    line of its neighbours within which a corner is left out, and width up to which a face is.
+    facets: faces of all solids. Parts of faces that two solids share are left out, and so are corners in straight
+    edges. reach: distance from the line of its neighbours within which a corner is left out, and width up to which a
+    face is.
     """
     seen: dict[frozenset[tuple[int, ...]], _Facet] = {}
     for facet in facets:
@@ -331,7 +333,10 @@ def _skin(facets: Sequence[_Facet], reach: float) -> list[Floats]:
 
 
 def _planes(facets: Sequence[_Facet], reach: float) -> list[list[_Facet]]:
-    """Return the facets that lie in one plane together, for each plane."""
+    """Group facets by the plane they lie in, with normals of either sense.
+
+    reach: largest distance of the middle of a facet from the plane of the first one.
+    """
     normals = np.array([facet.normal for facet in facets])
     middles = np.array([facet.ring.mean(axis=0) for facet in facets])
     found, left = [], np.ones(len(facets), dtype=bool)
@@ -347,9 +352,9 @@ def _planes(facets: Sequence[_Facet], reach: float) -> list[list[_Facet]]:
 
 
 def _united(facets: Sequence[_Facet], reach: float) -> list[Floats]:
-    """Unite facets of one plane, and return the outlines (k, 3) of the regions.
+    """Unite the facets of one plane, and return the boundary loops (k, 3) of their regions.
 
-    Regions where facets of opposite normals meet are inside the union and left out. reach: see `_skin`.
+    Regions where facets of opposite normals meet lie inside the union of solids and are left out. reach: see `_skin`.
     """
     normal, offset, grid = facets[0].normal, facets[0].offset, _SNAP * reach
     plane = across(normal)

@@ -183,11 +183,12 @@ def _shapes(polygons: list[Floats]) -> Any:
 
 @dataclass(frozen=True)
 class _FacingEdges:
-    """Pairs of edges of near polygons that face one another, with the part where they do.
+    """Pairs of opposite edges of near polygons, with the length over which they overlap.
 
     pair: (k,) row of the pair of polygons. ends: (k, 2, 2) of the overlap, on the edge of the first. outward: (k, 2)
-    normal of that edge. offset: (k,) signed distance to the other edge, at the end where it is larger in size. least:
-    (k,) smaller distance of both ends, without sign; 0 where the edges cross. length: (k,) of the shorter edge.
+    normal of that edge. offset: (k,) signed distance to the other edge, at the end of the overlap where it is larger in
+    magnitude. least: (k,) smaller distance of both ends, without sign; 0 where the edges cross. length: (k,) of the
+    shorter edge.
     """
 
     pair: Ints
@@ -199,10 +200,10 @@ class _FacingEdges:
 
 
 def _facing_edges(polygons: list[Floats], near: Ints, share: float) -> _FacingEdges:
-    """Find pairs of edges that face one another within a share of the shorter one's length.
+    """Find pairs of opposite edges that overlap and are close, relative to the shorter one.
 
-    polygons: (k, 2) corners of each element. near: (p, 2) pairs of polygons. Results are in the order of pairs, then of
-    the edges of both.
+    polygons: (k, 2) corners of each element. near: (p, 2) pairs of polygons. share: of the shorter edge's length; the
+    distance must not exceed it, the overlap must. Results are in the order of pairs, then of the edges of both.
     """
     count = np.array([len(polygon) for polygon in polygons])
     first = np.concatenate([[0], np.cumsum(count)])

@@ -55,10 +55,10 @@ class Facets:
 
 
 def spread(start: Ints, count: Ints) -> tuple[Ints, Ints]:
-    """Return the owner and the index of every entry of several index ranges.
+    """Concatenate several index ranges, and return the range and the index of every entry.
 
-    start, count: (n,) first index and length of each range. Range i holds start[i] … start[i] + count[i] − 1. The
-    results are arrays over all entries, range after range: the number i of the range, and the index.
+    start, count: (n,) first index and length of each range. Range i holds start[i] … start[i] + count[i] − 1. Both
+    results have sum(count) entries, range after range: the number i of the range, and the index.
     """
     owner = np.repeat(np.arange(len(count)), count)
     first = np.concatenate([[0], np.cumsum(count)])[:-1]
@@ -67,9 +67,11 @@ def spread(start: Ints, count: Ints) -> tuple[Ints, Ints]:
 
 @dataclass(frozen=True)
 class _Surface:
-    """All faces of all elements in flat arrays.
+    """Loops of all faces of all elements in flat arrays, with c corners.
 
-    Corner c belongs to face `face[c]`; it is vertex `vertex[c]`, followed along the loop by vertex `after[c]`.
+    points: (v, 3) vertices of all elements. vertex, after: (c,) vertex of each corner and the next vertex along its
+    loop. face: (c,) face of each corner. start, count: (faces,) first corner and number of corners of each face.
+    element: (faces,) element of each face.
     """
 
     points: Floats
@@ -151,9 +153,10 @@ def solids(
 
 
 def _closed(surface: _Surface, count: int) -> Bools:
-    """Return a mask (n,) of elements in which every edge occurs equally often in both senses.
+    """Return a mask (n,), True for elements whose surface is closed and consistently oriented.
 
-    count: number n of elements.
+    Each edge of such an element occurs equally often in both senses, and none joins a vertex to itself. count: number n
+    of elements.
     """
     width = len(surface.points)
     low, high = np.minimum(surface.vertex, surface.after), np.maximum(surface.vertex, surface.after)
@@ -166,9 +169,10 @@ def _closed(surface: _Surface, count: int) -> Bools:
 
 
 def _mend(name: str, vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
-    """Merge coinciding vertices and reverse faces until the orientation is consistent.
+    """Merge coinciding vertices of an element, and reverse faces until all are oriented alike.
 
-    Raises InputError where the surface remains open.
+    name: of the element, for the message. Returns the vertices and the new loops. Raises InputError if the surface is
+    open.
     """
     from scipy.spatial import cKDTree  # local imports here and below: slow to import, and used by spatial scenes only
 
@@ -208,9 +212,9 @@ def _mend(name: str, vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
 
 
 def _divergence(surface: _Surface, vertices: list[Floats]) -> tuple[Floats, Floats]:
-    """Compute signed volumes (n,) and centroids (n, 3).
+    """Compute signed volumes (n,) and centroids (n, 3) by the divergence theorem.
 
-    Sums run about the first vertex of each element.
+    surface: loops of all elements. vertices: (k, 3) of each element; sums run about its first vertex.
     """
     base = np.array([v[0] for v in vertices])
     owner = surface.element[surface.face]
@@ -295,10 +299,10 @@ def _repeats(surface: _Surface) -> Bools:
 
 
 def _join_coplanar(surface: _Surface, vector: Floats, size: Floats) -> tuple[Ints, Bools]:
-    """Join neighbouring faces that lie in one plane to facets.
+    """Join neighbouring faces in one plane to facets, and return the facet of each face.
 
-    vector: (faces, 3) area vector of each face. size: (faces,) largest extent of each. The results are the facet
-    (faces,) of each face, numbered by first face, and a mask (faces,) of faces that are a facet alone.
+    vector: (faces, 3) area vector of each face. size: (faces,) largest extent of each. Returns the facet (faces,) of
+    each face, numbered by first face, and a mask (faces,) of faces that are a facet alone.
     """
     width = len(surface.points)
     low, high = np.minimum(surface.vertex, surface.after), np.maximum(surface.vertex, surface.after)

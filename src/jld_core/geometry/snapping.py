@@ -177,10 +177,11 @@ def _edges(rings: Sequence[Sequence[int]], closed: Sequence[bool]) -> Ints:
 
 
 def _hits(place: Floats, edges: Ints, tolerance: float) -> tuple[Ints, Ints, Floats, Floats]:
-    """Find nodes within the tolerance of the interior of edges to which they do not belong.
+    """Find nodes that lie within the tolerance of an edge of which they are no end.
 
-    place: (n, 2) positions of the nodes. edges: (e, 2) nodes of each edge. The results (h,) are node, edge, distance,
-    and position of the foot point as a share of the edge's length. They are sorted by node, then by distance.
+    place: (n, 2) positions of the nodes. edges: (e, 2) nodes of each edge. The foot point lies between the ends of the
+    edge. Returns node, edge, distance, and position of the foot point as a share of the edge's length, each (h,). They
+    are sorted by node, then by distance.
     """
     if not len(edges):
         none = np.zeros(0, dtype=np.int64)
@@ -247,9 +248,10 @@ def _without_swaps(place: Floats, node: Ints, ends: Ints, tolerance: float) -> B
 
 
 def _meeting(place: Floats, rings: Sequence[Sequence[int]], tolerance: float) -> Ints:
-    """Return the node (n,) that each node becomes after moves onto edges.
+    """Return the node (n,) into which each node merges, itself if into none.
 
-    A node merges with a node of another path within the tolerance. place: (n, 2) positions. rings: nodes of each path.
+    Two nodes merge if they lie within the tolerance and no path contains both. place: (n, 2) positions. rings: nodes of
+    each path.
     """
     into = np.arange(len(place))
     owners: dict[int, set[int]] = {}

@@ -152,7 +152,7 @@ def _planes(place: Floats, loops: list[Ints], solid: Ints, tolerance: float) -> 
 
 
 def _stacked(loops: list[Ints]) -> list[tuple[Ints, Ints]]:
-    """Return the loops of equal numbers of corners as arrays (n, k), with their indices (n,)."""
+    """Stack loops of equal length: for each length, indices (n,) and loops as an array (n, k)."""
     count = np.array([len(loop) for loop in loops], dtype=np.int64)
     found = []
     for corners in np.unique(count).tolist():

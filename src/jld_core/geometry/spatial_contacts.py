@@ -166,10 +166,11 @@ def near_solids(facets: Facets, pairs: tuple[Ints, Ints]) -> list[NearMiss]:
 
 
 def _touches_throughout(facets: Facets, one: Ints, two: Ints, size: Floats) -> Bools:
-    """Return a mask (p,) of facet pairs that can only touch, so that no gap need be measured.
+    """Return a mask (p,) of facet pairs without a gap between them.
 
-    All corners of the second facet lie near the plane of the first. The mask is False if the second facet has not four
-    corners or has holes. one, two: (p,) facets. size: (p,) size of the smaller facet of each pair.
+    All four corners of the second facet lie within half the tolerance of the plane of the first. The mask is False if
+    the second facet has holes or not four corners. one, two: (p,) facets. size: (p,) size of the smaller facet of each
+    pair.
     """
     found = np.zeros(len(one), dtype=bool)
     four = np.flatnonzero([len(facets.loops[k]) == 1 and len(facets.loops[k][0]) == 4 for k in two.tolist()])
@@ -185,9 +186,10 @@ def _touches_throughout(facets: Facets, one: Ints, two: Ints, size: Floats) -> B
 def _near_miss(
     facets: Facets, frames: FacetFrames, one: int, two: int, shared: shapely.Geometry, size: float
 ) -> NearMiss | None:
-    """Return the gap between two facets over a region; None for a contact or a wide gap.
+    """Measure the gap between two facets over a region; None for a contact or a wide gap.
 
-    one, two: facets. shared: the region, in the frame of the first facet. size: of the smaller facet.
+    one, two: indices of the facets. shared: the region, in the frame of the first facet. size: of the smaller facet, a
+    length.
     """
     axes, normal, slope = np.array([frames.e1[one], frames.e2[one]]), facets.normal[one], facets.normal[two]
     flat = np.concatenate([shapely.get_coordinates(shapely.point_on_surface(shared)), shapely.get_coordinates(shared)])

@@ -58,9 +58,10 @@ def given_normals(polygons: list[Floats], a: Ints, facets: Facets, where: Callab
 
 
 def _sides(normal: Floats, place: Floats, size: Floats, a: Ints, facets: Facets) -> Floats:
-    """Return +1 (m,) where a normal points out of element a at the nearest face, else −1.
+    """Return the sense (m,) of each contact's normal: +1 if it points out of element a, or −1.
 
-    normal: (m, 3). place: (m, 3) a point of each contact. size: (m,) of the contacts. a: (m,) element of each contact.
+    The nearest face of a decides. normal: (m, 3). place: (m, 3) a point of each contact. size: (m,) of the contacts,
+    lengths. a: (m,) element of each contact.
     """
     count = np.bincount(facets.element)
     start = np.concatenate([[0], np.cumsum(count)])[:-1]

@@ -212,7 +212,7 @@ def refuse_repeated(pairs: Sequence[tuple[int, int]], places: Sequence[Floats]) 
 
 
 def _cover(one: Floats, other: Floats) -> bool:
-    """Return True if two stated contacts share more than an end or an edge.
+    """Return True if two stated contacts overlap, that is, share more than an end or an edge.
 
     one, other: ends (2, 2) or corners (k, 3) of each contact.
     """

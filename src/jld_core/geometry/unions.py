@@ -222,7 +222,7 @@ def _planes(facets: Facets, reach: float) -> list[list[int]]:
 
 
 def _weld(points: Floats, reach: float) -> Ints:
-    """Return the node (n,) of each point; points within `reach` of one another share a node.
+    """Assign points (n, 3) to nodes (n,); points within `reach` of one another share a node.
 
     Nodes are numbered by first appearance; chains of near points become one node.
     """
@@ -237,10 +237,10 @@ def _weld(points: Floats, reach: float) -> Ints:
 
 
 def _outside(facets: Facets, plane: list[int], size: float) -> list[tuple[Floats, list[Floats]]]:
-    """Return the outer surface in one plane, as a normal and boundary loops for each region.
+    """Compute the regions of the outer surface of solids that lie in one plane.
 
-    plane: facets in the plane. size: extent of the solids. Normals point outwards; the outer loop of a region comes
-    first.
+    plane: indices of the facets in the plane. size: extent of the solids. Regions where facets of opposite normals meet
+    are left out. Returns, for each region, its outward normal (3,) and its boundary loops (k, 3), the outer one first.
     """
     normal = facets.normal[plane[0]]
     if len(plane) == 1:
@@ -268,7 +268,10 @@ def _outside(facets: Facets, plane: list[int], size: float) -> list[tuple[Floats
 
 
 def _with_nodes(loop: list[int], points: Floats, tree: cKDTree, reach: float) -> list[int]:
-    """Insert the points that lie on the edges of a loop as corners."""
+    """Insert the points (n, 3) that lie within `reach` of the edges of a loop as its corners.
+
+    loop: indices of its corners in `points`. tree: of `points`.
+    """
     full: list[int] = []
     for a, b in zip(loop, [*loop[1:], loop[0]], strict=True):
         if a == b:
@@ -287,7 +290,7 @@ def _with_nodes(loop: list[int], points: Floats, tree: cKDTree, reach: float) ->
 
 
 def _numbered(rings: Sequence[Floats]) -> list[list[int]]:
-    """Return the numbers of the corners of several rings, counted consecutively."""
+    """Return consecutive indices, from 0, for the corners of several rings, one list per ring."""
     stops = np.cumsum([0, *(len(ring) for ring in rings)])
     return [list(range(a, b)) for a, b in zip(stops[:-1].tolist(), stops[1:].tolist(), strict=True)]
 

@@ -159,7 +159,7 @@ class BatchBlockProgram:
 def _balance(parts: BlockParts, blocks: Sequence[BlockColumns]) -> Ints:
     """Return the indices (k, q) of the equilibrium rows of all parts.
 
-    They count among the rows of all blocks, where they are the first rows of each block.
+    They count the rows of all blocks, block after block. The equilibrium rows of a block are its first rows.
     """
     begin = np.concatenate([[0], np.cumsum([one.own for one in blocks])])
     first = np.searchsorted(parts.part_block, parts.part_block)

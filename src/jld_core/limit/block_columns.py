@@ -93,9 +93,9 @@ class _Block:
                 self._push(side, np.array([0.0, sign * self._dry.cohesion[face], 0.0]), self._cohesive[side])
 
     def _push(self, side: int, force: Floats, row: int | None = None) -> None:
-        """Add the column of a force at a side; with `row`, add an entry 1 in that row.
+        """Add the column of a force at a side: its part in equilibrium and on the shared face.
 
-        side: index in `BlockParts`. force: (3,) resultants.
+        side: index in `BlockParts`. force: (3,) resultants. row: row that also gets an entry 1; None for none.
         """
         parts = self._parts
         at = self._place[int(parts.side_part[side])]
@@ -135,9 +135,9 @@ class _Block:
         return list(found.items())
 
     def _keep(self, found: list[tuple[int, float]], row: int | None = None) -> None:
-        """Store a column without its zero entries; with `row`, add an entry 1 in that row.
+        """Store a column without its zero entries.
 
-        found: entries (row, value) of the column.
+        found: entries (row, value) of the column. row: row that also gets an entry 1; None for none.
         """
         found = sorted([*found, *([] if row is None else [(row, 1.0)])])
         found = [(at, value) for at, value in found if value != 0.0]

@@ -124,10 +124,11 @@ class ConeProgram(AllBlocksProgram):
         return _Copies(face, block, begin[:, None] + np.arange(q), active[face])
 
     def _sets(self, rows: OwnedIndices, copies: _Copies, *, dry: bool, linear: bool) -> None:
-        """Add the rows x h − G F of copies of faces: either the linear rows or the cones.
+        """Add the yield rows h x − G F of copies of faces: either the linear rows or the cones.
 
-        rows: receives the new rows. copies: of faces under one label. dry: True for the dry label. linear: True for
-        linear rows.
+        h and G are right-hand sides and coefficients of a `RowPattern`, x is the share of the block of a copy, F its
+        resultants. rows: receives the new rows. copies: of faces under one label. dry: True for the dry label. linear:
+        True for linear rows.
         """
         pattern = self._template.yield_set.pattern
         count = len(self._template.assembly.interfaces)
@@ -160,11 +161,10 @@ class ConeProgram(AllBlocksProgram):
 
 
 def _lists(face: Ints, value: Ints, count: int, freedoms: int = 0) -> list[Ints]:
-    """Return the distinct values (k,) of each face, in ascending order.
+    """Group integer values by face: for each face its distinct values (k,), ascending.
 
     face, value: (pairs,) a face and a value that belongs to it. count: number of faces. freedoms: number of resultants
-    per face. If above 0, the indices of the resultants of a face in the whole vector, `freedoms` · face and following,
-    belong to it as well.
+    per face. If above 0, the values of face f also include the indices freedoms · f to freedoms · (f + 1) − 1.
     """
     face = np.concatenate([face, np.repeat(np.arange(count), freedoms)])
     value = np.concatenate([value, np.arange(count * freedoms)])

@@ -295,10 +295,10 @@ class BlockRelaxation:
     # --- proof ------------------------------------------------------------------------------------------
 
     def _margin(self, velocity: Floats, wall: Floats, allowed: Bools | None = None) -> float:
-        """Return the least margin for finite dissipation over the jumps of all blocks.
+        """Return the least margin for finite dissipation over half jumps and jumps at joints.
 
         velocity: (k, q) of the parts. wall: (f, q) of the shared faces. allowed: (p,) blocks whose jumps count; None:
-        all.
+        all. The result is inf without jumps.
         """
         parts = self._parts
         half, inner = parts.jumps(velocity, wall)
@@ -352,10 +352,10 @@ class BlockRelaxation:
         return total
 
     def _excess(self, mechanism: _Mechanism, load: float, allowed: Bools) -> tuple[float, Floats]:
-        """Return a lower bound on the total excess of any segmentation into allowed blocks.
+        """Bound the total excess of segmentations into allowed blocks (p,) from below.
 
         The excess of a block, docs/method.md (6.6), is positive where its mechanism refutes the scaled λ `load`.
-        Rounding is deducted. The second result (p,) is how much the bound increases if a block is chosen.
+        Returns the bound, less rounding, and by how much (p,) it increases if a block is chosen.
         """
         value = load * mechanism.portion - mechanism.price
         held = self._sums(value[self._parts.part_element], self._parts.part_block)

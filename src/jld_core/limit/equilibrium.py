@@ -14,10 +14,10 @@ from jld_core.program import Template
 
 
 def rows_by_element(rows: Floats, freedoms: int) -> Floats:
-    """Return values of the equilibrium rows by element, (free, q).
+    """Reshape a vector with q entries per free element to a table (free, q).
 
-    rows: (q·free,) values. freedoms: q, the number of rows per element. Further rows of a template, such as that of a
-    settlement, form an element each.
+    rows: (q·free,) values, in the order of the equilibrium equations. freedoms: q. Entries of further equations, such
+    as that of a settlement, get a row each, filled up with zeros.
     """
     whole = len(rows) // freedoms * freedoms
     more = np.zeros((len(rows) - whole, freedoms))
@@ -26,10 +26,10 @@ def rows_by_element(rows: Floats, freedoms: int) -> Floats:
 
 
 def projected_onto(projector: Projector, vector: Floats, target: Floats, passes: int) -> tuple[Floats, Floats, float]:
-    """Project a vector (columns,) onto the equations rows·y = target of a projector.
+    """Project a vector (columns,) onto the solutions y of the equations rows·y = target.
 
-    target: (rows,). passes: number of projections. The results are the projected vector, its residual (rows,), and an
-    estimate of the error left in its entries.
+    projector: holds the matrix `rows`. target: (rows,) right-hand side. passes: number of projections. Returns the
+    projected vector, its residual (rows,), and an estimate of the error left in its entries.
     """
     for _ in range(passes):
         vector = vector - projector.correction(projector.rows @ vector - target)
@@ -38,10 +38,10 @@ def projected_onto(projector: Projector, vector: Floats, target: Floats, passes:
 
 
 def error_or_inf(error: float, left: Floats, forces: Floats) -> float:
-    """Return an estimate of error, or inf if the residual of equilibrium exceeds rounding.
+    """Return an error estimate, or inf if the residual of equilibrium exceeds rounding.
 
-    In that case the kept resultants reach no equilibrium. error: estimate. left: (rows,) residual. forces: (columns,)
-    forces to which it belongs. All values are scaled.
+    A large residual means that the kept resultants cannot reach equilibrium. error: estimate. left: (rows,) residual.
+    forces: (columns,) forces with this residual. All values are scaled.
     """
     much = float(abs(left).max()) > tolerances.ROUNDING * max(1.0, float(abs(forces).max()))
     return np.inf if much else error

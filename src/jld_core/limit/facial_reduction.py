@@ -94,10 +94,11 @@ class FacialReduction:
         )
 
     def _repaired(self, motion: Motion, labels: Bits, normalise: bool, idle: bool, loaded: bool) -> Motion | None:
-        """Repair a motion, with or without rays of the live load treated as self-stress.
+        """Repair a motion by facial reduction, and return the result of least bound.
 
-        motion, labels, normalise: as in `repair`. idle: True makes the live work exactly zero. loaded: True if a
-        self-stress may balance additional live load.
+        motion, labels, normalise: as in `repair`. idle: True makes the live work of the result zero. loaded: True if
+        self-stresses may include λ, that is, balance a part of the live load. None if no reduction leads to a motion of
+        finite dissipation.
         """
         program = self.template.program(labels)
         columns = program.structure.shape[1] - (0 if loaded else 1)
@@ -119,11 +120,11 @@ class FacialReduction:
         return None
 
     def _solved(self, program: ConicProgram, reduced: Reduced, labels: Bits, normalise: bool) -> Motion | None:
-        """Solve the reduced program, which has an interior, for its mechanism.
+        """Solve the program of the rows left by facial reduction, and return its mechanism.
 
-        program: with all rows. reduced: rows that are left. labels: (m,) True = dry. normalise: as in `repair`. The
-        result is None without rays, or without a mechanism. Where a cone is reduced to one ray, the multipliers of the
-        full program are accurate to half their digits only.
+        It is more accurate than the mechanism of all rows, `program`. reduced: rows that are left. labels: (m,) True =
+        dry. normalise: as in `repair`. None if no cone is reduced to a ray, or if the solver finds no mechanism of the
+        wanted kind.
         """
         if not reduced.rays:
             return None
@@ -187,11 +188,11 @@ class FacialReduction:
         idle: bool,
         turned: bool,
     ) -> Motion | None:
-        """Project a motion onto the jumps that the kept rows allow, then move it inside them.
+        """Project a motion onto allowed jumps; add the least share of `step` that makes it valid.
 
-        The result is None where no share of `step` suffices. motion, step: motion to be repaired, and one strictly
-        inside. reduced: kept rows of `program`. labels: (m,) True = dry. normalise: scale to live work 1. idle: make
-        the live work zero. turned: take the direction of rays from the slip.
+        A motion is valid if its dissipation is finite. motion: to be repaired. step: motion strictly inside the allowed
+        jumps. reduced: kept rows of `program`. labels: (m,) True = dry. normalise: scale to live work 1. idle: make the
+        live work zero. turned: take the direction of rays from the slip of the motion. None if no share tried suffices.
         """
         live = self.template.live
         velocity = motion.velocity
@@ -255,9 +256,10 @@ class FacialReduction:
         return bases
 
     def _forbidden(self, bases: dict[int, Floats]) -> Floats:
-        """Return rows E such that E u = 0 if and only if every reduced face has an allowed jump.
+        """Return equations E u = 0 that hold if and only if reduced faces have allowed jumps.
 
-        bases: basis (q, k) of the allowed jumps of each reduced face.
+        bases: orthonormal basis (q, k) of the allowed jumps of each reduced face. u are velocities. Returns E (rows,
+        q·free); it has no rows without reduced faces.
         """
         q = self.template.assembly.freedoms
         parts = []
@@ -296,11 +298,10 @@ class FacialReduction:
 
 
 def _rounds(program: ConicProgram, columns: int, search: _Search) -> list[Reduced]:
-    """Return the rows that are kept after each successive self-stress, the last first.
+    """List the yield rows that are kept after 0, 1, 2, … self-stresses, in reverse order.
 
-    The last entry is the list of all rows, before any self-stress. The search ends where no self-stress removes another
-    row, or after `_ROUNDS` of them. program: supplies all rows. columns: number of leading columns that a self-stress
-    uses. search: finds one self-stress.
+    The search ends where no self-stress removes another row, or after `_ROUNDS` of them. program: supplies all rows.
+    columns: number of leading columns that a self-stress uses. search: finds one self-stress.
     """
     found = [kept_rows(program)]
     for _ in range(_ROUNDS):
@@ -350,10 +351,9 @@ SEARCHES: Final[tuple[_Search, ...]] = (polygonal_support, _along_axes, _without
 def _tangent(rows: Floats, direction: Floats, jump: Floats, place: int, speed: float) -> list[Floats]:
     """Return the rows that replace a second-order cone on whose boundary a self-stress lies.
 
-    The first row is the ray itself. Where the face slides, a second row turns the ray, to first order. rows: (size,
-    columns) of the cone. direction: of the self-stress. jump: (q,) of its face, whose columns begin at `place`. speed:
-    largest velocity of the motion. Where the face slides, the slip of the motion is more accurate than the direction of
-    the self-stress.
+    The first row (columns,) is the ray of the self-stress. Where the face slides, the slip of the motion gives the ray
+    instead, and a second row turns it to first order. rows: (size, columns) of the cone. direction: (size − 1,) of the
+    self-stress. jump: (q,) of its face, whose columns begin at `place`. speed: largest velocity of the motion.
     """
     tail = rows[1:]
     where = [np.flatnonzero(row) for row in tail]

@@ -163,10 +163,11 @@ def _thrust(
     origin: float,
     moved: Floats | None,
 ) -> Thrust:
-    """Convert a proof about scaled λ to an end of the range of R.
+    """Convert a proof about scaled λ to the least or greatest value of the function R.
 
-    labels: (m,) True = dry. gap: relative width up to which the end is certified. sign: −1 for the least value, +1 for
-    the greatest. origin: as in `_analysis`. moved: (n, q) as in `extreme_value`.
+    labels: (m,) True = dry. gap: relative width up to which the value is certified. sign: −1 for the least value, +1
+    for the greatest. origin: as in `_analysis`. moved: (n, q) as in `extreme_value`. All numbers are NaN if R is
+    unbounded, or if the proof lacks forces or a mechanism.
     """
     assembly, scaling, unit = analysis.assembly, analysis.template.scaling, function.unit
     if proof.status is Status.LOCKED:

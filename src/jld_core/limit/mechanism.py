@@ -157,10 +157,10 @@ def face_motions(result: LimitAnalysisResult) -> tuple[FaceMotion, ...]:
 
 
 def _parts(assembly: Assembly, mechanism: Floats, jumps: Floats, face: int) -> tuple[Floats, float, float]:
-    """Return the gaps (k,) at the corners of a face, its slip, and its slip by spin alone.
+    """Compute the opening (k,) at the corners of a face, its slip, and its slip by spin alone.
 
-    Slip is taken at the centroid, slip by spin at the farthest corner. mechanism: (n, q) velocities. jumps: (m, q) of
-    all faces. face: index of the face.
+    Slip is taken at the centroid, slip by spin at the farthest corner; in the plane the latter is 0. mechanism: (n, q)
+    velocities. jumps: (m, q) of all faces. face: index of the face.
     """
     faces, polygon = assembly.interfaces, assembly.interfaces.polygon[face]
     jump = displacement(assembly, mechanism, int(faces.b[face]), polygon)

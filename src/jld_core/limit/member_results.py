@@ -12,11 +12,11 @@ from jld_core.geometry import spun
 
 
 def without_idle(assembly: Assembly, forces: Floats) -> Floats:
-    """Return resultants (m, q) with zeros for components that a member cannot carry.
+    """Set the resultants that a member cannot carry to zero, and subtract the bond from N.
 
-    A bar has no bending, no torsion and no shear, and a pin has axial force only where it states a capacity. The
-    program leaves these numbers free, because nothing depends on them. The bond of joints is subtracted from N. forces:
-    (m, q).
+    forces: (m, q) resultants, scene units; the result has the same shape. A bar carries only axial force; a pin carries
+    shear, and axial force only where it states a capacity. The program leaves the other numbers free. Bond is the
+    constant force of joints with tensile strength.
     """
     members, found = assembly.members, forces
     if members.bond is not None:
@@ -32,9 +32,9 @@ def without_idle(assembly: Assembly, forces: Floats) -> Floats:
 
 
 def elongations(assembly: Assembly, velocity: Floats) -> Floats:
-    """Return the rates of elongation (k,) of all members.
+    """Return the rates of elongation (k,) of all members in a mechanism.
 
-    velocity: (n, q) velocities of the elements about their centroids, as is the unit of the result.
+    velocity: (n, q) velocities of the elements about their centroids, in any unit; the result has the same unit.
     """
     d, centroid = assembly.dimension, assembly.elements.centroid
     rates = []
@@ -46,7 +46,7 @@ def elongations(assembly: Assembly, velocity: Floats) -> Floats:
 
 
 def tensions(assembly: Assembly, forces: Floats) -> Floats:
-    """Return the tension (k,) of all members, prestress included; negative for compression.
+    """Return the tension (k,) of all members with prestress; compression is negative.
 
     forces: (m, q) resultants, scene units, as is the result.
     """
@@ -58,9 +58,9 @@ def tensions(assembly: Assembly, forces: Floats) -> Floats:
 
 
 def effects(assembly: Assembly, forces: Floats) -> Floats:
-    """Return the tension (k,) of ties and tendons, and the shear of pins, for pictures.
+    """Return a force (k,) per member for pictures: tension of bars, shear of pins.
 
-    forces: (m, q) resultants, scene units, as is the result.
+    Bars are ties and tendons. forces: (m, q) resultants, scene units, as is the result.
     """
     members, found = assembly.members, tensions(assembly, forces)
     pins = np.array([kind == "pin" for kind in members.kinds], dtype=bool)
@@ -69,10 +69,10 @@ def effects(assembly: Assembly, forces: Floats) -> Floats:
 
 
 def members_to_json(assembly: Assembly, forces: Floats | None, mechanism: Floats | None) -> list[dict[str, Any]]:
-    """Return one JSON object for each member, with forces and elongation.
+    """Return the JSON objects of all members: name, kind, elements, forces and elongation.
 
-    Entries are name, kind, elements, force (positive in tension), shear of a pin, and elongation. forces: (m, q)
-    resultants, and mechanism: (n, q) velocities; None where there are none.
+    The force is positive in tension; pins also have a shear. forces: (m, q) resultants; None leaves the forces None.
+    mechanism: (n, q) velocities; None leaves the elongations None.
     """
     members, ids = assembly.members, assembly.elements.ids
     force = None if forces is None else tensions(assembly, forces)

@@ -33,7 +33,7 @@ class Movements:
         self._solver = make_solver("clarabel", tolerance=_RESIDUAL)
 
     def of(self, labellings: Bits) -> Floats:
-        """Compute how far each face moves in the mechanism of each labelling.
+        """Compute the relative size of the jump of each face in the mechanism of each labelling.
 
         Parameters
         ----------
@@ -43,7 +43,7 @@ class Movements:
         Returns
         -------
         (k, m) float array
-            Largest entry of each scaled jump over the largest of all faces; zero where no mechanism is found.
+            Largest entry of the scaled jump of a face, over the largest of all faces; zero where no mechanism is found.
         """
         if self._batch is not None:
             velocities = self._batch.solve(labellings, vectors=True).velocities

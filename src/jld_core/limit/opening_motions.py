@@ -96,10 +96,10 @@ class OpeningMotions:
         return None
 
     def _steepest(self) -> Template:
-        """Return a template whose conditions on jumps hold under either label.
+        """Return a template with the strictest conditions on jumps of both labels.
 
-        It has no crushing, and the larger friction of both labels. A crushing face has finite dissipation for every
-        jump. A dry face must be at least as strict as an inner one.
+        It has no crushing, since a crushing face has finite dissipation for every jump, and the larger friction of both
+        labels. Its dry faces are therefore at least as strict as inner ones. Strengths of members stay.
         """
         assembly, scaling = self.template.assembly, self.template.scaling
         strengths = assembly.strengths

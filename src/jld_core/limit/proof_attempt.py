@@ -141,9 +141,10 @@ class ProofAttempt(AttemptState):
                 self.proof.collapse_below_zero = motion
 
     def _opened(self, motion: Motion, normalise: bool = True) -> Motion:
-        """Make the dissipation of a motion finite by an opening motion, else by facial reduction.
+        """Add an opening motion to a motion until its dissipation is finite, else reduce faces.
 
-        Facial reduction serves confined assemblies. normalise: scale the result to live work 1.
+        Facial reduction serves confined assemblies, which have no opening motion. normalise: scale its result to live
+        work 1. The motion is returned as it is if the reduction fails.
         """
         simple = self.repair.expansion()
         if simple is not None:

@@ -97,9 +97,9 @@ def leaning_program(program: ConicProgram, reduced: Reduced, stress: Floats) -> 
 
 
 def reduced_by(found: LargestSupport, program: ConicProgram, reduced: Reduced) -> Reduced | None:
-    """Return the yield rows that a self-stress leaves; None if it removes no row.
+    """Return the yield rows that are left once a large self-stress acts; None if all are.
 
-    Rows in which the self-stress has slack are removed; a cone on whose boundary it lies becomes a ray. found: the
+    Rows in which the self-stress has slack are removed. A cone on whose boundary it lies becomes a ray. found: the
     self-stress, found in `program_of_rows` of `reduced`. program: the whole program. reduced: rows left before.
     """
     sizes = [program.structure.cones[cone] for cone in reduced.cones]

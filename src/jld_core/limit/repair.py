@@ -98,7 +98,7 @@ class Repair:
         return found
 
     def _settled(self, raw: RawSolution, labels: Bits) -> bool | None:
-        """Return whether λ = 0 is admissible; None if a solver's answer does not decide it.
+        """Decide from a solver's answer whether λ = 0 is admissible; None if it proves neither.
 
         raw: answer of the program of largest slack at λ = 0. labels: (m,) True = dry.
         """
@@ -195,11 +195,11 @@ class Repair:
         return None
 
     def _equations(self, s: Structure, tight: Bools, values: Floats) -> list[sp.csr_array]:
-        """Return equations that hold where yield rows are tight: combinations (k, rows) of rows.
+        """Return matrices (k, rows) whose products with the slacks vanish where rows are tight.
 
-        On the boundary of a cone away from its tip, the tail is a fixed direction times the head. At the tip all rows
-        of the cone are zero. A crushing face without force lies on the boundary of its cones away from their tips. s:
-        structure of the program. tight: True for tight rows of `slack_rows`. values: (rows,) slacks of a point.
+        A tight linear row gives one equation. On the boundary of a cone away from its tip, the tail is a fixed
+        direction times the head. At the tip all rows of the cone are zero. s: structure of the program. tight: True for
+        tight rows of `slack_rows`. values: (rows,) slacks of a point.
         """
         tips, linear = slack_rows(s), s.linear - 1
         first = tips[:linear][tight[:linear]]

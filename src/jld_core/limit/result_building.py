@@ -75,9 +75,9 @@ def result_of(
 
 
 def _scene(template: Template, forces: Floats, *, ray: bool = False) -> Floats:
-    """Convert scaled resultants (m, q) to scene units; see `without_idle` for members.
+    """Convert scaled resultants (m, q) to scene units, without bond and idle ones of members.
 
-    ray: True for forces that grow with λ, to which bond adds nothing.
+    ray: True for forces that grow with λ, from which no bond is subtracted. See `without_idle`.
     """
     assembly = template.assembly
     if ray and assembly.members.bond is not None:

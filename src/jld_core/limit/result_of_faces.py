@@ -9,9 +9,9 @@ from jld_core.sub_assembly import faces_of
 
 
 def result_of_faces(result: LimitAnalysisResult) -> LimitAnalysisResult:
-    """Return a copy of a result without the interfaces of members.
+    """Return a result whose interfaces, labels and forces are those of faces, not of members.
 
-    Figures and tables of faces use it.
+    Figures and tables of faces use it. A result without members is returned as it is.
     """
     assembly = faces_of(result.assembly)
     if assembly is result.assembly:

@@ -43,9 +43,10 @@ _RAYS: Final = ((0.0, 1e-5), (0.0, 0.0), (1e3, 1e-5), (1e2, 1e-4))
 
 @dataclass(frozen=True)
 class _Stage:
-    """Self-stresses found so far, and the rows that they leave.
+    """Sequence of self-stresses, and the yield rows that they leave.
 
-    stresses: each (columns,). before: rows in which each was found. left: rows left by all of them.
+    stresses: each (columns,) scaled forces. before: rows of the program in which each was found. left: rows left by all
+    of them.
     """
 
     stresses: tuple[Floats, ...]
@@ -161,10 +162,9 @@ class SelfStress:
                 yield State(self._table(forces[:resultants]), float(point[-1]), 2.0 * error, error)
 
     def _balanced(self, point: Floats) -> tuple[Floats, float] | None:
-        """Project forces onto equilibrium, and return them with the error left.
+        """Project a point onto equilibrium; return it with the error left, None if it is unusable.
 
-        point: (columns + 1,) forces, further variables, and λ. The further variables stay as they are. The result is
-        None if the point is unusable.
+        point: (columns + 1,) forces, further variables, and λ, scaled. The further variables stay as they are.
         """
         if not usable(point):
             return None
@@ -177,10 +177,10 @@ class SelfStress:
         return forces.reshape(len(self.labels), -1)
 
     def _with_stresses(self, point: Floats, stage: _Stage) -> Floats | None:
-        """Add self-stresses to a point until it is admissible in all rows; None on failure.
+        """Add large self-stresses to a point until it is admissible in all rows; None on failure.
 
-        Each self-stress of the stage is added so large, the last first, that the rows before it hold. point: (columns +
-        1,).
+        They are added from the last to the first, each so large that the rows it was found in hold. point: (columns +
+        1,) forces, further variables and λ, scaled.
         """
         for stress, before in zip(stage.stresses[::-1], stage.before[::-1], strict=True):
             rows = program_of_rows(self.program, before, right=True)
@@ -194,7 +194,10 @@ class SelfStress:
         return point
 
     def _reduced(self) -> Iterator[_Stage]:
-        """Reduce the rows by one self-stress after the other; yield the stage reached each time."""
+        """Find self-stresses one after the other; yield each stage with a cone reduced to a ray.
+
+        The search ends where no self-stress removes another row, or after `_ROUNDS` rounds.
+        """
         stage = _Stage((), (), kept_rows(self.program))
         for _ in range(_ROUNDS):
             for search in SEARCHES[:2]:
@@ -215,9 +218,10 @@ class SelfStress:
                 return
 
     def _remaining_rows(self, stress: Floats, left: ConicProgram, reduced: Reduced) -> Reduced | None:
-        """Return the rows that a self-stress leaves; None if it is invalid or leaves all.
+        """Return the yield rows left beside a self-stress; None if it removes none or is invalid.
 
-        stress: (columns,) to be checked. left: program of the rows so far, which `reduced` lists.
+        stress: (columns,) scaled forces, invalid if out of equilibrium or not admissible. left: program of the rows so
+        far. reduced: these rows.
         """
         position, size = _row_position(left, stress), float(abs(stress).max())
         exact = self.prover.exact * max(1.0, size)
@@ -262,9 +266,9 @@ def _blended(rows: ConicProgram, outer: Floats, inner: Floats) -> Floats | None:
 
 
 def _row_position(program: ConicProgram, point: Floats) -> _RowPosition:
-    """Return the slacks and cone values of a vector in all rows but that of λ.
+    """Return the slacks of a scaled vector in all linear rows and cones, but that of λ.
 
-    point: (columns,); if it is shorter, its last columns are zero.
+    program: whose cones have three rows. point: (columns,); if it is shorter, its last columns are zero.
     """
     s = program.structure
     values = program.rhs - program.matrix.tocsr()[:, : len(point)] @ point

@@ -145,18 +145,20 @@ def reactions(assembly: Assembly, forces: Floats, elements: Floats) -> Floats:
 
 
 def _support_rows(assembly: Assembly, moving: Any) -> tuple[Any, Any]:
-    """Return the equilibrium matrix with some supports set free, and the elements of its rows.
+    """Build the equilibrium matrix in which some supports count as free elements.
 
-    moving: (n,) True for supports to set free.
+    moving: (n,) True for these supports. Returns the matrix (q·free, q·m) and the free elements (free,), in the order
+    of its rows.
     """
     elements = replace(assembly.elements, support=assembly.elements.support & ~moving)
     return equilibrium_matrix(replace(assembly, elements=elements)), elements.free
 
 
 def _work_of_reactions(assembly: Assembly, velocity: Floats) -> ForceFunction:
-    """Return the work rate of the forces on supports that move, as a function of forces.
+    """Build the function of forces that gives the work rate of moving supports.
 
-    velocity: (n, q) of all elements; only supports count.
+    velocity: (n, q) of all elements about their centroids; only supports count. The unit of the function is the largest
+    speed of a translation.
     """
     speed = float(np.linalg.norm(velocity[:, : assembly.dimension], axis=1).max()) or (
         assembly.size * float(abs(velocity).max())

@@ -89,10 +89,10 @@ class SharedHull:
 
     @staticmethod
     def _places(linear: int, count: int, copy: int) -> Ints:
-        """Return the row indices of one copy of the faces, counted after the common rows.
+        """Return the row indices (count,) of one of two copies of yield rows.
 
-        Linear rows of both copies come first, then cones of both. linear: number of linear rows of a copy. count:
-        number of all its rows. copy: 0 or 1.
+        Linear rows of both copies come first, then cones of both. Indices count from the first row of both. linear:
+        number of linear rows of a copy. count: number of all its rows. copy: 0 or 1.
         """
         rows = np.arange(count)
         return np.where(rows < linear, rows + linear * copy, rows + linear + (count - linear) * copy)

@@ -324,10 +324,11 @@ def resultant_of_section(assembly: Assembly, start: Sequence[float], end: Sequen
 
 
 def _resultant(assembly: Assembly, place: str, faces: Ints, side: Ints, *, local: bool) -> tuple[Resultant, ...]:
-    """Return all components of the resultant of some faces on the elements beside them.
+    """Build the functions of forces that give each component of the resultant of some faces.
 
-    faces: (k,) indices. side: (k,) element of each face on which its forces act. local: axes of the first face if all
-    faces are parallel to it, else axes of the scene.
+    The resultant acts on the elements beside the faces. Moments are about the mean of the face centroids, weighted by
+    area. place: name of the faces. faces: (k,) indices. side: (k,) element of each face on which its forces act. local:
+    axes of the first face if all faces are parallel to it, else axes of the scene.
     """
     joints, d, q = assembly.interfaces, assembly.dimension, assembly.freedoms
     point = np.average(joints.origin[faces], axis=0, weights=joints.area[faces])

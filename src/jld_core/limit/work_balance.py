@@ -19,7 +19,9 @@ _TINY: Final = 1e-6
 
 @dataclass(frozen=True)
 class WorkBalance:
-    """Work balances of k mechanisms: λ · work ≤ total for every labelling that agrees.
+    """Work balances of k mechanisms, each for one partial labelling: λ · work ≤ total.
+
+    The inequality holds for every labelling that agrees with the partial one on its decided faces.
 
     Attributes
     ----------
@@ -32,7 +34,8 @@ class WorkBalance:
     sound : (k,) bool array
         True where the dissipation is finite and the work not negative.
     own, either : (k, m) arrays
-        Dissipation of each face under the given label, and the larger one of both labels; inf where it is not finite.
+        Dissipation of each face, scaled; inf where it is not finite. `either`: the larger one of both labels. `own`:
+        that under its label, but `either` for undecided faces.
     """
 
     velocities: Floats
@@ -82,9 +85,9 @@ class WorkBalances:
         return WorkBalance(velocities, work, total, sound, own, either)
 
     def _measured(self, jumps: Floats, *, margins: bool) -> Floats:
-        """Return margins or dissipation (2, k, m) of jumps (k, m, q).
+        """Compute the margins, or the dissipation, of scaled jumps (k, m, q) under both labels.
 
-        The first entry is for dry faces, the second for inner faces. margins: True for margins, False for dissipation.
+        margins: True for margins, False for dissipation. Returns (2, k, m): all faces dry, then all faces inner.
         """
         sets, faces = self.template.yield_set, jumps.shape[1]
         measure = sets.margin if margins else sets.dissipation
@@ -95,9 +98,10 @@ class WorkBalances:
         return np.array(each).reshape(2, *jumps.shape[:2])
 
     def _opened(self, velocities: Floats) -> tuple[Floats, Floats, Floats]:
-        """Add an opening motion to velocities whose margins are violated by rounding.
+        """Add an opening motion to velocities whose margins are negative only by rounding.
 
-        velocities: (k, q·free). The results are velocities, jumps (k, m, q) and margins (2, k, m).
+        velocities: (k, q·free) scaled. Returns velocities, jumps (k, m, q) and margins (2, k, m) of dry and of inner
+        faces. Without an opening motion nothing is added.
         """
         jumps = self._prover.jumps(velocities)
         finite = self._measured(jumps, margins=True)

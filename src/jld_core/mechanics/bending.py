@@ -144,18 +144,19 @@ def local_hulls(faces: Interfaces, which: Ints) -> list[Floats]:
 
 
 def _kern(faces: Interfaces, face: int, outline: Floats) -> Floats:
-    """Return the kern rows (h, 2) of one face, scaled, from its hull, area and second moments.
+    """Return the scaled rows (h, 2) that limit the elastic edge stress of one face.
 
-    outline: (h, 2) corners of the hull of the face in its own frame.
+    They follow from its hull, area and second moments, see `polygons.kern_rows`. outline: (h, 2) corners of the hull of
+    the face in its own frame.
     """
     moments = polygons.second_moments(_local(faces, face)[None])[0]
     return polygons.kern_rows(outline, float(faces.area[face]), moments)
 
 
 def _between(rows: Floats) -> Floats:
-    """Return the corners (h, 2) of the polygon {c·m ≤ 1} of rows c (h, 2).
+    """Return the corners (h, 2) of the polygon {m : c·m ≤ 1 for every row c}.
 
-    Each corner lies between a row and the next by angle.
+    rows: (h, 2) coefficients c in order of angle. Each corner lies between a row and the next.
     """
     onward = np.roll(rows, -1, axis=0)
     cross = rows[:, 0] * onward[:, 1] - rows[:, 1] * onward[:, 0]
@@ -163,20 +164,20 @@ def _between(rows: Floats) -> Floats:
 
 
 def _rectangle_solid(corners: Floats) -> Floats:
-    """Return the corners (ν, m1, m2) of the solid of an inner rectangle that crushes.
+    """Return the corners (k, 3) of the scaled bending solid of a rectangle that crushes.
 
-    They are two tips and the corners of the middle section. corners: (4, 2) of the middle section. For ν see
-    `Bending.crush_corners`.
+    They are (ν, m1, m2) of two tips and of the middle section, see `Bending.crush_corners`. corners: (4, 2), twice
+    those of the middle section.
     """
     middle = np.column_stack([np.full(len(corners), 0.5), 0.5 * corners])
     return np.concatenate([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], middle])
 
 
 def _solid(rows: Floats) -> Floats:
-    """Return the corners (ν, m1, m2) of the solid {c·m ≤ ν, c·m ≥ ν − 1}.
+    """Return the corners (k, 3) of the scaled bending solid of any inner face that crushes.
 
-    c are the rows (h, 2) of an inner face that crushes. Where the hull is not symmetric, the solid is no double
-    pyramid. For ν see `Bending.crush_corners`.
+    The solid is {(ν, m1, m2) : ν − 1 ≤ c·m ≤ ν for every row c}, see `Bending.crush_corners`. rows: (h, 2) coefficients
+    c. Where the hull is not symmetric, the solid is no double pyramid.
     """
     one = np.ones(len(rows))
     lower = np.column_stack([-one, rows, 0.0 * one])

@@ -81,9 +81,10 @@ def equilibrium_matrix(assembly: Assembly) -> sp.csc_array:
 
 
 def _of_members(assembly: Assembly) -> Iterator[tuple[int, int, Floats, Floats]]:
-    """Yield what unit resultants of members do: column of A_eq, element, point (d,) and force (d,).
+    """Yield the forces of unit resultants of members on elements.
 
-    Columns of moments stay empty, since a bar or pin has none, and so do those of V but for pins.
+    Each entry is the column of A_eq, the element, the point (d,) of application and the force (d,). Bars and pins have
+    no moments, and only pins have shear V.
     """
     members, faces, q = assembly.members, assembly.interfaces, assembly.freedoms
     for k, face in enumerate(members.face.tolist()):
@@ -122,10 +123,10 @@ def load_vectors(assembly: Assembly) -> tuple[Floats, Floats]:
 
 
 def _cleared(block: Floats, force: Floats, moment: Floats) -> Floats:
-    """Set entries of forces and moments (k, q) to zero where they are rounding errors.
+    """Set those entries of forces and moments (k, q) to zero that are rounding errors.
 
-    block: (k, q) forces and moments. force: (k,) size of the force. moment: (k,) moment below which the moment of that
-    force is rounding.
+    block: (k, q) forces, then moments, of unit resultants. force: (k,) magnitude of each force. moment: (k,) magnitude
+    up to which a moment counts as rounding.
     """
     d = 2 if block.shape[1] == 3 else 3
     least = np.repeat(np.column_stack([tolerances.ROUNDING * force, moment]), [d, block.shape[1] - d], axis=1)

@@ -73,7 +73,7 @@ class Frictional(Strengths):
         return np.where(self.is_dry(labels), self.cohesion, self.shear)
 
     def _holds(self, labels: Bits) -> Bools:
-        """Return a mask (m,), True for faces that resist shear.
+        """Return a mask (m,), True for faces that resist shear by friction or strength.
 
         V is left out of the program at all others. labels: (m,) True = dry.
         """
@@ -85,9 +85,9 @@ class Frictional(Strengths):
         return np.where(self.is_dry(labels), dry, inner) > 0.0
 
     def _capacity(self, normal: Floats) -> tuple[Floats, Floats]:
-        """Return the shear capacity c + μN (m,) of all faces as dry, and as inner.
+        """Return the scaled shear capacities c + μN (m,) of all faces as dry, and of all as inner.
 
-        It is inf where V is left out of the program. normal: (m,) scaled normal forces N.
+        A capacity is inf where V is left out of the program. normal: (m,) scaled normal forces N.
         """
         if self.has_dry_cohesion:
             dry = np.where(self.friction + self.cohesion > 0.0, self.cohesion + self.friction * normal, np.inf)
@@ -116,10 +116,11 @@ class Frictional(Strengths):
 
 
 def scaled_strengths(strengths: Strengths, unit: Floats) -> Strengths:
-    """Divide strengths by the force scale, after multiplication with the areas of their faces.
+    """Convert strengths to forces, stress times area, and divide them by the force scale.
 
-    unit: (m,) area of each face over the force scale. A material that the scene does not name gives a face without
-    strength. `require_materials` refuses the labellings that need such a material.
+    strengths: of m faces, scene units; friction coefficients stay. unit: (m,) area of each face over the force scale. A
+    material that the scene does not name gives a face without strength. `require_materials` refuses the labellings that
+    need such a material.
     """
     return Strengths(
         friction=np.nan_to_num(strengths.friction, nan=0.0),

@@ -100,12 +100,12 @@ def parabolic_hull(sets: Frictional, crushed: Ints) -> ParabolicBending | None:
 
 
 def _interaction_planes(strengths: Floats) -> Floats:
-    """Return a corner and a range of planes that bound V and M together, for faces that crush.
+    """Compute the planes that bound V and M together, for planar faces that crush.
 
     The result (k, 5) has one row per face: N and m of a corner of the inner set; how far the shear of this corner is
-    above that of the dry set; and the first and last value N₁ of an interval. For every N₁ in it, the plane that
-    touches the corner, and the parabola of the dry set at N₁, encloses the sets of both labels. A row is zero where
-    there is no such plane. strengths: (k, 7), as the last columns of `ParabolicBending.interaction`.
+    above that of the dry set; and the first and last value N₁ of an interval. For every N₁ in it, one plane touches the
+    corner, and the parabola of the dry set at N₁. It encloses the sets of both labels. A row is zero where there is no
+    such plane. strengths: (k, 7), as the last columns of `ParabolicBending.interaction`.
 
     Shear beyond c + μN requires a share w of inner corners, mostly of (−T, 0). The hull therefore bulges between a
     corner (n, m) and the parabola. Planes a N − b|V| − |m| + h ≥ 0 tangent to it at N₁ have a = 1 + μb − 2N₁/N_c. The

@@ -92,25 +92,25 @@ class PrescribedFriction:
 
     @cached_property
     def _previous(self) -> tuple[Floats, Floats]:
-        """Return N_prev (m,) of all faces as dry, and as inner.
+        """Return the N_prev (m,) that friction uses, for all faces as dry and for all as inner.
 
-        Each value is raised to the least N that the face can carry.
+        Each value is raised to the least N that the face can carry: 0 if dry, −σtA if inner.
         """
         return np.maximum(self.previous, 0.0), np.maximum(self.previous, -self.base.tension)
 
     def _frozen(self, labels: Bits) -> Floats:
-        """Return the part (1 − α) μ N_prev (m,) of the shear capacity.
+        """Return the part (1 − α) μ N_prev (m,) of the shear capacity, independent of N, scaled.
 
-        It does not depend on the present N.
+        labels: (m,) True = dry.
         """
         previous = np.where(self.base.is_dry(labels), *self._previous)
         return np.asarray((1.0 - self.alpha) * self.base.friction_of(labels) * previous)
 
     def _with_areas(self, pattern: RowPattern, areas: EffectiveAreas) -> RowPattern:
-        """Return a row pattern with torsion about effective areas.
+        """Return a row pattern in which torsion is taken about effective areas.
 
-        The torsion rows become t ± e ≤ capacity, divided by ρ, which keeps coefficients of order one. pattern: with
-        torsion about whole faces. areas: the effective areas.
+        The torsion rows of dry faces become t ± ρ (mT + a·V) ≤ capacity, divided by ρ to keep coefficients of order
+        one. pattern: with torsion about whole faces. areas: the effective areas, with ρ and a.
         """
         p, own = pattern, 6 * len(self.previous)
         twist = np.flatnonzero((p.column < own) & (p.column % 6 == 5) & (p.dry != 0.0))
@@ -152,24 +152,25 @@ class PrescribedFriction:
         return np.asarray(self.base.is_dry(labels) | self.has_friction(labels))
 
     def shear(self, forces: Floats, labels: Bits) -> Floats:
-        """Return the shear demand (m,) of forces, to compare with the shear capacity.
+        """Return the shear demand (m,) of forces, with torsion about effective areas.
 
-        Torsion is taken about the effective areas. forces: (m, q) scaled resultants. labels: (m,) True = dry.
+        It is compared with the shear capacity, as in `FrictionSet.shear_of`. forces: (m, q) scaled resultants. labels:
+        (m,) True = dry.
         """
         return self.base.shear_of(self._forces_about(forces, labels))
 
     def slip(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return the work (m,) of scaled jumps on shear and torsion, per unit of shear capacity.
+        """Return the shear dissipation (m,) of scaled jumps (m, q), per unit of shear capacity.
 
         It is max(|s|, |ω|/ρ) with slip s at the centre of pressure and spin ω about the normal, both scaled; ρ is 1 for
-        whole faces. Planar faces and points have no spin term. jumps: (m, q). labels: (m,) True = dry.
+        whole faces. Planar faces and points have no spin term. labels: (m,) True = dry.
         """
         return self.base.slip(self._jumps_about(jumps, labels))
 
     def price(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return the work (m,) of friction per unit of N in a slip without dilation.
+        """Return the friction dissipation (m,) of scaled jumps (m, q) per unit of normal force.
 
-        The work is μ times `slip`. jumps: (m, q) scaled. labels: (m,) True = dry.
+        It is μ times `slip`, for slips without dilation. labels: (m,) True = dry.
         """
         return np.asarray(self.base.friction_of(labels) * self.slip(jumps, labels))
 
@@ -183,18 +184,19 @@ class PrescribedFriction:
         return np.where(self.has_friction(labels), self.shear(forces, labels) - capacity, -np.inf)
 
     def dilation(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return the opening (m,) of each face beyond that by bending, docs/method.md (4.5).
+        """Return the opening (m,) of each face beyond what its rotation requires.
 
-        The value is 0 for faces that cannot slide or that crush. jumps: (m, q) scaled. labels: (m,) True = dry.
+        It is the margin of bending alone, docs/method.md (4.5); 0 for faces that cannot slide or that crush. jumps: (m,
+        q) scaled. labels: (m,) True = dry.
         """
         beyond = self._smooth.margin(self._jumps_about(jumps, labels), labels)
         return np.where(self.slides(labels) & np.isfinite(beyond), beyond, 0.0)
 
     def _forces_about(self, forces: Floats, labels: Bits) -> Floats:
-        """Return resultants (m, q) with torsion ρ (mT + a·V) of dry faces about effective areas.
+        """Return scaled resultants (m, q) with the torsion of dry faces about effective areas.
 
-        forces: (m, q) scaled resultants. labels: (m,) True = dry. Without effective areas they are returned as they
-        are.
+        The torsion is ρ (mT + a·V), see `EffectiveAreas`. forces: (m, q) scaled resultants, returned as they are
+        without effective areas. labels: (m,) True = dry.
         """
         if self.areas is None:
             return forces
@@ -204,9 +206,10 @@ class PrescribedFriction:
         return about
 
     def _jumps_about(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return the jumps (m, q) that do the same work on the resultants of `_forces_about`.
+        """Return scaled jumps (m, q) that do on `_forces_about` the work of the given jumps.
 
-        They have the slip at the centre of pressure, and the spin divided by the ratio ρ.
+        Dry faces have the slip at the centre of pressure, and the spin divided by the ratio ρ. jumps: (m, q) scaled,
+        returned as they are without effective areas. labels: (m,) True = dry.
         """
         if self.areas is None:
             return jumps

@@ -76,9 +76,10 @@ def scaling_of(assembly: Assembly) -> Scaling:
 
 
 def _force_scale(assembly: Assembly) -> float:
-    """Return the force scale of an assembly: the weight of a pile of its elements.
+    """Return the force scale: mean weight of free elements times the height of their pile.
 
-    The pile stands on a support, docs/method.md (8.2). Without weight the result is that of `reference_load`.
+    The height is the largest number of interfaces between a free element and a support, docs/method.md (8.2). Without
+    weight the result is that of `reference_load`.
     """
     elements, faces = assembly.elements, assembly.interfaces
     free = elements.free

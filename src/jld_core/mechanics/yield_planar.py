@@ -153,13 +153,14 @@ class PlanarYield(Frictional):
         return np.abs(forces[:, 1])
 
     def slip(self, jumps: Floats) -> Floats:
-        """Return the slip |s| (m,) of scaled jumps (m, q): the work per unit of shear capacity."""
+        """Return the shear dissipation |s| (m,) of scaled jumps (m, q), per unit of capacity."""
         return np.abs(jumps[:, 1])
 
     def utilisation(self, forces: Floats, labels: Bits) -> Floats:
-        """Return the share of its strength (m,) that each face uses, from 0 to 1.
+        """Return the largest ratio (m,) of a demand to its capacity on each face, 0 to 1.
 
-        forces: (m, q) scaled resultants. labels: (m,) True = dry.
+        Demands are bending, shear, tension of inner faces and compression. forces: (m, q) scaled resultants. labels:
+        (m,) True = dry.
         """
         n, v, m = forces[:, 0], abs(forces[:, 1]), abs(forces[:, 2])
         least = 1e-6 * max(float(abs(n).max(initial=0.0)), float(v.max(initial=0.0)), 1e-300)
@@ -269,9 +270,10 @@ def _planar_rows(sets: Strengths) -> RowPattern:
 
 
 def _linear_rows(sets: Strengths) -> list[_Rows]:
-    """Return the linear rows of planar faces, one entry per kind of row.
+    """List the families of linear yield rows of planar faces with scaled strengths `sets`.
 
-    An entry has the faces, two terms (resultant, dry coefficient, inner coefficient), and both right-hand sides.
+    Each entry holds the faces (k,), two terms (resultant, dry coefficients, inner coefficients), and the right-hand
+    sides (k,) of dry and of inner faces.
     """
     friction, tension, shear, cohesion = sets.friction, sets.tension, sets.shear, sets.cohesion
     crush_inner, inner_friction = sets.crush_inner, sets.inner_friction

@@ -286,7 +286,10 @@ class FrictionSet(YieldSet, Protocol):
         """
 
     def slip(self, jumps: Floats) -> Floats:
-        """Return the work (m,) that scaled jumps (m, q) do on shear, per unit of shear capacity."""
+        """Return the shear dissipation (m,) of scaled jumps (m, q), per unit of shear capacity.
+
+        The value is |s| in the plane and max(|s|, |ω|) in space, with slip s and spin ω about the normal.
+        """
 
     def with_friction(self, share: float) -> FrictionSet:
         """Return a copy of the set with all friction coefficients multiplied by `share`.

@@ -156,18 +156,19 @@ class SpatialYield(Frictional):
         return np.asarray(np.hypot(forces[:, 1], forces[:, 2]) + twist)
 
     def slip(self, jumps: Floats) -> Floats:
-        """Return the work (m,) of scaled jumps on shear and torsion, per unit of shear capacity.
+        """Return the shear dissipation (m,) of scaled jumps (m, 6), per unit of shear capacity.
 
-        jumps: (m, 6), scaled. The value is max(|s|, |ω|), the support function of |V| + |mT| ≤ 1: s is the slip, ω the
-        spin about the normal. Point contacts have no spin term.
+        It is max(|s|, |ω|), the support function of |V| + |mT| ≤ 1: s is the slip, ω the spin about the normal. Point
+        contacts have no spin term.
         """
         turn = np.where(self.point, 0.0, np.abs(jumps[:, 5]))
         return np.asarray(np.maximum(np.hypot(jumps[:, 1], jumps[:, 2]), turn))
 
     def utilisation(self, forces: Floats, labels: Bits) -> Floats:
-        """Return the share of its strength (m,) that each face uses, from 0 to 1.
+        """Return the largest ratio (m,) of a demand to its capacity on each face, 0 to 1.
 
-        forces: (m, 6) scaled resultants. labels: (m,) True = dry.
+        Demands are bending, shear with torsion, tension of inner faces and compression. forces: (m, 6) scaled
+        resultants. labels: (m,) True = dry.
         """
         n, shear, dry = forces[:, 0], self.shear_of(forces), self.is_dry(labels)
         least = 1e-6 * max(float(abs(n).max(initial=0.0)), float(shear.max(initial=0.0)), 1e-300)
@@ -207,10 +208,11 @@ class SpatialYield(Frictional):
 
 
 def _crush_use(forces: Floats, crush: Floats, least: float) -> Floats:
-    """Return the share of strength 1/q (k,) that forces use in dry rectangles that crush.
+    """Return the ratio 1/q (k,) of bending demand to capacity in dry rectangles that crush.
 
     q is the factor on moments at which the rectangle crushes: the smallest root of N³ = N_c (N − q|m1|)(N − q|m2|).
-    forces: (k, 6) scaled resultants. crush: (k,) N_c. least: scaled moment up to which the share is 0.
+    forces: (k, 6) scaled resultants. crush: (k,) scaled N_c. least: scaled moment up to which the ratio is 0. The ratio
+    is 1 where N leaves no capacity.
     """
     n, one, two = forces[:, 0], np.abs(forces[:, 3]), np.abs(forces[:, 4])
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -21,11 +21,11 @@ Coefficient = tuple[Ints, Floats, Floats]
 
 @dataclass
 class _RowCollector:
-    """Collector of families of yield rows, from which a `RowPattern` is built.
+    """Builder of a `RowPattern`, to which yield rows are added family by family.
 
-    faces: number m of faces. rows, extra: numbers of rows and of columns beyond the resultants so far. entries: rows,
-    columns, faces and both coefficients of each family. sides: right-hand sides with their rows and faces. length:
-    number of entries so far. capacity: entries that hold −μ.
+    faces: number m of faces. rows, extra: numbers of rows and of columns beyond the resultants so far. entries: for
+    each family its positions of rows, columns and faces, then dry and inner coefficients. sides: right-hand sides (k,
+    2) with their rows and faces. length: number of entries so far. capacity: positions of entries that hold −μ.
     """
 
     faces: int
@@ -175,7 +175,10 @@ def without_crushing(pattern: RowPattern, sets: Strengths, point: Bools, bending
 
 @dataclass(frozen=True)
 class _Crush:
-    """Columns of the variables p, q, a, b of faces (k,) that crush, see `spatial_rows`."""
+    """Faces (k,) that crush, and the columns (k,) of their variables p, q, a and b.
+
+    The variables are those of `spatial_rows`.
+    """
 
     face: Ints
     p: Ints

@@ -154,7 +154,7 @@ class FieldResult:
         return facts
 
     def _reason(self) -> str:
-        """Return one sentence on why the gap was not reached."""
+        """Explain in one sentence why the bounds of the governing case did not reach the gap."""
         bounds = list(self.cases.values())[self.governing.case]
         words = {
             FieldStatus.NO_LOWER: "no stress field was found: the blocks may be too weak for their own weight",
@@ -229,7 +229,7 @@ def solve_by_fields(
 
 
 def _parts(bounds: FieldBounds | SpatialBounds) -> tuple[str, int]:
-    """Return the kind of element of the last mesh, triangles or tetrahedra, and the count."""
+    """Return the shape of the elements of the last mesh, in the plural, and their number."""
     return ("triangles", bounds.triangles) if isinstance(bounds, FieldBounds) else ("tetrahedra", bounds.tetrahedra)
 
 

@@ -224,7 +224,7 @@ class CentralPath:
 
     @cached_property
     def _fixed(self) -> tuple[Ints, Ints, Floats]:
-        """Return the entries of the Newton matrix that never change: rows, columns, values."""
+        """Return rows, columns and values of those entries of the Newton matrix that never change."""
         rows, n, e = self.rows, self.rows.size, len(self.rows.load)
         balance, whole = sp.coo_array(rows.balance), sp.coo_array(rows.rows)
         one, two, head, tail = (index.astype(np.int64) for index in (*balance.coords, *whole.coords))

@@ -75,14 +75,20 @@ def cost_estimate(assembly: Assembly) -> CostEstimate:
 
 
 def _cost(dimension: int, faces: int, cases: int) -> CostEstimate:
-    """Estimate the cost of one labelling from its number of faces, under all load cases."""
+    """Estimate time and memory of one labelling from the size of the structure.
+
+    dimension: 2 or 3. faces: number of faces. cases: number of load cases, by which the time is multiplied.
+    """
     seconds, power, size, growth = _COSTS[dimension]
     share = faces / _FACES
     return CostEstimate(cases * seconds * share**power, _BASE + size * share**growth)
 
 
 def _least_faces(scene: Scene) -> int:
-    """Return a lower bound on the number of faces: that of free elements, each on a path to a support."""
+    """Return the number of free elements, a lower bound on the number of faces.
+
+    Each free element has a face of its own on a path to a support.
+    """
     if scene.grid is not None:
         return sum(c.isalpha() for row in scene.grid.rows for c in row)
     return sum(not element.support for element in scene.elements or [])

@@ -95,11 +95,10 @@ def _changes(old: EffectiveAreas, new: EffectiveAreas) -> Floats:
 
 
 def slack_to_request(own: State, margin: float, tries: int) -> float:
-    """Return the slack of the yield rows to request of the next state, scaled.
+    """Return the scaled slack to request in the yield rows of the next state.
 
-    The last state was not admissible under the effective areas of its own forces; `own` is that state under these
-    areas. The result is twice its violation, at least `margin`. A limit that grows with `tries`, the number of states
-    so far, bounds it from above.
+    own: the last state under the effective areas of its own forces, where it was not admissible. The slack is twice the
+    violation of `own`, at least `margin`. It has an upper limit that grows with `tries`, the number of states so far.
     """
     return min(max(margin, -2.0 * own.slack), _SLACK * min(1 + tries // 5, 5))
 
@@ -179,10 +178,10 @@ def prove_effective_area(
 
 
 def _proof_of(analysis: LimitAnalysis, labels: Bits, found: FixedPoint) -> Proof:
-    """Return the proof that a fixed point supports.
+    """Convert a fixed point to a proof: its forces and its mechanism bound λ from both sides.
 
-    The forces within their own areas prove the lower bound. The mechanism of the frozen problem proves the upper bound.
-    labels: (m,) True = dry. found: the fixed point.
+    The bounds are those of the problem frozen at its areas. A status other than collapse becomes uncertified. labels:
+    (m,) True = dry. found: the fixed point.
     """
     proof = Proof(state=found.state, motion=found.motion)
     proof.status = analysis.with_template(found.prover.template, labels).status_of(proof)
@@ -193,10 +192,9 @@ def _proof_of(analysis: LimitAnalysis, labels: Bits, found: FixedPoint) -> Proof
 
 
 def _locked(analysis: LimitAnalysis, labels: Bits, plain: Proof) -> Proof | None:
-    """Return a proof that λ grows without limit; None if none is found.
+    """Prove that λ is unbounded, by a ray and forces within their own effective areas.
 
-    It consists of a ray, and forces along it, both within their own effective areas. labels: (m,) True = dry. plain:
-    proof with whole faces.
+    None if no such ray, or no such forces along it, are found. labels: (m,) True = dry. plain: proof with whole faces.
     """
     ray = ray_under_own_areas(analysis, labels, plain.ray) if plain.status is Status.LOCKED else None
     if ray is None or plain.state is None:
@@ -312,9 +310,9 @@ def ray_under_own_areas(analysis: LimitAnalysis, labels: Bits, ray: State | None
 
 
 def _notes(analysis: LimitAnalysis, labels: Bits, plain: Proof, proof: Proof) -> list[str]:
-    """Return sentences on faces that keep their whole area, and on an increase of λ.
+    """List sentences on dry faces that are no rectangles, and on an increase of λ.
 
-    plain: proof with whole faces. proof: proof with effective areas. labels: (m,) True = dry.
+    plain: proof with whole faces. proof: proof with effective areas, whose λ may be higher. labels: (m,) True = dry.
     """
     found = []
     odd = int(np.count_nonzero(labels & ~analysis.assembly.interfaces.rectangle))

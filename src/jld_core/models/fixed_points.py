@@ -149,10 +149,10 @@ def find_fixed_point(analysis: LimitAnalysis, labels: Bits, starts: int = STARTS
 
 
 def _checked(analysis: LimitAnalysis, labels: Bits, point: PathPoint, starts: int) -> FixedPoint:
-    """Return the fixed point at an iterate of a central path, with its proven bracket.
+    """Evaluate an iterate of a central path as a fixed point, with a proven bracket of λ.
 
-    The bracket is that of the problem frozen at the areas of the iterate. labels: (m,) True = dry. starts: number of
-    paths followed.
+    The bracket is that of the problem frozen at the areas of the iterate; its width is inf if an end is missing.
+    labels: (m,) True = dry. point: the iterate. starts: number of paths followed.
     """
     state, areas, frozen = under_own_areas(analysis.prover, analysis.prover.state(point.y, labels), labels)
     if not state.admissible and state.slack > -_EDGE:

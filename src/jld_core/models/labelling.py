@@ -163,14 +163,17 @@ def _proof(
 
 
 def _rigid_blocks(attempt: ProofAttempt) -> None:
-    """Try the proof with rigid blocks, and adopt its result, if any, in the attempt."""
+    """Prove bounds with rigid blocks, and adopt them in the attempt if this succeeds."""
     found = prove_condensed(cast(LimitAnalysis, attempt.analysis), attempt.labels)
     if found is not None:
         attempt.adopt(found)
 
 
 def _rigid_where_uncracked(attempt: ProofAttempt) -> None:
-    """Try rigid blocks, but for those that crack in the motion of the last solver answer."""
+    """Prove bounds with rigid blocks, except for blocks that crack in the last solver answer.
+
+    The attempt adopts them if this succeeds. A block cracks if its inner faces jump, see `cracked`.
+    """
     analysis, raw = cast(LimitAnalysis, attempt.analysis), attempt.raw
     apart = None
     if raw is not None and raw.status is not RawStatus.UNBOUNDED:
@@ -186,22 +189,22 @@ def _strong(attempt: ProofAttempt) -> bool:
 
 
 def _large(attempt: ProofAttempt) -> bool:
-    """Return True if a large attempt is uncertified and has inner faces.
+    """Return True if an attempt is uncertified and has inner faces and a large program.
 
-    Large refers to the program and its solver, see `is_large`.
+    For large programs see `is_large`.
     """
     return attempt.uncertified and not attempt.labels.all() and is_large(attempt.template.structure)
 
 
 def _large_crushing(attempt: ProofAttempt) -> bool:
-    """Return True if a large attempt is uncertified, has inner faces and faces that may crush."""
+    """Return True if `_large` holds and programs have the accuracy for faces that crush."""
     return _large(attempt) and attempt.template.precision is tolerances.CRUSHING
 
 
 def _small(attempt: ProofAttempt) -> bool:
-    """Return True if an attempt that is not large is uncertified and has inner faces.
+    """Return True if an attempt is uncertified, has inner faces, and its program is not large.
 
-    Large refers to the program and its solver, see `is_large`.
+    For large programs see `is_large`.
     """
     return attempt.uncertified and not attempt.labels.all() and not is_large(attempt.template.structure)
 

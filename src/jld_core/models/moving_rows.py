@@ -31,7 +31,7 @@ _TWISTING = (5, 1, 2)
 
 
 def areas_under(assembly: Assembly, forces: Floats, labels: Bits) -> EffectiveAreas:
-    """Compute the effective areas of dry rectangles under given forces.
+    """Compute the torsion factors of the effective areas of faces under given forces.
 
     Parameters
     ----------
@@ -45,8 +45,9 @@ def areas_under(assembly: Assembly, forces: Floats, labels: Bits) -> EffectiveAr
     Returns
     -------
     EffectiveAreas
-        Ratio c_T / c_T,e and arm (x2, −x1) / c_T of each face. Inner faces, faces without normal force and faces that
-        are not rectangles keep the whole face.
+        ratio (m,) = c_T / c_T,e: torsion length of the whole face over that of its effective rectangle. arm (m, 2) =
+        (x2, −x1) / c_T, with centre of pressure x. Inner faces, faces without normal force and faces that are not
+        rectangles have ratio 1 and arm 0.
 
     Notes
     -----
@@ -183,7 +184,10 @@ class MovingRows:
         self._coefficients = self._torsion_coefficients(template)
 
     def _torsion_coefficients(self, template: Template) -> Floats:
-        """Return the coefficients (3, k) of the parameters ρ, ρ a1, ρ a2 in the torsion rows."""
+        """Return the derivatives (3, k) of the torsion rows by their parameters ρ, ρ a1 and ρ a2.
+
+        They are coefficients of mT, V1 and V2 in the columns of `_columns`. template: with whole faces.
+        """
         labels, first = self.labels, self.balance.shape[0]
         shifted = [self._matrix(template, labels, 1.0, arm)[first:] - self.rows for arm in ((1.0, 0.0), (0.0, 1.0))]
         parts = [self.rows, *shifted]
@@ -194,9 +198,10 @@ class MovingRows:
         )
 
     def _matrix(self, template: Template, labels: Bits, ratio: float, arm: tuple[float, float]) -> sp.csr_array:
-        """Return the matrix of the program if all faces have the same effective area.
+        """Return the matrix of the program with one and the same effective area for all faces.
 
-        ratio: c_T / c_T,e. arm: (2,) x / c_T.
+        template: with whole faces. labels: (m,) True = dry. ratio: c_T / c_T,e. arm: (x2, −x1) / c_T with centre of
+        pressure x, see `EffectiveAreas`. The rows are those of equilibrium, of λ, and of yield.
         """
         count = len(labels)
         areas = EffectiveAreas(np.full(count, ratio), np.tile(np.array(arm), (count, 1)))
@@ -243,10 +248,10 @@ class MovingRows:
         return values, np.concatenate([of_ratio[face].T[None], slopes.transpose(1, 2, 0)])
 
     def entries(self, values: Floats) -> tuple[Ints, Ints, Floats]:
-        """Return the entries that turn the matrix G of whole faces into that of given areas.
+        """Return the changes of the matrix G from whole faces to given effective areas.
 
-        values: (3, k) parameters of the torsion rows. The results are rows, columns and values (3k,), which are added
-        to `rows`.
+        values: (3, k) parameters of the torsion rows. Returns rows, columns and values (3k,) of a sparse matrix, which
+        is added to `rows`.
         """
         coefficients = self._coefficients * (values - np.array([1.0, 0.0, 0.0])[:, None])
         return np.tile(self.torsion, 3), self._columns.ravel(), coefficients.ravel()

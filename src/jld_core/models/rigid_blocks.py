@@ -175,9 +175,10 @@ def _joined(assembly: Assembly, labels: Bits, group: Ints, support: Bits, kept: 
 
 
 def cracked(full: LimitAnalysis, labels: Bits, velocity: Floats) -> Ints:
-    """Return the elements (k,) of all blocks whose inner faces jump in a motion.
+    """Return the elements (k,) of all blocks with an inner face that jumps in a motion.
 
-    velocity: (≥ q·free,) velocities, scaled, for example multipliers of a solver. Without a motion there are none.
+    A jump counts above a small share of the largest. velocity: (≥ q·free,) velocities, scaled, for example multipliers
+    of a solver. If they are zero or not finite, there are none. labels: (m,) True = dry.
     """
     count = full.template.matrix.shape[0]
     jumps = full.prover.jumps(velocity[None, :count])[0]
@@ -260,11 +261,11 @@ def prove_condensed(full: LimitAnalysis, labels: Bits, apart: Ints | None = None
 def _inner_forces(
     template: Template, labels: Bits, rigid: RigidBlocks, boundary: Floats, load: float
 ) -> tuple[Floats, Ints] | None:
-    """Compute scaled forces on all faces, and the blocks without admissible inner forces.
+    """Compute scaled forces (m, q) on all faces, and list blocks without admissible ones.
 
-    labels: (m,) True = dry. boundary: (m', q) forces on the faces between blocks, scene units. load: λ, scene units.
-    Blocks are independent of each other once boundary forces and λ are given: each maximises its own least slack. The
-    result is None where the solver returns no finite forces. rigid: the condensed assembly.
+    Given boundary forces and λ, each block maximises its own least slack. rigid: the condensed assembly. boundary: (m',
+    q) forces on the faces between blocks, scene units. load: λ, scene units. labels: (m,) True = dry. None if the
+    solver returns forces that are not finite.
     """
     scale, q, sets = template.scaling, template.assembly.freedoms, template.yield_set
     count = len(labels)

@@ -144,17 +144,20 @@ def sensitivities(result: LimitAnalysisResult) -> dict[str, Sensitivity]:
 
 @dataclass(frozen=True)
 class _Change:
-    """Change of one parameter of an assembly.
+    """One parameter of an assembly that can be increased by a step.
 
-    size: scale of the parameter, to which steps are relative: the least strength, or 1 for weight. strength: name of
-    the strength, empty for weight.
+    size: scale of the parameter, to which steps are relative: the least strength, or 1 for weight. strength: field of
+    `Strengths`; "" for weight.
     """
 
     size: float
     strength: str = ""
 
     def of(self, assembly: Assembly, step: float) -> Assembly:
-        """Return an assembly with the parameter increased by a step."""
+        """Return an assembly with the parameter increased by `step`.
+
+        A strength increases at all faces that are no members. Weight increases by this share of itself.
+        """
         if self.strength:
             values = getattr(assembly.strengths, self.strength) + step * ~assembly.of_members
             return replace(assembly, strengths=replace(assembly.strengths, **{self.strength: values}))
@@ -257,19 +260,16 @@ class SolvedProgram:
         return Sensitivity(math.nan, left, right, unit) if unknown else Sensitivity(value, value, value, unit)
 
     def _moved(self, change: _Change, step: float) -> ConicProgram:
-        """Build the program with a parameter changed by a step, in the original scaling.
-
-        change: the parameter. step: increase of its value.
-        """
+        """Build the program with a parameter increased by `step`, in the original scaling."""
         assembly = change.of(self._template.assembly, step)
         return Template(assembly, self._template.scaling).program(self.labels)
 
     def _by_steps(self, change: _Change) -> tuple[float, float, float, float]:
-        """Compute the left and the right rate of −λ from chords at two steps to either side.
+        """Compute the left and the right rate of scaled λ from chords at two steps to either side.
 
-        The results are both rates, the size of the kink, and the rounding error. The size of the kink excludes
-        curvature, which vanishes as steps shrink, and rounding, which is estimated from the difference of primal and
-        dual values. change: the parameter.
+        Returns both rates, the size of the kink, and the rounding error. The size of the kink excludes curvature, which
+        vanishes as steps shrink, and rounding, which is estimated from the difference of primal and dual values.
+        change: the parameter.
         """
         here, noise = self._value(self.program)
         chords, kinks, noises = [], [], []

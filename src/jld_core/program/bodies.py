@@ -34,10 +34,10 @@ class Bodies:
 
     @cached_property
     def root(self) -> Ints:
-        """Return the root (free,) of each free element: the element that represents its block.
+        """Return the representative element (free,) of the block of each free element.
 
-        Both are indices among the free elements. The root is the element nearest to the middle of the block. Elements
-        of blocks that contain a support are roots of themselves.
+        Entries are indices among the free elements. The representative is the element nearest to the middle of the
+        block. Elements of blocks that contain a support represent themselves.
         """
         elements = self.assembly.elements
         block = blocks_of(self.assembly, self.labels)

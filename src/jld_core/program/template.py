@@ -151,7 +151,10 @@ class Template:
         return self.structure.shape[1]
 
     def _lay_out(self, sets: Rows) -> None:
-        """Build the structure and the numbers under either label from the rows of yield sets."""
+        """Build structure, coefficients and right-hand sides of the programs under either label.
+
+        sets: supplies the yield rows. Only attributes of the template are set.
+        """
         pattern, matrix, q = sets.pattern, self.matrix, self.assembly.freedoms
         equalities, resultants = matrix.shape
         every = np.ones(len(self.assembly.interfaces), dtype=bool)
@@ -192,7 +195,10 @@ class Template:
         self._pressure[np.arange(0, resultants, q)] = -1.0
 
     def _places(self) -> Floats:
-        """Return coordinates (equations, d) of each equation, for the elimination order."""
+        """Return the coordinates (equations, d) of each equation, for the elimination order.
+
+        They are centroids of free elements; the equation `beside` has their mean.
+        """
         elements = self.assembly.elements
         places = np.repeat(elements.centroid[elements.free], self.assembly.freedoms, axis=0)
         return places if self.beside is None else np.vstack([places, places.mean(axis=0)])

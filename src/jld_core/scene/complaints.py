@@ -78,7 +78,7 @@ def _is_of_form(kind: str) -> bool:
 
 
 def _wanted(complaint: ErrorDetails) -> str:
-    """Return the expected value of an error in words."""
+    """Return in words which value pydantic expected in place of a wrong one."""
     kind, context = complaint["type"], complaint.get("ctx", {})
     bounds = {
         "greater_than": ("a number above", "gt"),
@@ -94,7 +94,7 @@ def _wanted(complaint: ErrorDetails) -> str:
 
 
 def _keys(complaint: ErrorDetails) -> list[int | str]:
-    """Return the path of an error without the names of forms."""
+    """Return the key path of a pydantic error, without the names of alternative types in it."""
     forms = re.compile(r"[\[\(]|^(float|str|int|bool|list|dict)$")
     loc = complaint["loc"]
     last = len(loc) - 1 if complaint["type"] == "extra_forbidden" else len(loc)
@@ -103,7 +103,10 @@ def _keys(complaint: ErrorDetails) -> list[int | str]:
 
 
 def _owner(model: type[BaseModel], keys: list[int | str]) -> type[BaseModel]:
-    """Return the model that the last key of a path belongs to."""
+    """Return the model that has the last key of a key path as its field.
+
+    model: of the first key. keys: names of fields and positions in lists.
+    """
     for key in keys[:-1]:
         if isinstance(key, str) and key in model.model_fields:
             model = _model_in(model.model_fields[key].annotation) or model
@@ -111,7 +114,7 @@ def _owner(model: type[BaseModel], keys: list[int | str]) -> type[BaseModel]:
 
 
 def _spelled(model: type[BaseModel]) -> dict[str, FieldInfo]:
-    """Return the fields of a model by their keys in the file."""
+    """Return the fields of a model by the keys that a scene file uses for them."""
     return {field.alias or name: field for name, field in model.model_fields.items()}
 
 

@@ -24,9 +24,9 @@ class Labels(Part):
 
 
 class Keep(Part):
-    """Pairs of elements whose faces keep a label in a search.
+    """Faces that keep a label in a search, given by pairs of elements.
 
-    dry, inner: pairs of ids of elements whose faces stay dry or inner.
+    dry, inner: pairs of element ids whose faces stay dry or inner.
     """
 
     dry: list[Pair] = []
@@ -52,7 +52,7 @@ Sense = Literal["max", "min"]
 
 
 class Front(Part):
-    """Counts that a search optimises beside λ.
+    """Counts of a layout, such as dry faces, that a search optimises together with λ.
 
     Attributes
     ----------
@@ -96,7 +96,7 @@ class Front(Part):
 
 
 class Require(Part):
-    """Required load factor; the search optimises the front's count among layouts that meet it."""
+    """Required load factor of layouts; among those that have it, a search optimises `Front`."""
 
     load_factor: Positive
 

@@ -50,7 +50,10 @@ class MaySpread:
 
 
 def _read(value: Any, number: ValidatorFunctionWrapHandler) -> Any:
-    """Validate a number, or an object with nominal and low value."""
+    """Validate a number, or an object {"nominal", "low"}, which becomes a `Spread`.
+
+    number: validator of the number. Raises InputError for other keys, or a low value above the nominal one.
+    """
     if isinstance(value, Spread) or not isinstance(value, dict):
         return value if isinstance(value, Spread) else number(value)
     if set(value) != set(_KEYS):
@@ -64,12 +67,15 @@ def _read(value: Any, number: ValidatorFunctionWrapHandler) -> Any:
 
 
 def _written(value: Any) -> Any:
-    """Serialise a value, a `Spread` as an object."""
+    """Return a value for JSON: an object {"nominal", "low"} for a `Spread`, else unchanged."""
     return {"nominal": float(value), "low": value.low} if isinstance(value, Spread) else value
 
 
 def lowered(document: Any) -> Any:
-    """Return a scene document in which low values replace all pairs of nominal and low value."""
+    """Replace each object {"nominal", "low"} in a scene document by its low value.
+
+    document: nested dicts and lists; returned as a copy.
+    """
     if isinstance(document, dict):
         if set(document) == set(_KEYS):
             return document["low"]

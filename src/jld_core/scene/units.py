@@ -88,10 +88,10 @@ def with_numbers(document: dict[str, Any]) -> dict[str, Any]:
 
 
 def _converted(value: Any, own: tuple[str, str], where: str, powers: _Powers | None) -> Any:
-    """Return a value in which numbers replace the texts under keys of `QUANTITIES`.
+    """Convert the texts under keys of `QUANTITIES` in a value to numbers, recursively.
 
-    own: units of force and length of the scene. where: key of the value. powers: powers of force and length of its
-    quantity; None if it is no quantity.
+    value: part of a scene document. own: units of force and length of the scene. where: key path of the value. powers:
+    powers of force and length of its quantity; None if it is no quantity.
     """
     if isinstance(value, str) and powers is not None:
         return _number(value, own, where, powers)

@@ -37,7 +37,7 @@ def advice(result: LimitAnalysisResult) -> dict[str, str]:
 
 
 def _of_unstable(result: LimitAnalysisResult) -> dict[str, str]:
-    """Describe the instability mechanism and a remedy."""
+    """Describe which elements fall and how, and a remedy; keys "falls" and "next"."""
     found = {"next": "support what falls, or give its faces friction, cohesion or an inner label"}
     if result.instability_mechanism is None:
         return {"falls": "it does under any λ ≥ 0; by which motion is not known", **found}
@@ -53,7 +53,10 @@ def _of_unstable(result: LimitAnalysisResult) -> dict[str, str]:
 
 
 def _way(speed: Floats, turning: float) -> str:
-    """Describe the movement of a group from its summed velocity (d,)."""
+    """Describe a motion in words: "turn", or "move along" a direction.
+
+    speed: (d,) summed velocity of the moving elements. turning: their summed rotation times the size of the structure.
+    """
     length = float(np.linalg.norm(speed))
     if length < 0.1 * turning:
         return "turn"
@@ -61,7 +64,10 @@ def _way(speed: Floats, turning: float) -> str:
 
 
 def _of_locked(result: LimitAnalysisResult) -> dict[str, str]:
-    """Describe the supports between which forces are unbounded, and a remedy."""
+    """Describe the supports between which forces are unbounded, and a remedy.
+
+    The keys are "confined", absent without unbounded forces, and "next".
+    """
     found = {"next": "a compressive_strength of dry and inner faces, which crushing then limits, gives a finite λ"}
     if result.unbounded_forces is None:
         return found
@@ -76,7 +82,7 @@ def _of_locked(result: LimitAnalysisResult) -> dict[str, str]:
 
 
 def _of_uncertified(result: LimitAnalysisResult) -> dict[str, str]:
-    """Return the option that may narrow the bracket."""
+    """Name the command-line option that may narrow or accept the bracket; key "next"."""
     low, high = result.bracket
     used = {name.split(" ")[0] for name in result.solve_log}
     others = [name for name in installed_solvers() if name != "auto" and name not in used]
@@ -90,7 +96,7 @@ def _of_uncertified(result: LimitAnalysisResult) -> dict[str, str]:
 
 
 def _listed(names: list[str]) -> str:
-    """Join names, with only the number of those beyond `_NAMED`."""
+    """Join up to `_NAMED` names by commas, and state how many more there are."""
     if len(names) <= _NAMED:
         return ", ".join(names)
     return f"{', '.join(names[:_NAMED])} and {len(names) - _NAMED} more"

@@ -153,9 +153,9 @@ def frame(ax: Axes, assembly: Assembly, covered: list[Floats], bare: bool = Fals
 
 
 def _draw_triad(ax: Axes, assembly: Assembly, lower: Floats) -> Floats:
-    """Draw the directions x, y, z left of the view, with a rounded length.
+    """Draw arrows of equal scene length along x, y, z to the left of a spatial view.
 
-    Returns the lower corner (2,) that they need.
+    lower: (2,) lower corner of the drawing so far. Returns the lower corner (2,) with the arrows.
     """
     size = assembly.size
     power = 10.0 ** math.floor(math.log10(0.18 * size))
@@ -191,12 +191,15 @@ def legend(ax: Axes, handles: list[Artist]) -> None:
 
 
 def _below(ax: Axes) -> float:
-    """Return the height of ticks and axis label below the axes, points."""
+    """Return the height that ticks and axis label take below the axes, in points."""
     return 34.0 if ax.axison else 8.0
 
 
 def legend_inches(ax: Axes) -> float:
-    """Return the height of ticks and legend below the axes, inches; 0.6 without a legend."""
+    """Return the height that ticks and legend take below the axes, in inches.
+
+    It is estimated from the number of entries; 0.6 without a legend.
+    """
     found = ax.get_legend()
     figure = ax.get_figure(root=True)
     if found is None or figure is None:

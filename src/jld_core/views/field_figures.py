@@ -74,7 +74,11 @@ def draw_stresses(ax: Axes, assembly: Assembly, labels: Bits, stresses: Stresses
 
 
 def _lines(found: list[Trajectory], largest: float, colour: str, kind: str) -> LineCollection:
-    """Return trajectories as pieces whose width follows the stress."""
+    """Build a line collection of trajectories whose line width grows with the stress.
+
+    largest: stress of the widest line. kind: "compression", drawn solid, or "tension", drawn dashed; also the legend
+    text.
+    """
     pieces, widths = [], []
     for one in found:
         share = np.sqrt(one.stress / largest)
@@ -151,10 +155,10 @@ def _blocks(ax: Axes, assembly: Assembly, labels: Bits, velocities: Velocities, 
 
 
 def strain_power(velocities: Velocities) -> Floats:
-    """Return the rate of deformation of each triangle times its area, (t,).
+    """Return the integral (t,) of the rate of deformation over each triangle of a mesh.
 
-    The rate is that of largest shear plus that of dilation. Velocities give the live load power 1. Figures shade the
-    triangles in which it is large.
+    The rate is that of largest shear plus that of dilation, where velocities give the live load power 1. Figures shade
+    the triangles in which it is large.
     """
     mesh = velocities.mesh
     slope = np.einsum("tki,tkj->tij", velocities.velocity, mesh.gradient)
@@ -163,11 +167,11 @@ def strain_power(velocities: Velocities) -> Floats:
 
 
 def _jumps(labels: Bits, velocities: Velocities, moved: Floats, top: float, faces: int) -> tuple[Floats, Bools, Floats]:
-    """Return the displaced sides of dry joints and cracks, a mask of joints, and their jumps.
+    """Compute the displaced sides of dry joints and cracks, a mask of joints, and their jumps.
 
-    labels: (m,) True = dry. moved: (t, 3, 2) displaced corners. top: largest velocity; smaller jumps than a share of it
-    are no cracks. faces: number m of faces. The sides (k, 2, 2, 2) have the axes edge, side, end and coordinate. The
-    jumps (k,) are the largest velocity jump of each edge. A support does not move.
+    labels: (m,) True = dry. moved: (t, 3, 2) displaced corners of triangles. top: largest velocity; edges with less
+    than a share of it as jump are no cracks. faces: number m of faces. Returns sides (k, 2, 2, 2), with axes edge,
+    side, end and coordinate; mask (k,); largest velocity jump (k,) of each edge. A support does not move.
     """
     mesh, e = velocities.mesh, velocities.mesh.edges
     face = np.where(e.tag < faces, e.tag, -1)

@@ -171,7 +171,7 @@ def _draw_thrust(ax: Axes, result: LimitAnalysisResult, forces: Floats, drawn: D
 
 
 def _draw_yielding(ax: Axes, result: LimitAnalysisResult, forces: Floats, used: Floats, drawn: Drawn) -> None:
-    """Mark yielding faces, on the half of the face opposite to the arrow.
+    """Mark each face at yield by a symbol on the half opposite to its centre of pressure.
 
     forces: (m, q) resultants. used: (m,) utilisation. drawn: receives the artists by name.
     """

@@ -48,7 +48,7 @@ def draw_members(
 
 
 def _written(ax: Axes, line: Floats, force: float) -> Artist:
-    """Write a force at the middle of a line (r, 2)."""
+    """Write the value of a force beside the middle of a polyline (r, 2), and return the text."""
     middle = 0.5 * (line[(len(line) - 1) // 2] + line[len(line) // 2])
     style: dict[str, Any] = {"textcoords": "offset points", "fontsize": 6.5, "color": MEMBER}
     text = ax.annotate(f"{force + 0.0:.3g}", middle, xytext=(3, 3), **style)

@@ -81,7 +81,10 @@ def _loads(assembly: Assembly) -> dict[str, str]:
 
 
 def _load(sum_of: Resultant, force: str, length: str) -> str:
-    """Describe a load: its resultant, line of action, and remaining moment."""
+    """Describe the resultant of a load: force, point of its line of action, remaining moment.
+
+    force, length: units. Forces that cancel are described as a couple.
+    """
     moment = f"{sum_of.moment:.6g} {force}·{length}"
     if sum_of.cancels:
         cancel = f", forces of {sum_of.total:.6g} {force} cancel" if sum_of.total else ""
@@ -95,7 +98,7 @@ def _load(sum_of: Resultant, force: str, length: str) -> str:
 
 
 def _tensions(result: LimitAnalysisResult) -> dict[str, str]:
-    """Describe the tensions of members; nothing without members or forces."""
+    """Describe the tensions of up to `_MEMBERS` members; {} without members or forces."""
     assembly = result.assembly
     if not assembly.members or result.forces is None:
         return {}

@@ -123,9 +123,10 @@ def pressure_points(assembly: Assembly, forces: Floats) -> tuple[Floats, Bools]:
 
 
 def _gauge(assembly: Assembly, face: int, point: Floats) -> float:
-    """Return the gauge of a point (x1, x2) of a face: 0 at the centroid, 1 on the hull.
+    """Return the relative position of a point of a face: 0 at the centroid, 1 on the hull.
 
-    face: index of the face. The result is inf for a point with a NaN or infinite coordinate.
+    point: (2,) coordinates x1, x2; in the plane only x1 counts. The result is above 1 outside the hull, and inf for a
+    NaN or infinite coordinate.
     """
     faces = assembly.interfaces
     if not np.all(np.isfinite(point)):
@@ -175,10 +176,10 @@ def utilisation(result: LimitAnalysisResult) -> Floats:
 
 
 def down_the_load_path(assembly: Assembly, vectors: Floats) -> Floats:
-    """Return face forces with the sign by which arrows run along the dead load.
+    """Reverse those face forces (m, d) that point against the total dead load.
 
-    vectors: (m, d) forces on the faces. Those that point against the total dead load are reversed: they then act on the
-    other element. Without dead load, the live load gives the direction.
+    vectors: (m, d) forces on the faces. A reversed force is that on the other element. Without dead load, the live load
+    gives the direction. Self-stress of members does not count.
     """
     d, free, stress = assembly.dimension, assembly.elements.free, assembly.members.self_stress
     down = (assembly.dead if stress is None else assembly.dead - stress)[free, :d].sum(axis=0)

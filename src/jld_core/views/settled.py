@@ -80,9 +80,9 @@ def draw_movement(ax: Axes, found: Settled) -> None:
 
 
 def words_of(end: Thrust | None, force: str) -> str:
-    """Format a reaction, with its unit and evidence, for a title or a terminal.
+    """Describe the least or greatest reaction with its unit, for a title or a terminal.
 
-    end: least or greatest reaction, None for none. force: unit of force.
+    end: the reaction; None reads "none". force: unit of force. The text says if it is unbounded or uncertified.
     """
     if end is None:
         return "none"

@@ -86,7 +86,7 @@ def figure_of_stage(laying: Laying, number: int) -> Figure:
 
 
 def _span(laying: Laying) -> tuple[Floats, Floats]:
-    """Return the lower and upper corner (2,) of the drawing, with margins."""
+    """Return the lower and upper corner (2,) of a drawing of all elements, with margins."""
     assembly = laying.blocks.assembly
     points = projection_of(assembly)(np.concatenate(assembly.elements.shape))
     low, high = points.min(axis=0), points.max(axis=0)

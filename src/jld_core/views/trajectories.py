@@ -57,7 +57,7 @@ class AveragedStresses:
         return np.stack(parts, axis=1)
 
     def holds(self, points: Floats) -> Bools:
-        """Return a mask of the points (k, 2) whose nearest grid point is inside free elements."""
+        """Return a mask (k,) of points (k, 2) whose nearest grid point is inside free elements."""
         column, row = np.round((points - self.origin) / self.spacing).astype(np.int64).T
         rows, columns = self.inside.shape
         known = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
@@ -78,9 +78,10 @@ class Trajectory:
 
 
 def averaged(assembly: Assembly, stresses: Stresses) -> AveragedStresses:
-    """Average a stress field on a grid, so that its trajectories can be drawn.
+    """Average a planar stress field on a regular grid, so that its trajectories can be drawn.
 
-    The average extends over about one grid spacing, a share of a typical element, and smooths jumps between triangles.
+    The spacing of the grid is a share of a typical element. A Gaussian filter of this width smooths jumps between
+    triangles.
     """
     elements = assembly.elements
     lower, upper = elements.lower[elements.free].min(axis=0), elements.upper[elements.free].max(axis=0)
@@ -163,9 +164,9 @@ class _Taken:
             self._squares.setdefault(self._square(x, y), []).append((x, y))
 
     def near(self, point: Floats, share: float) -> bool:
-        """Return True if a stored point is near: at less than `share` of the distance.
+        """Return True if a stored point lies within `share` of the distance between trajectories.
 
-        The distance is that between trajectories. point: (2,).
+        point: (2,). share: at most 1.
         """
         x, y = float(point[0]), float(point[1])
         column, row = self._square(x, y)

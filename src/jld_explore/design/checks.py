@@ -42,7 +42,11 @@ _LEAST_EXPERIMENT: Final = 4.0
 
 
 def check_winner(work: Design, until: Deadline, say: Callable[[str], None]) -> list[Check]:
-    """Check the strongest layout, and return what each check found; the winner's bounds by fields are refined."""
+    """Check the winner of a design in four ways, and return the results in order.
+
+    until: deadline of all checks. say: receives one message for each. A check without time says so. The bounds by
+    fields of the winner are refined in `work.trials`.
+    """
     makes = {"laying": _laid, "experiment": _in_experiment, "by fields": _by_fields, "low friction": _at_low_friction}
     found = []
     for name, make in makes.items():
@@ -56,14 +60,14 @@ def check_winner(work: Design, until: Deadline, say: Callable[[str], None]) -> l
 
 
 def _winner(work: Design) -> Trial:
-    """Return the winner of a design that has one."""
+    """Return the winner of a design; raise ValueError if there is none."""
     if work.winner is None:
         raise ValueError("a design without a layout has nothing to check")
     return work.winner
 
 
 def _span(bounds: Bounds) -> str:
-    """Write bounds as text."""
+    """Describe (lower, upper) bounds on λ in words; infinite ones are unproven."""
     low, high = bounds
     if not math.isfinite(low):
         return "no lower bound was found in time"
@@ -71,7 +75,10 @@ def _span(bounds: Bounds) -> str:
 
 
 def _by_fields(work: Design, until: Deadline) -> Check:
-    """Refine the bounds by fields of the winner, and replace it in the list of trials."""
+    """Refine the bounds on λ by fields of the winner until a deadline.
+
+    The winner in `work.trials` is replaced. Where fields do not apply, the check gives the reason.
+    """
     winner = _winner(work)
     assembly = built(winner)
     problem = why_no_fields(assembly)
@@ -86,7 +93,10 @@ def _by_fields(work: Design, until: Deadline) -> Check:
 
 
 def _at_low_friction(work: Design, until: Deadline) -> Check:
-    """Bound λ of the winner at the low value of friction."""
+    """Bound λ of the winner at the low value of friction, by fields or else by faces.
+
+    Without a stated friction of dry joints the check says so.
+    """
     winner = _winner(work)
     dry = winner.scene.model_dump(mode="json", exclude_defaults=True)["materials"].get("dry") or {}
     value = dry.get("friction_coefficient")
@@ -108,7 +118,10 @@ def _at_low_friction(work: Design, until: Deadline) -> Check:
 
 
 def _in_experiment(work: Design, until: Deadline) -> Check:
-    """Load the winner in a virtual experiment under its governing load case."""
+    """Load the winner in a virtual experiment under its governing load case.
+
+    The experiment runs in a process of its own, which is ended at the deadline. A failure is reported in the check.
+    """
     winner = _winner(work)
     result = solve(built(winner))
     names = [case.name for case in winner.scene.loads.cases or []]
@@ -137,7 +150,10 @@ def _in_experiment(work: Design, until: Deadline) -> Check:
 
 
 def _laid(work: Design, until: Deadline) -> Check:
-    """Find an order in which the blocks of the winner can be laid."""
+    """Find an order in which the blocks of the winner can be laid, and the props it needs.
+
+    The check names the blocks that lock one another if there is no order.
+    """
     winner = _winner(work)
     assembly: Assembly = built(winner)
     start = LAID[work.options.laid or "translation"][1]
@@ -158,5 +174,5 @@ def _laid(work: Design, until: Deadline) -> Check:
 
 
 def _number(value: float) -> float | None:
-    """Return a float for JSON, None where it is not finite."""
+    """Return a float as a JSON number, None if it is not finite."""
     return float(value) if math.isfinite(value) else None

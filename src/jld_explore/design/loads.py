@@ -32,11 +32,12 @@ def has_own_loads(options: DesignOptions) -> bool:
 
 
 def with_loads(scene: Scene, options: DesignOptions, side: Floats | None = None) -> Scene:
-    """Return a scene with the loads of the options in place of its own; the same scene where they state none.
+    """Replace the live loads of a scene by those of the options.
 
-    The force at each place is a load case, as is the push to either side. A force is spread on the pieces below it by
-    their lengths, so that every tessellation carries the same load. side: (d,) horizontal direction of places and of
-    the push; None for that of the scene. Raises InputError where nothing faces upwards.
+    The scene is returned as it is if the options state no load. The force at each place is a load case, as is the push
+    to either side. A force is spread on the pieces below it by their lengths, so that every tessellation carries the
+    same load. side: (d,) horizontal unit vector along which places lie and the push acts; None for `side_of` the scene.
+    Raises InputError if nothing faces upwards, or a place or width does not fit.
     """
     if not has_own_loads(options):
         return scene
@@ -59,8 +60,9 @@ def with_loads(scene: Scene, options: DesignOptions, side: Floats | None = None)
 def side_of(assembly: Assembly) -> Floats:
     """Return the horizontal unit vector (d,) along which a structure spans.
 
-    In the plane it is at right angles to gravity. In space it is the axis across that of a vault: the largest free
-    element as a prism; where this is none, or stands upright, the longer side of the plan.
+    In the plane it is at right angles to gravity. In space it is a horizontal axis of the scene. If the largest free
+    element is a prism that does not stand upright, it is the axis most nearly across the prism. Otherwise it is the
+    longer side of the plan.
     """
     down = _down(assembly)
     if assembly.dimension == 2:
@@ -78,7 +80,7 @@ def side_of(assembly: Assembly) -> Floats:
 
 
 def _down(assembly: Assembly) -> Floats:
-    """Return the direction (d,) of weight."""
+    """Return the unit vector (d,) of the total weight; the negative last axis without weight."""
     total = assembly.elements.weight.sum(axis=0)
     length = float(np.linalg.norm(total))
     return np.asarray(total / length) if length > 0.0 else -np.asarray(np.eye(assembly.dimension)[-1])
@@ -87,7 +89,13 @@ def _down(assembly: Assembly) -> Floats:
 def _forces(
     assembly: Assembly, size: float, options: DesignOptions, side: Floats
 ) -> list[tuple[float, list[dict[str, Any]]]]:
-    """Return the entries of the force at each place, with the place along the top."""
+    """Compute the point loads that carry the force at each place of the load.
+
+    size: total force at a place. side: (d,) horizontal unit vector along which places lie. Returns (horizontal
+    coordinate, load entries) for each place. In the plane the force is spread on the edges below it, by their
+    horizontal lengths. Raises ParameterError if no edge faces upwards, the width is not below the length of the top, or
+    nothing lies below a place.
+    """
     if assembly.dimension == 3:
         return _forces_in_space(assembly, size, options, side)
     down = _down(assembly)
@@ -127,7 +135,10 @@ _Edge = tuple[int, float, float, Floats, Floats]
 
 
 def _top_edges(assembly: Assembly, down: Floats) -> list[_Edge]:
-    """Return the edges of free elements that face upwards."""
+    """Return the edges of free planar elements that face upwards, element by element.
+
+    down: (2,) unit vector of weight.
+    """
     right = np.array([-down[1], down[0]])
     found = []
     for element in assembly.elements.free.tolist():
@@ -141,7 +152,11 @@ def _top_edges(assembly: Assembly, down: Floats) -> list[_Edge]:
 
 
 def _spread(edges: list[_Edge], low: float, high: float, down: Floats) -> list[tuple[_Edge, float, float]]:
-    """Return the parts of the top between two places: edge, and ends along the horizontal."""
+    """Return the uppermost edges between two horizontal coordinates, each with its interval.
+
+    edges: upward edges. low, high: ends of the interval to cover. down: (2,) unit vector of weight. An entry is the
+    edge and both ends along the horizontal. Slivers, and stretches without an edge, are left out.
+    """
     stops = sorted({low, high, *(end for edge in edges for end in edge[1:3] if low < end < high)})
     parts: list[tuple[_Edge, float, float]] = []
     for a, b in itertools.pairwise(stops):
@@ -160,7 +175,7 @@ def _spread(edges: list[_Edge], low: float, high: float, down: Floats) -> list[t
 
 
 def _level(edge: _Edge, place: float, down: Floats) -> float:
-    """Return the height of an edge at a place along the horizontal."""
+    """Return the height of an edge at one horizontal coordinate, against `down` (2,)."""
     _, left, right, p, q = edge
     point = p + (place - left) / (right - left) * (q - p)
     return -float(point @ down)
@@ -169,7 +184,12 @@ def _level(edge: _Edge, place: float, down: Floats) -> float:
 def _forces_in_space(
     assembly: Assembly, size: float, options: DesignOptions, direction: Floats
 ) -> list[tuple[float, list[dict[str, Any]]]]:
-    """Return the entry of the force at each place, in the middle of the other side of the plan."""
+    """Compute the point load on the uppermost face at each place of the load, in space.
+
+    size: force at a place. direction: (3,) unit vector along which places lie. Across it the load acts near the middle
+    of the plan. Returns (coordinate, list of one load entry) for each place. Raises ParameterError if a width is
+    stated, or nothing lies below a place.
+    """
     if options.width is not None:
         raise ParameterError("width", "loads in space act at points", "a planar outline, or no width")
     elements = assembly.elements
@@ -204,7 +224,11 @@ def _forces_in_space(
 
 
 def _height(corners: Floats, plan: Floats, flat: list[int], vertical: int, down: Floats) -> float:
-    """Return the height above a point of the plan at which a plane face lies, -inf for an upright face."""
+    """Return the height of a plane face above one point of the plan; −inf for an upright face.
+
+    corners: (k, 3) of the face. plan: (3,) point, whose vertical coordinate is not used. flat: both horizontal axes.
+    vertical: the other axis. down: (3,) direction of weight.
+    """
     middle = corners.mean(axis=0)
     normal = np.linalg.svd(corners - middle)[2][2]
     if abs(normal[vertical]) < 1e-9:

@@ -32,7 +32,9 @@ _PLACES: Final = 50
 
 @dataclass(frozen=True)
 class DesignOptions:
-    """What is asked of a design; None keeps what the outline's file says.
+    """Limits, loads, materials and resources that a user states for a design.
+
+    None keeps the value of the outline's file.
 
     Attributes
     ----------
@@ -43,7 +45,7 @@ class DesignOptions:
     load : str or None
         Force that acts downwards, as "10 kN"; each place is a load case.
     along : {"top"}
-        Where places of the load lie.
+        Part of the outline on which the load acts.
     places : str
         Number of places of the load at equal distances, or their shares of the length, as "0.25,0.5".
     width : float or None
@@ -64,7 +66,7 @@ class DesignOptions:
         Name of one of `LAID`: keep to layouts that can be laid, from a side or from the springings, or whose every
         stage stands.
     seconds : float
-        Time limit of all together, s.
+        Time limit of the whole design, s.
     jobs : int
         Number of worker processes.
     seed : int
@@ -112,7 +114,7 @@ class DesignOptions:
         self.force("N")
 
     def _check_friction(self) -> None:
-        """Raise InputError for a low friction above the nominal one."""
+        """Raise ParameterError if the low friction exceeds the nominal one, or stands without it."""
         if self.friction_low is not None and self.friction is None:
             raise ParameterError("friction_low", "it stands without `friction`", "both values")
         if self.friction_low is not None and self.friction is not None and self.friction_low > self.friction:
@@ -120,7 +122,11 @@ class DesignOptions:
             raise ParameterError("friction_low", problem, "a value at most that of `friction`")
 
     def shares(self) -> list[float]:
-        """Return the places of the load as shares of the length that it acts along, ascending."""
+        """Return where the load acts, as ascending shares (0 to 1) of the loaded length.
+
+        A number of places gives the middles of as many equal parts. Raises ParameterError for an invalid text, too many
+        places, or a share outside (0, 1).
+        """
         text = self.places.strip()
         try:
             if text.isdigit():
@@ -136,7 +142,10 @@ class DesignOptions:
         return found
 
     def force(self, unit: str) -> float | None:
-        """Return the load as a force downwards in a unit, or None without one."""
+        """Return the magnitude of the downward load in a unit of force; None if no load is stated.
+
+        Raises ParameterError for a text that is not one positive force.
+        """
         if self.load is None:
             return None
         try:
@@ -148,7 +157,7 @@ class DesignOptions:
         return written.values[0]
 
     def given(self) -> dict[str, Any]:
-        """Return the options that differ from their defaults, by name."""
+        """Return the values by name of those options that differ from their defaults."""
         return {
             one.name: getattr(self, one.name)
             for one in fields(self)

@@ -38,14 +38,14 @@ _FOOT: Final = 0.05
 
 @dataclass(frozen=True)
 class Outline:
-    """Outline of a structure, ready to be cut.
+    """Scene of an outline to be cut, with the values that were assumed.
 
     Attributes
     ----------
     scene : Scene
         Scene with the outline as its free elements, and the loads that its file states.
     assumed : tuple of str
-        What the file does not say, in sentences.
+        Values and choices that the file does not state, one phrase each.
     """
 
     scene: Scene
@@ -53,10 +53,10 @@ class Outline:
 
 
 def read_outline(file: File, options: DesignOptions) -> Outline:
-    """Read the outline of a design, and complete it by the options.
+    """Read the scene, drawing or solid of an outline, and apply the options to it.
 
-    file: scene, drawing or solid. Raises InputError where the file is broken, has no closed outline, or lacks something
-    that the options do not say.
+    Raises InputError if the file is broken, has no closed outline, or lacks something that the options do not state
+    either. Options that a scene file states itself are refused with ParameterError.
     """
     if _is_scene(file):
         for name in ("thickness", "unit", "support"):
@@ -87,7 +87,10 @@ def read_outline(file: File, options: DesignOptions) -> Outline:
 
 
 def _is_scene(file: File) -> bool:
-    """Return True if a file holds a scene; a JSON file of COMPAS holds other keys."""
+    """Return True if a file is a scene: JSON with the key "loads", "elements" or "grid".
+
+    Broken JSON counts as a scene too, so that the reader of scenes reports the error.
+    """
     if file.suffix.lower() != ".json":
         return False
     try:
@@ -98,9 +101,11 @@ def _is_scene(file: File) -> bool:
 
 
 def _united(scene: Scene, notes: Notes) -> Scene:
-    """Return a planar scene whose free elements are united to outlines, without what speaks of its cells.
+    """Unite the free elements of a planar scene to outlines, and drop keys about its cells.
 
-    Spatial scenes, and those whose elements differ in density or weight, stay as they are: their joints are kept.
+    notes: receives what was assumed. The scene is returned as it is if it is spatial, has one free element, or states
+    interfaces or materials of faces. It also stays if its free elements state a density, weight, volume or centroid, or
+    if their union has holes.
     """
     document = scene.model_dump(mode="json", exclude_defaults=True)
     entries = [entry.model_dump(mode="json", exclude_defaults=True) for entry in build_geometry(scene).entries]
@@ -140,7 +145,10 @@ def _united(scene: Scene, notes: Notes) -> Scene:
 
 
 def _imported(file: File, options: DesignOptions) -> tuple[Scene, Notes]:
-    """Return the scene of a drawing or of solids, with supports below it where the file has none."""
+    """Convert a drawing or a file of solids to a scene, and collect what was assumed.
+
+    Supports are added below it if the file has none. Raises InputError if it cannot be read, or an outline is open.
+    """
     how, notes = ImportOptions(support=options.support, thickness=options.thickness, unit=options.unit), Notes()
     with reading(file):
         content = read_content(file, how, notes)
@@ -161,7 +169,7 @@ def _imported(file: File, options: DesignOptions) -> tuple[Scene, Notes]:
 
 
 def _defaults(options: DesignOptions) -> list[str]:
-    """Return a sentence for each default value of a material that the options leave."""
+    """List the default material values in words, without those that the options state."""
     given = DEFAULT_MATERIALS
     values = {
         "density": ("density", given["density"]),
@@ -173,7 +181,10 @@ def _defaults(options: DesignOptions) -> list[str]:
 
 
 def _refuse_open(drawing: Drawing, how: ImportOptions) -> None:
-    """Raise InputError for an outline whose ends do not meet."""
+    """Raise InputError if the lines of a drawing enclose no area, naming the loosest end.
+
+    how: layers and units of the import.
+    """
     paths = [path for path in drawing.paths if how.role(path.layer) in (None, "support")]
     if any(path.closed for path in paths) or not paths:
         return
@@ -189,7 +200,10 @@ def _refuse_open(drawing: Drawing, how: ImportOptions) -> None:
 
 
 def _on_feet(drawing: Drawing, how: ImportOptions, notes: Notes) -> Drawing:
-    """Add supports below the lowest straight edges of a drawing that has none."""
+    """Add supports below the lowest straight edges of a drawing without a layer of supports.
+
+    The drawing is returned as it is if it has supports. notes: receives what was assumed.
+    """
     named = {how.role(layer) for layer in [*(p.layer for p in drawing.paths), *(m.layer for m in drawing.marks)]}
     if "support" in named or how.support:
         return drawing
@@ -219,7 +233,10 @@ def _on_feet(drawing: Drawing, how: ImportOptions, notes: Notes) -> Drawing:
 
 
 def _solids_on_feet(solids: Solids, how: ImportOptions, notes: Notes) -> Solids:
-    """Add supports below the lowest faces of solids that have none."""
+    """Add supports below the lowest faces of solids, if no solid is a support.
+
+    notes: receives what was assumed.
+    """
     if how.support or any(part.support or how.role(part.group) == "support" for part in solids.parts):
         return solids
     every = np.concatenate([part.vertices for part in solids.parts])
@@ -248,7 +265,10 @@ def _solids_on_feet(solids: Solids, how: ImportOptions, notes: Notes) -> Solids:
 
 
 def _materials(materials: dict[str, Any], options: DesignOptions, notes: Notes) -> dict[str, Any]:
-    """Return materials with the values of the options, and with what a search and its checks need."""
+    """Return the value of the key "materials" with those of the options and with defaults.
+
+    Default strengths and friction replace missing ones, and a low friction is added. notes: receives the defaults used.
+    """
     found = {**materials}
     if options.density is not None:
         found["density"] = options.density

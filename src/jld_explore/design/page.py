@@ -41,7 +41,10 @@ thead th {{ border-bottom: 1px solid #888; }} img {{ max-width: 100%; }} .big {{
 
 
 def write_design(work: Design, *, pictures: bool = True) -> dict[str, Any]:
-    """Write all files of a design into its folder, and return the facts of summary.json."""
+    """Write all files of a design into its folder; return the contents of summary.json.
+
+    pictures: also draw the winner. Files of the winner are left out if there is none.
+    """
     winner = work.winner
     facts = facts_of(work)
     write_text(work.folder / FILES[1], json.dumps(facts, indent=1))
@@ -57,7 +60,10 @@ def write_design(work: Design, *, pictures: bool = True) -> dict[str, Any]:
 
 
 def facts_of(work: Design) -> dict[str, Any]:
-    """Return what summary.json and `jld design --json` say."""
+    """Return the results of a design as the JSON object of summary.json.
+
+    `jld design --json` prints the same object. None stands for values that are unknown or not finite.
+    """
     winner, usual = work.winner, work.usual
     return {
         "best": None if winner is None else _number(winner.proven),
@@ -94,7 +100,7 @@ def facts_of(work: Design) -> dict[str, Any]:
 
 
 def gain_of(work: Design) -> float | None:
-    """Return how many times the best load of the usual bond the best layout is proven to carry, None where unknown.
+    """Return the proven ratio of λ of the best layout to λ of the usual bond; None if unknown.
 
     It is the lower bound of the best over the upper bound of the usual bond, both by fields or both by faces.
     """
@@ -110,7 +116,7 @@ def gain_of(work: Design) -> float | None:
 
 
 def words_of(work: Design) -> str:
-    """Say in a few lines what a design found."""
+    """Describe the result of a design in lines for the terminal: best, gain, checks, guesses."""
     winner = work.winner
     if winner is None:
         return "no layout was found that keeps the limits and stands"
@@ -125,13 +131,13 @@ def words_of(work: Design) -> str:
 
 
 def _name(trial: Trial) -> str:
-    """Name a trial in words."""
+    """Return the tessellation of a trial and how its labels and joints were found, in words."""
     how = {"stated": "as stated", "searched": "labels searched", "moved": "labels searched and joints moved"}
     return f"{trial.tessellation}, {how[trial.kind]}"
 
 
 def _claim(trial: Trial) -> str:
-    """Say what a layout is proven to carry."""
+    """Describe the load that a trial carries at least and at most, with the kind of proof."""
     low, high = trial.fields
     if math.isfinite(low):
         most = f", at most {high:.4g}" if math.isfinite(high) else ""
@@ -150,7 +156,7 @@ def _claim(trial: Trial) -> str:
 
 
 def _page(work: Design, pictured: bool) -> str:
-    """Return the page of a design."""
+    """Return the HTML page of a design; pictured: True if the page shows the picture."""
     winner = work.winner
     name = work.outline.scene.name
     parts = [f"<p>{html.escape(region_words(work.outline.scene))}. Loads: {html.escape(_loads(work))}.</p>"]
@@ -178,7 +184,7 @@ def _page(work: Design, pictured: bool) -> str:
 
 
 def _loads(work: Design) -> str:
-    """Describe the load cases of the outline's design."""
+    """Describe the load cases of a design in one phrase."""
     scene = next((one.scene for one in work.tessellations if one.scene is not None), work.outline.scene)
     cases = [case.name for case in scene.loads.cases or []]
     if cases:
@@ -187,7 +193,7 @@ def _loads(work: Design) -> str:
 
 
 def _tried(work: Design) -> list[dict[str, str]]:
-    """Return the rows of the table of tessellations."""
+    """Return one table row per tessellation: its description, search and bounds, by column."""
     rows = []
     for one in work.tessellations:
         own = [trial for trial in work.trials if trial.tessellation == one.name]
@@ -200,7 +206,7 @@ def _tried(work: Design) -> list[dict[str, str]]:
 
 
 def _span(trial: Trial) -> str:
-    """Write what is known about λ of a trial."""
+    """Describe the bounds on λ of a trial by fields, or its λ by faces where they are unknown."""
     low, high = trial.fields
     if math.isfinite(low):
         return f"{low:.4g} to {high:.4g}"
@@ -212,7 +218,7 @@ def _span(trial: Trial) -> str:
 
 
 def _proven(work: Design) -> list[str]:
-    """Say what is proven and what is not."""
+    """List sentences on what a design proves about λ and what it does not."""
     found = []
     winner = work.winner
     if winner is not None and math.isfinite(winner.fields[0]):
@@ -244,7 +250,7 @@ def _proven(work: Design) -> list[str]:
 
 
 def _blocks(winner: Trial) -> list[dict[str, str]]:
-    """Return the rows of the table of blocks."""
+    """Return one table row per block of the winner: number, shape, mass and cells, by column."""
     assembly = build_assembly(winner.scene)
     layout = Layout(winner.scene, assembly, assembly.labels)
     return [
@@ -254,7 +260,7 @@ def _blocks(winner: Trial) -> list[dict[str, str]]:
 
 
 def _next() -> list[str]:
-    """Return commands that go on from a design."""
+    """List commands of the terminal that continue from a design, each with its purpose."""
     return [
         "jld report DIR --pdf: pages to print, with loads, blocks, moulds and the order of laying",
         "jld solve DIR/best.json --cracks fields: both bounds, narrower",
@@ -287,7 +293,7 @@ def _draw(work: Design, winner: Trial) -> None:
 
 
 def _table(rows: list[dict[str, str]]) -> str:
-    """Return an HTML table."""
+    """Return rows, texts by column, as an HTML table; "" without rows."""
     if not rows:
         return ""
     head = "".join(f"<th>{html.escape(name)}</th>" for name in rows[0])
@@ -301,10 +307,10 @@ def _list(items: Sequence[str]) -> str:
 
 
 def _bounds(bounds: Bounds) -> list[float | None]:
-    """Return bounds for JSON, None where nothing is proven."""
+    """Return (lower, upper) bounds as JSON numbers, None for infinite ones."""
     return [_number(bounds[0]), _number(bounds[1])]
 
 
 def _number(value: float) -> float | None:
-    """Return a float for JSON, None where it is not finite."""
+    """Return a float as a JSON number, None if it is not finite."""
     return float(value) if math.isfinite(value) else None

@@ -139,7 +139,10 @@ def design_outline(
 
 
 def _solve_usual(work: Design) -> None:
-    """Solve the layout that the first tessellation states by faces, by which a gain is measured."""
+    """Solve the stated layout of the first tessellation by faces, and add it to the trials.
+
+    Gains are measured by it. Nothing is added if the tessellation has no scene.
+    """
     first = work.tessellations[0]
     if first.scene is None:
         return
@@ -154,7 +157,10 @@ def _solve_usual(work: Design) -> None:
 
 
 def _bound_usual(work: Design, until: Deadline) -> None:
-    """Bound the usual layout by fields, in a small share of the time."""
+    """Bound λ of the usual layout by fields, in a small share of the time until a deadline.
+
+    Nothing changes without a usual layout or enough time.
+    """
     usual = work.usual
     if usual is not None and _USUAL * until.remaining() > _LEAST_BOUNDS:
         assembly = build_assembly(usual.scene)
@@ -163,13 +169,17 @@ def _bound_usual(work: Design, until: Deadline) -> None:
 
 
 def _faces(bracket: tuple[float, float]) -> Bounds:
-    """Return a bracket with infinite ends where nothing is proven."""
+    """Return a bracket with −inf and inf in place of ends that are not finite."""
     low, high = bracket
     return (low if math.isfinite(low) else -math.inf, high if math.isfinite(high) else math.inf)
 
 
 def _search_all(work: Design, until: Deadline, say: Say) -> None:
-    """Search every tessellation coarsely, and bound its best layout by fields."""
+    """Search the labels of every tessellation in equal times; bound their best by fields.
+
+    until: deadline of the design, of which the searches take a share. Tessellations without time or with limits that
+    cannot be met are noted in `work.searched`.
+    """
     fitting = [one for one in work.tessellations if one.scene is not None]
     spatial = work.outline.scene.dimension == 3
     # joints in space do not move, so that their searches get that time as well
@@ -193,7 +203,7 @@ def _search_all(work: Design, until: Deadline, say: Say) -> None:
 
 
 def _search(work: Design, tessellation: Tessellation, until: Deadline) -> None:
-    """Search the labels of one tessellation."""
+    """Search the labels of one tessellation until a deadline, and add its best layout."""
     if tessellation.scene is None:
         raise ValueError("a tessellation without a scene is not searched")
     options = work.options
@@ -206,7 +216,11 @@ def _search(work: Design, tessellation: Tessellation, until: Deadline) -> None:
 
 
 def _keep(work: Design, tessellation: Tessellation, done: Exploration, seconds: float) -> None:
-    """Add the best layout of a search, bounded by fields in some seconds; 0 for no such bounds."""
+    """Add the first stable layout of a search to the trials, with bounds by fields.
+
+    done: the search, best first. seconds: time for these bounds, s; 0 omits them. If no layout collapses or is locked,
+    only `work.searched` is written.
+    """
     facts = done.summary.facts
     work.searched[tessellation.name] = f"{facts['evaluated']} layouts, {'proven' if facts['proven'] else 'not proven'}"
     table = done.results[done.results["status"].isin([str(Status.COLLAPSE), str(Status.LOCKED)])]
@@ -223,13 +237,16 @@ def _keep(work: Design, tessellation: Tessellation, done: Exploration, seconds: 
 
 
 def _said(trial: Trial) -> str:
-    """Describe a trial for the terminal."""
+    """Describe λ of a trial by faces and by fields, for the terminal."""
     by_fields = "" if trial.fields == NONE else f", by fields {trial.fields[0]:.4g} to {trial.fields[1]:.4g}"
     return f"λ = {trial.load_factor:.4g} by faces{by_fields}; {trial.words}"
 
 
 def _move_best(work: Design, until: Deadline, say: Say) -> None:
-    """Move the joints of the most promising tessellations, and search their labels again."""
+    """Move the joints of up to `_BEST` tessellations, and search their labels again.
+
+    until: deadline of the design. Nothing happens in space, with a limit on shapes or laying, or without enough time.
+    """
     options = work.options
     if work.outline.scene.dimension == 3 or options.shapes is not None or options.laid is not None:
         return
@@ -248,7 +265,10 @@ def _move_best(work: Design, until: Deadline, say: Say) -> None:
 
 
 def _refine_promising(work: Design, until: Deadline, say: Say) -> None:
-    """Refine bounds by fields of layouts that may be the strongest, in the time that the checks leave."""
+    """Refine the bounds by fields of up to `_REFINED` layouts that may exceed the winner.
+
+    until: deadline of the design; time for the checks is kept free. Only planar layouts are refined.
+    """
     least = work.winner.proven if work.winner is not None else -math.inf
     open_ones = [one for one in work.allowed if one.scene.dimension == 2 and one.fields[1] > least]
     promising = sorted(open_ones, key=lambda one: -one.most)[:_REFINED]
@@ -265,16 +285,19 @@ def _refine_promising(work: Design, until: Deadline, say: Say) -> None:
 
 
 def _promise(trial: Trial) -> tuple[bool, float]:
-    """Return the key by which tessellations are chosen to be moved.
+    """Return the sort key that decides which tessellations have their joints moved first.
 
     Half bricks come first, since they gained most where joints moved (benchmarks/results/moved_opening.md). The others
-    follow by what their best layout may carry.
+    follow by `Trial.most`, the highest first.
     """
     return trial.tessellation != _PREFERRED, -trial.most
 
 
 def _move(work: Design, name: str, seconds: float, say: Say) -> None:
-    """Move the joints of one tessellation."""
+    """Move the joints of one tessellation for some time, and add the best moved layout.
+
+    name: of the tessellation. seconds: time limit. If joints cannot move, a message says so.
+    """
     scene: Scene | None = next(one.scene for one in work.tessellations if one.name == name)
     if scene is None:
         return

@@ -37,18 +37,18 @@ _TRIES: Final = 12
 
 @dataclass(frozen=True)
 class Tessellation:
-    """One way to cut an outline into cells.
+    """One way to cut an outline into cells, with its scene.
 
     Attributes
     ----------
     name : str
-        Short name, that of its folder.
+        Short name, also of its folder.
     words : str
-        What it is.
+        Description.
     scene : Scene or None
-        Its scene with loads; None where the outline cannot be cut so.
+        Scene of the cells with loads; None if the outline cannot be cut in this way.
     problem : str
-        Why it cannot.
+        Reason why it cannot be cut; "" if it can.
     """
 
     name: str
@@ -58,9 +58,10 @@ class Tessellation:
 
 
 def tessellations(outline: Scene, options: DesignOptions) -> list[Tessellation]:
-    """Return the tessellations of an outline; the first one of a planar outline is the usual running bond.
+    """Cut an outline in every known way, and return the tessellations.
 
-    Raises InputError if the limits ask for more cells than can be searched, or no tessellation fits.
+    The first one of a planar outline is the usual running bond. A tessellation that does not fit has no scene. Raises
+    InputError if none fits, if the mass limit requires too many cells, or if a load cannot act.
     """
     with_loads(outline, options)  # refuses loads that no tessellation can carry
     assembly = build_assembly(outline)
@@ -80,7 +81,11 @@ _Make = Callable[[float], Scene]
 
 
 def _made(name: str, words: str, make: _Make, options: DesignOptions, side: Floats) -> Tessellation:
-    """Return a tessellation whose cells are light enough, or the reason why there is none."""
+    """Cut an outline with ever smaller cells until none exceeds the largest block mass.
+
+    make: cuts with a relative cell size, at first 1. side: (d,) horizontal unit vector for the loads. The tessellation
+    has no scene, but a problem, if cutting fails or the cells stay too heavy.
+    """
     size, problem = 1.0, ""
     for _ in range(_TRIES):
         try:
@@ -97,7 +102,10 @@ def _made(name: str, words: str, make: _Make, options: DesignOptions, side: Floa
 
 
 def _planar(outline: Scene, assembly: Assembly, options: DesignOptions) -> list[tuple[str, str, _Make]]:
-    """Return name, words and function of the tessellations of a planar outline."""
+    """List name, description and cutting function of each tessellation of a planar outline.
+
+    outline: scene. assembly: of this scene.
+    """
     elements, free = assembly.elements, assembly.elements.free
     lower, upper = elements.lower[free].min(axis=0), elements.upper[free].max(axis=0)
     area = float(sum(shapely.Polygon(elements.shape[k]).area for k in free))
@@ -133,7 +141,10 @@ def _planar(outline: Scene, assembly: Assembly, options: DesignOptions) -> list[
 
 
 def _spatial(outline: Scene, assembly: Assembly, options: DesignOptions) -> list[tuple[str, str, _Make]]:
-    """Return name, words and function of the tessellations of a solid outline."""
+    """List name, description and cutting function of each tessellation of a spatial outline.
+
+    outline: scene. assembly: of this scene.
+    """
     elements, free = assembly.elements, assembly.elements.free
     volume = float(elements.volume[free].sum())
     cell = _cell_size(assembly, volume, 3, options)
@@ -165,9 +176,10 @@ def _spatial(outline: Scene, assembly: Assembly, options: DesignOptions) -> list
 
 
 def _cell_size(assembly: Assembly, measure: float, dimension: int, options: DesignOptions) -> float:
-    """Return the size of a cell of which two weigh at most a block, and of which there are about as many as wished.
+    """Return the side of a cell for about `_CELLS` cells, two of which weigh at most a block.
 
-    measure: area or volume of the structure. Raises InputError if the limit asks for too many cells.
+    measure: area or volume of the structure. dimension: 2 or 3. Raises ParameterError if the mass limit requires more
+    than `_MOST` cells, or the structure has no weight.
     """
     each = measure / _CELLS
     mass = float(assembly.elements.mass[assembly.elements.free].sum())
@@ -183,17 +195,21 @@ def _cell_size(assembly: Assembly, measure: float, dimension: int, options: Desi
 
 
 def _fitting(length: float, size: float) -> float:
-    """Return the size nearest to a size that divides a length."""
+    """Return the length of equal parts of `length` whose number fits parts of about `size`."""
     return float(length / max(1, round(length / size)))
 
 
 def _even(length: float, size: float) -> float:
-    """Return the size nearest to a size that divides a length in an even number of parts."""
+    """Return the length of an even number of equal parts of `length`, each of about `size`."""
     return float(length / max(2, 2 * round(0.5 * length / size)))
 
 
 def _voussoirs(arcs: list[Arc], lower: Any, upper: Any, cell: float) -> tuple[int, int]:
-    """Return the number of voussoirs and rings for cells of about a size; an odd number has a keystone."""
+    """Return the numbers of voussoirs and of rings for cells of about one size.
+
+    arcs: of the outline; hollow ones count if there are any. Without arcs the width of the outline is divided. lower,
+    upper: (2,) corners of the outline. cell: size. The number of voussoirs is odd, so that there is a keystone.
+    """
     hollow = [arc for arc in arcs if arc.hollow] or arcs
     if not hollow:
         return max(3, 2 * round(0.5 * (upper[0] - lower[0]) / cell) + 1), 1
@@ -204,7 +220,7 @@ def _voussoirs(arcs: list[Arc], lower: Any, upper: Any, cell: float) -> tuple[in
 
 
 def _bare(scene: Scene) -> Scene:
-    """Return a scene whose elements are blocks of their own."""
+    """Return a scene without labels and without block names of free elements."""
     document = scene.model_dump(mode="json", exclude_defaults=True)
     document.pop("labels", None)
     for entry in document["elements"]:
@@ -214,7 +230,11 @@ def _bare(scene: Scene) -> Scene:
 
 
 def _ready(scene: Scene, arcs: list[Arc], *, blocks: bool = False) -> Scene:
-    """Return a scene to be searched and moved; blocks: keep the blocks of its elements."""
+    """Complete the scene of a tessellation by the key "move"; remove labels and block names.
+
+    arcs: of the outline, about whose centres vertices may slide. blocks: True keeps labels and block names. Spatial
+    scenes, and scenes that state the key, get no key "move".
+    """
     kept = scene if blocks else _bare(scene)
     document = kept.model_dump(mode="json", exclude_defaults=True)
     if scene.dimension == 2 and "move" not in document:
@@ -226,7 +246,7 @@ def _ready(scene: Scene, arcs: list[Arc], *, blocks: bool = False) -> Scene:
 
 
 def region_words(scene: Scene) -> str:
-    """Describe an outline: its area, and the arcs that were found."""
+    """Describe the free elements: area and arcs in the plane, number of solids in space."""
     assembly = build_assembly(scene)
     if assembly.dimension == 3:
         return f"{len(assembly.elements.free)} solids"

@@ -31,24 +31,25 @@ NONE: Bounds = (-math.inf, math.inf)
 
 @dataclass(frozen=True)
 class Trial:
-    """One layout of one tessellation.
+    """One labelling of one tessellation, with its bounds on λ.
 
     Attributes
     ----------
     tessellation : str
         Name of the tessellation.
     kind : {"stated", "searched", "moved"}
-        Layout that the tessellation states, best of a search of labels, or one whose joints were moved.
+        "stated": labels that the tessellation states. "searched": best of a search of labels. "moved": labels searched
+        and joints moved.
     scene : Scene
         Scene whose own labels are the layout.
     load_factor : float
         λ by faces, NaN where unknown.
     faces, fields : (float, float)
-        Bounds on λ by faces, and by fields with blocks that crack anywhere.
+        Proven bounds on λ: with cracks along faces, and with cracks anywhere in the blocks; infinite where unproven.
     words : str
         How it was found.
     allowed : bool
-        True if it keeps the limits; that a tessellation states may not.
+        True if it keeps the limits of the options. A stated layout may break them.
     """
 
     tessellation: str
@@ -62,23 +63,29 @@ class Trial:
 
     @property
     def proven(self) -> float:
-        """Load factor that is proven: by fields where anything is known by fields, else by faces; −inf for none."""
+        """Lower bound on λ: that by fields if any bound by fields is known, else that by faces.
+
+        It is −inf where nothing is proven.
+        """
         return self.faces[0] if self.fields == NONE else self.fields[0]
 
     @property
     def stands(self) -> bool:
-        """True if it is proven to carry its dead load, at least by faces, and fields do not deny it."""
+        """True if the upper bound by fields and the higher of both lower bounds on λ are ≥ 0."""
         return self.fields[1] >= 0.0 and max(self.fields[0], self.faces[0]) >= 0.0
 
     @property
     def most(self) -> float:
-        """Load factor that the layout can carry at most, as far as is known; inf where nothing is."""
+        """Lowest known upper estimate of λ: upper bound by fields, or λ by faces if it is lower.
+
+        If λ by faces is unknown, the upper bound by faces takes its place. The result is inf where nothing is known.
+        """
         return min(self.fields[1], self.faces[1] if math.isnan(self.load_factor) else self.load_factor)
 
     def order(self) -> tuple[bool, float]:
-        """Return the key by which trials are ranked: those with a bound by fields first, the strongest first.
+        """Return a sort key that ranks trials by λ, those with a lower bound by fields first.
 
-        The others follow by what they can carry at most.
+        They are ranked by this bound, the others by `most`, the highest first.
         """
         known = math.isfinite(self.fields[0])
         return not known, -(self.fields[0] if known else self.most)
@@ -86,12 +93,12 @@ class Trial:
 
 @dataclass(frozen=True)
 class Check:
-    """One check of the winner.
+    """Result of one check of the winning layout.
 
     Attributes
     ----------
     name : str
-        What was checked.
+        Name of the check.
     words : str
         Outcome, in a sentence.
     values : dict
@@ -105,14 +112,14 @@ class Check:
 
 @dataclass
 class Design:
-    """State of a design, complete at every time that it is written.
+    """State of a design run, which can be written to disk at any time.
 
     Attributes
     ----------
     options : DesignOptions
-        What was asked.
+        Options that the user states.
     outline : Outline
-        The outline, with what was assumed.
+        Outline to be cut, with the values assumed.
     folder : Path
         Results folder.
     tessellations : list of Tessellation
@@ -120,11 +127,11 @@ class Design:
     trials : list of Trial
         All layouts found.
     searched : dict of str to str
-        What the search of each tessellation ended with, by its name.
+        Outcome of the search of each tessellation, in words, by its name.
     checks : list of Check
         Checks of the winner.
     stop : str
-        Why the design ended.
+        Reason why the design ended.
     seconds : float
         Time so far, s.
     """
@@ -141,25 +148,26 @@ class Design:
 
     @property
     def allowed(self) -> list[Trial]:
-        """Layouts that keep the limits and are proven to stand, the strongest first."""
+        """Layouts that keep the limits and are proven to stand, in the order of `Trial.order`."""
         standing = (one for one in self.trials if one.allowed and one.stands)
         return sorted(standing, key=Trial.order)
 
     @property
     def winner(self) -> Trial | None:
-        """Strongest layout that keeps the limits; None if there is none."""
+        """First layout of `allowed`, the strongest; None if there is none."""
         return next(iter(self.allowed), None)
 
     @property
     def usual(self) -> Trial | None:
-        """Layout that the first tessellation states: the usual bond."""
+        """First layout with the stated labels of a tessellation, the usual bond; None without one."""
         return next((one for one in self.trials if one.kind == "stated"), None)
 
 
 def labelled(scene: Scene, assembly: Assembly, labels: Bits) -> Scene:
-    """Return a scene whose own labels are those of a layout.
+    """Return a scene whose own labels are the given ones.
 
-    labels: (m,) True = dry. Raises InputError where two faces of one pair of spatial elements have different labels.
+    labels: (m,) True = dry. In space, labels are stated for pairs of elements. Raises InputError where two faces of one
+    pair have different labels.
     """
     if assembly.dimension == 2:
         mesh = vertex_mesh(assembly)
@@ -181,7 +189,11 @@ def labelled(scene: Scene, assembly: Assembly, labels: Bits) -> Scene:
 
 
 def field_bounds(assembly: Assembly, labels: Bits, seconds: float, gap: float = 0.05) -> Bounds:
-    """Return bounds on the governing λ by fields in about some seconds, infinite where fields do not apply."""
+    """Compute bounds by fields on the governing factor, the least λ / required of all cases.
+
+    labels: (m,) True = dry. seconds: time limit of all load cases together, s. gap: relative width at which refinement
+    ends. Returns (lower, upper) bound, infinite where fields do not apply.
+    """
     if why_no_fields(assembly):
         return NONE
     cases, required = assembly.by_case, assembly.required.tolist()
@@ -209,7 +221,7 @@ def field_bounds(assembly: Assembly, labels: Bits, seconds: float, gap: float = 
 
 
 def why_no_fields(assembly: Assembly) -> str:
-    """Return why λ of a structure cannot be bounded by fields, empty where it can."""
+    """Return the reason why bounds by fields do not apply to a structure; "" where they do."""
     try:
         require_fields(assembly)
     except InputError as error:
@@ -218,7 +230,7 @@ def why_no_fields(assembly: Assembly) -> str:
 
 
 def at_low_friction(scene: Scene, low: float) -> Scene:
-    """Return a scene with another friction of all its joints."""
+    """Return a scene with the friction coefficient of the material of dry joints set to `low`."""
     document = scene.model_dump(mode="json", exclude_defaults=True)
     document["materials"]["dry"].pop("friction_angle", None)
     document["materials"]["dry"]["friction_coefficient"] = low
@@ -226,7 +238,10 @@ def at_low_friction(scene: Scene, low: float) -> Scene:
 
 
 def one_case(scene: Scene, number: int) -> Scene:
-    """Return a scene with one of its load cases as the live load, from 0."""
+    """Return a scene whose live and dead loads are those of one load case.
+
+    number: index of the case, from 0. The common dead load stays. A scene without load cases keeps its loads.
+    """
     document = scene.model_dump(mode="json", exclude_defaults=True)
     cases = document["loads"].pop("cases", None)
     if cases:
@@ -237,7 +252,10 @@ def one_case(scene: Scene, number: int) -> Scene:
 
 
 def mass_and_shapes(assembly: Assembly, scene: Scene) -> tuple[int, float, int]:
-    """Return the number of blocks, the largest mass and the number of shapes of a scene's own layout."""
+    """Return number of blocks, largest mass and number of shapes under a scene's own labels.
+
+    Supports do not count. assembly: of the scene.
+    """
     from jld_core.exchange import Layout
 
     blocks = [one for one in Layout(scene, assembly, assembly.labels).blocks if one.cells]
@@ -245,5 +263,5 @@ def mass_and_shapes(assembly: Assembly, scene: Scene) -> tuple[int, float, int]:
 
 
 def built(trial: Trial) -> Assembly:
-    """Return the assembly of a trial."""
+    """Build the assembly of a trial's scene."""
     return build_assembly(trial.scene)

@@ -76,20 +76,19 @@ class AlternatingPrograms:
         self._motions = LinearRows(unit, np.append(np.zeros(count), 1.0), ends, -free, free)
 
     def mechanism(self, closed: Bools, weights: Floats) -> Floats | None:
-        """Return the mechanism z (4m,) ≥ 0 of least weighted sum with live work 1.
+        """Return the mechanism z (4m,) ≥ 0 with live work 1 that minimises weights·z.
 
-        closed: (4m,) modes whose slack y is zero; only these may move. weights: (4m,) of the sum. The result is None if
-        no mechanism exists.
+        closed: (4m,) modes whose slack y is zero; only these may move. weights: (4m,). None if the solver finds none.
         """
         self._motions.bound(slice(0, len(closed)), np.zeros(len(closed)), np.where(closed, np.inf, 0.0))
         answer = self._motions.minimise(weights @ self.modes.rates)
         return self.modes.rates @ answer.point if answer.found else None
 
     def forces(self, moving: Bools, objective: Floats) -> Floats | None:
-        """Return the state (F, λ) that minimises an objective and completes one mechanism.
+        """Minimise an objective over the forces in equilibrium that complement a mechanism.
 
-        moving: (4m,) modes that move, whose slack y is zero. objective: (3m + 1,) coefficients of (F, λ). The result is
-        None if no state exists.
+        moving: (4m,) modes with z > 0; their slacks y are set to zero. objective: (3m + 1,) coefficients of (F, λ).
+        Returns the point (F, λ), unverified; None if the solver finds none.
         """
         d = self.modes.constants
         self._statics.bound(slice(self._first, self._first + len(d)), -d, np.where(moving, -d, np.inf))
@@ -167,10 +166,10 @@ class AlternatingPrograms:
         return best
 
     def random_solutions(self, seed: int, draws: int) -> list[Floats]:
-        """Return solutions (F, λ) of random mechanisms: the lowest and the highest of each.
+        """Return the solutions (F, λ) of lowest and highest λ for each of many random mechanisms.
 
         seed: of the random weights. draws: number of mechanisms. Every second one has weights that are multiplied by
-        the slacks of a random state. The list lacks mechanisms that no forces complete.
+        the slacks of a random state. Mechanisms that no forces complete give no solutions.
         """
         rng, found = np.random.default_rng(seed), list[Floats]()
         count, columns = len(self.modes.constants), self.modes.rows.shape[1]
@@ -215,9 +214,10 @@ class AlternatingPrograms:
         return path
 
     def _start(self, point: Floats, rng: np.random.Generator) -> Bools | None:
-        """Return the modes (4m,) that may move at a point, with the least tolerance on y = 0.
+        """Return the modes (4m,) whose slack at a point is zero within the least useful tolerance.
 
-        The result is None if no mechanism exists for any tolerance. point: (3m + 1,) scaled forces and λ.
+        A tolerance is useful if a mechanism of these modes alone exists. None if none is. point: (3m + 1,) scaled
+        forces and λ. rng: draws the weights of mechanisms.
         """
         slack = self.modes.slacks_of(point[:-1])
         for allowance in _CLOSED:

@@ -169,12 +169,11 @@ class Certifier:
         return proven
 
     def _correction(self, of_products: Floats, price: Floats) -> Any:
-        """Return a function that computes changes of the multipliers from a residual R.
+        """Return a function that computes changes of the multipliers which reduce a residual R.
 
-        The changes reduce R, the part of the identity in the module docstring that is not yet zero. Forces are scaled
-        by their upper bounds, and rows by their largest entries, so that all numbers compared are of order one. Small
-        multipliers change in proportion to their size. The changes are returned as fractions. of_products, price:
-        multipliers of products, and of rows times b_λ·u.
+        R is the part of the identity in the module docstring that is not yet zero. of_products, price: present
+        multipliers of products, and of rows times b_λ·u; small ones change in proportion to their size. The function
+        maps R to changes of the multipliers M, g and p, as binary fractions.
         """
         largest = self.largest
         facts, rates = (
@@ -223,7 +222,7 @@ class Certifier:
         )
 
     def _loop_charge(self, of_products: BinaryFractions) -> float:
-        """Return the amount by which rounding in the identities of loops may lower the proof.
+        """Return the bound on what rounding in the identities of loops may take from the proven λ.
 
         of_products: multipliers of products.
         """
@@ -320,11 +319,11 @@ def least_change_solver(rows: Any, share: Floats) -> Any:
 
 
 def _factor(normal: Any, shift: float) -> Any:
-    """Return a function that solves (normal + shift) x = rhs by Cholesky or LU factors.
+    """Factor normal + shift · I, and return the function that solves with it.
 
-    A dense factor is used where memory allows. Products that no multiplier touches are rows of zeros, and all others
-    fill in completely. A dense factor of these is three times as fast as a sparse one. normal: sparse. shift: added to
-    the diagonal.
+    A dense Cholesky factor is used where memory allows, else a sparse LU factor. Products that no multiplier touches
+    are rows of zeros, and all others fill in completely. A dense factor of these is three times as fast as a sparse
+    one. normal: sparse and symmetric.
     """
     used = np.flatnonzero(np.diff(normal.indptr))
     if len(used) <= _IN_FULL:

@@ -165,10 +165,11 @@ class FixedPointSearch:
     # --- the two steps ------------------------------------------------------------------------------------
 
     def step_from(self, forces: Floats, alpha: float) -> RawSolution:
-        """Solve one proximal step: the problem with friction frozen at N of given forces.
+        """Solve the problem with friction frozen at N of given forces, near these forces.
 
-        If the solver fails, the step is tried again from forces half way back to the last feasible ones, up to six
-        times; then the failed answer is returned. forces: (q·m,) scaled. alpha: share of the present N in friction.
+        A proximal term holds the solution near them. If the solver fails, the step is tried again from forces half way
+        back to the last feasible ones, up to six times. Then the failed answer is returned. forces: (q·m,) scaled.
+        alpha: share of the present N in friction.
         """
         centre = forces[: self.count]
         for _ in range(_BACK):
@@ -367,10 +368,10 @@ class FixedPointSearch:
                 held, dual = self.margin, pair.motion.velocity
 
     def settle_areas(self, state: State, dual: Floats, areas: EffectiveAreas) -> tuple[State, EffectiveAreas]:
-        """Minimise the gap Γ for the same velocities until the state fits its own areas.
+        """Minimise the gap Γ for fixed velocities until the state is admissible in its own areas.
 
         state: to begin with. dual: multipliers whose first entries are the velocities. areas: effective areas so far.
-        The results are the state and its areas; at the limit of programs they may not fit yet.
+        Returns the state and its areas; at the limit of programs they may not fit yet.
         """
         tries = 0
         while self.solves < self.program_limit - 2:

@@ -163,18 +163,19 @@ class _InteriorPointMethod:
         self.q = np.zeros(len(self.ke))
 
     def rows(self, x: Point) -> tuple[Floats, Floats]:
-        """Return the values of the positive and of the zero products y_k z_l at a point.
+        """Return the values of the rows of the program at a point: positive ones, then zero ones.
 
-        The last positive row is −b_λ·u, without its constant 1. x: point (Z, T), see `ProductSpace`.
+        They are products y_k z_l. The last positive row is −b_λ·u, without its constant 1. x: point (Z, T), see
+        `ProductSpace`.
         """
         table = self.space.values(x)
         last = -float((self.space.unit * x[0]).sum())
         return np.append(table[self.k, self.l], last), table[self.ke, self.le]
 
     def apply_transpose(self, v: Floats, q: Floats) -> Point:
-        """Return a weighted sum of the rows of the program as a form of (Z, T).
+        """Return the sum of the rows of the program, weighted by v and q, as a form of (Z, T).
 
-        It is the transpose of `rows`. v, q: weights of positive and of zero products.
+        It is the transpose of `rows`. v: weights of the positive rows. q: weights of the zero rows.
         """
         table = np.zeros(self.shape)
         table[self.k, self.l] = v[:-1]
@@ -264,9 +265,9 @@ class _InteriorPointMethod:
 
 
 def _step_length(at: Floats, step: Floats) -> float:
-    """Return the fraction of a step that keeps all entries of a vector positive.
+    """Return the largest fraction of a step, at most 1 / _BACK, that keeps a vector ≥ 0.
 
-    It is at most 1 / _BACK. at: present entries. step: their changes.
+    at: present entries. step: their changes.
     """
     falls = step < 0.0
     return min(1.0 / _BACK, float((-at[falls] / step[falls]).min(initial=np.inf)))

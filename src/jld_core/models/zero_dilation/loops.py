@@ -84,9 +84,9 @@ def _rank(rows: Iterable[int]) -> int:
 
 
 def _between(assembly: Assembly) -> list[tuple[int, int]]:
-    """Return the numbers of both elements of each face, the lower first.
+    """Return a pair of node numbers for each face, the lower first.
 
-    All supports have number 0; other elements have their index plus 1.
+    All supports are node 0; another element is the node of its index plus 1.
     """
     number = np.where(assembly.elements.support, 0, 1 + np.arange(len(assembly.elements)))
     sides = np.sort(np.column_stack([number[assembly.interfaces.a], number[assembly.interfaces.b]]), axis=1)
@@ -112,7 +112,10 @@ def face_loops(assembly: Assembly) -> Iterator[Loop]:
 
 
 def _rings(near: dict[int, set[int]]) -> Iterator[tuple[int, ...]]:
-    """Yield the blocks of loops of three and of four blocks, the latter without a chord."""
+    """Yield the blocks of each loop of three blocks, and of each loop of four without a chord.
+
+    A chord is a contact of opposite blocks. near: for each block the blocks in contact with it.
+    """
     for a in sorted(near):
         later = sorted(b for b in near[a] if b > a)
         for b, c in combinations(later, 2):
@@ -123,7 +126,7 @@ def _rings(near: dict[int, set[int]]) -> Iterator[tuple[int, ...]]:
 
 
 def _jumps(rates: Floats) -> Floats:
-    """Return both hinge rates and the slip of each face as forms (m, 3, w) of velocities.
+    """Return two hinge rates and the slip of each face as forms (m, 3, w) of velocities.
 
     rates: (4m, w) of modes, four per face.
     """

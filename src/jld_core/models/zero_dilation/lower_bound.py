@@ -56,7 +56,7 @@ _DEPTH: Final = 6
 
 @dataclass(frozen=True)
 class _Bounds:
-    """Lower bounds on λ of one region of solutions, scaled.
+    """Lower bounds on scaled λ of the solutions in one region.
 
     proven: by certificates. believed: the highest one, which may rely on the solver.
     """
@@ -164,9 +164,9 @@ class LowerBoundSearch:
         return bounds
 
     def _proven(self, region: Region, relaxed: RltSolution, slack: float) -> float:
-        """Return the lower bound that a certificate proves for one relaxation; −inf if none.
+        """Return the lower bound on scaled λ that a certificate proves for a region; −inf if none.
 
-        region: of the relaxation. relaxed: its solution. slack: σ, relative.
+        region: part of the solutions. relaxed: solution of its relaxation. slack: σ, relative.
         """
         # With more than the least slack another step follows, so the first valid certificate is sufficient.
         sufficient_bound = self.problem.load_below(_ENOUGH) if slack == _SLACK else -math.inf

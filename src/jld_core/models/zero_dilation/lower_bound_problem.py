@@ -142,7 +142,10 @@ class LowerBoundProblem:
         return bound - low > share * (self.load - low)
 
     def less_solver_tolerance(self, bound: float) -> float:
-        """Return an unproven bound of the solver, reduced by the tolerance of the solver."""
+        """Reduce a scaled bound that the solver claims by the solver's tolerance on λ.
+
+        The bound is first limited to the lowest solution found.
+        """
         return min(bound, self.load) - _TRUSTED * self.load_unit
 
     def offer_states(self, states: Floats) -> None:

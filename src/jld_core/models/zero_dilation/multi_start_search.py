@@ -200,9 +200,9 @@ class MultiStartSearch:
             idle = 0 if self.found.lowest_load < low - _LOWER * abs(low) else idle + 1
 
     def _mixed(self, point: Floats, share: float, rng: np.random.Generator) -> Floats | None:
-        """Mix a point with a random state of low compression; None if no such state exists.
+        """Mix a point with a random state of low compression; None if there is none, or in space.
 
-        point: (q·m + 1,) scaled forces and λ. share: weight of that state, from 0 to 1.
+        point: (q·m + 1,) scaled forces and λ. share: weight of that state, from 0 to 1. rng: draws the state.
         """
         return None if self.alternation is None else self.alternation.mix_with_low_compression(point, share, rng)
 
@@ -266,9 +266,9 @@ class MultiStartSearch:
         self._seed += seeds
 
     def certify_extremes(self, points: Iterable[Floats]) -> None:
-        """Certify the lowest and the highest of the given points if they extend the range.
+        """Certify the points of least and of largest λ, each unless inside the known range.
 
-        points: each (q·m + 1,). Solutions are kept in `found`.
+        points: each (q·m + 1,) scaled forces and λ. They are repaired first. Certified solutions are kept in `found`.
         """
         lowest, highest = self.found.lowest, self.found.highest
         ends = sorted(points, key=lambda point: float(point[-1]))

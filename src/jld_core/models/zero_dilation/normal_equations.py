@@ -221,9 +221,10 @@ class _EliminationTree:
         self.couplings, self._parts = self._couplings(forms[:, order])
 
     def _couplings(self, forms: Floats) -> tuple[dict[tuple[int, int], list[int]], list[list[_Part]]]:
-        """Return the forms that couple each pair of bases, and the matrix blocks of each front.
+        """List the forms that couple each pair of bases, and the matrix blocks of each front.
 
-        Each matrix block is a weighted sum of tables of those forms. forms: (modes, w), columns in elimination order.
+        forms: (modes, w) coefficients, columns in elimination order. A matrix block is given by its place in the front
+        and the weights by which tables of those forms are summed.
         """
         found: list[dict[tuple[int, int], dict[tuple[int, int], dict[int, float]]]] = []
         wanted: dict[tuple[int, int], dict[int, int]] = {}
@@ -316,10 +317,10 @@ _Part = tuple[tuple[int, int], list[tuple[int, int]], Any]
 
 
 class _FrontPositions:
-    """Positions of the unknowns of one front in the front and in the whole vector.
+    """Index arrays of the unknowns of one front of the elimination tree.
 
-    at: first unknown of each column in the front. own, rest: positions of eliminated and of later columns in the whole
-    vector. first: number of eliminated unknowns.
+    at: first unknown of each column within the front. own, rest: positions in the whole vector of the unknowns
+    eliminated here, and of the others. first: number of eliminated unknowns.
     """
 
     def __init__(self, columns: list[int], rest: list[int], sizes: Ints, starts: Ints) -> None:
@@ -330,10 +331,10 @@ class _FrontPositions:
 
 
 def _extend_add(front: Floats, update: Floats, places: list[int], at: Ints, its: Ints) -> None:
-    """Add the lower half of an update matrix to a front (extend-add).
+    """Add an update matrix to a front, in the lower half of both (extend-add).
 
-    Runs of rows that are contiguous in both are added at once. places: the position of each column of the update in the
-    front. at, its: the first unknown of each column in the front and in the update.
+    Runs of rows that are contiguous in both are added at once. places: position in the front of each column of the
+    update. at, its: first unknown of each column, in the front and in the update.
     """
     runs: list[tuple[int, int, int]] = []
     for n, place in enumerate(places):

@@ -97,7 +97,7 @@ class ProductSpace:
         return out
 
     def adjoint(self, table: Floats) -> Point:
-        """Return a weighted sum of all products y_k z_l as a linear form of (Z, T).
+        """Return the sum of all products y_k z_l, weighted by a table, as a linear form of (Z, T).
 
         It is the transpose of `values`. table: (r, forms) weights.
         """
@@ -122,7 +122,7 @@ class ProductSpace:
 
     @cached_property
     def _columns(self) -> list[Ints]:
-        """Return, for each basis, the numbers of the velocities that use it."""
+        """Return the indices of the velocities that use each basis, one array per basis."""
         return [np.flatnonzero(self.of == basis) for basis in range(len(self.bases))]
 
 
@@ -164,9 +164,10 @@ class LocalProductSpace:
         self.of = self._of[first]
 
     def _sets(self, distance: int | None) -> tuple[list[Bools], Ints]:
-        """Return the distinct sets (n,) of elements, and the set number (3n + m,) of velocities.
+        """Group velocities by the elements whose forces are multiplied with them.
 
-        distance: as in the class.
+        distance: number of faces up to which elements count; None: all elements. Returns the distinct sets, masks (n,)
+        of elements, and for each velocity the number (3n + m,) of its set.
         """
         count, faces = self.touches.shape
         if distance is None:
@@ -205,10 +206,10 @@ class LocalProductSpace:
         return np.vstack([np.repeat(known, 4, axis=0), np.ones((3, len(self.forms)), dtype=bool)])
 
     def forces(self, number: int) -> tuple[Ints, Ints]:
-        """Return the equilibrium equations of one set of elements, and the numbers that they use.
+        """Return the indices of the equilibrium equations of a set of elements, and their terms.
 
-        number: index of the set. Both results are index arrays. The second one points into (F, λ, 1): forces of the
-        faces of the set, λ and 1.
+        number: index of the set. The terms are indices of entries of (F, λ, 1): forces of the faces of the set, λ and
+        1.
         """
         inside = self.elements[number]
         own = np.append(np.repeat(self.touches[inside].any(axis=0), 3), [True, True])
@@ -329,12 +330,11 @@ def velocities_of(local_space: LocalProductSpace, facts: Floats, statics: Floats
 
 
 def lone_faces(used: Bools, closed: Bools, loops: Floats) -> Bools:
-    """Return a mask (m,) of faces whose slides are multiplied with their own slacks and 1.
+    """Return a mask (m,) of lone faces, whose slides have products with own slacks and 1 only.
 
-    No other product holds these slides, and both are free to move, so that `ProductSpace` needs four products each.
-    used: (4m + 3, 4m + 2e) mask of the products in the program. Its rows are the yield slacks y, λ − L, U − λ and 1,
-    with L ≤ λ ≤ U; its columns are mode rates and forms of loops. closed: (4m,) modes with z = 0. loops: (2e, 4m), see
-    `Modes.loops`.
+    Both slides of such a face are free to move, and `ProductSpace` needs four products for it. used: (4m + 3, 4m + 2e)
+    mask of the products in the program. Its rows are the yield slacks y, λ − L, U − λ and 1, with L ≤ λ ≤ U; its
+    columns are mode rates and forms of loops. closed: (4m,) modes with z = 0. loops: (2e, 4m), see `Modes.loops`.
     """
     faces = len(closed) // 4
     around = loops[used[:, 4 * faces :].any(axis=0)].reshape(-1, faces, 4)[:, :, 2:].any(axis=(0, 2))

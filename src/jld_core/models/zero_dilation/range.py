@@ -159,9 +159,10 @@ def _planar_bound(analysis: LimitAnalysis, labels: Bits, search: MultiStartSearc
 
 
 def _bound_entries(lower_bound: LowerBound | None, load: float) -> dict[str, Any]:
-    """Return the entries of a proof's `extra` about the lower bound.
+    """Return the entries of `Proof.extra` that state the lower bound on λ, in scene units.
 
-    lower_bound: None without one. load: λ in scene units per scaled λ.
+    lower_bound: None without one. load: λ in scene units per scaled λ; λ is rounded down. See `load_range` for the
+    keys.
     """
     if lower_bound is None:
         none: dict[str, Any] = dict.fromkeys(("lowest_proven", "lowest_bound", "bound_tolerance"))
@@ -186,7 +187,7 @@ def _proof_without_solution(proof: Proof) -> Proof:
 
 
 def _evidence(result: LimitAnalysisResult) -> dict[str, Any]:
-    """Return the entries of a result, in JSON form, that document its solution."""
+    """Return λ, status, gaps, violations, forces and mechanism of a result, in JSON form."""
     printed = result.to_json()
     keys = (
         "load_factor",

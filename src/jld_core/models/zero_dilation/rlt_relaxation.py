@@ -324,12 +324,11 @@ def moving_forms(forms: Floats, region: Region) -> Bools:
 
 
 def combined_states(x: Floats, live: Floats, rates: Floats) -> Floats:
-    """Return states of forces and λ (k, q + 1) of which the products X are a combination.
+    """Return states (k, q + 1), forces and λ, of which the products X are a weighted mean.
 
-    X is that of docs/method.md (4.7). The states are starting points of a search for solutions: first the mean state,
-    then those of the modes of largest rate. The array is empty where all rates vanish. x: (q + 2, w) products of (F, λ,
-    1) with velocities. live: (w,) coefficients of b_λ·u. rates: (4m, w) rates of the modes, that is, of hinges and
-    slides.
+    X is that of docs/method.md (4.7). They are starting points of a search for solutions: first the mean state, then
+    those of the modes of largest rate. Modes with almost no rate give none. x: (q + 2, w) products of (F, λ, 1) with
+    velocities. live: (w,) coefficients of b_λ·u. rates: (4m, w) rates of the modes, hinges and slides.
     """
     mean, z = x @ live, x[-1] @ rates.T
     states = [mean / mean[-1]] if mean[-1] > _SEEN else []
@@ -349,10 +348,10 @@ def zero_product_pairs(held: Ints, moving: Ints) -> tuple[Ints, Ints]:
 
 
 def _all(first: int, second: int, start: int = 0, chosen: Ints | None = None) -> tuple[Ints, Ints]:
-    """Return index pairs of every row of one matrix with every row of another.
+    """Return index pairs (i, j), (k,) each, of all rows of one matrix with rows of another.
 
-    first, second: numbers of rows. start: index of the first row of the first matrix. chosen: rows of the second
-    matrix; None: all.
+    first: number of rows i, which begin at index `start`. second: number of rows j from 0. chosen: indices j instead;
+    None: all.
     """
     other = np.arange(second) if chosen is None else chosen
     return np.repeat(np.arange(first) + start, len(other)), np.tile(other, first)

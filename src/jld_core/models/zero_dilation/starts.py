@@ -106,10 +106,10 @@ def _nearest(search: FixedPointSearch, forces: Floats, load: float) -> RawSoluti
 
 
 def _at_load(search: FixedPointSearch, load: float) -> ConicProgram:
-    """Build the program of all admissible states at one scaled λ.
+    """Build the program of all admissible states at one scaled λ, given by `load`.
 
-    Its objective is λ alone. λ moves from the unknowns of equilibrium to its right-hand side. load: the scaled λ.
-    search: supplies labelling and program, and counts it.
+    λ moves from the unknowns of equilibrium to its right-hand side; its free column is minimised alone. search:
+    supplies labelling and program, and counts it.
     """
     template = search.analysis.template
     program = template.program(search.labels, search.margin)

@@ -113,10 +113,10 @@ class Statics:
         return found
 
     def _bound(self, objective: Floats) -> tuple[float, Floats]:
-        """Minimise a linear objective; return a value and residuals that bound it from below.
+        """Prove a lower bound on a linear objective, as a constant and a residual.
 
-        Every state satisfies objective ≥ value − r·|F| with the residuals r (3m,). The value is −inf if the solver
-        fails. objective: (3m + 2,) coefficients of (F, λ, 1).
+        objective: (3m + 2,) coefficients of (F, λ, 1). Every state satisfies objective ≥ value − r·|F|. Returns the
+        value and the residual r (3m,); the value is −inf if the solver fails.
         """
         modes = self.modes
         answer = self._rows.minimise(objective[:-1])
@@ -191,8 +191,8 @@ def bound_velocities(statics: Statics) -> Floats | None:
 
 
 def _by_weight(ways: Floats) -> list[int]:
-    """Return the faces in decreasing order of their slip in motions without opening.
+    """Sort faces by the size of their slip in motions without opening, largest first.
 
-    ways: (m, k) slip of each face in k such motions.
+    ways: (m, k) slip of each face in k such motions. Returns the indices of the faces.
     """
     return [int(face) for face in np.argsort(-np.linalg.norm(ways, axis=1), kind="stable")]

@@ -91,9 +91,10 @@ class BlockSweep:
         self.stages = (("all hinges", few), ("all products", np.ones_like(few)))
 
     def near_hinge_bound(self, low: float) -> float:
-        """Prove a bound with products of near hinges only, solved to full accuracy.
+        """Prove a lower bound on λ by a program with the products of near hinges only.
 
-        low: scaled λ up to which no solution exists. The result is scaled, and −inf if nothing is proven.
+        The program is solved to full accuracy. low: scaled λ up to which no solution exists. The result is scaled, and
+        −inf if nothing is proven.
         """
         none = np.zeros(len(self.modes.rows), dtype=bool)
         return self._step("near hinges", self._region(low, none, none), self.near_pairs, _FINE, None)[1]
@@ -189,9 +190,10 @@ class BlockSweep:
         return answer is not None and self.problem.gains_enough(region.low, answer.multipliers.bound)
 
     def _branch(self, low: float, region: Region, answer: RltSolution, stage: int, depth: int) -> float:
-        """Split a region at one mode, and return the lower of the bounds of both parts.
+        """Split a region at one mode, sweep both parts, and return the lower of their bounds.
 
-        low: bound of the region so far. answer: solution whose mode violates y z = 0 most. stage, depth: as in `sweep`.
+        low: bound of the region so far, returned if no mode violates y z = 0. answer: solution whose mode violates it
+        most. stage, depth: as in `sweep`.
         """
         halves = region.split(answer.rates, answer.slacks)
         if halves is None:
