@@ -233,8 +233,7 @@ def _search(
     fields = scene.cracks if isinstance(scene.cracks, FieldCracks) else None
     chosen, total = choose_driver(space, settings, deadline, many=scene.cracks != "faces", cracks_by_fields=fields)
     said.append(f"driver: {chosen.name}" + (f", {total} {CLASSES}" if total is not None else ""))
-    if scene.cracks != "faces":
-        said.append(f"cracks: {cracks_in_words(scene.cracks)}")
+    said += [] if scene.cracks == "faces" else [f"cracks: {cracks_in_words(scene.cracks)}"]
     refuse_unfit(scene, assembly, settings, chosen)
     kind, make = _makers(scene, assembly, settings)
     if space.void is not None:
@@ -337,7 +336,7 @@ def _run(study: Study, deadline: Deadline) -> StopReason:
     except BaseException as stop:
         # A signal may arrive between writing to disk and updating memory, so reopen the record on disk.
         study.records.close()
-        _bound_all(study, sure=BOUNDING * cost_estimate(study.assembly).seconds < STOPPING)
+        _bound_all(study, in_time=BOUNDING * cost_estimate(study.assembly).seconds < STOPPING)
         done = write_tables(study, StopReason.INTERRUPTED, Deadline(STOPPING))
         if study.settings.pictures and len(done.results):
             write_report(done, patience=STOPPING)
@@ -352,7 +351,7 @@ def _run(study: Study, deadline: Deadline) -> StopReason:
             study.folder.rmdir()
         raise nothing_found(study.space, study.settings.seconds if reason is StopReason.TIME else None)
     if reason not in (StopReason.PROVEN, StopReason.EXHAUSTED) and study.bound is None:
-        _bound_all(study, sure=BOUNDING * cost_estimate(study.assembly).seconds < deadline.remaining() + STOPPING)
+        _bound_all(study, in_time=BOUNDING * cost_estimate(study.assembly).seconds < deadline.remaining() + STOPPING)
     return reason
 
 
@@ -380,12 +379,13 @@ def _draw(
         announce(f"not drawn for lack of time: {', '.join(missing)}; jld plot {done.folder} draws them")
 
 
-def _bound_all(study: Study, *, sure: bool) -> None:
-    """Record a bound on all labellings if none is known and there is time for it.
+def _bound_all(study: Study, *, in_time: bool) -> None:
+    """Record a bound on λ of all labellings if the study has none and `in_time` is True.
 
-    sure: True if there is time. Nothing is recorded for cracks beside the faces and for an objective of the user.
+    in_time: True if the caller expects the bound in the time left. The records are reopened from disk first and closed
+    at the end. No bound is recorded if `scene.cracks` is not "faces", or the objective is the user's own.
     """
     study.records = study.open_records()
-    if study.bound is None and sure and study.scene.cracks == "faces" and study.settings.own_objective is None:
+    if study.bound is None and in_time and study.scene.cracks == "faces" and study.settings.own_objective is None:
         study.keep_bound(bound_of_all(study.space, study.settings.model))
     study.records.close()

@@ -232,8 +232,7 @@ def explore_and_move(
         if found and found[0].low == -math.inf:  # bounds on coarse meshes may be none: spend what time is left
             found = _refined(found, workers, settings.jobs, deadline.remaining(), gap)
         if not found or found[0].low == -math.inf:
-            problem = "no layout of the search stands by fields"
-            raise InputError("move", problem, "a scene that stands, or a longer time limit")
+            raise InputError("move", "no layout of the search stands by fields", "a scene that stands, or more time")
         if keep is not None:
             keep(found)
         say(f"round {number}: by fields λ ≥ {found[0].low:.6g}")

@@ -154,9 +154,10 @@ class _Loads:
         return written
 
     def _force(self, at: Floats, force: tuple[float, ...], source: str, kind: str) -> dict[str, Any]:
-        """Return the entry of a force on the free element nearest to its place, and note it.
+        """Return the load entry of a point force on the free element nearest to `at`; report it.
 
-        Among equally near elements the first one counts.
+        The first of equally near elements is taken. force: components in the unit of the drawing. source: text or arrow
+        that states it, kind: "live", "dead" or a load case; both for the line in `Notes.found`.
         """
         point = shapely.Point(at)
         chosen = min(self._free, key=lambda k: (round(self._shapes[k].distance(point), 12), k))

@@ -35,6 +35,7 @@ from jld_core.geometry import (
     snap_solids,
 )
 from jld_core.geometry import solids as closed_solids
+from jld_core.geometry.snapping_solids import SnappedSolids
 from jld_core.linalg import components
 from jld_core.scene.units import METRES
 
@@ -122,10 +123,7 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes) -> Import
     tolerance = SNAP * size if options.tolerance is None else scale * options.tolerance
     snapped = snap_solids(vertices, [part.faces for part in parts], tolerance)
     notes.largest = snapped.largest
-    if snapped.moved:
-        moved = several(snapped.moved, "vertex", "vertices")
-        said = f"by at most {snapped.largest / scale:.3g} {drawn_in}; tolerance {tolerance / scale:.3g} {drawn_in}"
-        notes.snapped.append(f"{moved}, {said}")
+    _note_moved(snapped, tolerance, scale, drawn_in, notes)
     kept = [_without_slivers(v, part.faces) for v, part in zip(snapped.vertices, parts, strict=True)]
     bent = sum(map(len, kept))
     kept = [_triangulated(v, loops) for v, loops in zip(snapped.vertices, kept, strict=True)]
@@ -172,6 +170,17 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes) -> Import
     counted = f"{several(free, 'element')} and {several(sum(supports), 'support')}"
     notes.found.insert(0, f"{counted}, volume {volume.sum():.6g}")
     return Imported(complete(document, options, notes, dimension=3), notes.report(), drawn_in, scale)
+
+
+def _note_moved(snapped: SnappedSolids, tolerance: float, scale: float, unit: str, notes: Notes) -> None:
+    """Note how many vertices were moved, and how far, in the unit of the file.
+
+    tolerance: scene units. scale: scene units per unit of the file.
+    """
+    if snapped.moved:
+        moved = several(snapped.moved, "vertex", "vertices")
+        said = f"by at most {snapped.largest / scale:.3g} {unit}; tolerance {tolerance / scale:.3g} {unit}"
+        notes.snapped.append(f"{moved}, {said}")
 
 
 def _scale(found: Solids, options: ImportOptions, notes: Notes) -> tuple[float, str | None, str]:

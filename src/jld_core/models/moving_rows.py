@@ -184,9 +184,10 @@ class MovingRows:
         self._coefficients = self._torsion_coefficients(template)
 
     def _torsion_coefficients(self, template: Template) -> Floats:
-        """Return the derivatives (3, k) of the torsion rows by their parameters ρ, ρ a1 and ρ a2.
+        """Return coefficients (3, k) by which ρ, ρ a1 and ρ a2 enter the torsion rows.
 
-        They are coefficients of mT, V1 and V2 in the columns of `_columns`. template: with whole faces.
+        Entry [i, j] is the derivative of the entry of G in torsion row j and column `_columns[i, j]` (mT, V1, V2) by
+        parameter i. G is linear in the parameters. template: with whole faces.
         """
         labels, first = self.labels, self.balance.shape[0]
         shifted = [self._matrix(template, labels, 1.0, arm)[first:] - self.rows for arm in ((1.0, 0.0), (0.0, 1.0))]

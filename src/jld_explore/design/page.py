@@ -206,7 +206,10 @@ def _tried(work: Design) -> list[dict[str, str]]:
 
 
 def _span(trial: Trial) -> str:
-    """Describe the bounds on λ of a trial by fields, or its λ by faces where they are unknown."""
+    """Return the text for the λ of a trial: its bounds by fields if known, else λ by faces.
+
+    With an upper bound alone both are given; below 0 it is "does not stand".
+    """
     low, high = trial.fields
     if math.isfinite(low):
         return f"{low:.4g} to {high:.4g}"

@@ -95,7 +95,7 @@ class FieldProof:
     waiting : list of (m,) bool array
         Labellings that wait for their evaluation on the coarsest mesh.
     stopped : bool
-        Whether time ended the refinement of a labelling on which the proof depends.
+        Whether time ended the proof before its targets were settled.
     """
 
     def __init__(self, space: SearchSpace, blocks: PossibleBlocks | None, seed: int, aim: ProofAim) -> None:
@@ -310,7 +310,7 @@ class FieldProof:
         return [Conflict(faces, own[faces], bound, mechanism=mechanism) for own, bound in pairs if bound <= self._aimed]
 
     def _draw(self) -> bool:
-        """Draw and minimise labellings; False if none is left. Sets `stopped` if time is short."""
+        """Draw and refute a batch, or set `stopped` without time for it; False if none is left."""
         formula = self._formula
         if formula is None:
             raise RuntimeError("the proof has no formula before its first aim")

@@ -32,24 +32,25 @@ _AGAIN: Final = 8
 
 
 class FieldRefuter:
-    """Refutation of labellings of one space on common meshes, with the check of mechanisms.
+    """Refuter of the labellings of one search space by velocity fields on common meshes.
 
-    A **problem** is a mesh of a load case. Labellings are refuted on the coarsest meshes, and on those given to
-    `refute_on`. Mechanisms of any problem can be weighed.
+    `refute` solves for a velocity field on the coarsest mesh of each load case and on those added by `refute_on`. It
+    returns a conflict for each refuted labelling. `weigh` recomputes the bound that the mechanism of a conflict proves,
+    without a solver. A **problem** is one mesh of one load case.
 
     Parameters
     ----------
     space : SearchSpace
         The search space, of a planar assembly.
     blocks : PossibleBlocks or None
-        Possible blocks, where they are listed.
+        Possible blocks; None where they are not listed: all candidates are then free.
 
     Attributes
     ----------
     free : (m,) bool array
         Faces that may take either label in some labelling.
     relaxation : FieldRelaxation
-        Weighs mechanisms of all problems.
+        Evaluates mechanisms on all problems.
     programs : int
         Number of programs solved for conflicts.
     """

@@ -39,7 +39,10 @@ class RaceAim(Protocol):
 
 
 class BestAim:
-    """Aim to find the strongest layout."""
+    """Aim of a race for the strongest layout: refine until no other layout can be stronger.
+
+    Implements `RaceAim`; layouts are refined in order of their upper bounds.
+    """
 
     def open(self, low: Floats, high: Floats, closed: Bools, gap: float) -> Bools:
         """Return a mask (k,) of the layouts that may be stronger than the best lower bound.

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from jld_core.arrays import Floats, Ints
+from jld_core.arrays import Bits, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline
 from jld_core.limit import Status, load_scale, relative_width
@@ -23,7 +23,7 @@ from jld_explore.evaluation.refined_records import RefinedRecords
 from jld_explore.evaluation.rows import load_factors, settled, statuses
 from jld_explore.report import required
 from jld_explore.report.front import on_front
-from jld_explore.space import SearchSpace, registered, unpack
+from jld_explore.space import Count, SearchSpace, registered, unpack
 from jld_explore.space.count_values import counts, values_until
 from jld_explore.space.labelling import letters_of
 from jld_explore.study import Study, versions
@@ -145,15 +145,7 @@ def results_table(
     table.insert(table.columns.to_list().index("bracket_hi") + 1, "status", statuses(rows)[order])
     table.insert(table.columns.to_list().index("seconds"), "settled", settled(rows)[order])
     table["driver"] = driver
-    for count in late:
-        values = values_until(
-            count, assembly, unpack(packed, records.faces), space.graph, space.limits.block_shapes, deadline
-        )
-        known = pd.Series(values)
-        if known.isna().any():
-            known = known.astype("Int64" if count.integer else "Float64")
-        before = registered()[registered().index(count) - 1].name
-        table.insert(int(table.columns.to_list().index(before)) + 1, count.name, known)
+    _insert_late(table, late, unpack(packed, records.faces), space, deadline)
     # Tied rows share the rank of the first of them.
     ranked = int(np.count_nonzero(place == 0))
     alike = np.array([key[order] for key in (ties, *wanted)])
@@ -162,6 +154,24 @@ def results_table(
     unranked = np.arange(len(table)) >= ranked
     table.insert(0, "rank", pd.Series(pd.arrays.IntegerArray(number.astype(np.int64), unranked)))
     return table
+
+
+def _insert_late(
+    table: pd.DataFrame, late: Sequence[Count], labellings: Bits, space: SearchSpace, deadline: Deadline
+) -> None:
+    """Insert the columns of counts that need outlines of blocks into a table, each at its place.
+
+    labellings: (k, m) of the rows, True = dry. Values that are not computed by the deadline are NA.
+    """
+    import pandas as pd
+
+    for count in late:
+        values = values_until(count, space.assembly, labellings, space.graph, space.limits.block_shapes, deadline)
+        known = pd.Series(values)
+        if known.isna().any():
+            known = known.astype("Int64" if count.integer else "Float64")
+        before = registered()[registered().index(count) - 1].name
+        table.insert(int(table.columns.to_list().index(before)) + 1, count.name, known)
 
 
 def _texts(packed: NDArray[np.uint8], interfaces: int, faces: int) -> pd.Series[str]:

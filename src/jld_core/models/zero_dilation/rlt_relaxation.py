@@ -60,21 +60,22 @@ class Multipliers:
 
 @dataclass(frozen=True)
 class RltSolution:
-    """Solution of the RLT relaxation: multipliers, and states and mean values computed from X.
+    """Solution of the RLT relaxation: its dual multipliers, and hints read from its primal X.
 
-    X are the products of forces and velocities, docs/method.md (4.7). The values from `states` on are hints, where to
-    look for solutions and where to split a region.
+    X holds the products of forces and velocities of a planar structure with m faces, docs/method.md (4.7); 2e is the
+    number of sums around loops. Only `multipliers` prove a bound. The other arrays suggest where to search for a
+    solution and which mode to split.
 
     Attributes
     ----------
     multipliers : Multipliers
         Multipliers of the rows.
     states : (k, 3m + 1) array
-        Forces and λ of which X is a combination.
+        Forces and λ, scaled: the mean state of X first, then those of the modes with the largest rates.
     rates, slacks : (4m,) arrays
         Mean mode rates z and mean yield slacks y.
     violated : (4m, 4m + 2e) bool array or None
-        Products that are not in the program and that X violates; None if unknown.
+        True for products y_k h_l outside the program that are negative in X; None if unknown.
     accurate : bool
         True if the solver reports an optimum; otherwise the multipliers may still prove a bound.
     """

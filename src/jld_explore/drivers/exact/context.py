@@ -81,7 +81,7 @@ class CheckedProof(Protocol):
 
     @property
     def labels(self) -> Bits:
-        """Labels (m,), True = dry, for relaxations in which all free faces are undecided."""
+        """Labels (m,) of faces that are not free, True = dry; entries of free faces are unused."""
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,7 @@ class ProofContext:
 
     @property
     def labels(self) -> Bits:
-        """Labels (m,) for relaxations in which all free faces are undecided, True = dry.
+        """Labels (m,) of faces that are not free, True = dry; entries of free faces are unused.
 
         Candidates outside every possible block are dry whatever the label of the scene.
         """
