@@ -256,8 +256,9 @@ def _blocks(winner: Trial) -> list[dict[str, str]]:
     """Return one table row per block of the winner: number, shape, mass and cells, by column."""
     assembly = build_assembly(winner.scene)
     layout = Layout(winner.scene, assembly, assembly.labels)
+    mass = "mass, kg" if assembly.units == ("m", "N") else "mass, weight over gravity"
     return [
-        {"stone": str(number), "shape": str(one.shape), "mass": f"{one.mass:.4g}", "cells": str(one.cells)}
+        {"stone": str(number), "shape": str(one.shape), mass: f"{one.mass:.4g}", "cells": str(one.cells)}
         for number, one in enumerate((block for block in layout.blocks if block.cells), 1)
     ]
 

@@ -253,6 +253,7 @@ def region_words(scene: Scene) -> str:
     shapes = [assembly.elements.shape[k] for k in assembly.elements.free]
     parts = union_outlines(shapes)
     arcs = [arc for part in parts for arc in find_arcs(region_of(shapely.Polygon(part.shell)).shell)]
-    told = ", ".join(f"an arc of radius {arc.radius:.4g} over {math.degrees(arc.sweep):.4g}°" for arc in arcs)
+    unit = assembly.units[0]
+    told = ", ".join(f"an arc of radius {arc.radius:.4g} {unit} over {math.degrees(arc.sweep):.4g}°" for arc in arcs)
     area = sum(shapely.Polygon(part.shell, part.holes).area for part in parts)
-    return f"area {area:.4g}, {told or 'no arcs'}"
+    return f"area {area:.4g} {unit}², {told or 'no arcs'}"
