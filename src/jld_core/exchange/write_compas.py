@@ -76,10 +76,10 @@ def compas_text(layout: Layout, *, cells: bool) -> str:
     return json.dumps(_envelope("compas_assembly.datastructures/Assembly", data, layout.assembly.name), indent=1) + "\n"
 
 
-def _block(name: str, node: int, surface: Surface) -> dict[str, Any]:
-    """Return the data of a block: its name, its node in the graph, and its mesh."""
+def mesh_data(surface: Surface) -> dict[str, Any]:
+    """Return the data that a mesh of COMPAS states of a closed surface, without attributes."""
     return {
-        "attributes": {"name": name, "node": node},
+        "attributes": {},
         "default_vertex_attributes": {"x": 0.0, "y": 0.0, "z": 0.0},
         "default_edge_attributes": {},
         "default_face_attributes": {},
@@ -90,6 +90,11 @@ def _block(name: str, node: int, surface: Surface) -> dict[str, Any]:
         "max_vertex": len(surface.points) - 1,
         "max_face": len(surface.faces) - 1,
     }
+
+
+def _block(name: str, node: int, surface: Surface) -> dict[str, Any]:
+    """Return the data of a block: its name, its node in the graph, and its mesh."""
+    return {**mesh_data(surface), "attributes": {"name": name, "node": node}}
 
 
 def _envelope(kind: str, data: Any, name: str) -> dict[str, Any]:

@@ -12,10 +12,9 @@ from jld_core.arrays import Floats
 from jld_core.errors import InputError
 from jld_core.exchange.facts import facts_of
 from jld_core.exchange.layout import Layout
-from jld_core.exchange.write_compas import named_faces, point_in_space
+from jld_core.exchange.write_compas import mesh_data, named_faces, point_in_space
 from jld_core.exchange.write_mesh import solids_of
 from jld_core.geometry import area_vector
-from jld_core.geometry.unions import Surface
 from jld_core.limit import displacement
 from jld_core.views.quantities import mechanism_scale
 
@@ -77,7 +76,7 @@ class _Dem:
                 "features": [],
                 "name": name,
                 "material": stuff,
-                "geometry": {"dtype": "compas.datastructures/Mesh", "data": _mesh(surface)},
+                "geometry": {"dtype": "compas.datastructures/Mesh", "data": mesh_data(surface)},
                 "is_support": support,
             }
             block = self._object("compas_dem.elements/Block", name, data)
@@ -339,19 +338,3 @@ class _Dem:
 def _number(value: float) -> float | None:
     """Return a finite number, or None."""
     return float(value) if np.isfinite(value) else None
-
-
-def _mesh(surface: Surface) -> dict[str, Any]:
-    """Return the data of a closed mesh."""
-    return {
-        "attributes": {},
-        "default_vertex_attributes": {"x": 0.0, "y": 0.0, "z": 0.0},
-        "default_edge_attributes": {},
-        "default_face_attributes": {},
-        "vertex": {str(i): dict(zip("xyz", p, strict=True)) for i, p in enumerate(surface.points.tolist())},
-        "face": {str(i): list(loop) for i, loop in enumerate(surface.faces)},
-        "facedata": {},
-        "edgedata": {},
-        "max_vertex": len(surface.points) - 1,
-        "max_face": len(surface.faces) - 1,
-    }

@@ -13,8 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from jld_core.errors import InputError
-from jld_core.files import whole_file
-from jld_explore.verification.certificate import MOST_DIGITS, finite, json_object, no_number, numbers_of
+from jld_explore.verification.certificate import MOST_DIGITS, finite, json_object, no_number, numbers_of, write_lines
 
 VERSION: Final = 1
 """Version of the file format."""
@@ -118,11 +117,7 @@ def write(path: Path, claim: BoxClaim, nodes: Iterable[Node]) -> None:
     """
     head = {KEY: VERSION, **{name: value for name, value in vars(claim).items() if name != "scene"}}
     lines = [{**head, "scene": claim.scene}, *(_line(node) for node in nodes)]
-    text = "".join(json.dumps(line, separators=(",", ":"), allow_nan=False) + "\n" for line in lines).encode()
-    digest = json.dumps({"sha256": hashlib.sha256(text).hexdigest()}) + "\n"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with whole_file(path) as fresh:
-        fresh.write_bytes(text + digest.encode())
+    write_lines(path, lines)
 
 
 def _line(node: Node) -> dict[str, Any]:

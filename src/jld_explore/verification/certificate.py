@@ -116,6 +116,18 @@ class Lemma:
 Reason = Mechanism | Rule | Lemma
 
 
+def write_lines(path: Path, lines: Iterable[dict[str, Any]]) -> None:
+    """Write JSON objects one per line, with their digest (SHA-256) in a last line, atomically.
+
+    path: file; its folder is created if missing.
+    """
+    text = "".join(json.dumps(line, separators=(",", ":"), allow_nan=False) + "\n" for line in lines).encode()
+    digest = json.dumps({"sha256": hashlib.sha256(text).hexdigest()}) + "\n"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with whole_file(path) as fresh:
+        fresh.write_bytes(text + digest.encode())
+
+
 def write(path: Path, claim: Claim, reasons: Iterable[Reason]) -> None:
     """Write a certificate atomically.
 
@@ -130,11 +142,7 @@ def write(path: Path, claim: Claim, reasons: Iterable[Reason]) -> None:
     """
     head = {_KEY: VERSION, **{name: value for name, value in vars(claim).items() if name != "scene"}}
     lines = [{**head, "scene": claim.scene}, *(_line(reason) for reason in reasons)]
-    text = "".join(json.dumps(line, separators=(",", ":"), allow_nan=False) + "\n" for line in lines).encode()
-    digest = json.dumps({"sha256": hashlib.sha256(text).hexdigest()}) + "\n"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with whole_file(path) as fresh:
-        fresh.write_bytes(text + digest.encode())
+    write_lines(path, lines)
 
 
 def _line(reason: Reason) -> dict[str, Any]:
