@@ -10,6 +10,7 @@ from pydantic import Field, field_validator, model_validator
 
 from jld_core.errors import InputError
 from jld_core.scene.cracks import FORMS, CrackModel, cracks_by_kind
+from jld_core.scene.fill import Fill
 from jld_core.scene.loads import Loads, Settling, require_unique_names
 from jld_core.scene.materials import Materials
 from jld_core.scene.members import Member
@@ -198,6 +199,8 @@ class Scene(Part):
         Dead and live loads, or load cases.
     members : list of Member
         Ties, tendons and pins.
+    fill : Fill or None
+        Soil on a planar structure.
     settlements : list of Settling
         Movements of supports.
     labels : Labels
@@ -223,6 +226,7 @@ class Scene(Part):
     materials: Annotated[Materials, Field(description='an object with "dry", "inner" or both')]
     loads: Annotated[Loads, Field(description='an object with "live"')]
     members: list[Member] = []
+    fill: Fill | None = None
     settlements: list[Settling] = []
     labels: Labels = Labels()
     search: Search = Search()
@@ -281,6 +285,8 @@ class Scene(Part):
         content = self.model_dump(mode="json", exclude={"name", "source", "notes", "expected", "move"})
         if not self.members:  # scenes without members keep the digest that they had before there were any
             del content["members"]
+        if self.fill is None:
+            del content["fill"]
         dry = [content["materials"]["dry"], *(one["dry"] for one in content["materials"]["faces"])]
         for one in dry:  # the same for joints without bond
             if one is not None and not one["tensile_strength"]:
