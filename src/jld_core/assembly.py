@@ -224,8 +224,6 @@ class LoadCase:
 class Assembly(NotebookRepr):
     """One structure, its loads and its materials, before any labelling is chosen.
 
-    A notebook shows an assembly as a drawing with its main facts.
-
     Attributes
     ----------
     name : str
@@ -266,7 +264,9 @@ class Assembly(NotebookRepr):
     shape_loads : ShapeLoads or None
         Parts of the loads that change with the shapes of elements; None where they are unknown.
     members : Members
-        Ties, tendons and pins; their interfaces are the last ones.
+        Ties, tendons, pins and pressures of fill; their interfaces are the last ones.
+    fill : tuple of (k, 2) arrays
+        Outlines of fill, for drawing.
     """
 
     name: str
@@ -288,6 +288,7 @@ class Assembly(NotebookRepr):
     live_widths: tuple[float | None, ...] = ()
     shape_loads: ShapeLoads | None = None
     members: Members = field(default_factory=Members)
+    fill: tuple[Floats, ...] = ()
 
     def __repr__(self) -> str:
         kind = "planar" if self.dimension == 2 else "spatial"

@@ -141,11 +141,23 @@ class Members:
         Members
             All members; `face` is −1.
         """
-        tuples = {name: getattr(self, name) + getattr(other, name) for name in ("names", "kinds", "elements", "points")}
-        numbers = ("tension", "compression", "shear", "prestress")
-        arrays = {name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in numbers}
-        axis = np.concatenate([one.axis for one in (self, other) if len(one)] or [self.axis])
-        return Members(face=np.full(len(self) + len(other), -1, dtype=np.int64), axis=axis, **tuples, **arrays)
+
+        def both(name: str) -> Floats:
+            """Return a number of all members, in order."""
+            return np.concatenate([getattr(self, name), getattr(other, name)])
+
+        return Members(
+            names=self.names + other.names,
+            kinds=self.kinds + other.kinds,
+            face=np.full(len(self) + len(other), -1, dtype=np.int64),
+            elements=self.elements + other.elements,
+            points=self.points + other.points,
+            axis=np.concatenate([one.axis for one in (self, other) if len(one)] or [self.axis]),
+            tension=both("tension"),
+            compression=both("compression"),
+            shear=both("shear"),
+            prestress=both("prestress"),
+        )
 
     def take(self, rows: list[int]) -> Members:
         """Return the members at the positions `rows`, in this order."""

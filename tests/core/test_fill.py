@@ -1,6 +1,7 @@
 """Fill: its weight, pressures and dispersal against closed forms, a published bridge, and what is refused."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -136,8 +137,8 @@ class TestGrandjean:
     """Bridge of A. Grandjean, EPFL thesis 4596 (2010), annex 14: four hinges, moments at three of them given.
 
     The published multiplier is 8.47812250571. Two moments of the passive pressure there lack the factor m_p K_p on the
-    weight of the fill, which shows where they are computed again (repository xcfem/xc, masonry_bridge_verif_01.py). With
-    the factor the same equations give 8.6342878; couples in the place of the difference give the published value.
+    weight of the fill, as its computation shows (repository xcfem/xc, masonry_bridge_verif_01.py). With the factor the
+    same equations give 8.6342878; couples in the place of the difference give the published value.
     """
 
     AXIS = Polynomial([0.0, 3.238, -0.546, 0.044, -1.47e-3])
@@ -158,7 +159,9 @@ class TestGrandjean:
         return force, (first.integ()(high) - first.integ()(low)) / force
 
     def _scene(self, couples):
-        points = {name: np.array([x, self.AXIS(x)]) for name, x in zip("ACDB", (self.A, self.C, self.D, self.B))}
+        points = {
+            name: np.array([x, self.AXIS(x)]) for name, x in zip("ACDB", (self.A, self.C, self.D, self.B), strict=True)
+        }
         foot = {name: points[name] - 0.5 * self._normal(points[name][0]) for name in "ACDB"}
 
         def body(one, two):
@@ -231,7 +234,7 @@ def _ring(count=12, **keys):
     angles = np.linspace(-1, 1, count + 1) * math.asin(3.275 / radius)
     ends = [angles[0] - 0.05, *angles, angles[-1] + 0.05]
     elements = []
-    for k, (one, two) in enumerate(zip(ends[:-1], ends[1:], strict=True)):
+    for k, (one, two) in enumerate(pairwise(ends)):
         corners = [(radius, one), (radius, two), (radius + thickness, two), (radius + thickness, one)]
         polygon = [[r * math.sin(a), centre + r * math.cos(a)] for r, a in corners]
         elements.append({"id": f"v{k}", "polygon": polygon, "support": k in (0, count + 1)})
@@ -262,7 +265,8 @@ def test_results_tell_the_mobilised_pressure():
     assert {member["kind"] for member in members} == {"fill"}
     forces = np.array([member["force"] for member in members])
     most = result.assembly.members.compression
-    assert (forces <= 1e-6 * most.max()).all() and (forces >= -most * (1 + 1e-6)).all()
+    assert (forces <= 1e-6 * most.max()).all()
+    assert (forces >= -most * (1 + 1e-6)).all()
     assert (forces < -0.99 * most).sum() >= 2  # the far haunch moves into the fill
 
 

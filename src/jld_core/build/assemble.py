@@ -11,8 +11,8 @@ from jld_core.arrays import Bits, Floats
 from jld_core.assembly import DRY, INNER, Assembly, Elements, Interfaces, LoadCase, Points
 from jld_core.build import loads, materials
 from jld_core.build.bond import with_bond
-from jld_core.build.fill import Backing
 from jld_core.build.elements import Geometry, faces_of_pairs, weighed
+from jld_core.build.fill import Backing
 from jld_core.build.loads import PlacedLoad
 from jld_core.build.members import with_members
 from jld_core.build.moving import cases_of
@@ -124,10 +124,12 @@ def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
         moved=geometry.moved,
         cases=cases if scene.loads.has_cases else (),
         touching=geometry.touching,
+        fill=boundary.backing.outlines() if boundary.backing is not None else (),
     )
     assembly = replace(assembly, warnings=(*geometry.warnings, *implausible(scene, assembly)))
     assembly = with_bond(assembly, scene.materials, of_faces)
-    return with_members(assembly, scene.members, boundary.backing and boundary.backing.pressures())
+    pressures = None if boundary.backing is None else boundary.backing.pressures()
+    return with_members(assembly, scene.members, pressures)
 
 
 def _backing(scene: Scene, elements: Elements) -> Backing | None:

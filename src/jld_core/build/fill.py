@@ -1,7 +1,7 @@
 """Conversion of fill to loads and bounded horizontal pressures on a planar structure.
 
-Source: docs/method.md (1.13), after W. J. M. Rankine, "On the stability of loose earth", Philosophical Transactions of
-the Royal Society 147 (1857), pages 9–27.
+Source: docs/method.md (1.12)–(1.14), after W. J. M. Rankine, "On the stability of loose earth", Philosophical
+Transactions of the Royal Society 147 (1857), pages 9–27.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -22,7 +23,7 @@ from jld_core.members import Members
 from jld_core.scene import PointLoad
 from jld_core.scene.fill import Fill, FillLoad
 
-_DRAWN: Final = 0.04
+_DRAWN: Final = 0.025
 """Length of the line that stands for a horizontal pressure in pictures, in sizes of the structure."""
 
 
@@ -158,6 +159,16 @@ class Backing:
                 found.append(self._force(edge.between(*share), 0.5 * (low + high), force))
         return found
 
+    def outlines(self) -> tuple[Floats, ...]:
+        """Return the outline (4, 2) of the fill above each covered edge that is not vertical."""
+        found = []
+        for edge in self.edges:
+            if edge.place[1] > edge.place[0]:
+                ends = [(edge.place[0], edge.height[0]), (edge.place[1], edge.height[1])]
+                ends += [(edge.place[1], self.fill.level), (edge.place[0], self.fill.level)]
+                found.append(np.array([self._point(*end) for end in ends]))
+        return tuple(found)
+
     def carries(self, point: Floats) -> bool:
         """Return True if a point (2,) lies on the surface of the fill."""
         height = float(-(point @ self.down))
@@ -188,10 +199,8 @@ class Backing:
             kink = self.fill.level - self._free_depth  # the difference is linear on both sides of this height
             if edge.height.min() < kink < edge.height.max():
                 shares.insert(1, float((kink - edge.height[0]) / (edge.height[1] - edge.height[0])))
-            parts = [edge.between(*pair) for pair in zip(shares[:-1], shares[1:], strict=True)]
-            forces = [
-                self.thickness * self._rise(part) * (self._passive(part) - self._active(part)) for part in parts
-            ]
+            parts = [edge.between(*pair) for pair in pairwise(shares)]
+            forces = [self.thickness * self._rise(part) * (self._passive(part) - self._active(part)) for part in parts]
             total = sum(float(ends.sum()) / 2.0 for ends in forces)
             if total <= 0.0:
                 continue
@@ -334,7 +343,7 @@ class Backing:
         stops = np.unique(np.clip(stops, low, high))
         slope = (right[:, 1] - left[:, 1]) / (right[:, 0] - left[:, 0])
         chosen: list[tuple[int, float, float]] = []
-        for start, end in zip(stops[:-1].tolist(), stops[1:].tolist(), strict=True):
+        for start, end in pairwise(stops.tolist()):
             middle = 0.5 * (start + end)
             here = np.flatnonzero((left[:, 0] <= middle) & (middle <= right[:, 0]))
             if end - start <= self._reach or not here.size:
@@ -355,7 +364,7 @@ class Backing:
         upright = [
             (index, first, last) for index, first, last in self._outlines() if abs(last[0] - first[0]) <= self._reach
         ]
-        for one, two in zip(top[:-1], top[1:], strict=True):
+        for one, two in pairwise(top):
             if two.place[0] - one.place[1] > 2.0 * self._reach:
                 continue
             low, high = sorted((float(one.height[1]), float(two.height[0])))

@@ -16,7 +16,7 @@ from jld_core.geometry_optimisation.equal_shapes import EqualShapes, equal_corne
 from jld_core.geometry_optimisation.planar_rates import AreaRates, area_rates
 from jld_core.geometry_optimisation.vertex_mesh import VertexMesh
 from jld_core.scene import PointLoad, Scene
-from jld_core.scene.loads import BodyLoad, FaceLoad, LoadEntry
+from jld_core.scene.loads import FaceLoad, LoadEntry
 from jld_core.scene.move import Move
 
 EDGE: Final = 0.15
