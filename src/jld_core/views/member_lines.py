@@ -85,7 +85,7 @@ def member_handles(drawn: Drawn, words: str = "member") -> list[Artist]:
 
     words: text of the legend.
     """
-    line = {"color": MEMBER, "linewidth": _WIDTH, "marker": "o", "markersize": 2.0 + _WIDTH}
+    line: dict[str, Any] = {"color": MEMBER, "linewidth": _WIDTH, "marker": "o", "markersize": 2.0 + _WIDTH}
     handles: list[Artist] = []
     if "fill" in drawn:
         handles.append(Patch(facecolor=WHITE, edgecolor=HATCH, hatch="....", linewidth=0.0, label="fill"))
