@@ -26,6 +26,8 @@ ORDER = [
     ["jld_explore.moved_tables"],
     ["jld_explore.moved_search", "jld_explore.box_proof"],
     ["jld_explore.explore"],
+    ["jld_explore.notebook"],
+    ["jld_explore.notebook_kernel"],
     ["jld_explore.driver_choice", "jld_explore.refusals"],
     ["jld_explore.experiments", "jld_explore.field_check"],
     ["jld_explore.report"],

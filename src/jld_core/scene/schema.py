@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, field_validator, model_validator
 
 from jld_core.errors import InputError
+from jld_core.notebook_repr import Showable
 from jld_core.scene.cracks import FORMS, CrackModel, cracks_by_kind
 from jld_core.scene.fill import Fill
 from jld_core.scene.loads import Loads, Settling, require_unique_names
@@ -172,7 +173,7 @@ class Contact(Part):
         return self
 
 
-class Scene(Part):
+class Scene(Part, Showable):
     """Validated scene file; geometry is given as either "grid" or "elements".
 
     Attributes

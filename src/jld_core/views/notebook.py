@@ -249,18 +249,20 @@ register_repr(Assembly, AssemblyView())
 register_repr(LimitAnalysisResult, ResultView())
 
 
-def page(title: str, facts: Mapping[str, str], drawing: str | None, *tables: str) -> str:
+def page(title: str, facts: Mapping[str, str], drawing: str | bytes | None, *tables: str) -> str:
     """Return HTML that shows one object in a notebook: title, facts, drawing, further tables.
 
-    facts: texts by name. drawing: SVG text, or None where it is too large. tables: HTML, appended unchanged.
+    facts: texts by name. drawing: SVG text or the content of a PNG file, None where it is too large. tables: HTML,
+    appended unchanged.
     """
     cell = 'style="text-align: left; vertical-align: top"'
     rows = "".join(f"<tr><th {cell}>{escape(k)}</th><td {cell}>{escape(v)}</td></tr>" for k, v in facts.items())
     picture = f"<p>more than {LARGEST} elements: drawn only by <code>jld_core.views.figures</code></p>"
     if drawing is not None:
         # a separate image, since ids inside the drawing would collide with those of other drawings on the page
-        data = base64.b64encode(drawing.encode()).decode("ascii")
-        picture = f'<img alt="{escape(title)}" style="max-width: 100%" src="data:image/svg+xml;base64,{data}">'
+        kind, content = ("svg+xml", drawing.encode()) if isinstance(drawing, str) else ("png", drawing)
+        data = base64.b64encode(content).decode("ascii")
+        picture = f'<img alt="{escape(title)}" style="max-width: 100%" src="data:image/{kind};base64,{data}">'
     return f"<div><p><strong>{escape(title)}</strong></p><table>{rows}</table>{picture}{''.join(tables)}</div>"
 
 

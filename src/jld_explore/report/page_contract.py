@@ -273,6 +273,18 @@ class Picture(TypedDict):
 
 
 @with_config(_EXACT)
+class Notebook(TypedDict):
+    """What a page in a notebook has beside a report: materials that the kernel solves again with."""
+
+    materials: dict[str, Any]
+    """Materials of the scene, which the sliders begin with."""
+    why: str
+    """Why the sliders do nothing without a kernel."""
+    fixed: bool
+    """True if the sliders do nothing with a kernel either."""
+
+
+@with_config(_EXACT)
 class PageData(TypedDict):
     """All data of a page, for a report of a search, a single scene or the studio."""
 
@@ -301,6 +313,8 @@ class PageData(TypedDict):
     """Content of summary.json, or empty."""
     studio: dict[str, Any] | None
     """Data that only the studio has."""
+    notebook: Notebook | None
+    """Data that only a page in a notebook has."""
 
 
 def page_schema() -> dict[str, Any]:
