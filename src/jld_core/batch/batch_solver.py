@@ -121,6 +121,7 @@ class BatchSolver:
         ends = np.concatenate([q * e + np.arange(q) for e in self.pattern.order]).astype(np.int64)
         self._ends = ends
         self._dead, self._live = template.dead[ends].copy(), template.live[ends].copy()
+        self._own_loads = False
         self._opening = None if opening is None else opening[ends].copy()
         self._floor = template.floor
         self.settled_fraction, self._load_scale = 0.0, load_scale
@@ -346,5 +347,6 @@ class BatchSolver:
             zero=self._load_scale,
             gap=tolerances.GAP,
             coupled=int(self._interacts),
+            own_loads=int(self._own_loads),
             **arrays,
         )
