@@ -26,9 +26,13 @@ from jld_core.scene.loads import require_unique_names
 from jld_core.scene.materials import FaceMaterial
 from jld_core.scene.reading import at_low
 from jld_core.scene.schema import Contact, Element
+from jld_core.scene.uncertain import in_words, uncertain_values
 
 LABELS = {"dry": DRY, "inner": INNER}
 """Label values by their names in a scene: True = dry, False = inner."""
+
+_NAMED = 4
+"""Largest number of values with uncertainty that a sentence names."""
 
 
 def build_geometry(scene: Scene) -> Geometry:
@@ -123,9 +127,19 @@ def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
         cases=cases if scene.loads.has_cases else (),
         touching=geometry.touching,
     )
-    assembly = replace(assembly, warnings=(*geometry.warnings, *implausible(scene, assembly)))
+    warnings = (*geometry.warnings, *implausible(scene, assembly))
+    assembly = replace(assembly, warnings=warnings, notes=_means(scene))
     assembly = with_bond(assembly, scene.materials, of_faces)
     return with_members(assembly, scene.members)
+
+
+def _means(scene: Scene) -> tuple[str, ...]:
+    """Return a sentence that values with uncertainty count by their means; () if there are none."""
+    named = [in_words(path) for path, _ in uncertain_values(scene)]
+    if not named:
+        return ()
+    more = f" and {len(named) - _NAMED} more" if len(named) > _NAMED else ""
+    return (f"the means stand for values with uncertainty ({', '.join(named[:_NAMED])}{more}): see jld reliability",)
 
 
 def _face_materials(scene: Scene, elements: Elements, interfaces: Interfaces) -> list[FaceMaterial | None]:
