@@ -12,7 +12,7 @@ from jld_core.arrays import Bits, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.batch.pattern import FactorPattern, factor_pattern
 from jld_core.mechanics import RowPattern, Rows
-from jld_core.mechanics.yield_set import YieldSet
+from jld_core.mechanics import YieldSet
 from jld_core.program import Template
 
 LARGEST: Final = 3000
