@@ -11,8 +11,7 @@ import numpy as np
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.batch.pattern import FactorPattern, factor_pattern
-from jld_core.mechanics import RowPattern, Rows
-from jld_core.mechanics import YieldSet
+from jld_core.mechanics import RowPattern, Rows, YieldSet
 from jld_core.program import Template
 
 LARGEST: Final = 3000
