@@ -252,6 +252,8 @@ class Assembly(NotebookRepr):
         that is solved.
     warnings : tuple of str
         Plausibility warnings, one sentence each.
+    notes : tuple of str
+        What results leave out of the scene, one sentence each; no reason to doubt it.
     cases : tuple of LoadCase
         Load cases of a scene that has several. `dead` and `live` are then those of the first case; solvers use
         `by_case`.
@@ -282,6 +284,7 @@ class Assembly(NotebookRepr):
     moved: float = 0.0
     sink: int = -1
     warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     cases: tuple[LoadCase, ...] = ()
     touching: tuple[tuple[int, int], ...] = ()
     nominal: Strengths | None = None

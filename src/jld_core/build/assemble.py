@@ -27,9 +27,13 @@ from jld_core.scene.loads import require_unique_names
 from jld_core.scene.materials import FaceMaterial
 from jld_core.scene.reading import at_low
 from jld_core.scene.schema import Contact, Element
+from jld_core.scene.uncertain import in_words, uncertain_values
 
 LABELS = {"dry": DRY, "inner": INNER}
 """Label values by their names in a scene: True = dry, False = inner."""
+
+_NAMED = 4
+"""Largest number of values with uncertainty that a sentence names."""
 
 
 def build_geometry(scene: Scene) -> Geometry:
@@ -126,7 +130,8 @@ def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
         touching=geometry.touching,
         fill=boundary.backing.outlines() if boundary.backing is not None else (),
     )
-    assembly = replace(assembly, warnings=(*geometry.warnings, *implausible(scene, assembly)))
+    warnings = (*geometry.warnings, *implausible(scene, assembly))
+    assembly = replace(assembly, warnings=warnings, notes=_means(scene))
     assembly = with_bond(assembly, scene.materials, of_faces)
     pressures = None if boundary.backing is None else boundary.backing.pressures()
     return with_members(assembly, scene.members, pressures)
@@ -140,6 +145,15 @@ def _backing(scene: Scene, elements: Elements) -> Backing | None:
         raise InputError("fill", "it is for planar scenes", "loads in place of it")
     down, gravity = materials.direction_of_weight(scene), materials.gravity_vector(scene.materials, 2)
     return Backing(scene.fill, elements, down, float(np.linalg.norm(gravity)), scene.plane_thickness)
+
+
+def _means(scene: Scene) -> tuple[str, ...]:
+    """Return a sentence that values with uncertainty count by their means; () if there are none."""
+    named = [in_words(path) for path, _ in uncertain_values(scene)]
+    if not named:
+        return ()
+    more = f" and {len(named) - _NAMED} more" if len(named) > _NAMED else ""
+    return (f"the means stand for values with uncertainty ({', '.join(named[:_NAMED])}{more}): see jld reliability",)
 
 
 def _face_materials(scene: Scene, elements: Elements, interfaces: Interfaces) -> list[FaceMaterial | None]:

@@ -9,7 +9,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from jld_core.errors import InputError
 from jld_core.scene.complaints import first_complaint
 from jld_core.scene.fill import FillLoad
-from jld_core.scene.part import NonNegative, Pair, Part, Positive, Vector
+from jld_core.scene.part import Loading, LoadVector, NonNegative, Pair, Part, Positive, VaryingPositive, Vector
 
 
 class PointLoad(Part):
@@ -30,10 +30,10 @@ class PointLoad(Part):
     """
 
     element: Annotated[str, Field(description='the id of a free element, or "body" for a load on all')]
-    force: Annotated[Vector | None, Field(description="a vector")] = None
+    force: Annotated[LoadVector | None, Field(description="a vector")] = None
     at: Annotated[Vector | None, Field(description="a point")] = None
     moment: Annotated[
-        float | Annotated[list[float], Field(min_length=3, max_length=3)],
+        Loading | Annotated[list[Loading], Field(min_length=3, max_length=3)],
         Field(description="a number, spatial a vector"),
     ] = 0.0
     width: Annotated[Positive | None, Field(description="a length above 0")] = None
@@ -90,7 +90,7 @@ class FaceLoad(Part):
 
     face: FacePlace
     pressure: Annotated[
-        float | Annotated[list[float], Field(min_length=2, max_length=2)],
+        Loading | Annotated[list[Loading], Field(min_length=2, max_length=2)],
         Field(description="a number, or two at the first and last point"),
     ]
 
@@ -111,7 +111,7 @@ class BodyLoad(Part):
         Vector, dimensionless.
     """
 
-    body: Annotated[Vector, Field(description="a vector")]
+    body: Annotated[LoadVector, Field(description="a vector")]
 
 
 _KINDS: Final[dict[str, type[BodyLoad] | type[FaceLoad] | type[FillLoad]]] = {
@@ -199,7 +199,7 @@ class Axle(Part):
     weight: force. distance: from the axle before it, length; ignored for the first axle.
     """
 
-    weight: Annotated[Positive, Field(description="a force above 0")]
+    weight: Annotated[VaryingPositive, Field(description="a force above 0")]
     distance: NonNegative = 0.0
 
 

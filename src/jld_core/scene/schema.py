@@ -16,7 +16,18 @@ from jld_core.scene.loads import Loads, Settling, require_unique_names
 from jld_core.scene.materials import Materials
 from jld_core.scene.members import Member
 from jld_core.scene.move import Move
-from jld_core.scene.part import Angle, LabelName, NonNegative, Pair, Part, Positive, PositiveValue, Value, Vector
+from jld_core.scene.part import (
+    Angle,
+    LabelName,
+    NonNegative,
+    Pair,
+    Part,
+    Positive,
+    PositiveValue,
+    Value,
+    Vector,
+    Weighing,
+)
 from jld_core.scene.search import Labels, Search
 
 
@@ -96,8 +107,8 @@ class Element(Part):
         None
     )
     faces: Annotated[list[Annotated[list[int], Field(min_length=3)]], Field(min_length=4)] | None = None
-    weight: NonNegative | None = None
-    density: NonNegative | None = None
+    weight: Weighing | None = None
+    density: Weighing | None = None
     volume: Positive | None = None
     centroid: Vector | None = None
     block: str | None = None

@@ -52,7 +52,7 @@ QUANTITIES: Final[dict[str, _Powers]] = {
 }
 """Keys of a scene whose numbers may be texts, and powers of force and length of what they hold."""
 
-_SPREAD: Final = ("nominal", "low")
+_SPREAD: Final = ("nominal", "low", "mean")
 """Keys of an object that stands for one number."""
 
 _TEXT: Final = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.].*?)?\s*")
