@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from jld_core.scene import PointLoad, Scene, cracks, loads, materials, members, move, search
+from jld_core.scene import PointLoad, Scene, cracks, design, loads, materials, members, move, search
 from jld_core.scene import schema as structure
 from jld_core.scene.loads import BodyLoad, FaceLoad
 from jld_core.scene.units import QUANTITIES
@@ -48,7 +48,14 @@ def parts() -> Iterator[tuple[str, type[BaseModel]]]:
     models = {
         name: model
         for name, model in (
-            vars(structure) | vars(materials) | vars(loads) | vars(search) | vars(cracks) | vars(move) | vars(members)
+            vars(structure)
+            | vars(materials)
+            | vars(loads)
+            | vars(search)
+            | vars(cracks)
+            | vars(move)
+            | vars(members)
+            | vars(design)
         ).items()
         if isinstance(model, type)
     }
