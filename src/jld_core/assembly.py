@@ -209,6 +209,8 @@ class LoadCase:
         Lengths of the patches that fields spread these forces on, None where not stated; () for none stated.
     shape_loads : ShapeLoads or None
         Loads that change with the shapes of elements, as in `Assembly`.
+    place : (str, float) or None
+        Of a moving load: its name and direction, and the distance of its first axle along the path. None for others.
     """
 
     name: str
@@ -218,6 +220,7 @@ class LoadCase:
     live_points: Points = ()
     live_widths: tuple[float | None, ...] = ()
     shape_loads: ShapeLoads | None = None
+    place: tuple[str, float] | None = None
 
 
 @dataclass(frozen=True)

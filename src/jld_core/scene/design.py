@@ -116,6 +116,12 @@ class PartialFactors:
         return found
 
 
+STATED: Final = "stated in the scene"
+"""Source of a factor that the scene states."""
+
+UNREDUCED: Final = "not in this set"
+"""Source of a factor of 1 of a kind that a set does not state."""
+
 _ACTIONS: Final = ("self_weight", "dead", "live")
 """Factors that EN 1990 states."""
 
@@ -127,7 +133,7 @@ def _of_actions(name: str, table: str, permanent: tuple[float, float], live: flo
     """
     clauses = dict.fromkeys(_ACTIONS, table)
     clauses["prestressing"] = "EN 1992-1-1, 2.4.2.2(1) and (2)"
-    clauses |= dict.fromkeys(("strength", "friction", "members"), "not reduced by this set")
+    clauses |= dict.fromkeys(("strength", "friction", "members"), UNREDUCED)
     return PartialFactors(name, permanent, permanent, (1.0, 1.3), live, 1.0, 1.0, 1.0, clauses)
 
 
@@ -178,20 +184,16 @@ def partial_factors(design: Design | None, name: str | None = None) -> PartialFa
     chosen = own.set if name is None else name
     if chosen not in _NAMED and chosen != own.set:
         raise ParameterError("set", f"no set of partial factors is named {chosen!r}", "one of " + ", ".join(_NAMED))
-    stated = "stated in the scene"
-    unreduced = "not stated, not reduced" if chosen not in _NAMED else ""
-    found = _NAMED.get(chosen) or replace(
-        _of_actions(chosen, stated, (1.0, 1.0), 1.0),
-        prestressing=(1.0, 1.0),
-        clauses=dict.fromkeys((one.name for one in fields(PartialFactors)), unreduced),
-    )
+    found = _NAMED.get(chosen) or replace(_of_actions(chosen, STATED, (1.0, 1.0), 1.0), prestressing=(1.0, 1.0))
+    if chosen not in _NAMED:
+        found = replace(found, clauses={**found.clauses, "prestressing": UNREDUCED})
     if chosen == "EN 1996-1-1":
         found = _with_masonry(found, own)
     given = {key: value for key, value in own.factors.model_dump().items() if value is not None}
     if chosen not in _NAMED and "dead" not in given:
         given["dead"] = given["self_weight"]
     numbers: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in given.items()}
-    return replace(found, **numbers, clauses={**found.clauses, **dict.fromkeys(given, stated)})
+    return replace(found, **numbers, clauses={**found.clauses, **dict.fromkeys(given, STATED)})
 
 
 def _with_masonry(found: PartialFactors, design: Design) -> PartialFactors:
@@ -200,12 +202,7 @@ def _with_masonry(found: PartialFactors, design: Design) -> PartialFactors:
     design: supplies category of units, kind of mortar and class of execution control.
     """
     value = _MASONRY[design.units, design.mortar][design.execution - 1]
-    table = (
-        f"EN 1996-1-1, 2.4.3(1): units of category {design.units}, {design.mortar} mortar, "
-        f"class {design.execution} of execution control"
-    )
-    if not design.model_fields_set & {"units", "mortar", "execution"}:
-        table = "EN 1996-1-1, 2.4.3(1): the largest value, since the scene states neither units, mortar nor execution"
-    clauses = {**found.clauses, "strength": table, "friction": f"{table}; fv as a whole by 3.6.2 and 6.2(2)"}
-    clauses["members"] = "EN 1996-1-1, 2.4.3(1): reinforcing and prestressing steel"
+    table = "EN 1996-1-1, 2.4.3(1)"
+    clauses = {**found.clauses, "strength": table, "friction": f"{table} and 3.6.2(3), fv as a whole"}
+    clauses["members"] = f"{table}, row E"
     return replace(found, strength=value, friction=value, members=_STEEL, clauses=clauses)

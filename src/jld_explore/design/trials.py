@@ -245,7 +245,7 @@ def one_case(scene: Scene, number: int) -> Scene:
     """
     document = scene.model_dump(mode="json", exclude_defaults=True)
     if scene.loads.has_cases:
-        case = cases_of_scene(scene, build_assembly(scene).elements)[number][1]
+        case = cases_of_scene(scene, build_assembly(scene).elements)[number].case
         own = case.model_dump(mode="json", exclude_defaults=True)
         dead = [*document["loads"].get("dead", []), *own.get("dead", [])]
         document["loads"] = {"live": own["live"], "dead": dead}

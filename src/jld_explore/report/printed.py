@@ -192,7 +192,7 @@ def _loads(book: _Book) -> list[list[str]]:
     scene, factor, words = book.scene, book.content.load_factor, book.words
     rows = []
     cases = cases_of_scene(scene, book.content.layout.assembly.elements)
-    for name, live in [(case.name, case.live) for _, case in cases] or [("", scene.loads.live or [])]:
+    for name, live in [(one.case.name, one.case.live) for one in cases] or [("", scene.loads.live or [])]:
         for entry in live:
             told, times = _load(book, entry.model_dump(mode="json", exclude_defaults=True), factor, words)
             rows.append([textwrap.shorten(name, 24, placeholder="…"), told, times])
