@@ -27,7 +27,7 @@ ORDER = [
     ["jld_explore.moved_search", "jld_explore.box_proof"],
     ["jld_explore.explore"],
     ["jld_explore.driver_choice", "jld_explore.refusals"],
-    ["jld_explore.experiments", "jld_explore.field_check"],
+    ["jld_explore.experiments", "jld_explore.field_check", "jld_explore.reliability_study"],
     ["jld_explore.report"],
     ["jld_explore.reliability"],
     ["jld_explore.field_study"],
