@@ -223,7 +223,7 @@ def test_the_batch_solver_bounds_what_solve_finds(name: str) -> None:
 
 @pytest.mark.parametrize("name", list(SCENES))
 def test_gradients_are_rates_of_the_load_factor(name: str) -> None:
-    """Rates by mechanism and forces, (13.4), against central differences of λ."""
+    """Rates by mechanism and forces, (12.4), against central differences of λ."""
     found = sample_bounds(SCENES[name]())
     function = LimitFunction(found, 1.0)
     count = len(found.structure.variables)

@@ -134,7 +134,7 @@ class LimitFunction:
         return Limit(value - self.required, gradient)
 
     def _of_case(self, analysis: LimitAnalysis, proof: Proof, values: Floats, case: int) -> tuple[float, Floats | None]:
-        """Return λ of a load case and its rates (v,) with the variables, docs/method.md (13.4).
+        """Return λ of a load case and its rates (v,) with the variables, docs/method.md (12.4).
 
         Where λ is negative it is that of the mechanism that proves instability.
         """
@@ -228,7 +228,7 @@ class _Iteration:
 
 
 def _merit(point: Floats, limit: Limit, penalty: float) -> float:
-    """Return ½|u|² + c times the distance to the linearised failure surface, docs/method.md (13.5)."""
+    """Return ½|u|² + c times the distance to the linearised failure surface, docs/method.md (12.5)."""
     return 0.5 * float(point @ point) + penalty * abs(limit.distance)
 
 
@@ -252,7 +252,7 @@ def design_point(function: LimitFunction, start: Floats | None = None) -> Form:
 
     Notes
     -----
-    docs/method.md (13.3) to (13.5). Sources: Hasofer and Lind (1974); Rackwitz and Fiessler (1978); the step control
+    docs/method.md (12.3) to (12.5). Sources: Hasofer and Lind (1974); Rackwitz and Fiessler (1978); the step control
     follows Zhang and Der Kiureghian (1995).
     """
     means = np.zeros(len(function.variables))
