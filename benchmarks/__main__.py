@@ -43,6 +43,7 @@ BENCHMARKS: Final = (
     "moved_opening",
     "designs",
     "joint_shapes",
+    "reliability",
 )
 """Modules of this package that hold a `main()`, in the order in which they run."""
 

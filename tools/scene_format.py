@@ -19,6 +19,9 @@ Editors complete and check scenes by the JSON schema in `docs/scene.schema.json`
 of the file, which the program does not read, or in the settings of the editor. It knows keys, types and bounds; what
 depends on several keys at once (one form of geometry, ids that exist) is checked by `jld check`.
 
+Where a number may be an object, that is `{"mean": m, "cov": v, "kind": "normal" | "lognormal"}`, a value with
+uncertainty ([reliability](guide/reliability.md)); a material value may also be `{"nominal": n, "low": l}`.
+
 """
 
 

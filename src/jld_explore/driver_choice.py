@@ -77,7 +77,8 @@ def choose_driver(
     if isinstance(wanted, Driver):
         return wanted, known
     if wanted is None:
-        many = many or settings.by_experiment or settings.experiment is not None or settings.own_objective is not None
+        several = settings.experiment is not None or settings.reliability is not None
+        many = many or settings.by_experiment or several or settings.own_objective is not None
         make: Callable[[], Driver] = partial(
             driver_for, space, settings.seed, settings.model, known, settings.options, many=many
         )

@@ -37,6 +37,7 @@ from jld_explore.experiments import DEFAULT, Experiments, add_experiments
 from jld_explore.field_check import add_check, plan_check, time_for
 from jld_explore.field_study import FieldStudy
 from jld_explore.refusals import refuse_beside_void, refuse_together, refuse_unfit
+from jld_explore.reliability_study import add_reliability, kept_back
 from jld_explore.report import Exploration, check_folder, write_pictures, write_report
 from jld_explore.report.folder import check_certificate_file, write_tables
 from jld_explore.settings import ExploreSettings, Objective
@@ -120,8 +121,8 @@ def explore(
     driver : str or Driver, optional
         Name of a driver, or a driver made for the scene's space. Default: one that proves where a proof is in reach.
     objective : str or callable, optional
-        "associative" (default), "zero-dilation", "zero-dilation-floor" or "experiment"; or a function of an
-        `Evaluation` with λ, the assembly and the labels (m,), which returns the number to be maximised. Layouts
+        "associative" (default), "zero-dilation", "zero-dilation-floor", "experiment" or "reliability"; or a function of
+        an `Evaluation` with λ, the assembly and the labels (m,), which returns the number to be maximised. Layouts
         without λ are not ranked then, nothing is proven, and a search has neither the exact driver, certificates, low
         material values, experiments, omitted cells nor a required load factor.
     seconds : float, optional
@@ -249,7 +250,7 @@ def _search(
         settings,
         total=total,
         report=report,
-        deadline=_of_search(deadline, settings).earlier(time_for(checked, settings)),
+        deadline=_of_search(deadline, settings).earlier(time_for(checked, settings) + kept_back(settings)),
         make=make,
     )
     if announce is not None:
@@ -263,6 +264,8 @@ def _search(
         done = add_check(done, space, checked, _of_search(deadline, settings))
     if settings.experiment or settings.by_experiment:
         done = _experimented(study, done)
+    if settings.reliability is not None:
+        done = add_reliability(done, settings, _of_search(deadline, settings))
     if settings.pictures:
         _draw(done, deadline, settings, announce)
     return done

@@ -281,6 +281,7 @@ def _refuse(scene: Scene, layouts: int, settings: ExploreSettings) -> None:
         ("certificate", settings.certificate is not None),
         ("robust", settings.robust),
         ("experiment", settings.experiment is not None or settings.by_experiment),
+        ("reliability", settings.reliability is not None),
         ("cluster", settings.cluster is not None),
         ("objective", settings.own_objective is not None or settings.model.friction != "associative"),
         ("contact", settings.model != plain),

@@ -14,6 +14,7 @@ from jld_explore.drivers import Driver
 from jld_explore.drivers.exact.certifying import check_certifiable
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.field_exact import FieldExact
+from jld_explore.reliability_study import refuse_beside_reliability
 from jld_explore.settings import ExploreSettings
 
 
@@ -32,6 +33,7 @@ def refuse_together(scene: Scene, settings: ExploreSettings, assembly: Assembly)
     if settings.certificate is not None and settings.by_experiment:
         raise ParameterError("certificate", "an experiment is no proof", '`objective="associative"`')
     refuse_beside_own_objective(scene, settings)
+    refuse_beside_reliability(scene, settings)
 
 
 def refuse_beside_own_objective(scene: Scene, settings: ExploreSettings) -> None:

@@ -12,9 +12,9 @@ from jld_core.limit import SolveOptions
 from jld_explore.drivers import Driver
 from jld_explore.evaluation.own_objective import OwnObjective
 
-ObjectiveName = Literal["associative", "zero-dilation", "zero-dilation-floor", "experiment"]
+ObjectiveName = Literal["associative", "zero-dilation", "zero-dilation-floor", "experiment", "reliability"]
 """What a search maximises: λ with associative friction; without dilation the lowest λ found, or a proven bound below
-it (-floor); or what a virtual experiment carries."""
+it (-floor); what a virtual experiment carries; or the reliability index of the best layouts by λ."""
 
 Objective = ObjectiveName | OwnObjective
 """Objective by name, or a function of an evaluation, the assembly and the labels."""
@@ -24,6 +24,9 @@ SMALL: Final = 20_000
 
 NO_CERTIFICATES: Final = "certificates has no effect and will be refused in version 0.4; leave it out"
 """Warning about the former setting `certificates`, by which past solves settled further labellings."""
+
+_RELIABLE: Final = 10
+"""Layouts ranked by reliability where this is the objective and no number is given."""
 
 _BOUND_SECONDS: Final = 20.0
 """Processor time, s, for the lower bound of one labelling where this bound is the objective."""
@@ -48,6 +51,8 @@ class ModelSettings:
         Function that replaces λ as the objective, see `explore`.
     check_fields : int
         Number of best layouts by faces whose blocks are checked by fields at the end, where fields apply; 0 for none.
+    reliability : int or None
+        Number of best layouts by λ that are ranked by their reliability index at the end.
     """
 
     model: SolveOptions = field(default_factory=SolveOptions)
@@ -56,6 +61,7 @@ class ModelSettings:
     by_experiment: bool = False
     own_objective: OwnObjective | None = None
     check_fields: int = 10
+    reliability: int | None = None
 
     def maximising(self, objective: Objective) -> ModelSettings:
         """Return the settings with another objective.
@@ -86,7 +92,9 @@ class ModelSettings:
             model = replace(self.model, friction="zero-dilation", range=True, floor_seconds=seconds)
         else:
             model = replace(self.model, friction="associative", range=False)
-        return replace(self, model=model, by_experiment=objective == "experiment", own_objective=None)
+        ranked = self.reliability or _RELIABLE if objective == "reliability" else self.reliability
+        tested = objective == "experiment"
+        return replace(self, model=model, by_experiment=tested, own_objective=None, reliability=ranked)
 
 
 @dataclass(frozen=True)
@@ -199,7 +207,7 @@ class ExploreSettings(OutputSettings, SearchMethod, ParallelSettings, BudgetSett
 
     Attributes
     ----------
-    model, robust, experiment, by_experiment, own_objective, check_fields
+    model, robust, experiment, by_experiment, own_objective, check_fields, reliability
         See `ModelSettings`.
     budget, seconds
         See `BudgetSettings`.

@@ -91,6 +91,12 @@ def test_the_index_is_negative_where_the_means_fail() -> None:
     assert form.beta < 0.0
 
 
+def test_a_load_far_below_what_is_carried_has_its_index() -> None:
+    """β = (μ W − m)/s, where λ = μ W/H is far from linear between the mean and the design point."""
+    form = design_point(LimitFunction(sample_bounds(block(0.6, [vary(1000.0, 0.2), 0.0])), 1.0))
+    assert form.beta == pytest.approx((0.6 * WEIGHT - 1000.0) / 200.0, rel=1e-6)
+
+
 def test_the_index_does_not_depend_on_units() -> None:
     forms = []
     for scale in (1.0, 1e-3):
@@ -223,7 +229,7 @@ def test_the_batch_solver_bounds_what_solve_finds(name: str) -> None:
 
 @pytest.mark.parametrize("name", list(SCENES))
 def test_gradients_are_rates_of_the_load_factor(name: str) -> None:
-    """Rates by mechanism and forces, (13.4), against central differences of λ."""
+    """Rates by mechanism and forces, (12.4), against central differences of λ."""
     found = sample_bounds(SCENES[name]())
     function = LimitFunction(found, 1.0)
     count = len(found.structure.variables)
@@ -359,3 +365,43 @@ def test_the_command_prints_the_keys_and_refuses_wrong_options(jld: Command, tmp
         assert (wrong.code, wrong.out) == (2, "")
         assert option in wrong.err
         assert wrong.err.count("\n") == 1
+
+
+def test_a_search_ranks_its_best_layouts_by_reliability(
+    jld: Command,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    without_pictures: None,
+    without_field_check: None,
+) -> None:
+    monkeypatch.setattr("jld_explore.reliability_study.SAMPLES", 500)
+    path, out = tmp_path / "wall.json", tmp_path / "out"
+    document = grid_document(["ab", "cd", "##"], tension=4e3, shear=5e3, block_cells=[1, 2])
+    document["materials"]["dry"] = {"friction_coefficient": vary(0.75, each=True)}
+    document["loads"]["live"] = [{"body": vary([0.3, 0.0], 0.2)}]
+    path.write_text(json.dumps(document))
+    done = jld("explore", path, "--out", out, "--objective", "reliability", "--reliability", 2, "--jobs", 1, "--json")
+    assert done.code == 0
+    told = json.loads(done.out)["reliability"]
+    assert told["left_out"] == 0
+    indices = [row["beta_monte_carlo"] for row in told["layouts"]]
+    assert len(indices) == 2
+    assert indices == sorted(indices, reverse=True)
+    best = told["layouts"][0]
+    assert told["best_labelling"] == best["labelling"]
+    alone = jld("reliability", out, "--rank", best["row"], "--samples", best["samples"], "--json")
+    assert json.loads(alone.out)["beta_monte_carlo"] == best["beta_monte_carlo"]
+    against = jld("reliability", out, "--rank", 1, "--against", 1, "--samples", 20, "--json")
+    assert json.loads(against.out)["against"]["undecided"] == 20
+
+
+def test_a_search_without_distributions_is_refused_before_it_begins(jld: Command, tmp_path: Path) -> None:
+    path, out = tmp_path / "wall.json", tmp_path / "out"
+    path.write_text(json.dumps(grid_document(["ab", "##"])))
+    done = jld("explore", path, "--out", out, "--objective", "reliability")
+    assert (done.code, done.out, out.exists()) == (2, "", False)
+    assert "no value of the scene has uncertainty" in done.err
+    path.write_text(json.dumps(grid_document(["ab", "##"], live=[{"body": vary([1.0, 0.0])}])))
+    done = jld("explore", path, "--out", out, "--objective", "zero-dilation", "--reliability", 2)
+    assert (done.code, out.exists()) == (2, False)
+    assert "--objective" in done.err

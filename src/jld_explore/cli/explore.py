@@ -42,6 +42,7 @@ from jld_explore.cli.search_options import (
     MoveBest,
     Objective,
     OutFolder,
+    ReliabilityOf,
     Resume,
     Seconds,
     Seed,
@@ -70,6 +71,7 @@ def explore_command(
     driver: DriverName = None,
     objective: Objective = "associative",
     experiment_of: ExperimentOf = None,
+    reliability_of: ReliabilityOf = None,
     check_fields: CheckFields = 10,
     move: MoveBest = None,
     budget: Budget = None,
@@ -115,7 +117,9 @@ def explore_command(
         gap=gap,
     )
     settings = ExploreSettings.of(
-        ModelSettings(model, robust=robust, experiment=experiment_of, check_fields=check_fields).maximising(objective),
+        ModelSettings(
+            model, robust=robust, experiment=experiment_of, check_fields=check_fields, reliability=reliability_of
+        ).maximising(objective),
         BudgetSettings(budget, seconds),
         ParallelSettings(jobs or os.cpu_count() or 1, cluster),
         SearchMethod(driver, own, seed),

@@ -19,12 +19,16 @@ Objective = Annotated[
     ObjectiveName,
     typer.Option(
         help="What is maximised: λ; without dilation the lowest found, or a proven bound below it (-floor); or "
-        "what a virtual experiment carries."
+        "what a virtual experiment carries; or the reliability index of the best by λ."
     ),
 ]
 ExperimentOf = Annotated[
     int | None,
     typer.Option("--experiment", min=1, help="Put the best K to the virtual experiment: a column more."),
+]
+ReliabilityOf = Annotated[
+    int | None,
+    typer.Option("--reliability", min=1, help="Rank the best K by their reliability index; default 10 as objective."),
 ]
 CheckFields = Annotated[int, typer.Option(min=0, help="Check the best K of a search by faces by fields, 0 for none.")]
 MoveBest = Annotated[

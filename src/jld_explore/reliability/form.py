@@ -134,7 +134,7 @@ class LimitFunction:
         return Limit(value - self.required, gradient)
 
     def _of_case(self, analysis: LimitAnalysis, proof: Proof, values: Floats, case: int) -> tuple[float, Floats | None]:
-        """Return λ of a load case and its rates (v,) with the variables, docs/method.md (13.4).
+        """Return λ of a load case and its rates (v,) with the variables, docs/method.md (12.4).
 
         Where λ is negative it is that of the mechanism that proves instability.
         """
@@ -210,7 +210,9 @@ class _Iteration:
 
     def step(self, target: Floats) -> bool:
         """Move towards a target by the largest of a few shares that is an improvement; return False for none."""
-        penalty = 2.0 * max(float(np.linalg.norm(self.point)), float(np.linalg.norm(target))) + 1.0
+        assert self.here.gradient is not None
+        far = max(float(np.linalg.norm(self.point)), float(np.linalg.norm(target)))
+        penalty = (2.0 * far + 1.0) / float(np.linalg.norm(self.here.gradient))
         before = _merit(self.point, self.here, penalty)
         for share in 0.5 ** np.arange(_HALVINGS + 1):
             trial = self.point + share * (target - self.point)
@@ -228,8 +230,8 @@ class _Iteration:
 
 
 def _merit(point: Floats, limit: Limit, penalty: float) -> float:
-    """Return ½|u|² + c times the distance to the linearised failure surface, docs/method.md (13.5)."""
-    return 0.5 * float(point @ point) + penalty * abs(limit.distance)
+    """Return ½|u|² + c |g|, docs/method.md (12.5); penalty: c."""
+    return 0.5 * float(point @ point) + penalty * abs(limit.value)
 
 
 def _least_distance(slopes: Floats, sides: Floats) -> Floats | None:
@@ -247,12 +249,12 @@ def _least_distance(slopes: Floats, sides: Floats) -> Floats | None:
 def design_point(function: LimitFunction, start: Floats | None = None) -> Form:
     """Find the point of the failure surface nearest to the means, in standard normal space.
 
-    start: (v,) first point; default: the means. A step that does not lessen ½|u|² + c·distance is halved. Where that
+    start: (v,) first point; default: the means. A step that does not lessen ½|u|² + c |g| is halved. Where that
     does not help, at a kink of λ, the gradients met at both of its sides are linearised together.
 
     Notes
     -----
-    docs/method.md (13.3) to (13.5). Sources: Hasofer and Lind (1974); Rackwitz and Fiessler (1978); the step control
+    docs/method.md (12.3) to (12.5). Sources: Hasofer and Lind (1974); Rackwitz and Fiessler (1978); the step control
     follows Zhang and Der Kiureghian (1995).
     """
     means = np.zeros(len(function.variables))

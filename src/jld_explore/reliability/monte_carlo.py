@@ -93,7 +93,7 @@ def simulate(
 
     bounds: of the layout. samples: their number. seed: of the random numbers; the result does not depend on `jobs`, the
     number of threads. design: (v,) design point in standard normal space. Samples are stratified along it; where
-    failures are rare, they are drawn around it. Source: docs/method.md (13.6) to (13.8).
+    failures are rare, they are drawn around it. Source: docs/method.md (12.6) to (12.8).
     """
     rare = design is not None and samples * float(norm.cdf(-np.linalg.norm(design))) < _FEW
     drawing = _Drawing(samples, seed, len(bounds.structure.variables), design, design if rare else None)

@@ -24,7 +24,7 @@ class Variables:
 
     Notes
     -----
-    docs/method.md (13.1), (13.2): a normal variable is x = m + s u, a lognormal one |x| = exp(ν + ζ u) with
+    docs/method.md (12.1), (12.2): a normal variable is x = m + s u, a lognormal one |x| = exp(ν + ζ u) with
     ζ² = ln(1 + s²/m²) and ν = ln |m| − ζ²/2.
     """
 

@@ -38,6 +38,8 @@ _RESULTS: Final = {
     "fields_lo": ("", "what its blocks carry at least, wherever they crack; of the best layouts of a search by faces"),
     "fields_hi": ("", "what its blocks carry at most, wherever they crack"),
     "experiment": ("", "load factor carried in the virtual experiment, where one was made"),
+    "beta_form": ("", "reliability index of first order, of the best layouts by load factor"),
+    "beta_monte_carlo": ("", "reliability index by simulation"),
     "evidence": ("", "what is known of the point of the front: proven, found or visited"),
 }
 _BLOCKS: Final = {
@@ -56,6 +58,17 @@ _EXPERIMENTS: Final = {
     "rate_error": ("", "relative difference of what is carried at two rates of loading"),
     "first_crack": ("", "load factor at the first crack"),
     "seconds": ("s", "time of the experiment"),
+}
+_RELIABILITY: Final = {
+    "row": ("", "row of the layout in results.csv"),
+    "labelling": _RESULTS["labelling"],
+    "load_factor": ("", "load factor at the means of values with uncertainty"),
+    "beta_form": _RESULTS["beta_form"],
+    "beta_monte_carlo": _RESULTS["beta_monte_carlo"],
+    "probability": ("", "probability of failure by simulation"),
+    "failures": ("", "samples that fail"),
+    "samples": ("", "samples of the simulation"),
+    "undecided": ("", "samples that bounds leave open, counted as failures"),
 }
 _CONVERGENCE: Final = {
     "solves": ("", "evaluations up to there"),
@@ -103,6 +116,7 @@ def columns(assembly: Assembly) -> dict[str, Columns]:
         "convergence.csv": _CONVERGENCE,
         "blocks.csv": _BLOCKS | _sizes(assembly),
         "experiments.csv": _EXPERIMENTS,
+        "reliability.csv": _RELIABILITY,
     }
     return {
         file: {name: {"unit": unit, "meaning": meaning} for name, (unit, meaning) in found.items()}

@@ -47,7 +47,16 @@ BESIDE_FACES: Final = "--driver enumeration without a budget proves the best of 
 RESERVED: Final = frozenset(
     [
         *("scene.json", "summary.json", "columns.json", "results.parquet", "report.html", "results.csv", "pareto.csv"),
-        *("faces.csv", "blocks.csv", "convergence.csv", "experiments.csv", RECORDS_FILE, REFINED_FILE, CONFLICTS_FILE),
+        *(
+            "faces.csv",
+            "blocks.csv",
+            "convergence.csv",
+            "experiments.csv",
+            "reliability.csv",
+            RECORDS_FILE,
+            REFINED_FILE,
+            CONFLICTS_FILE,
+        ),
         *(f"{name}.png" for name in PICTURES),
     ]
 )

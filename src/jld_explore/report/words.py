@@ -102,6 +102,7 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
         most = "none stands" if tried["best"] is None else f"most carried {tried['best']:.6g}"
         most += ", no layout carries more" if tried["none_better"] else ""
         carried = {"experiments": f"{tried['runs']}: {most}; {tried['not_standing']} do not stand"}
+    carried |= _reliability(facts.get("reliability") or {})
     ended = STOPPED[facts["stop_reason"]]
     if "race" in facts and facts["stop_reason"] == "proven" and not facts["proven"]:
         ended = "proven to the gap" if facts["race"]["decided"] else "nothing left to refine"
@@ -125,6 +126,18 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
         "cracks": cracks_in_words(done.scene.cracks),
         **({"warning": "; ".join(complaints)} if complaints else {}),
     }
+
+
+def _reliability(facts: dict[str, Any]) -> dict[str, str]:
+    """Describe the ranking of layouts by their reliability index; {} where nothing was ranked."""
+    if not facts.get("layouts"):
+        return {}
+    best, count = facts["layouts"][0], len(facts["layouts"])
+    indices = ", ".join(
+        f"{name} {'none' if best[key] is None else f'{best[key]:.4g}'}"
+        for name, key in (("first order", "beta_form"), ("simulation", "beta_monte_carlo"))
+    )
+    return {"reliability": f"of the best {count} by λ, row {best['row']} has the largest β: {indices}"}
 
 
 def _of_blocks(check: dict[str, Any] | None) -> dict[str, str]:
