@@ -31,6 +31,7 @@ ORDER = [
     ["jld_explore.driver_choice", "jld_explore.refusals"],
     ["jld_explore.experiments", "jld_explore.field_check"],
     ["jld_explore.report"],
+    ["jld_explore.reliability"],
     ["jld_explore.field_study"],
     ["jld_explore.study"],
     ["jld_explore.study_state"],

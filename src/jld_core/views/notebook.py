@@ -49,7 +49,8 @@ def facts_of_assembly(assembly: Assembly) -> dict[str, str]:
     length = assembly.units[0]
     structure = Template(assembly.by_case[0]).structure
     dry = int(np.count_nonzero(assembly.labels))
-    kinds = [f"{members.kinds.count(kind)} {kind}s" for kind in ("tie", "tendon", "pin") if kind in members.kinds]
+    names = {"tie": "ties", "tendon": "tendons", "pin": "pins", "fill": "pressures of fill"}
+    kinds = [f"{members.kinds.count(kind)} {words}" for kind, words in names.items() if kind in members.kinds]
     kind = "second-order cone program" if structure.cones else "linear program"
     return {
         "dimension": "planar" if assembly.dimension == 2 else "spatial",

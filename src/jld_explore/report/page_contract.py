@@ -95,15 +95,17 @@ class Structure(TypedDict):
     touching: list[Pair]
     """Pairs of supports that share a face: they are of one block."""
     members: list[Member]
-    """Ties, tendons and pins."""
+    """Ties, tendons, pins and pressures of fill."""
+    fill: list[list[Point]]
+    """Planar: outlines of fill above the elements."""
 
 
 @with_config(_EXACT)
 class Member(TypedDict):
-    """Tie, tendon or pin: a line through points of elements."""
+    """Tie, tendon, pin or pressure of fill: a line through points of elements."""
 
     name: str
-    kind: Literal["tie", "tendon", "pin"]
+    kind: Literal["tie", "tendon", "pin", "fill"]
     elements: Annotated[list[int], Field(min_length=2)]
     """Number of the element of each point."""
     points: Annotated[list[Point], Field(min_length=2)]

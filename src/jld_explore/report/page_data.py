@@ -160,9 +160,15 @@ def structure_of(assembly: Assembly, candidates: Bools) -> Structure:
         "resultants": list(assembly.resultants),
         "touching": [list(pair) for pair in assembly.touching],
         "members": [
-            {"name": name, "kind": cast(MemberKind, kind), "elements": held.tolist(), "points": rounded(points)}
+            {
+                "name": name,
+                "kind": cast(MemberKind | Literal["fill"], kind),
+                "elements": held.tolist(),
+                "points": rounded(points),
+            }
             for name, kind, held, points in zip(bars.names, bars.kinds, bars.elements, bars.points, strict=True)
         ],
+        "fill": [rounded(outline) for outline in assembly.fill],
     }
 
 

@@ -124,9 +124,9 @@ export const VERSION = 1;
  */
 
 /**
- * @typedef {object} Member Tie, tendon or pin: a line through points of elements.
+ * @typedef {object} Member Tie, tendon, pin or pressure of fill: a line through points of elements.
  * @property {string} name
- * @property {"tie" | "tendon" | "pin"} kind
+ * @property {"tie" | "tendon" | "pin" | "fill"} kind
  * @property {number[]} elements Number of the element of each point.
  * @property {Point[]} points
  */
@@ -167,7 +167,8 @@ export const VERSION = 1;
  * @property {Edge[]} edges Planar: pieces of outline that touch no other element.
  * @property {string[]} resultants Names of the numbers in a row of forces.
  * @property {([number, number])[]} touching Pairs of supports that share a face: they are of one block.
- * @property {Member[]} members Ties, tendons and pins.
+ * @property {Member[]} members Ties, tendons, pins and pressures of fill.
+ * @property {Point[][]} fill Planar: outlines of fill above the elements.
  */
 
 /**
@@ -229,7 +230,7 @@ export const REQUIRED = Object.freeze({
   Notebook: ["materials", "why", "fixed"],
   Picture: ["title", "png"],
   Solution: ["labelling", "load_factor", "bracket", "status", "governing", "cases"],
-  Structure: ["dimension", "units", "size", "typical", "elements", "faces", "edges", "resultants", "touching", "members"],
+  Structure: ["dimension", "units", "size", "typical", "elements", "faces", "edges", "resultants", "touching", "members", "fill"],
   Table: ["rows", "columns", "labellings", "beside", "evidence", "count", "sense", "line", "counts", "left_out"],
   Units: ["length", "force"],
   PageData: ["format", "version", "kind", "title", "facts", "warnings", "how", "look", "structure", "cases", "loads", "table", "solutions", "convergence", "pictures", "scene", "summary", "studio", "notebook"],
