@@ -42,6 +42,7 @@ _EXTRA: Final = "pip install 'jld[notebook]'"
 
 _NO_KERNEL: Final = "The sliders need a running kernel: run this cell again."
 _NO_LIBRARY: Final = f"The sliders need the library anywidget: {_EXTRA}, then run this cell again."
+_BRIDGE: Final = "(The sliders of the page above need a running kernel.)"
 _BOND: Final = (
     "The sliders do not apply: the strengths of joints with a bond change their loads as well. Show the scene."
 )
@@ -120,7 +121,11 @@ class NotebookPage:
         import anywidget
         import traitlets
 
-        members = {"_esm": asset("bridge.js"), "page": traitlets.Unicode("").tag(sync=True)}
+        members = {
+            "_esm": asset("bridge.js"),
+            "page": traitlets.Unicode("").tag(sync=True),
+            "__repr__": lambda _: _BRIDGE,  # what is seen of it where nothing shows widgets
+        }
         bridge = type("PageBridge", (anywidget.AnyWidget,), members)(page=self._name)
         bridge.on_msg(lambda widget, asked, buffers: widget.send(self.answer(asked)))
         return bridge

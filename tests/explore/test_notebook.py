@@ -69,6 +69,7 @@ def _check_page(book: nbformat.NotebookNode) -> None:
     assert set(static.data) == {"text/html", "text/plain"}
     assert "<iframe" in static.data["text/html"]
     assert "application/vnd.jupyter.widget-view+json" in widget.data
+    assert widget.data["text/plain"] == "(The sliders of the page above need a running kernel.)"
     whole = len(nbformat.writes(book).encode())
     states = len(str(book.metadata.get("widgets", "")))
     assert 0 < states < 10_000  # what is saved of the widget holds no page
