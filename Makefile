@@ -91,6 +91,7 @@ studies: setup
 	$(BIN)/python -m studies
 
 docs: setup
+	$(BIN)/python -m tools.gallery
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs out/docs
 
 # source archive, the wheel built from it, and both tried in a clean environment outside the checkout

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 from sphinx.application import Sphinx
 
@@ -14,10 +15,11 @@ release = version = __version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc"]
 source_suffix = {".md": "markdown"}
-exclude_patterns = ["_build"]
+exclude_patterns = ["_build", "_gallery"]
 html_theme = "furo"
 html_title = f"jld {release}"
-html_extra_path = ["scene.schema.json"]
+# files of the gallery, which `make docs` makes first
+html_extra_path = ["scene.schema.json", *(["_gallery"] if (Path(__file__).parent / "_gallery").is_dir() else [])]
 html_show_sourcelink = False
 html_copy_source = False
 

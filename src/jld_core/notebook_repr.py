@@ -13,8 +13,11 @@ from typing import Any, Final, Protocol
 class View(Protocol):
     """Interface of the drawing code that shows objects of one class in notebooks."""
 
-    def svg(self, thing: Any) -> str | None:
-        """Return the drawing of an object as SVG text; None if it is too large to show unasked."""
+    def drawing(self, thing: Any) -> str | bytes | None:
+        """Return the drawing of an object as SVG text or the content of a PNG file.
+
+        The result is None if the object is too large to be drawn unasked.
+        """
 
     def figure(self, thing: Any, *, ids: bool = False, values: bool = False) -> Any:
         """Return the drawing of an object as a matplotlib figure, of any size.
@@ -22,10 +25,10 @@ class View(Protocol):
         ids: write the ids of elements. values: write the values of loads and forces, where the view has them.
         """
 
-    def html(self, thing: Any, drawing: str | None) -> str:
+    def html(self, thing: Any, drawing: str | bytes | None) -> str:
         """Return the main facts of an object as HTML, followed by its drawing if there is one.
 
-        drawing: SVG text from `svg`, None for facts alone.
+        drawing: result of `drawing`, None for facts alone.
         """
 
 
@@ -86,10 +89,10 @@ class NotebookRepr(Showable):
     """
 
     @cached_property
-    def _drawing(self) -> str | None:
-        """Return the SVG text from the registered view, computed once; None without a view."""
+    def _drawing(self) -> str | bytes | None:
+        """Return the drawing from the registered view, computed once; None without a view."""
         view = _VIEWS.get(type(self))
-        return None if view is None else view.svg(self)
+        return None if view is None else view.drawing(self)
 
     def drawn(self, *, ids: bool = False, values: bool = False) -> Any:
         """Return the object's drawing as a matplotlib figure, made by the registered view.
@@ -112,8 +115,12 @@ class NotebookRepr(Showable):
         return _VIEWS[type(self)].figure(self, ids=ids, values=values)
 
     def _repr_svg_(self) -> str | None:
-        """Return the drawing, as Jupyter calls for it."""
-        return self._drawing
+        """Return the drawing where it is SVG text, as Jupyter calls for it."""
+        return self._drawing if isinstance(self._drawing, str) else None
+
+    def _repr_png_(self) -> bytes | None:
+        """Return the drawing where it is PNG, as Jupyter calls for it."""
+        return self._drawing if isinstance(self._drawing, bytes) else None
 
     def _repr_html_(self) -> str | None:
         """Return facts and drawing, as Jupyter calls for them."""

@@ -10,7 +10,6 @@ from __future__ import annotations
 import base64
 import gzip
 import html
-import io
 import uuid
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Final
@@ -22,6 +21,7 @@ from jld_core.limit import LimitAnalysisResult
 from jld_core.models.case_analysis import CaseAnalysis
 from jld_core.scene import Scene
 from jld_core.views import notebook
+from jld_core.views.small_pictures import png_of
 from jld_explore.notebook_kernel import LayoutSolver, bonded, structure_of
 from jld_explore.report import Exploration, words
 from jld_explore.report.page import asset, page
@@ -34,9 +34,6 @@ if TYPE_CHECKING:
 LARGEST: Final = 190_000
 """Largest size of the HTML of one output with a page, bytes, so that a search adds at most 200 kB to a notebook."""
 
-_PICTURE: Final = 45_000
-"""Largest size of the picture in it, bytes; larger ones are drawn with fewer pixels."""
-
 _ROWS: Final = ((1000, 20), (300, 8), (100, 3), (30, 1))
 """Strongest rows of the table, and layouts solved besides those of the front, of which the first that fit are shown."""
 
@@ -45,6 +42,7 @@ _EXTRA: Final = "pip install 'jld[notebook]'"
 
 _NO_KERNEL: Final = "The sliders need a running kernel: run this cell again."
 _NO_LIBRARY: Final = f"The sliders need the library anywidget: {_EXTRA}, then run this cell again."
+_BRIDGE: Final = "(The sliders of the page above need a running kernel.)"
 _BOND: Final = (
     "The sliders do not apply: the strengths of joints with a bond change their loads as well. Show the scene."
 )
@@ -123,7 +121,11 @@ class NotebookPage:
         import anywidget
         import traitlets
 
-        members = {"_esm": asset("bridge.js"), "page": traitlets.Unicode("").tag(sync=True)}
+        members = {
+            "_esm": asset("bridge.js"),
+            "page": traitlets.Unicode("").tag(sync=True),
+            "__repr__": lambda _: _BRIDGE,  # what is seen of it where nothing shows widgets
+        }
         bridge = type("PageBridge", (anywidget.AnyWidget,), members)(page=self._name)
         bridge.on_msg(lambda widget, asked, buffers: widget.send(self.answer(asked)))
         return bridge
@@ -224,20 +226,7 @@ def _study_page(done: Exploration, height: int) -> NotebookPage:
 
 def _plain(title: str, facts: Mapping[str, str], drawing: Figure | None, *tables: str) -> str:
     """Return facts, picture and tables as HTML without scripts."""
-    return notebook.page(title, facts, None if drawing is None else _picture(drawing), *tables)
-
-
-def _picture(drawing: Figure) -> bytes:
-    """Return a figure as PNG of at most `_PICTURE` bytes, in 64 colours."""
-    from PIL import Image  # comes with matplotlib
-
-    for dots in (100, 75, 55, 40, 25):
-        whole, small = io.BytesIO(), io.BytesIO()
-        drawing.savefig(whole, format="png", dpi=dots)
-        Image.open(whole).convert("RGB").quantize(64).save(small, format="png", optimize=True)
-        if small.tell() <= _PICTURE:
-            break
-    return small.getvalue()
+    return notebook.page(title, facts, None if drawing is None else png_of(drawing), *tables)
 
 
 def _frame(data: PageData, height: int) -> str:

@@ -30,7 +30,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Exploration:
     folder = tmp_path_factory.mktemp("study") / "out"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(import_module("jld_explore.explore"), "plan_check", lambda *_: None)
-        return explore(ARCH, folder, driver="random", budget=60, seed=1, pictures=False)
+        return explore(ARCH, folder, driver="random", budget=24, seed=1, pictures=False)
 
 
 @pytest.fixture

@@ -198,13 +198,13 @@ def _rate(rate: dict[str, Any]) -> str:
 class AssemblyView:
     """Notebook representation of an assembly: structure, labels and loads, beside its facts."""
 
-    def svg(self, thing: Assembly) -> str | None:
-        """Return the drawing of an assembly as SVG text; None above `LARGEST` elements."""
+    def drawing(self, thing: Assembly) -> str | bytes | None:
+        """Return the drawing of an assembly as SVG text or PNG; None above `LARGEST` elements."""
         if len(thing.elements) > LARGEST:
             return None
-        from jld_core.views import figures
+        from jld_core.views import figures, small_pictures
 
-        return figures.svg_of(figures.figure_of_assembly(thing))
+        return small_pictures.drawing_of(figures.figure_of_assembly(thing))
 
     def figure(self, thing: Assembly, *, ids: bool = False, values: bool = False) -> Figure:
         """Return the figure of an assembly, of any size; options as in `figure_of_assembly`."""
@@ -212,10 +212,10 @@ class AssemblyView:
 
         return figures.figure_of_assembly(thing, ids=ids, values=values)
 
-    def html(self, thing: Assembly, drawing: str | None) -> str:
+    def html(self, thing: Assembly, drawing: str | bytes | None) -> str:
         """Return the HTML of an assembly's facts and drawing.
 
-        drawing: SVG text, or None where it is too large.
+        drawing: SVG text or PNG, None where it is too large.
         """
         return page(thing.name, facts_of_assembly(thing), drawing)
 
@@ -223,13 +223,13 @@ class AssemblyView:
 class ResultView:
     """Notebook representation of a result: labels, forces and mechanism, beside its facts."""
 
-    def svg(self, thing: LimitAnalysisResult) -> str | None:
-        """Return the drawing of a result as SVG text; None above `LARGEST` elements."""
+    def drawing(self, thing: LimitAnalysisResult) -> str | bytes | None:
+        """Return the drawing of a result as SVG text or PNG; None above `LARGEST` elements."""
         if len(thing.assembly.elements) > LARGEST:
             return None
-        from jld_core.views import figures
+        from jld_core.views import figures, small_pictures
 
-        return figures.svg_of(figures.figure_of_result(thing))
+        return small_pictures.drawing_of(figures.figure_of_result(thing))
 
     def figure(self, thing: LimitAnalysisResult, *, ids: bool = False, values: bool = False) -> Figure:
         """Return the figure of a result, of any size; options as in `figure_of_result`."""
@@ -237,10 +237,10 @@ class ResultView:
 
         return figures.figure_of_result(thing, ids=ids, values=values)
 
-    def html(self, thing: LimitAnalysisResult, drawing: str | None) -> str:
+    def html(self, thing: LimitAnalysisResult, drawing: str | bytes | None) -> str:
         """Return the HTML of a result's facts and drawing.
 
-        drawing: SVG text, or None where it is too large.
+        drawing: SVG text or PNG, None where it is too large.
         """
         return page(thing.assembly.name, facts_of_result(thing), drawing)
 

@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 class ExplorationView:
     """Notebook representation of a finished study: facts, front, and first rows of its tables."""
 
-    def svg(self, thing: Exploration) -> str | None:
-        """Return the front with its layouts as SVG text; None above `LARGEST` elements."""
+    def drawing(self, thing: Exploration) -> str | bytes | None:
+        """Return the front with its layouts as SVG text or PNG; None above `LARGEST` elements."""
         if len(thing.assembly.elements) > notebook.LARGEST:
             return None
-        from jld_core.views.figures import svg_of
+        from jld_core.views.small_pictures import drawing_of
         from jld_explore.report.pictures_of_three import front_picture
 
-        return svg_of(front_picture(thing))
+        return drawing_of(front_picture(thing))
 
     def figure(self, thing: Exploration, *, ids: bool = False, values: bool = False) -> Figure:
         """Return the figure of the front with its layouts; `ids` and `values` have no effect."""
@@ -34,10 +34,10 @@ class ExplorationView:
 
         return front_picture(thing)
 
-    def html(self, thing: Exploration, drawing: str | None) -> str:
+    def html(self, thing: Exploration, drawing: str | bytes | None) -> str:
         """Return the facts, the drawing and the first rows of both tables as HTML.
 
-        drawing: SVG text, or None where it is too large.
+        drawing: SVG text or PNG, None where it is too large.
         """
         tables_of = {"strongest": words.best_rows(thing), f"front, {words.front_name(thing)}": thing.front}
         parts = [
