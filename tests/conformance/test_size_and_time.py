@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from benchmarks import growth
+from benchmarks.scenes import brick_wall, cubes, vault
 
 from cases import grid_document
 from command import call
-from jld_core import build_assembly, parse_scene
+from jld_core import Scene, build_assembly, parse_scene, samples
+from jld_core.geometry.certain_contacts import certain_contacts
 from jld_core.memory import memory_limit
 from jld_core.models import cost_estimate, costs
 from jld_explore import ExploreSettings, explore
@@ -55,10 +60,17 @@ def test_what_takes_long_is_said_beforehand(tmp_path: Path, monkeypatch: pytest.
 
 @pytest.mark.parametrize("command", ["check", "solve", "explore"])
 @pytest.mark.parametrize(
-    ("limit", "faces"), [(1e8, "at least 12 faces take at least"), (1.5025e8, "21 faces take some")]
+    ("content", "limit", "faces"),
+    [
+        (SCENE, 1.5025e8, "at least 21 faces take at least"),
+        (growth.document("spatial", 2), 1.502e8, "at least 16 faces take at least"),
+        (brick_wall(2, 2).model_dump(mode="json", exclude_defaults=True), 1.505e8, "at least 27 faces take at least"),
+        (samples.wall().model_dump(mode="json", exclude_defaults=True), 1.508e8, "99 faces take some"),
+    ],
 )
 def test_what_there_is_not_the_memory_for_is_refused(
     command: str,
+    content: dict[str, Any],
     limit: float,
     faces: str,
     tmp_path: Path,
@@ -67,9 +79,9 @@ def test_what_there_is_not_the_memory_for_is_refused(
 ) -> None:
     """Of hopeless scenes, contacts are not even built; others are refused by the number of their faces."""
     file = tmp_path / "scene.json"
-    file.write_text(json.dumps(SCENE))
+    file.write_text(json.dumps(content))
     monkeypatch.setattr(costs, "memory_limit", lambda: limit)
-    if limit == 1e8:
+    if faces.startswith("at least"):
         monkeypatch.delattr("jld_explore.cli.check.build_assembly")
     out = ("--out", tmp_path / "out") if command == "explore" else ()
     outcome = call(monkeypatch, capsys, command, file, *out)
@@ -78,6 +90,21 @@ def test_what_there_is_not_the_memory_for_is_refused(
         f"{file}: {faces} 0.2 GB of memory to evaluate; expected a scene that the {limit / 1e9:.1f} GB" in outcome.err
     )
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("make", [lambda: cubes(3), lambda: brick_wall(3, 2), vault])
+def test_contacts_that_are_certain_are_no_more_than_there_are(make: Callable[[], Scene], *, turned: bool) -> None:
+    """Certain contacts are all of boxes along the axes and of elements with equal faces, and never too many."""
+    scene = make()
+    turn = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0] if turned else np.eye(3)
+    elements = scene.elements or []
+    vertices = [np.array(element.vertices) @ turn.T for element in elements]
+    faces = [tuple(tuple(loop) for loop in element.faces or ()) for element in elements]
+    found = certain_contacts(vertices, faces, np.array([element.support for element in elements]))
+    there = len(build_assembly(scene).interfaces)
+    assert 0 < found <= there
+    assert found == there or (turned and make is not vault)
 
 
 def test_memory_that_runs_out_is_one_line(

@@ -12,8 +12,8 @@ from jld_core.errors import InputError
 from jld_core.geometry import Faces, facets_of, find_spatial_contacts, near_pairs, snap_solids, solids
 from jld_core.geometry.misfits import words_of
 from jld_core.geometry.overlapping_solids import check_overlaps
-from jld_core.geometry.polyhedra import Facets
-from jld_core.geometry.spatial_contacts import SpatialContact, near_solids
+from jld_core.geometry.polyhedra import Facets, lay_out
+from jld_core.geometry.spatial_contacts import SpatialContact, near_solids, nearer_pairs
 from jld_core.geometry.spatial_interfaces import spatial_interfaces
 from jld_core.geometry.stated_contacts import given_normals
 from jld_core.geometry.stated_fit import fit_of_polygon, judge_fit, refuse_crossing, refuse_repeated
@@ -44,7 +44,10 @@ def spatial_geometry(scene: Scene) -> Geometry:
         raise
     elements = collect_elements(scene, entries, centroid, volume, vertices, tuple(faces))
     facets = facets_of(vertices, faces)
-    pairs = near_pairs(elements.lower, elements.upper, tolerances.FACE * (elements.upper - elements.lower).max(axis=1))
+    lower, upper = elements.lower, elements.upper
+    size = (upper - lower).max(axis=1)
+    around = near_pairs(lower, upper, tolerances.WEDGE * size)
+    pairs = nearer_pairs(lower, upper, tolerances.FACE * size, around)
     check_overlaps(ids, vertices, facets, pairs)
     given: list[Contact | None]
     warnings: tuple[str, ...] = ()
@@ -52,8 +55,7 @@ def spatial_geometry(scene: Scene) -> Geometry:
         free = ~(elements.support[pairs[0]] & elements.support[pairs[1]])
         contacts = find_spatial_contacts(facets, (pairs[0][free], pairs[1][free]))
         given = [None] * len(contacts)
-        reach = tolerances.WEDGE * (elements.upper - elements.lower).max(axis=1)
-        one, two = near_pairs(elements.lower, elements.upper, reach)
+        one, two = around
         free = ~(elements.support[one] & elements.support[two])
         warnings = words_of(near_solids(facets, (one[free], two[free])), ids, scene.units.length)
     else:
@@ -77,12 +79,9 @@ def _closed(scene: Scene, vertices: list[Floats], faces: list[Faces]) -> tuple[l
     """
     if scene.interfaces is not None or scene.tolerance == 0.0:
         return vertices, 0.0
-    edges = [
-        np.linalg.norm(np.roll(corners[list(loop)], -1, axis=0) - corners[list(loop)], axis=1)
-        for corners, of_solid in zip(vertices, faces, strict=True)
-        for loop in of_solid
-    ]
-    tolerance, shortest = snapping(scene, np.concatenate(edges))
+    surface = lay_out(vertices, faces)
+    edges = surface.points[surface.after] - surface.points[surface.vertex]
+    tolerance, shortest = snapping(scene, np.linalg.norm(edges, axis=1))
     if not tolerance > 0.0:
         return vertices, 0.0
     snapped = snap_solids(vertices, faces, tolerance)

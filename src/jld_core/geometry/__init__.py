@@ -18,11 +18,11 @@
 
 from __future__ import annotations
 
+from jld_core.geometry.merging import merge_points
 from jld_core.geometry.outlines import Outlines, reach_of
 from jld_core.geometry.overlay import area_of
 from jld_core.geometry.planar_contacts import find_planar_contacts
 from jld_core.geometry.polyhedra import Faces, facets_of, solids
-from jld_core.geometry.snapping import merge_points
 from jld_core.geometry.snapping_solids import snap_solids
 from jld_core.geometry.spatial_contacts import find_spatial_contacts, near_pairs
 from jld_core.geometry.vectors import area_vector, moment_about, spun

@@ -7,6 +7,7 @@ faces where a file splits its quadrilaterals. Arrays run flat over all elements 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -53,6 +54,14 @@ class Facets:
     def __len__(self) -> int:
         return len(self.element)
 
+    @cached_property
+    def four(self) -> tuple[Ints, Floats]:
+        """Facets with four corners and no hole: row (f,) of each, −1 for others, and corners (q, 4, 3) by row."""
+        simple = [index for index, loops in enumerate(self.loops) if len(loops) == 1 and len(loops[0]) == 4]
+        row = np.full(len(self), -1, dtype=np.int64)
+        row[simple] = np.arange(len(simple))
+        return row, np.array([self.loops[index][0] for index in simple]).reshape(-1, 4, 3)
+
 
 def spread(start: Ints, count: Ints) -> tuple[Ints, Ints]:
     """Concatenate several index ranges, and return the range and the index of every entry.
@@ -66,7 +75,7 @@ def spread(start: Ints, count: Ints) -> tuple[Ints, Ints]:
 
 
 @dataclass(frozen=True)
-class _Surface:
+class Surface:
     """Loops of all faces of all elements in flat arrays, with c corners.
 
     points: (v, 3) vertices of all elements. vertex, after: (c,) vertex of each corner and the next vertex along its
@@ -83,7 +92,7 @@ class _Surface:
     element: Ints
 
 
-def _lay_out(vertices: list[Floats], faces: list[Faces]) -> _Surface:
+def lay_out(vertices: list[Floats], faces: list[Faces]) -> Surface:
     """Put the faces of all elements into flat arrays.
 
     vertices: (k, 3) of each element. faces: loops of vertex indices of each element.
@@ -98,7 +107,7 @@ def _lay_out(vertices: list[Floats], faces: list[Faces]) -> _Surface:
     following = np.arange(len(vertex)) + 1
     last = start + count - 1
     following[last] = start
-    return _Surface(np.concatenate(vertices), vertex, vertex[following], face, start, count, element)
+    return Surface(np.concatenate(vertices), vertex, vertex[following], face, start, count, element)
 
 
 def solids(
@@ -136,12 +145,12 @@ def solids(
     Volumes follow from the divergence theorem on fans of triangles; faces need not be plane.
     """
     vertices, faces = list(vertices), list(faces)
-    surface = _lay_out(vertices, faces)
+    surface = lay_out(vertices, faces)
     torn = np.flatnonzero(~_closed(surface, len(ids)))
     for index in torn:
         vertices[index], faces[index] = _mend(ids[index], vertices[index], faces[index])
     if torn.size:
-        surface = _lay_out(vertices, faces)
+        surface = lay_out(vertices, faces)
     volume, centroid = _divergence(surface, vertices)
     spans = np.array([np.ptp(v, axis=0).max() for v in vertices])
     flat = np.flatnonzero(~(np.abs(volume) > 1e-12 * spans**3))
@@ -152,7 +161,7 @@ def solids(
     return vertices, faces, np.abs(volume), centroid
 
 
-def _closed(surface: _Surface, count: int) -> Bools:
+def _closed(surface: Surface, count: int) -> Bools:
     """Return a mask (n,), True for elements whose surface is closed and consistently oriented.
 
     Each edge of such an element occurs equally often in both senses, and none joins a vertex to itself. count: number n
@@ -206,12 +215,12 @@ def _mend(name: str, vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
             same = agree.get((above, int(child)), agree.get((int(child), above)))
             turned[child] = turned[above] if same else not turned[above]
     oriented = tuple(loop[::-1] if turn else loop for loop, turn in zip(welded, turned, strict=True))
-    if not _closed(_lay_out([vertices], [oriented]), 1)[0]:
+    if not _closed(lay_out([vertices], [oriented]), 1)[0]:
         raise refusal
     return vertices, oriented
 
 
-def _divergence(surface: _Surface, vertices: list[Floats]) -> tuple[Floats, Floats]:
+def _divergence(surface: Surface, vertices: list[Floats]) -> tuple[Floats, Floats]:
     """Compute signed volumes (n,) and centroids (n, 3) by the divergence theorem.
 
     surface: loops of all elements. vertices: (k, 3) of each element; sums run about its first vertex.
@@ -245,7 +254,7 @@ def facets_of(vertices: list[Floats], faces: list[Faces]) -> Facets:
     Facets
         Facets with an area, in the order of the elements.
     """
-    surface = _lay_out(vertices, faces)
+    surface = lay_out(vertices, faces)
     corner = surface.points[surface.vertex]
     # Coordinates relative to a corner of the face: far from the origin, absolute ones lose digits.
     arm = corner - corner[surface.start[surface.face]]
@@ -288,7 +297,7 @@ def facets_of(vertices: list[Floats], faces: list[Faces]) -> Facets:
     )
 
 
-def _repeats(surface: _Surface) -> Bools:
+def _repeats(surface: Surface) -> Bools:
     """Return (faces,) True for faces that contain a vertex more than once."""
     order = np.lexsort((surface.vertex, surface.face))
     face, vertex = surface.face[order], surface.vertex[order]
@@ -298,7 +307,7 @@ def _repeats(surface: _Surface) -> Bools:
     return found
 
 
-def _join_coplanar(surface: _Surface, vector: Floats, size: Floats) -> tuple[Ints, Bools]:
+def _join_coplanar(surface: Surface, vector: Floats, size: Floats) -> tuple[Ints, Bools]:
     """Join neighbouring faces in one plane to facets, and return the facet of each face.
 
     vector: (faces, 3) area vector of each face. size: (faces,) largest extent of each. Returns the facet (faces,) of
@@ -332,7 +341,7 @@ def _join_coplanar(surface: _Surface, vector: Floats, size: Floats) -> tuple[Int
     return group, np.bincount(group)[group] == 1
 
 
-def _boundary(surface: _Surface, members: Ints, vector: Floats) -> tuple[Floats, ...]:
+def _boundary(surface: Surface, members: Ints, vector: Floats) -> tuple[Floats, ...]:
     """Return the boundary loops (k, 3) of joined faces, the outer one first.
 
     Edges that occur in both senses are inside and left out. members: indices of the faces. vector: (3,) area vector of

@@ -17,6 +17,7 @@ import shapely
 
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.errors import InputError
+from jld_core.geometry.merging import merge_points
 
 _ROUNDS: Final = 4
 """Number of rounds that move nodes onto edges: ends of an edge may move after a node was put on it."""
@@ -118,51 +119,6 @@ def snap_paths(
     shift = np.linalg.norm(place[node_of] - corners, axis=1)
     lost = tuple(k for k, ring in enumerate(rings) if len(ring) < (3 if closed[k] else 2))
     return Snapped([place[ring] for ring in rings], float(shift.max()), int(np.count_nonzero(shift)), lost)
-
-
-def merge_points(points: Floats, tolerance: float) -> Ints:
-    """Assign points to numbered nodes; a point joins the first node within the tolerance.
-
-    Nodes are more than the tolerance apart, and no point is further than the tolerance from its node: chains of
-    points do not merge.
-
-    Parameters
-    ----------
-    points : (n, d) array
-        Coordinates.
-    tolerance : float
-        Length; 0 merges equal points only.
-
-    Returns
-    -------
-    (n,) int array
-        Node of each point, numbered by first appearance.
-    """
-    width = max(tolerance, 1e-300)
-    unique, first, inverse = np.unique(points, axis=0, return_index=True, return_inverse=True)
-    inverse = inverse.reshape(-1)
-    if tolerance <= 0.0:
-        rank = np.empty(len(first), dtype=np.int64)
-        rank[np.argsort(first, kind="stable")] = np.arange(len(first))
-        return rank[inverse]
-    # Boxes are as wide as the tolerance, so that all candidates lie in neighbouring boxes: no search is needed.
-    boxes: dict[tuple[int, ...], list[int]] = {}
-    nodes: list[Floats] = []
-    node = np.empty(len(unique), dtype=np.int64)
-    around = np.array(np.meshgrid(*[[-1, 0, 1]] * points.shape[1])).reshape(points.shape[1], -1).T
-    for index in np.argsort(first, kind="stable").tolist():
-        point = unique[index]
-        with np.errstate(over="ignore"):
-            box = np.floor(point / width)
-        near = [k for step in around for k in boxes.get(tuple(box + step), ())]
-        close = [k for k in near if np.linalg.norm(nodes[k] - point) <= tolerance]
-        if close:
-            node[index] = min(close)
-            continue
-        node[index] = len(nodes)
-        boxes.setdefault(tuple(box), []).append(len(nodes))
-        nodes.append(point)
-    return node[inverse]
 
 
 def _edges(rings: Sequence[Sequence[int]], closed: Sequence[bool]) -> Ints:

@@ -6,6 +6,7 @@ comparison, all other facets by shapely in the plane of contact.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,7 +48,9 @@ class SpatialContact:
     holes: tuple[Floats, ...] = ()
 
 
-def near_pairs(lower: Floats, upper: Floats, reach: Floats) -> tuple[Ints, Ints]:
+def near_pairs(
+    lower: Floats, upper: Floats, reach: Floats, keep: Callable[[Ints, Ints], Bools] | None = None
+) -> tuple[Ints, Ints]:
     """Find the pairs of boxes that touch or overlap.
 
     Parameters
@@ -56,6 +59,8 @@ def near_pairs(lower: Floats, upper: Floats, reach: Floats) -> tuple[Ints, Ints]
         Corners of the boxes.
     reach : (n,) array
         Distance by which each box is enlarged on every side.
+    keep : function of two (k,) int arrays, optional
+        Further condition on pairs, a mask (k,), tested before all pairs are stored; None keeps all pairs.
 
     Returns
     -------
@@ -84,10 +89,25 @@ def near_pairs(lower: Floats, upper: Floats, reach: Floats) -> tuple[Ints, Ints]
         kept = (left < right) & (sheet[two] == np.maximum(first[left], first[right]))
         left, right = left[kept], right[kept]
         near = np.all((low[left] <= high[right]) & (low[right] <= high[left]), axis=1)
-        found.append(np.stack([left[near], right[near]]))
+        left, right = left[near], right[near]
+        if keep is not None:
+            chosen = keep(left, right)
+            left, right = left[chosen], right[chosen]
+        found.append(np.stack([left, right]))
     left, right = np.concatenate(found, axis=1)
     order = np.lexsort((right, left))
     return left[order], right[order]
+
+
+def nearer_pairs(lower: Floats, upper: Floats, reach: Floats, pairs: tuple[Ints, Ints]) -> tuple[Ints, Ints]:
+    """Select the pairs of boxes that touch or overlap with a shorter reach than the pairs were found with.
+
+    lower, upper, reach: as of `near_pairs`. pairs: the pairs (p,) that it found. The result has the same form.
+    """
+    low, high = lower - reach[:, None], upper + reach[:, None]
+    left, right = pairs
+    near = np.all((low[left] <= high[right]) & (low[right] <= high[left]), axis=1)
+    return left[near], right[near]
 
 
 def find_spatial_contacts(facets: Facets, pairs: tuple[Ints, Ints]) -> list[SpatialContact]:
@@ -173,9 +193,10 @@ def _touches_throughout(facets: Facets, one: Ints, two: Ints, size: Floats) -> B
     pair.
     """
     found = np.zeros(len(one), dtype=bool)
-    four = np.flatnonzero([len(facets.loops[k]) == 1 and len(facets.loops[k][0]) == 4 for k in two.tolist()])
+    row, stack = facets.four
+    four = np.flatnonzero(row[two] >= 0)
     if len(four):
-        corners = np.array([facets.loops[k][0] for k in two[four].tolist()])
+        corners = stack[row[two[four]]]
         arm = corners - facets.origin[one[four], None]
         height = np.abs(np.einsum("nki,ni->nk", arm, facets.normal[one[four]])).max(axis=1)
         # Half of the tolerance leaves room for rounding.
@@ -254,8 +275,8 @@ def _cut_rectangles(
     one, two: (p,) facets. The results are a mask (p,) of pairs with parallel sides, which need no other treatment, and
     their contacts, each with its position in the pairs.
     """
-    first = np.array([facets.loops[index][0] for index in one])
-    second = np.array([facets.loops[index][0] for index in two])
+    row, stack = facets.four
+    first, second = stack[row[one]], stack[row[two]]
     origin, e1, e2, normal = facets.origin[one], frames.e1[one], frames.e2[one], facets.normal[one]
     side = np.abs(np.einsum("ij,ij->i", e1, frames.e1[two]))
     skew = np.minimum(side, np.abs(np.einsum("ij,ij->i", e2, frames.e1[two])))

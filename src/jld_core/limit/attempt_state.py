@@ -84,6 +84,8 @@ class AttemptState:
         True if the batch solver was tried.
     reduction_tried : bool
         True if facial reduction was tried.
+    less_margin_tried : bool
+        True if the program was solved with less margin.
     """
 
     def __init__(self, analysis: Analysis, labels: Bits) -> None:
@@ -91,7 +93,7 @@ class AttemptState:
         self.template, self.prover, self.repair = analysis.template, analysis.prover, analysis.repair
         self.proof = Proof()
         self.raw: RawSolution | None = None
-        self.settled = self.batch_tried = self.reduction_tried = False
+        self.settled = self.batch_tried = self.reduction_tried = self.less_margin_tried = False
         unloaded = analysis.unloaded(labels)
         if unloaded is not None:
             self.proof.offer_state(unloaded)

@@ -261,8 +261,11 @@ class ProofAttempt(AttemptState):
         """Solve again with refined linear systems and a margin of 1e-11, and repair the answer.
 
         The margin is the slack kept in every yield row, scaled: ten times that of linear programs. The first solve of a
-        crushable program has 1e-9, which may leave its bracket wide.
+        crushable program has 1e-9, which may leave its bracket wide. A second call does nothing.
         """
+        if self.less_margin_tried:
+            return
+        self.less_margin_tried = True
         self._solve_refined(tolerances.LINEAR.residual, 10.0 * tolerances.LINEAR.margin)
 
     def narrow_bracket(self) -> None:

@@ -27,6 +27,7 @@ from jld_core.limit.equilibrium import usable
 from jld_core.limit.facial_reduction import FacialReduction
 from jld_core.limit.opening_motions import OpeningMotions
 from jld_core.limit.self_stress import SelfStress
+from jld_core.linalg.projection import ConsistentProjector
 from jld_core.program import Structure, Template
 from jld_core.solvers import RawSolution, is_large, solve_auxiliary
 
@@ -179,30 +180,22 @@ class Repair:
         Returns
         -------
         State or None
-            Admissible state; None if none is found, or if the program is too large.
+            Admissible state; None if none is found.
         """
         program = self.template.program(labels)
         s = program.structure
-        if s.shape[1] > _DENSE:
-            return None
         columns = s.shape[1] - int(load_fixed)
         answer, slack = maximise_slacks(program, program.rhs, columns, cap=_LEAST_SLACK)
         tight = slack < 1e-3 * _LEAST_SLACK
         values = program.rhs - program.matrix[:, :columns] @ answer.point[:columns]
         balance = sp.csr_array(sp.eye_array(s.equalities, s.shape[0]))
         picked = sp.csr_array(sp.vstack([balance, *self._equations(s, tight, values)]))
-        equations, ends = (picked @ program.matrix)[:, :columns].toarray(), picked @ program.rhs
-        inverse = np.linalg.pinv(equations, rcond=1e-12)
-
-        def project(y: Floats) -> Floats:
-            for _ in range(3):
-                y = y - inverse @ (equations @ y - ends)
-            return y
-
+        equations, ends = sp.csr_array((picked @ program.matrix)[:, :columns]), picked @ program.rhs
         if not usable(answer.point):
             return None
-        inside = project(answer.point[:columns])
-        start = project(point[:columns]) if point is not None and usable(point) else inside
+        projector = ConsistentProjector(equations)
+        inside = projector.project(answer.point[:columns], ends)
+        start = projector.project(point[:columns], ends) if point is not None and usable(point) else inside
         faces = self.template.yield_set.pattern.row_face[slack_rows(s)[tight] - s.equalities - 1]
         edge = np.isin(np.arange(len(labels)), faces)
         for share in (0.0, *np.logspace(-13.0, -3.0, 11), 1.0):

@@ -16,6 +16,10 @@ from jld_core.linalg.cholesky import Fronts
 _FULL = 20_000  # number of entries up to which products with a dense matrix are faster
 _DENSE = 200  # number of equations up to which a stored dense projector is faster than sparse triangular solves
 
+_FEW = 1000  # number of columns up to which a pseudo-inverse is computed
+_SHIFT = 1e-10  # δ of the regularisation: far above rounding, far below the least eigenvalues of E Eᵀ
+_STEPS = 12  # number of steps of regularisation
+
 
 class Projector:
     """Projection of a vector F on the solutions of A F = r, with A factored once.
@@ -103,6 +107,64 @@ def _right_inverse(matrix: Floats) -> Floats:
     if diagonal.min() < 1e-6 * diagonal.max():
         return np.asarray(np.linalg.pinv(matrix, rcond=1e-12), dtype=float)
     return la.cho_solve((factor, True), matrix).T
+
+
+class ConsistentProjector:
+    """Projection on the solutions of consistent equations E y = r whose rows may be dependent.
+
+    Few equations take a pseudo-inverse. Many take iterated Tikhonov regularisation: y ← y − Eᵀ(E Eᵀ + δ)⁻¹(E y − r)
+    with one sparse factorisation, which converges to the nearest solution by a factor δ/(σ² + δ) for each singular
+    value σ > 0. Source: Hanke & Groetsch, Nonstationary iterated Tikhonov regularization, J. Optim. Theory Appl. 98
+    (1998).
+
+    Parameters
+    ----------
+    equations : (rows, columns) sparse array
+        E, with rows of order one.
+    """
+
+    def __init__(self, equations: sp.csr_array) -> None:
+        self.equations = equations
+        self._inverse: Floats | None = None
+        if equations.shape[1] <= _FEW:
+            self._inverse = np.linalg.pinv(equations.toarray(), rcond=1e-12)
+        else:
+            rows, columns = equations.shape
+            # The augmented matrix stays sparse where the column of λ is full, unlike E Eᵀ.
+            corners = [[sp.eye_array(columns), equations.T], [equations, -_SHIFT * sp.eye_array(rows)]]
+            options = {"SymmetricMode": True, "DiagPivotThresh": 0.0}
+            self._factor = spla.splu(sp.csc_array(sp.block_array(corners)), permc_spec="MMD_AT_PLUS_A", options=options)
+
+    def project(self, y: Floats, right: Floats) -> Floats:
+        """Return the solution next to a point, up to rounding.
+
+        Parameters
+        ----------
+        y : (columns,) array
+            Point to project.
+        right : (rows,) array
+            r.
+
+        Returns
+        -------
+        (columns,) array
+            Projected point.
+        """
+        if self._inverse is not None:
+            for _ in range(3):
+                y = y - self._inverse @ (self.equations @ y - right)
+            return y
+        best, least = y, np.inf
+        for _ in range(_STEPS):
+            left = self.equations @ y - right
+            size = float(abs(left).max(initial=0.0))
+            if size < least:
+                best, least = y, size
+            elif size > 2.0 * least:
+                break
+            # The product with Eᵀ, unlike the solver's own step, has no part along the solutions.
+            y = y + self.equations.T @ self._factor.solve(np.concatenate([np.zeros(len(y)), left]))[len(y) :]
+        return best
 
 
 def dense_if_small(matrix: Any) -> Any:

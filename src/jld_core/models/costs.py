@@ -6,11 +6,15 @@ dry may take half as long.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
+
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
+from jld_core.geometry.certain_contacts import certain_contacts
 from jld_core.memory import memory_limit
 from jld_core.scene import Scene
 
@@ -85,13 +89,34 @@ def _cost(dimension: int, faces: int, cases: int) -> CostEstimate:
 
 
 def _least_faces(scene: Scene) -> int:
-    """Return the number of free elements, a lower bound on the number of faces.
+    """Return a lower bound on the number of faces, known before contacts are built.
 
-    Each free element has a face of its own on a path to a support.
+    Each free element has a face of its own on a path to a support. In grids, all pairs of neighbouring cells count. In
+    spatial scenes that may be too large, pairs of elements that certainly touch count.
     """
     if scene.grid is not None:
-        return sum(c.isalpha() for row in scene.grid.rows for c in row)
-    return sum(not element.support for element in scene.elements or [])
+        return _grid_faces(scene.grid.rows)
+    elements = scene.elements or []
+    supports = {element.id for element in elements if element.support}
+    free = len(elements) - len(supports)
+    if scene.interfaces is not None:
+        return max(free, sum(not supports.issuperset(entry.elements) for entry in scene.interfaces))
+    loops = sum(len(element.faces or ()) for element in elements)
+    if scene.dimension == 2 or _cost(3, loops, 1).memory <= memory_limit():
+        return free
+    vertices = [np.array(element.vertices, dtype=float) for element in elements]
+    faces = [tuple(tuple(loop) for loop in element.faces or ()) for element in elements]
+    return max(free, certain_contacts(vertices, faces, np.array([element.support for element in elements])))
+
+
+def _grid_faces(rows: Sequence[str]) -> int:
+    """Return the number of faces between neighbouring cells of a grid, those between two supports excepted."""
+    wide = max(len(row) for row in rows)
+    cells = np.array([list(row.ljust(wide, ".")) for row in rows])
+    cell, free = cells != ".", (cells != ".") & (cells != "#")
+    across = cell[:, 1:] & cell[:, :-1] & (free[:, 1:] | free[:, :-1])
+    along = cell[1:] & cell[:-1] & (free[1:] | free[:-1])
+    return int(np.count_nonzero(across) + np.count_nonzero(along))
 
 
 def require_memory(structure: Assembly | Scene) -> CostEstimate:

@@ -196,6 +196,16 @@ def _large(attempt: ProofAttempt) -> bool:
     return attempt.uncertified and not attempt.labels.all() and is_large(attempt.template.structure)
 
 
+def _large_bounded(attempt: ProofAttempt) -> bool:
+    """Return True if `_large` holds and the last solver answer is no ray, which repairs settle quickly."""
+    return _large(attempt) and (attempt.raw is None or attempt.raw.status is not RawStatus.UNBOUNDED)
+
+
+def _large_unbounded(attempt: ProofAttempt) -> bool:
+    """Return True if `_large` holds and the last solver answer is a ray, which repairs have not settled."""
+    return _large(attempt) and not _large_bounded(attempt)
+
+
 def _large_crushing(attempt: ProofAttempt) -> bool:
     """Return True if `_large` holds and programs have the accuracy for faces that crush."""
     return _large(attempt) and attempt.template.precision is tolerances.CRUSHING
@@ -212,8 +222,11 @@ def _small(attempt: ProofAttempt) -> bool:
 _SUPPLIES: Final = "both bounds, by blocks that are rigid until shown otherwise: no rounding is left in their cracks"
 """Bounds that the fallback with rigid blocks may supply, shared by all entries of `FALLBACKS_BY_CONDENSE`."""
 
-_LARGE: Final = Fallback("rigid blocks: repairs would take longer", _large, _rigid_where_uncracked, _SUPPLIES)
+_LARGE: Final = Fallback("rigid blocks: repairs would take longer", _large_bounded, _rigid_where_uncracked, _SUPPLIES)
 """Rigid blocks for large programs, tried before the first repair."""
+
+_UNSETTLED: Final = Fallback("rigid blocks: rays are not settled", _large_unbounded, _rigid_where_uncracked, _SUPPLIES)
+"""Rigid blocks for large programs that a solver calls unbounded, tried after the first repair."""
 
 _LESS_MARGIN: Final = Fallback(
     "less margin: rigid blocks would take longer",
@@ -228,7 +241,11 @@ FALLBACKS_BY_CONDENSE: Final[dict[str, tuple[Fallback, ...]]] = {
     "on": (Fallback("rigid blocks", lambda attempt: True, _rigid_blocks, _SUPPLIES), *FALLBACKS),
     "auto": (
         Fallback("rigid blocks: strong inner faces", _strong, _rigid_blocks, _SUPPLIES),
-        *insert_before(insert_before(FALLBACKS, "repair", _LARGE), _LARGE.name, _LESS_MARGIN),
+        *insert_before(
+            insert_before(insert_before(FALLBACKS, "repair", _LARGE), _LARGE.name, _LESS_MARGIN),
+            "ray by batch solver",
+            _UNSETTLED,
+        ),
         Fallback("rigid blocks: strengths far above some loads", _small, _rigid_blocks, _SUPPLIES),
     ),
 }

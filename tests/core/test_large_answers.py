@@ -1,0 +1,82 @@
+"""Large programs: λ = 0 without friction, rays and instability settled by repairs, projections by sparse factors."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from benchmarks.growth import document
+
+from jld_core import Assembly, Status, build_assembly, parse_scene
+from jld_core.limit import SolveOptions
+from jld_core.linalg import projection
+from jld_core.linalg.projection import ConsistentProjector
+from jld_core.models.labelling import limit_analysis, solve_labelling
+from jld_core.solvers import LARGE
+
+
+def wall(edge: int, *, friction: float = 0.75) -> tuple[Assembly, np.ndarray]:
+    """A square wall of benchmarks/growth.py in blocks of 2 × 2 cells, and its labels."""
+    content = document("planar", edge)
+    content["materials"]["dry"]["friction_coefficient"] = friction
+    built = build_assembly(parse_scene(content))
+    place = np.floor(built.elements.centroid / 0.2).astype(int)
+    same = np.all(place[built.interfaces.a] == place[built.interfaces.b], axis=1)
+    return built, ~same | built.elements.support[built.interfaces.b] | built.elements.support[built.interfaces.a]
+
+
+def test_projection_by_sparse_factors_equals_the_pseudo_inverse(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Dependent rows and a full column: to 1e-11 of the dense route, and the equations to rounding."""
+    rng = np.random.default_rng(5)
+    rows = sp.random_array((80, 200), density=0.04, rng=rng, data_sampler=rng.normal).tocsr()
+    full = sp.csr_array(rng.normal(size=(80, 1)))
+    once = sp.hstack([rows, full])
+    equations = sp.csr_array(sp.vstack([once, once[:20] + once[20:40], once[:5]]))
+    right = equations @ rng.normal(size=201)
+    start = rng.normal(size=201)
+    dense = ConsistentProjector(equations).project(start, right)
+    monkeypatch.setattr(projection, "_FEW", 0)
+    found = ConsistentProjector(equations).project(start, right)
+    np.testing.assert_allclose(found, dense, atol=1e-11, rtol=0.0)
+    assert np.abs(equations @ found - right).max() < 1e-13
+
+
+def test_a_large_wall_without_friction_is_proven() -> None:
+    """Nothing holds blocks against a horizontal load: λ = 0. Over 4 000 unknowns, where no state was found before."""
+    built, labels = wall(28, friction=0.0)
+    assert 3 * len(built.interfaces) > 4000
+    options = SolveOptions()
+    proof = solve_labelling(limit_analysis(built, options), labels, options)
+    assert proof.status is Status.COLLAPSE
+    assert proof.bracket == pytest.approx((0.0, 0.0), abs=1e-7)
+
+
+@pytest.mark.parametrize(("gravity", "status"), [([0.0, -9.81], Status.LOCKED), ([30.0, -9.81], Status.UNSTABLE)])
+def test_rays_of_large_programs_are_settled_by_repairs(
+    gravity: list[float], status: Status, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A push down on a corner carries any λ, or stops no fall: settled without rigid blocks and their simplex."""
+    labels = wall(8)[1]
+    content = document("planar", 8) | {"loads": {"live": [{"element": "c0r0", "force": [0, -1]}]}}
+    content["materials"]["gravity"] = gravity
+    built = build_assembly(parse_scene(content))
+    monkeypatch.setitem(LARGE, False, 1)
+    options = SolveOptions()
+    proof = solve_labelling(limit_analysis(built, options), labels, options)
+    assert proof.status is status
+    assert proof.solve_log[0] == "schur (unbounded)"
+    assert not any(entry.startswith("highs") for entry in proof.solve_log)
+    assert sum(entry.startswith("schur") for entry in proof.solve_log) == 1
+
+
+def test_large_crushable_walls_are_solved_with_less_margin_once() -> None:
+    """Two solves of one program with the same margin would find the same."""
+    content = document("planar", 16)
+    content["materials"]["dry"]["compressive_strength"] = 2e6
+    content["materials"]["inner"]["compressive_strength"] = 2e6
+    built = build_assembly(parse_scene(content))
+    labels = wall(16)[1]
+    options = SolveOptions()
+    proof = solve_labelling(limit_analysis(built, options), labels, options)
+    assert proof.status is Status.COLLAPSE
+    assert len(proof.solve_log) <= 2
