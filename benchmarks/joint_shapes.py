@@ -2,7 +2,8 @@
 
 Three structures pushed to either side, the worse counts: a block on a base, two courses of bricks on a base, and an
 arch of nine voussoirs. Blocks of 2000 kg/m³ with σt = 0.3 MPa and τ = 0.5 MPa crack anywhere: λ is the lower bound by
-fields. Straight joints are those drawn, and those that `jld move` finds.
+fields. Straight joints are those drawn, and those that `jld move` finds. Then a key in space: a block on another, each
+0.4 × 0.2 × 0.2 m, under 4 kN, with a tooth across its whole depth.
 """
 
 from __future__ import annotations
@@ -11,8 +12,11 @@ import itertools
 import json
 from typing import Any, Final
 
+import numpy as np
+
 from benchmarks.common import table, write
-from jld_core import build_assembly, parse_scene, samples
+from benchmarks.moving_joints import key
+from jld_core import build_assembly, parse_scene, samples, solve
 from jld_core.errors import InputError
 from jld_core.geometry_optimisation.joint_shapes import Key, Shape, Sine
 from jld_core.geometry_optimisation.optimise import move_joints
@@ -27,6 +31,13 @@ SECONDS: Final = 30.0
 
 FIELDS: Final = 8.0
 """Time for the bounds by fields of each load case, s."""
+
+SPACE: Final = (
+    "\n\n## A key in space\n\nForce in kN that shears a key of 0.14 m at its root, with flanks of 0.01 m, by faces: "
+    "crack planes at the roots of tooth and shoulders. Shallow keys are climbed, deep ones break, the best lies "
+    "between.\n\n"
+)
+"""Text of the second table."""
 
 _MATERIALS: Final[Document] = {
     "density": 2000.0,
@@ -72,6 +83,42 @@ def bounds(result: LimitAnalysisResult) -> tuple[str, str]:
     return f"{found.low:.4g}", f"{found.high:.4g}"
 
 
+def _corners(outline: Any) -> np.ndarray[Any, Any]:
+    """Return the corners (k, 2) of an outline, counter-clockwise, without those on straight edges."""
+    ring = np.array(outline, dtype=float)
+    before, after = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
+    turn = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+    ring = ring[abs(turn) > 1e-12]
+    return np.asarray(ring if turn.sum() > 0.0 else ring[::-1])
+
+
+def in_space(document: Document, aside: float) -> Document:
+    """Return the scene of `moving_joints.key` as solids, its force turned by `aside` degrees about the vertical."""
+    thickness, elements = document["thickness"], []
+    for entry in document["elements"]:
+        ring = _corners(entry["polygon"])
+        count = len(ring)
+        vertices = [[float(x), y, float(z)] for y in (0.0, thickness) for x, z in ring]
+        sides = [[(k + 1) % count, k, count + k, count + (k + 1) % count] for k in range(count)]
+        faces = [list(range(count)), [2 * count - 1 - k for k in range(count)], *sides]
+        elements.append({"id": entry["id"], "vertices": vertices, "faces": faces, "support": entry["support"]})
+    angle, place = np.radians(aside), [0.0, 0.5 * thickness, 0.0]
+    live = [{"element": "top", "force": [float(np.cos(angle)), float(np.sin(angle)), 0.0], "at": place}]
+    loads = {"dead": [{"element": "top", "force": [0.0, 0.0, -4.0]}], "live": live}
+    kept = {name: part for name, part in document.items() if name not in ("thickness", "move")}
+    return {**kept, "elements": elements, "loads": loads}
+
+
+def keys_in_space() -> list[list[str]]:
+    """Return the rows of the table of keys of growing depth: λ in kN in the plane, in space, and pushed aside."""
+    rows = []
+    for depth in (0.01, 0.02, 0.03, 0.04, 0.06, 0.08):
+        document = key(0.14, depth, 0.01)
+        found = [solve(parse_scene(one)) for one in (document, *(in_space(document, angle) for angle in (0.0, 45.0)))]
+        rows.append([f"{depth:g}", *(f"{one.load_factor:.6g}" for one in found)])
+    return rows
+
+
 def main() -> None:
     """Run all searches and write the table."""
     rows = []
@@ -95,7 +142,11 @@ def main() -> None:
             print(rows[-1], flush=True)
     about = " ".join((__doc__ or "").split("\n\n", 1)[1].split())
     text = "# Joints with a shape\n\nWritten by `python -m benchmarks.joint_shapes`. " + about + "\n\n"
-    write("joint_shapes", text + table(["structure", "joints", "λ by faces", "by fields, at least", "at most"], rows))
+    text += table(["structure", "joints", "λ by faces", "by fields, at least", "at most"], rows)
+    write(
+        "joint_shapes",
+        text + SPACE + table(["depth [m]", "in the plane", "in space", "pushed at 45°"], keys_in_space()),
+    )
 
 
 if __name__ == "__main__":

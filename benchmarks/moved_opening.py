@@ -3,11 +3,12 @@
 A wall of 2 × 1.2 m, 0.3 m thick, over a semicircular opening of radius 0.7 m, in running bond of bricks 0.4 × 0.2 m
 that are cut into half bricks. 10 kN on 0.2 m at quarter span and a push of 0.05 g; the worse counts. Blocks weigh
 56 kg at the most. λ by fields, with blocks that crack anywhere; one clock of 600 s on two cores, then both brackets
-refined.
+refined. Joints move by fields as well: steps raise the bound from above on meshes that move with the blocks.
 """
 
 from __future__ import annotations
 
+import os
 import tempfile
 import time
 from pathlib import Path
@@ -30,7 +31,7 @@ LENGTH, HEIGHT, RADIUS, CELL, MASS = 2.0, 1.2, 0.7, 0.2, 56.0
 SECONDS: Final = 600.0
 """Time limit of the search, s."""
 
-REFINED: Final = (300.0, 30.0)
+REFINED: Final = (150.0, 30.0)
 """Time for refined bounds under the force and under the push, s."""
 
 
@@ -115,6 +116,12 @@ def refined(assembly: Assembly) -> tuple[float, float]:
     return min(one.lower for one in found), min(one.upper for one in found)
 
 
+def _row(name: str, end: str, bounds: tuple[float, float], bond: tuple[float, float]) -> list[str]:
+    """Return the row of a layout: its bounds, and the lower one over both bounds of the running bond."""
+    numbers = [f"{value:.4g}" for value in bounds]
+    return [name, end, *numbers, *(f"{bounds[0] / value:.3g}" for value in bond)]
+
+
 def main() -> None:
     """Search, refine and write the table."""
     scene = wall()
@@ -122,20 +129,31 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         settings = ExploreSettings(seconds=SECONDS, jobs=2, pictures=False)
         done = explore_and_move(scene, Path(folder) / "out", 3, settings, print)
+    load = os.getloadavg()[2]
     seconds, cores = time.perf_counter() - start, time.process_time() - busy
     best = done.best
     low, high = refined(build_assembly(scene))
     better_low, better_high = refined(build_assembly(best.scene))
     rows = [
-        ["running bond", "–", f"{low:.4g}", f"{high:.4g}", "1"],
-        ["best moved, as ranked", best.end, f"{best.low:.4g}", f"{best.high:.4g}", f"{best.low / low:.3g}"],
-        ["best moved, refined", "–", f"{better_low:.4g}", f"{better_high:.4g}", f"{better_low / low:.3g}"],
+        ["running bond", "–", f"{low:.4g}", f"{high:.4g}", "1", "–"],
+        _row("best moved, as ranked", best.end, (best.low, best.high), (low, high)),
+        _row("best moved, refined", "–", (better_low, better_high), (low, high)),
     ]
     about = " ".join((__doc__ or "").split("\n\n", 1)[1].split())
     text = "# Labels and geometry together\n\nWritten by `python -m benchmarks.moved_opening`. " + about + "\n\n"
-    text += table(["layout", "ended", "λ by fields, at least", "at most", "over the bond, lower bounds"], rows)
+    text += table(
+        [
+            "layout",
+            "ended",
+            "λ by fields, at least",
+            "at most",
+            "over the bond, lower bounds",
+            "over the most that the bond carries",
+        ],
+        rows,
+    )
     text += f"\n\n{len(done.rounds)} rounds, {len(done.layouts)} layouts moved, {seconds:.0f} s (this process: "
-    text += f"{cores:.0f} s of a core), ended: {done.stop}."
+    text += f"{cores:.0f} s of a core), ended: {done.stop}. Load average of the machine: {load:.1f}."
     write("moved_opening", text)
 
 

@@ -19,8 +19,8 @@ from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.requirements import require_fields
+from jld_core.geometry_optimisation.field_moves import move_by_fields
 from jld_core.geometry_optimisation.moved_scene import MovedScene
-from jld_core.geometry_optimisation.optimise import move_joints
 from jld_core.geometry_optimisation.search import GeometrySearch
 from jld_core.geometry_optimisation.vertex_mesh import vertex_mesh
 from jld_core.limit import SolveOptions, Status
@@ -39,13 +39,13 @@ _GAIN: Final = 0.01
 _ROUND: Final = 0.6
 """Share of the remaining time for one round of labels and geometry."""
 
-_SEARCH: Final = 0.25
+_SEARCH: Final = 0.15
 """Share of a round's time for its search of labels."""
 
-_TASKS: Final = 0.4
+_TASKS: Final = 0.5
 """Share of a round's time in which joints move; refined bounds of the most promising layouts take the rest."""
 
-_MOVING: Final = 0.6
+_MOVING: Final = 0.8
 """Share of a task's time in which joints move; first bounds by fields take the rest."""
 
 _SLACK: Final = 0.8
@@ -340,7 +340,7 @@ def move_one(
         number, row, labels, math.nan, math.nan, before, _NONE, "", stated, mesh.places, np.zeros_like(mesh.places)
     )
     try:
-        done = move_joints(scene, assembly, labels, seconds=_MOVING * seconds)
+        done = move_by_fields(scene, assembly, labels, seconds=_MOVING * seconds)
     except InputError as error:
         # this layout stays where it is; the reason stands in the table
         return replace(still, end=f"{error.where}: {error.problem}")

@@ -114,6 +114,19 @@ def loaded_mesh(assembly: Assembly, patch: float | None = None) -> tuple[Mesh, F
     InputError
         A force on the outline of its cell without a free face, or without room for its patch.
     """
+    segments, rest = live_segments(assembly, patch)
+    ends = np.array([end for segment in segments for end in segment.ends]).reshape(-1, 2)
+    coarse = coarse_mesh(outlines_of(assembly, ends))
+    mesh = _tagged(coarse, segments, len(assembly.interfaces))
+    return mesh, loads_on(assembly, mesh, segments, rest)
+
+
+def live_segments(assembly: Assembly, patch: float | None = None) -> tuple[list[Segment], Floats]:
+    """Return the parts of free faces with live tractions, and the live loads that they leave.
+
+    patch: as for `loaded_mesh`. The second result (n, 3) holds forces and moments about centroids, scene units. Raises
+    InputError as `loaded_mesh` does.
+    """
     plain = outlines_of(assembly)
     faces = [face for cell in range(len(plain.cells)) for face in _free_faces(plain, cell)]
     chosen: dict[int, list[_Force]] = {}
@@ -136,15 +149,21 @@ def loaded_mesh(assembly: Assembly, patch: float | None = None) -> tuple[Mesh, F
     segments: list[Segment] = []
     for index, forces in chosen.items():
         segments += _segments(assembly, faces[index], forces)
-    ends = np.array([end for segment in segments for end in segment.ends]).reshape(-1, 2)
-    coarse = coarse_mesh(outlines_of(assembly, ends))
-    _require_cover(assembly, coarse)
-    mesh = _tagged(coarse, segments, len(assembly.interfaces))
     rest = assembly.live - taken
     gross = abs(assembly.live) + abs(taken)
     gross[:, 2] += gross[:, :2].sum(axis=1) * assembly.size
     rest[abs(rest) <= tolerances.ROUNDING * gross] = 0.0
-    return mesh, FieldLoads(_body(assembly, mesh, assembly.dead), _body(assembly, mesh, rest), tuple(segments))
+    return segments, rest
+
+
+def loads_on(assembly: Assembly, mesh: Mesh, segments: list[Segment], rest: Floats) -> FieldLoads:
+    """Return the loads of an assembly over its coarsest mesh.
+
+    mesh: coarsest mesh, its edges on segments tagged. segments, rest: as `live_segments` returns them. Raises
+    InputError for a flat triangle, and for an interface off the outlines of its cells.
+    """
+    _require_cover(assembly, mesh)
+    return FieldLoads(_body(assembly, mesh, assembly.dead), _body(assembly, mesh, rest), tuple(segments))
 
 
 def _require_cover(assembly: Assembly, mesh: Mesh) -> None:

@@ -186,10 +186,10 @@ def move_joints(
         raise InputError("move", problem, "a scene that stands, more vertices that move, or more `starts`")
     if best[1] == "stationary":
         best = search.climb(best[0], deadline, polish, search.trust.gain)
-    return _result(search, before, best, points)
+    return moved_result(search, before, best, points)
 
 
-def _result(
+def moved_result(
     search: GeometrySearch, before: Evaluated | None, best: tuple[Evaluated, str], points: list[Point]
 ) -> MovedJoints:
     """Assemble the result of a search; best: the last point, and why its search ended."""

@@ -120,6 +120,7 @@ class GeometrySearch:
             limits = Limits(scene, assembly, labels, mesh, moving, self.move)
             self.moved = MovedScene(scene, assembly, labels, mesh)
         self.evaluator = Evaluator(self.moved, mesh, labels, self.variables, limits, self.unit, robust)
+        self.required = assembly.required
         self._friction = float(np.nan_to_num(assembly.strengths.friction[labels]).max(initial=0.0))
 
     # --- points -----------------------------------------------------------------------------------------
@@ -171,7 +172,7 @@ class GeometrySearch:
             values = values + np.linalg.lstsq(matrix, right, rcond=1e-12)[0]
         return None
 
-    def _bounds(self, values: Floats, radius: float) -> tuple[Floats, Floats]:
+    def bounds(self, values: Floats, radius: float) -> tuple[Floats, Floats]:
         """Return bounds low, high (k,) on a step from z (k,) by trust region and user's box.
 
         radius: of the trust region; all are lengths. The thickness of an arch is limited by the radius alone.
@@ -200,7 +201,7 @@ class GeometrySearch:
         for _ in range(self.trust.points):
             if point is None or radius < self.trust.least * self.unit or time.perf_counter() > deadline:
                 return None
-            answer = self.evaluator.step(point, *self._bounds(point.values, radius), "slack")
+            answer = self.evaluator.step(point, *self.bounds(point.values, radius), "slack")
             target = None if answer is None else self.restored(point.values + answer.change)
             new = None if target is None else self.evaluator.missing(target)
             if answer is None or new is None or new.objective <= point.objective:
@@ -253,7 +254,7 @@ class GeometrySearch:
         solved again there, with the forces of the step (second-order correction). The prediction is inf if the program
         fails.
         """
-        low, high = self._bounds(point.values, radius)
+        low, high = self.bounds(point.values, radius)
         answer = self.evaluator.step(point, low, high, self.goal)
         if answer is None:
             return None, math.inf
@@ -313,7 +314,7 @@ class GeometrySearch:
         if self.variables.scaled:
             step[-1] = 0.0
         centre = np.zeros(len(step)) if best is None or number % 2 == 0 else best
-        low, high = self._bounds(np.zeros(len(step)), math.inf)
+        low, high = self.bounds(np.zeros(len(step)), math.inf)
         for share in (1.0, 0.5, 0.25, 0.1):
             values = self.restored(np.clip(centre + share * step, low, high))
             if values is not None and self.evaluator.assembly(values) is not None:

@@ -14,10 +14,13 @@ from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.build import build_robust
 from jld_core.errors import InputError, ParameterError, error_context
+from jld_core.geometry_optimisation.field_moves import move_by_fields
 from jld_core.geometry_optimisation.optimise import MovedJoints, Point, move_joints
 from jld_core.geometry_optimisation.search import GeometrySearch
 from jld_core.models import solve, solve_by_fields
 from jld_core.scene import Scene
+from jld_core.scene.cracks import FieldCracks
+from jld_explore.cli.cracks import Cracks, with_cracks
 from jld_explore.cli.layout import layout_of
 from jld_explore.cli.move_output import json_number, value_text, write_move
 from jld_explore.cli.options import AsJson, Rank, Source, refuse_itself
@@ -71,6 +74,7 @@ def move(
         ),
     ] = None,
     robust: Annotated[bool, typer.Option("--robust", help="Raise λ at the low values of materials.")] = False,
+    cracks: Cracks = None,
     as_json: AsJson = False,
 ) -> None:
     """Move the joints of a layout to raise its load factor, with each step proven.
@@ -88,6 +92,10 @@ def move(
         given = "joint" if joint is not None else "prove"
         raise ParameterError(given, "it knows nominal values of materials alone", "one without `robust`")
     scene, assembly, labels = layout_of(source, rank)
+    scene = with_cracks(scene, cracks)
+    by_fields = isinstance(scene.cracks, FieldCracks)
+    if by_fields and robust:
+        raise ParameterError("robust", "cracks by fields take one value of each strength", "cracks by faces")
     if robust and assembly.nominal is None:
         with error_context(source):
             assembly = build_robust(scene)
@@ -104,12 +112,13 @@ def move(
         if joint is not None:
             move_shape(scene, assembly, labels, joint, seconds, out, as_json)
             return
-        done = move_joints(scene, assembly, labels, seconds=seconds, starts=starts, progress=progress)
+        mover = move_by_fields if by_fields else move_joints
+        done = mover(scene, assembly, labels, seconds=seconds, starts=starts, progress=progress)
     facts = _facts(done)
     if assembly.nominal is not None and done.after is not None:
         nominal = solve(done.after.assembly.at_nominal, labels).load_factor
         facts["load_factor_nominal"] = json_number(nominal)
-    checked = _check_by_fields(assembly, done, labels)
+    checked = _bounded(facts, assembly, done, labels) if by_fields else _check_by_fields(assembly, done, labels)
     facts["fields"], facts["warnings"] = checked, [*done.warnings, *_doubts(checked)]
     table = [vars(point) | {"bracket_lo": point.bracket[0], "bracket_hi": point.bracket[1]} for point in done.points]
     after = None if done.after is None else done.after.assembly
@@ -163,6 +172,20 @@ def _check_by_fields(assembly: Assembly, done: MovedJoints, labels: Bits) -> dic
     except InputError as error:
         found["skipped"] = f"{error.where}: {error.problem}"
     return found
+
+
+def _bounded(facts: dict[str, Any], assembly: Assembly, done: MovedJoints, labels: Bits) -> dict[str, Any]:
+    """Put bounds by fields into the facts of a move by fields; return the lower ones before and after.
+
+    facts: changed in place; λ, bracket and status become those by fields. labels: (m,) True = dry.
+    """
+    before = solve_by_fields(assembly, labels, gap=_FIELD_GAP, seconds=_FIELD_SECONDS).governing
+    moved = assembly if done.after is None else done.after.assembly
+    after = solve_by_fields(moved, labels, gap=_FIELD_GAP, seconds=_FIELD_SECONDS)
+    low, high = json_number(after.governing.low), json_number(after.governing.high)
+    facts |= {"start": json_number(before.low), "value": low, "load_factor": low, "bracket": [low, high]}
+    facts |= {"status": str(after.status), "start_bracket": [json_number(before.low), json_number(before.high)]}
+    return {"before": facts["start"], "after": low, "skipped": None}
 
 
 def _doubts(checked: dict[str, Any] | None) -> list[str]:

@@ -1,0 +1,215 @@
+"""Dual of the upper bound: stresses in weak equilibrium, and how they depend on the positions of nodes.
+
+By strong duality their largest λ is that of the best velocity field on the mesh (docs/method.md (11.9)). Stresses are
+constant in triangles and linear along edges, yield does not depend on the geometry, and equilibrium is polynomial in
+the positions of nodes. That makes this form the one for steps over positions. It proves nothing: `UpperBound` does.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+
+from jld_core.arrays import Bits, Floats, Ints
+from jld_core.fields.conic import ConeProgram, Rows
+from jld_core.fields.problem import Problem
+from jld_core.fields.upper import UpperBound
+
+
+@dataclass(frozen=True)
+class ConeRows:
+    """Rows A x + s = b of a cone program.
+
+    matrix: A. right: (rows,) b. sizes: numbers of equations, inequalities s ≥ 0, and cones of three
+    rows, in this order.
+    """
+
+    matrix: sp.csr_array
+    right: Floats
+    sizes: tuple[int, int, int]
+
+
+class WeakEquilibrium:
+    """Stresses in weak equilibrium of one labelling on one mesh.
+
+    The columns are (m, d, s) of each of n panels, their radii r ≥ √(d² + s²), tractions (N, S) at the ends of dry
+    edges, and λ last. Panels are the t triangles, then the first ends of all edges in the material, then their second
+    ends. m, d, s are those of `StressField`; at edges they refer to the normal and the tangent.
+
+    Parameters
+    ----------
+    problem : Problem
+        The scaled problem on one mesh.
+    labels : (m,) bool array
+        Labels, True = dry.
+    """
+
+    def __init__(self, problem: Problem, labels: Bits) -> None:
+        self.problem, self._labels = problem, labels
+        e, dry = problem.edges, problem.is_dry(labels)
+        there = (e.b >= 0) | (problem.face >= 0)
+        self._material: Ints = np.flatnonzero(there & ~dry)
+        self._dry: Ints = np.flatnonzero(dry)
+        self._panels = len(problem.mesh) + 2 * len(self._material)
+        self.width = 4 * self._panels + 4 * len(self._dry) + 1
+
+    @cached_property
+    def _loads(self) -> tuple[Floats, Floats]:
+        """Nodal forces (t, 3, 2) of live and dead loads, scaled."""
+        upper = UpperBound(self.problem)
+        return upper.live, upper.dead
+
+    def _pairs(self) -> list[tuple[Ints, int, Ints, Ints]]:
+        """Return edges, end, and the columns of N (as sum of two at panels) and of S, for each kind of edge end."""
+        count, found = len(self.problem.mesh), []
+        for end in (0, 1):
+            panel = 3 * (count + end * len(self._material) + np.arange(len(self._material)))
+            found.append((self._material, end, panel, panel + 2))
+            joint = 4 * self._panels + 2 * (end * len(self._dry) + np.arange(len(self._dry)))
+            found.append((self._dry, end, joint, joint + 1))
+        return found
+
+    def rows(self) -> ConeRows:
+        """Return equilibrium, yield and cones of this labelling."""
+        p, mesh = self.problem, self.problem.mesh
+        count, last = len(mesh), self.width - 1
+        live, dead = self._loads
+        balance = Rows()
+        balance.add([(np.full(6 * count, last), -live.ravel())], dead.ravel(), 6 * count)
+        entries = _Entries()
+        row, base = 6 * np.arange(count), 3 * np.arange(count)
+        for k in range(3):
+            gx, gy = (mesh.area[:, None] * mesh.gradient[:, k]).T
+            for axis, parts in enumerate(((gx, gx, gy), (gy, -gy, gx))):
+                for j, value in enumerate(parts):
+                    entries.add(row + 2 * k + axis, base + j, value)
+        e = p.edges
+        for own, end, first, shear in self._pairs():
+            half = 0.5 * e.length[own]
+            nx, ny = e.normal[own].T
+            normals = [first, first + 1] if own is self._material else [first]
+            for axis, (n, t) in enumerate(((nx, -ny), (ny, nx))):
+                for place, sign, some in self._corners(own, end, axis):
+                    for column in normals:
+                        entries.add(place, column[some], sign * (half * n)[some])
+                    entries.add(place, shear[some], sign * (half * t)[some])
+        matrix = sp.csr_array(balance.matrix(self.width) + entries.matrix((6 * count, self.width)))
+        linear = self._yield()
+        cones, panels = Rows(), np.arange(self._panels)
+        stacked = np.stack([3 * self._panels + panels, 3 * panels + 1, 3 * panels + 2], axis=1).reshape(-1)
+        cones.add([(stacked, -1.0)], 0.0, 3 * self._panels)
+        whole = sp.csr_array(sp.vstack([matrix, linear.matrix(self.width), cones.matrix(self.width)]))
+        right = np.concatenate([balance.right, linear.right, cones.right])
+        return ConeRows(whole, right, (6 * count, linear.count, self._panels))
+
+    def _corners(self, own: Ints, end: int, axis: int) -> list[tuple[Ints, float, Ints]]:
+        """Return rows, sign and the edges used, for the triangles on both sides of edges at one end."""
+        e = self.problem.edges
+        some = np.flatnonzero(e.b[own] >= 0)
+        every = np.arange(len(own))
+        first = 6 * e.a[own] + 2 * e.corner_a[own, end] + axis
+        second = 6 * e.b[own[some]] + 2 * e.corner_b[own[some], end] + axis
+        return [(first, -1.0, every), (second, 1.0, some)]
+
+    def _yield(self) -> Rows:
+        """Return the linear rows of yield in the material and on dry joints."""
+        p, linear, panels = self.problem, Rows(), np.arange(self._panels)
+        for a, b in p.material.lines:
+            linear.add([(3 * self._panels + panels, 1.0), (3 * panels, -b)], a, self._panels)
+        face = p.face[self._dry]
+        mu, c, crush = p.joints.friction[face], p.joints.cohesion[face], p.joints.crushing[face]
+        size = np.maximum(1.0, mu)
+        some = np.flatnonzero(np.isfinite(crush))
+        for own, _, normal, shear in self._pairs():
+            if own is not self._dry:
+                continue
+            linear.add([(normal, 1.0)], 0.0, len(own))
+            for sign in (1.0, -1.0):
+                linear.add([(normal, mu / size), (shear, sign / size)], c / size, len(own))
+            linear.add([(normal[some], -1.0)], crush[some], len(some))
+        return linear
+
+    def solve(self) -> tuple[Floats, float] | None:
+        """Return the stresses (width,) of largest λ, and λ, all scaled; None where the solver has no answer.
+
+        λ is inf, and the stresses mean nothing, where no live load is too large.
+        """
+        rows = self.rows()
+        objective = np.zeros(self.width)
+        objective[-1] = -1.0
+        answer = ConeProgram(objective, rows.matrix, rows.right, rows.sizes).solve()
+        if answer.status == "DualInfeasible":
+            return answer.point, math.inf
+        return (answer.point, float(answer.point[-1])) if answer.usable else None
+
+    def stands(self) -> bool:
+        """Return True unless the mesh refutes that the dead load stands alone; True without dead load."""
+        p = self.problem
+        if not p.dead.any():
+            return True
+        alone = replace(p, live=p.dead, dead=np.zeros_like(p.dead), pull=np.zeros_like(p.pull))
+        found = WeakEquilibrium(alone, self._labels).solve()
+        # a program without a largest multiple has no answer, and stands
+        return found is None or found[1] >= 1.0
+
+    def rates(self, point: Floats) -> sp.csr_array:
+        """Return the derivatives (6t, 2p) of the equations of `rows`, A x − b, by the positions of the p nodes.
+
+        point: (width,) stresses and λ, held; so are loads per volume and nodal forces of tractions. Column 2·node +
+        axis, scaled lengths.
+        """
+        p, mesh = self.problem, self.problem.mesh
+        count, found = len(mesh), _Entries()
+        m, d, s = point[: 3 * count].reshape(-1, 3).T
+        row, nodes = 6 * np.arange(count), mesh.triangles
+        load = p.dead + float(point[-1]) * p.live
+        for axis, (sx, sy) in enumerate(((m + d, s), (s, m - d))):
+            for k in range(3):
+                place = row + 2 * k + axis
+                # area times the gradient at corner k is half the opposite edge, turned
+                found.add_vector(place, nodes[:, (k + 2) % 3], 0.5 * np.column_stack([sy, -sx]))
+                found.add_vector(place, nodes[:, (k + 1) % 3], -0.5 * np.column_stack([sy, -sx]))
+                for j in range(3):
+                    grown = mesh.area[:, None] * mesh.gradient[:, j] * (-load[:, axis] / 3.0)[:, None]
+                    found.add_vector(place, nodes[:, j], grown)
+        e = p.edges
+        ends = nodes[e.a[:, None], e.corner_a]
+        for own, end, first, shear in self._pairs():
+            normal = point[first] + (point[first + 1] if own is self._material else 0.0)
+            slide = point[shear]
+            for axis, vector in enumerate(((slide, normal), (-normal, slide))):
+                # half a length times the traction is half of the edge times (S, N), (−N, S)
+                half = 0.5 * np.column_stack(vector)
+                for place, sign, some in self._corners(own, end, axis):
+                    found.add_vector(place, ends[own[some], 1], sign * half[some])
+                    found.add_vector(place, ends[own[some], 0], -sign * half[some])
+        return found.matrix((6 * count, 2 * len(mesh.points)))
+
+
+class _Entries:
+    """Entries of a sparse matrix, collected; duplicates are summed."""
+
+    def __init__(self) -> None:
+        self._rows: list[Ints] = []
+        self._columns: list[Ints] = []
+        self._values: list[Floats] = []
+
+    def add(self, rows: Ints, columns: Ints, values: Floats) -> None:
+        """Add k entries."""
+        self._rows.append(rows)
+        self._columns.append(columns)
+        self._values.append(values)
+
+    def add_vector(self, rows: Ints, nodes: Ints, vectors: Floats) -> None:
+        """Add vectors (k, 2) as derivatives by the positions of nodes (k,)."""
+        for axis in (0, 1):
+            self.add(rows, 2 * nodes + axis, vectors[:, axis])
+
+    def matrix(self, shape: tuple[int, int]) -> sp.csr_array:
+        """Return the matrix of all entries."""
+        entries = (np.concatenate(self._values), (np.concatenate(self._rows), np.concatenate(self._columns)))
+        return sp.csr_array(entries, shape=shape)

@@ -1,0 +1,151 @@
+"""Move the joints of blocks that may crack anywhere."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+
+from jld_core.arrays import Bits, Floats
+from jld_core.assembly import Assembly
+from jld_core.errors import InputError
+from jld_core.fields.requirements import require_fields
+from jld_core.geometry_optimisation.evaluation import Evaluated
+from jld_core.geometry_optimisation.field_search import FieldPoint, FieldSearch
+from jld_core.geometry_optimisation.optimise import MovedJoints, Point, moved_result
+from jld_core.geometry_optimisation.search import GeometrySearch, TrustRegion
+from jld_core.models import solve
+from jld_core.scene import Scene
+from jld_core.threads import one_thread
+
+_PARTS: Final = (1, 2)
+"""Parts of each edge of the coarsest meshes, in the order climbed: a coarse optimum begins the finer search."""
+
+_FIRST: Final = 0.5
+"""Share of a limited time after which the first mesh is left: the second lies nearer to λ."""
+
+_FINER: Final = 50.0
+"""Expected time of the first step on the second mesh, over that of one solve on the first: 8 solves, each 6 times."""
+
+
+@one_thread()
+def move_by_fields(
+    scene: Scene,
+    assembly: Assembly,
+    labels: Bits,
+    *,
+    seconds: float = math.inf,
+    starts: int = 1,
+    trust: TrustRegion | None = None,
+    progress: Callable[[Point], None] | None = None,
+) -> MovedJoints:
+    """Move joints to raise λ of blocks that may crack anywhere (docs/method.md (11.9)).
+
+    Steps raise the bound by fields from above on a mesh that moves with the blocks. Values and brackets of the points
+    returned are those of these meshes; `before` and `after`, `start` and `value` are λ by faces.
+
+    Parameters
+    ----------
+    scene, assembly, labels, seconds, starts, trust, progress
+        As for `move_joints`; the scene is planar and its objective is λ.
+
+    Returns
+    -------
+    MovedJoints
+        Best geometry found. Bound it by `bounds_by_fields` to know what it carries.
+
+    Raises
+    ------
+    InputError
+        As `move_joints`; for a scene in space, another objective, low values, or one that fields do not take.
+    """
+    began = time.perf_counter()
+    if assembly.dimension != 2:
+        raise InputError("cracks", "joints in space move by faces alone", '"faces"')
+    if scene.move is not None and scene.move.maximise != "load_factor":
+        raise InputError("move.maximise", f'"{scene.move.maximise}" is not known by fields', '"load_factor"')
+    if assembly.nominal is not None:
+        raise InputError("cracks", "fields take nominal values of materials alone", '"faces", or nominal values')
+    require_fields(assembly)
+    search = GeometrySearch(scene, assembly, labels, trust)
+    fields, deadline, points = FieldSearch(search), began + seconds, list[Point]()
+    best: tuple[FieldPoint, str] | None = None
+    for number in range(starts):
+        if number and time.perf_counter() > deadline:
+            break
+        near = None if best is None else best[0].values
+        values = np.zeros(search.variables.count) if number == 0 else search.shaken(number, near)
+        taken = 0
+
+        def report(point: FieldPoint, predicted: float, radius: float, number: int = number) -> None:
+            """Record an accepted point of start `number`, with predicted objective and trust radius."""
+            nonlocal taken
+            bracket = (math.nan, math.nan) if progress is None else fields.bracket(point)
+            spent = time.perf_counter() - began
+            points.append(Point(number, taken, point.objective, bracket, predicted, radius, fields.solves, spent))
+            taken += 1
+            if progress is not None:
+                progress(points[-1])
+
+        end = None if values is None else _climb(fields, search, values, deadline, report)
+        if end is not None and (best is None or end[0].objective > best[0].objective):
+            best = end
+    if best is None:
+        problem = "blocks that crack anywhere do not stand, nor at any position of joints that was tried"
+        raise InputError("move", problem, "a scene that stands, more vertices that move, or more `starts`")
+    found = search.evaluator.assembly(best[0].values)
+    result = None if found is None else solve(found, labels)
+    before = search.first()
+    value = math.nan if result is None else result.load_factor
+    return moved_result(search, before, (Evaluated(best[0].values, value, result, []), best[1]), points)
+
+
+def _climb(
+    fields: FieldSearch,
+    search: GeometrySearch,
+    values: Floats,
+    deadline: float,
+    report: Callable[[FieldPoint, float, float], None],
+) -> tuple[FieldPoint, str] | None:
+    """Climb from variables z (k,) on coarse, then on finer meshes; return the last point and why the search ended.
+
+    Where blocks do not stand at z, joints first move by faces. deadline: time of `time.perf_counter`, s. None where
+    blocks stand nowhere on the way.
+    """
+    point = fields.start(values, _PARTS[0])
+    if point is None:
+        moved = _stood(search, values, deadline)
+        point = None if moved is None else fields.start(moved, _PARTS[0])
+    if point is None:
+        return None
+    end, spent = "time", 0.0
+    for parts in _PARTS:
+        if time.perf_counter() + _FINER * spent > deadline:  # too late for the finer mesh: spend what is left on this
+            return (point, end) if end != "time" else fields.climb(point, deadline, report)
+        began = time.perf_counter()
+        finer = point if parts == _PARTS[0] else fields.start(point.values, parts)
+        if finer is None:  # the finer mesh refutes this position: what the coarse one found stands for nothing
+            return None
+        report(finer, finer.objective, search.trust.first * search.unit)
+        now = time.perf_counter()
+        until = now + _FIRST * (deadline - now) if parts == _PARTS[0] and deadline < math.inf else deadline
+        solves = fields.solves
+        point, end = fields.climb(finer, until, report)
+        spent = (time.perf_counter() - began) / max(fields.solves - solves, 1)
+    return point, end
+
+
+def _stood(search: GeometrySearch, values: Floats, deadline: float) -> Floats | None:
+    """Return variables z (k,) at which the structure stands by faces, with joints moved for a larger λ.
+
+    None where no such position is found in half of the time until `deadline`.
+    """
+    now = time.perf_counter()
+    until = now + 0.5 * (deadline - now)
+    first = search.evaluate(values, None) or search.standing(values, until)
+    if first is None:
+        return None
+    return search.climb(first, until, lambda *_: None, search.trust.coarse)[0].values

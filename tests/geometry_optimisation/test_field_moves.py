@@ -1,0 +1,158 @@
+"""Joints moved for blocks that may crack anywhere: the dual of the upper bound, its derivatives, and what is gained."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cases import grid_document
+from command import Command
+from jld_core import InputError, build_assembly, parse_scene
+from jld_core.fields.adaptive import FieldSetting
+from jld_core.fields.bounds import bounds_by_fields
+from jld_core.fields.mesh import subdivide
+from jld_core.fields.upper import UpperBound
+from jld_core.fields.weak_equilibrium import WeakEquilibrium
+from jld_core.geometry_optimisation.field_mesh import FieldMesh
+from jld_core.geometry_optimisation.field_moves import move_by_fields
+from jld_core.geometry_optimisation.field_search import FieldSearch
+from jld_core.geometry_optimisation.search import GeometrySearch
+from jld_core.scene import Scene
+
+FRICTION = 0.9
+
+
+def wall(**keys: Any) -> dict[str, Any]:
+    """Two courses of two cells on a ground, pushed to the side; both vertical joints may lean."""
+    push: list[dict[str, Any]] = [{"body": [1.0, 0.0]}]
+    document = grid_document(["ab", "cd", "##"], live=push, tension=3e5, shear=5e5, friction=FRICTION)
+    return {**document, **keys}
+
+
+def search_of(scene: Scene) -> GeometrySearch:
+    assembly = build_assembly(scene)
+    return GeometrySearch(scene, assembly, assembly.labels)
+
+
+@pytest.mark.parametrize("labels", ["joints", "inner"])
+def test_weak_equilibrium_is_dual_to_velocities(labels: str) -> None:
+    """Strong duality: λ is that of the velocity field on the same mesh, with dry joints and with cracks."""
+    force = [{"element": "c0r0", "force": [1e3, -1e3], "at": [0.05, 0.3], "width": 0.04}]
+    document = grid_document(["aa", "bb", "##"], live=force, tension=2e4, shear=3e4, friction=0.6)
+    document["materials"]["dry"] |= {"cohesion": 2e3, "compressive_strength": 1e6}
+    document["materials"]["inner"] |= {"friction_coefficient": 0.5, "compressive_strength": 2e6}
+    assembly = build_assembly(parse_scene(document))
+    dry = assembly.labels if labels == "joints" else np.zeros_like(assembly.labels)
+    setting = FieldSetting.of(assembly)
+    problem = setting.problem(subdivide(setting.coarse, 2))
+    upper, found = UpperBound(problem).bound(dry), WeakEquilibrium(problem, dry).solve()
+    assert upper is not None
+    assert found is not None
+    assert found[1] == pytest.approx(upper.factor, rel=1e-6)
+
+
+def test_rates_of_weak_equilibrium() -> None:
+    """Derivatives of all equations by nodes against fourth-order differences, at random stresses."""
+    assembly = build_assembly(parse_scene(wall()))
+    setting = FieldSetting.of(assembly)
+    problem = setting.problem(setting.coarse)
+    form, random = WeakEquilibrium(problem, assembly.labels), np.random.default_rng(3)
+    point, way = random.normal(size=form.width), random.normal(size=problem.mesh.points.shape)
+
+    def rest(step: float) -> np.ndarray:
+        mesh = replace(problem.mesh, points=problem.mesh.points + step * way)
+        rows = WeakEquilibrium(replace(problem, mesh=mesh), assembly.labels).rows()
+        return np.asarray((rows.matrix @ point - rows.right)[: rows.sizes[0]])
+
+    step = 1e-3
+    rates = (8.0 * (rest(step) - rest(-step)) - (rest(2.0 * step) - rest(-2.0 * step))) / (12.0 * step)
+    found = form.rates(point) @ way.ravel()
+    assert abs(found - rates).max() <= 1e-9 * abs(rates).max()
+
+
+def test_meshes_follow_vertices() -> None:
+    """A refined mesh that follows moved vertices is that of the moved scene: it covers its elements, and so its λ."""
+    force = [{"element": "c0r0", "force": [1e3, -1e3], "at": [0.05, 0.3], "width": 0.04}]
+    scene = parse_scene(wall(loads={"live": force}))
+    search = search_of(scene)
+    point = FieldSearch(search).start(np.zeros(search.variables.count), 2)
+    assert point is not None
+    values = 0.01 * np.random.default_rng(1).normal(size=search.variables.count)
+    assembly = search.evaluator.assembly(values)
+    assert assembly is not None
+    moved = search.variables.places(values) - search.variables.start
+    mesh = point.meshes[0].at(assembly, moved)
+    assert mesh is not None
+    area = np.bincount(mesh.mesh.cell, mesh.mesh.area, minlength=len(assembly.elements))
+    free = assembly.elements.free
+    assert area[free] * assembly.interfaces.l2[0] == pytest.approx(assembly.elements.volume[free], rel=1e-12)
+    linear = mesh.mesh.points - point.meshes[0].mesh.points
+    assert linear.ravel() == pytest.approx(point.meshes[0].motion @ moved.ravel(), abs=1e-12)
+    # the bound on the mesh that followed holds for the scene as it would be meshed anew
+    upper = UpperBound(mesh.setting.problem(mesh.mesh)).bound(assembly.labels)
+    assert upper is not None
+    fresh = bounds_by_fields(assembly, assembly.labels, gap=0.2, seconds=2.0)
+    assert upper.factor * mesh.setting.problem(mesh.mesh).units.load >= fresh.lower * (1.0 - 1e-9)
+    assert isinstance(mesh, FieldMesh)
+
+
+def test_a_small_step_keeps_what_it_promises() -> None:
+    """To first order the program of a step predicts the bound at its end."""
+    search = search_of(parse_scene(wall(move={"inner": "follow"})))
+    fields = FieldSearch(search)
+    point = fields.start(np.zeros(search.variables.count))
+    assert point is not None
+    for radius in (1e-3, 1e-4):
+        answer = fields.step(point, radius * search.unit)
+        assert answer is not None
+        new = fields.at(point, point.values + answer[0])
+        assert new is not None
+        promised = answer[1] - point.objective
+        assert promised > 0.0
+        assert new.objective - point.objective >= promised * (1.0 - 30.0 * radius) - 1e-6 * point.objective
+
+
+def test_moved_joints_carry_more_by_fields() -> None:
+    """λ ≤ μ, since the base stays, is reached by the bound from above; that from below grows on meshes as fine."""
+    scene = parse_scene(wall(move={"inner": "follow"}))
+    assembly = build_assembly(scene)
+    done = move_by_fields(scene, assembly, assembly.labels, seconds=10.0)
+    after = build_assembly(done.scene)
+    before, moved = (bounds_by_fields(one, gap=0.05, most_triangles=70) for one in (assembly, after))
+    assert before.upper == pytest.approx(0.78125, rel=1e-3)  # both upper bricks turn, as by faces
+    assert moved.upper == pytest.approx(FRICTION, rel=1e-3)
+    assert before.lower < 0.9 * moved.lower
+    assert done.end == "stationary"
+    values = [point.value for point in done.points if point.start == 0]
+    assert values[-1] <= FRICTION * (1.0 + 1e-6)
+
+
+def test_what_fields_do_not_know_is_refused() -> None:
+    document = wall(move={"maximise": "least_friction"})
+    scene = parse_scene(document)
+    assembly = build_assembly(scene)
+    with pytest.raises(InputError, match=r"move\.maximise"):
+        move_by_fields(scene, assembly, assembly.labels)
+
+
+def test_the_command_moves_by_fields(
+    tmp_path: Path, jld: Command, without_pictures: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """λ of the command is the bound by fields from below, and the scene written carries it."""
+    monkeypatch.setattr("jld_explore.cli.moving._FIELD_SECONDS", 0.3)
+    file, out = tmp_path / "wall.json", tmp_path / "moved.json"
+    file.write_text(json.dumps(wall(cracks={"kind": "fields"})))
+    found = jld("move", file, "-o", out, "--seconds", "2", "--json")
+    assert found.code == 0
+    facts = json.loads(found.out)
+    low, high = facts["bracket"]
+    assert facts["load_factor"] == low
+    assert facts["start"] < low <= high
+    refused = jld("move", file, "-o", tmp_path / "other.json", "--robust")
+    assert refused.code == 2
+    assert "--robust" in refused.err
