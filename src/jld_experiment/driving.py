@@ -13,7 +13,12 @@ from jld_experiment.specimen import Specimen, Standing, State, copied
 GROWTH = 1.03  # Growth factor of the scout's displacement per slowest period.
 PLATEAU = 5e-4  # Relative rise of the highest λ over the second half of a push below which it is a plateau.
 GONE = 0.5  # Share of the highest λ below which the structure counts as collapsed.
-ENDLESS = 1e6  # Multiple of the scout's initial load at which a λ that still rises means no collapse.
+ENDLESS = 1e9
+"""Multiple of the scout's initial load at which a λ that still rises means no collapse.
+
+The initial load is 1e-3 of the dead load: 1e6 of it was 38 elastic displacements of layouts that carry 25 times their
+weight and collapse at 50 of them; they were called locked.
+"""
 
 
 @dataclass(frozen=True)
