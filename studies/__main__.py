@@ -25,6 +25,7 @@ STUDIES: Final = (
     "wall_with_opening",
     "corner",
     "virtual_experiment",
+    "distinct_elements",
     "brittle_front",
     "whose_cracks",
     "cracking_units",

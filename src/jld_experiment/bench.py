@@ -6,13 +6,22 @@ from typing import NamedTuple
 
 from jld_core.arrays import Bools, Floats, Ints
 
-Drive = tuple[bool, tuple[float, float], tuple[float, float], tuple[float, float], float]
-"""Control of a number of steps: push, share of the dead loads, λ, rate and damping.
+Drive = tuple[bool, tuple[float, float], tuple[float, float], tuple[float, float], int, float]
+"""Control of a number of steps: push, share of the dead loads, λ, rate, damping scheme and damping.
 
 If `push` is True, live·velocity follows the rate and λ is the multiplier of this constraint; else λ is given.
 Shares, λ and rates are pairs: first and last step, linear between.
-Damping is the share of the unbalanced force that acts against the velocity.
+Damping schemes are 0 local, 1 viscous and 2 combined, see `Settings.damping_scheme`. Damping is the share of the
+unbalanced force that acts against the velocity; of viscous damping it is the drag over momentum, per time step.
 Forces and moments are damped separately, so that no direction is preferred.
+"""
+
+DEAD, LIVE, DAMPING, FRICTION, FLOW, FRACTURE, CORNERS, HALF = range(8)
+"""Entries of `Motion.work`, energies since the first step, in scene units.
+
+Work of the dead loads, and of the live loads at the reported λ. Losses: damping (less what the constraint of a push
+supplies against it), friction (dry joints and cracks), plastic flow of inner faces, brittle breaking, and what contacts
+of corners store or lose. The last is no sum: the work of all contacts in the half step to which velocities belong.
 """
 
 
@@ -44,6 +53,8 @@ class Bench(NamedTuple):
         True for faces that lose a strength that is exceeded.
     gaps : (m,) bool array
         True for joints whose gaps stay open.
+    dry : (m,) bool array
+        True for dry faces.
     """
 
     dead: Floats
@@ -57,6 +68,7 @@ class Bench(NamedTuple):
     law: Floats
     brittle: Bools
     gaps: Bools
+    dry: Bools
 
 
 class Motion(NamedTuple):
@@ -72,6 +84,10 @@ class Motion(NamedTuple):
         Shear stress of sub-contacts.
     broken : (s,) bool array
         True for broken sub-contacts.
+    before : (n, q) float array
+        Unbalanced forces of the step before, for combined damping.
+    work : (8,) float array
+        Energies since the first step, see `DEAD`.
     """
 
     moved: Floats
@@ -80,3 +96,5 @@ class Motion(NamedTuple):
     pressure: Floats
     shear: Floats
     broken: Bools
+    before: Floats
+    work: Floats

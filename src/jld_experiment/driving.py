@@ -13,7 +13,12 @@ from jld_experiment.specimen import Specimen, Standing, State, copied
 GROWTH = 1.03  # Growth factor of the scout's displacement per slowest period.
 PLATEAU = 5e-4  # Relative rise of the highest λ over the second half of a push below which it is a plateau.
 GONE = 0.5  # Share of the highest λ below which the structure counts as collapsed.
-ENDLESS = 1e6  # Multiple of the scout's initial load at which a λ that still rises means no collapse.
+ENDLESS = 1e9
+"""Multiple of the scout's initial load at which a λ that still rises means no collapse.
+
+The initial load is 1e-3 of the dead load: 1e6 of it was 38 elastic displacements of layouts that carry 25 times their
+weight and collapse at 50 of them; they were called locked.
+"""
 
 
 @dataclass(frozen=True)
@@ -30,22 +35,28 @@ class Push:
         Largest unbalanced force of each record, relative to `Specimen.largest`.
     broken : (k,) int array
         Number of broken sub-contacts.
+    energy_error : (k,) float array
+        `EnergyBalance.error` at the end of each record.
     at_collapse, at_end : State
         States at the highest λ before the first fall of λ, and at the end.
     periods : float
         Duration, slowest periods.
     rising : bool
         True if λ had neither fallen nor reached a plateau at the end.
+    stopped : bool
+        True if the push ended only because it had made the records that were asked for.
     """
 
     distance: Floats
     load_factor: Floats
     unbalanced: Floats
     broken: Ints
+    energy_error: Floats
     at_collapse: State
     at_end: State
     periods: float
     rising: bool
+    stopped: bool = False
 
     @property
     def collapse(self) -> int:
@@ -96,11 +107,60 @@ def scout(specimen: Specimen, settled: State) -> float:
     return np.inf
 
 
-def push(specimen: Specimen, settled: State, scale: float, periods: float, endless: bool = False) -> Push:
+@dataclass
+class _Progress:
+    """Decide from the records of a push whether it goes on; a continued push replays its records.
+
+    unit: elastic displacement live·u at the scale of λ.
+    """
+
+    unit: float
+    distance: float = 0.0
+    highest: float = -np.inf
+    highest_at: float = 0.0
+    carried: float = 0.0
+    half: float = -np.inf
+    half_at: float = 0.0
+    fell: bool = False
+
+    def add(self, distance: float, factor: float) -> bool:
+        """Take a record; return True if λ is higher than in all records before, and has not yet fallen."""
+        best = factor > self.highest and not self.fell
+        self.distance = distance
+        if factor > self.highest:
+            self.highest, self.highest_at = factor, distance
+        if self.highest - factor > FALL * self.highest:
+            self.fell = True
+        if factor > GONE * self.highest:
+            self.carried = distance
+        return best
+
+    def ends(self) -> bool:
+        """Return True if λ stays below half of its highest value or has reached a plateau; call once per record."""
+        if self.highest_at > 0.0 and self.distance - self.carried > max(0.3 * self.unit, 0.2 * self.highest_at):
+            return True
+        if self.distance > 2.0 * self.half_at:
+            if self.highest <= self.half + PLATEAU * abs(self.half):
+                return True
+            self.half, self.half_at = self.highest, self.distance
+        return False
+
+
+def push(
+    specimen: Specimen,
+    settled: State,
+    scale: float,
+    periods: float,
+    endless: bool = False,
+    *,
+    records: int | None = None,
+    continued: Push | None = None,
+) -> Push:
     """Push a settled assembly so that live·u grows at a constant rate, later faster.
 
     λ is the multiplier of the prescribed rate.
     The push ends when λ stays below half of its highest value, reaches a plateau, or reaches the set length.
+    A push that was stopped and continued gives the same digits as one without a stop.
 
     Parameters
     ----------
@@ -114,6 +174,10 @@ def push(specimen: Specimen, settled: State, scale: float, periods: float, endle
         Slowest periods per elastic displacement.
     endless : bool
         Continue to the set length in any case.
+    records : int, optional
+        Number of records after which the push stops; default: no such limit.
+    continued : Push, optional
+        Push that was stopped, with the same specimen, state, scale and periods; not changed.
 
     Returns
     -------
@@ -126,38 +190,46 @@ def push(specimen: Specimen, settled: State, scale: float, periods: float, endle
     pace = unit / (periods * system.period)
     state, best = copied(settled), copied(settled)
     speed = float((specimen.assembly.live * state.velocity).sum())
-    distance, rows = 0.0, []
-    highest, highest_at, carried, half, half_at, fell = -np.inf, 0.0, 0.0, -np.inf, 2.0 * unit, False
-    rising = True
-    while distance < settings.length * unit:
-        target = pace * max(1.0, distance / (settings.hasten * unit))
-        factor, worst, _ = specimen.march(state, steps, rate=(speed, target))
-        distance += 0.5 * (speed + target) * steps + 0.5 * (target - speed)
-        speed = target
-        rows.append((distance, factor, worst, float(state.broken.sum())))
-        if factor > highest and not fell:
-            best = copied(state)
-        if factor > highest:
-            highest, highest_at = factor, distance
-        if highest - factor > FALL * highest:
-            fell = True
-        if factor > GONE * highest:
-            carried = distance
-        if endless:
-            continue
-        if highest_at > 0.0 and distance - carried > max(0.3 * unit, 0.2 * highest_at):
-            rising = False
+    rows, progress, stopped = list[Row](), _Progress(unit, half_at=2.0 * unit), False
+    ended = False
+
+    def target() -> float:
+        return pace * max(1.0, progress.distance / (settings.hasten * unit))
+
+    if continued is not None:
+        state, best = copied(continued.at_end), copied(continued.at_collapse)
+        for row in _rows(continued):
+            speed = target()
+            rows.append(row)
+            progress.add(row[0], row[1])
+            ended = not endless and progress.ends()
+    while not ended and progress.distance < settings.length * unit:
+        if records is not None and len(rows) >= records:
+            stopped = True
             break
-        if distance > 2.0 * half_at:
-            if highest <= half + PLATEAU * abs(half):
-                rising = False
-                break
-            half, half_at = highest, distance
-    table = np.array(rows)
+        after = target()
+        factor, worst, _ = specimen.march(state, steps, rate=(speed, after))
+        distance = progress.distance + 0.5 * (speed + after) * steps + 0.5 * (after - speed)
+        speed = after
+        rows.append((distance, factor, worst, float(state.broken.sum()), specimen.energy(state).error))
+        if progress.add(distance, factor):
+            best = copied(state)
+        ended = not endless and progress.ends()
+    table = np.array(rows).reshape(-1, 5)
     spent = len(rows) * steps / system.period
-    if rising:
-        rising = _still_rising(table)
-    return Push(table[:, 0], table[:, 1], table[:, 2], table[:, 3].astype(np.int64), best, state, spent, rising)
+    rising = not ended and not stopped and _still_rising(table)
+    broken = table[:, 3].astype(np.int64)
+    return Push(table[:, 0], table[:, 1], table[:, 2], broken, table[:, 4], best, state, spent, rising, stopped)
+
+
+Row = tuple[float, float, float, float, float]
+"""One record: displacement, λ, unbalanced force, broken sub-contacts, error of energy."""
+
+
+def _rows(found: Push) -> list[Row]:
+    """Return the records of a push, as `push` keeps them."""
+    columns = (found.distance, found.load_factor, found.unbalanced, found.broken.astype(float), found.energy_error)
+    return [(a, b, c, d, e) for a, b, c, d, e in np.column_stack(columns).tolist()]
 
 
 def _still_rising(table: Floats) -> bool:

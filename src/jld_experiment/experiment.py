@@ -10,6 +10,7 @@ from jld_core import Assembly
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.errors import InputError
 from jld_experiment.driving import push, scout
+from jld_experiment.energy import EnergyBalance
 from jld_experiment.settings import ACCURACY, RATE_ERROR, Joints, Settings
 from jld_experiment.specimen import Specimen, Standing, specimen_of
 
@@ -76,6 +77,11 @@ class Curve:
         λ at which a brittle face first broke, NaN if none did.
     periods : float
         Duration of both pushes, slowest periods.
+    energy_error : (k,) float array
+        `EnergyBalance.error` of the slower push.
+    energy_at_collapse, energy : EnergyBalance or None
+        Balance of energy from the unloaded structure to the collapse load, and to the end of the slower push; None
+        without a push.
     """
 
     assembly: Assembly
@@ -98,6 +104,9 @@ class Curve:
     rate_error: float = 0.0
     first_crack: float = np.nan
     periods: float = 0.0
+    energy_error: Floats = field(default_factory=lambda: np.zeros(0))
+    energy_at_collapse: EnergyBalance | None = None
+    energy: EnergyBalance | None = None
 
     @property
     def stands(self) -> bool:
@@ -194,6 +203,9 @@ def run_experiment(
         cracked=broken / assembly.interfaces.area,
         first_crack=float(slow.load_factor[max(first[0] - 1, 0)]) if first.size else np.nan,
         periods=fast.periods + slow.periods,
+        energy_error=slow.energy_error,
+        energy_at_collapse=specimen.energy(slow.at_collapse),
+        energy=specimen.energy(slow.at_end),
     )
 
 

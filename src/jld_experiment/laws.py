@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from jld_core.arrays import Floats
+from jld_experiment.bench import FLOW, FRACTURE, FRICTION
 from jld_experiment.compiled import compiled
 
 Law = tuple[float, float, float, float, float, float, float, float]
@@ -38,6 +39,40 @@ def sub_contact(
             mu, psi, cohesion, tension = residual, 0.0, 0.0, 0.0
         overlap, p, size = contact_stress(overlap, size, kn, ks, mu, psi, cohesion, tension, crushing, gaps or broken)
     return overlap, p, size, broken
+
+
+@compiled
+def record_loss(
+    work: Floats,
+    law: Law,
+    area: float,
+    face: tuple[bool, bool, bool],
+    start: tuple[float, float],
+    trial: tuple[float, float],
+    final: tuple[float, float],
+) -> None:
+    """Add the energy that a sub-contact loses between an elastic trial and its final stress to `Motion.work`.
+
+    It is the mean stress of the step times the plastic jump, which is (trial − final)/stiffness. Sliding with a
+    dilation equal to friction therefore loses nothing without cohesion. A gap that opens without tension loses nothing.
+    A brittle break loses the elastic energy at the beginning, plus the work of the step, less the elastic energy at the
+    end.
+
+    law: row of `numbers_of`. area: of the sub-contact. face: whether the face is dry, and whether the sub-contact was
+    broken before and after the step. start, trial, final: compressive stress and shear stress along that of the trial,
+    before the step, of the trial, and after the step.
+    """
+    dry, was, broken = face
+    breaks = broken and not was
+    lost = 0.5 * (start[1] + final[1]) * (trial[1] - final[1]) / law[1]
+    if breaks or final[0] != 0.0:
+        lost += 0.5 * (start[0] + final[0]) * (trial[0] - final[0]) / law[0]
+    if breaks:
+        work[FRACTURE] += area * lost
+    elif dry or broken:
+        work[FRICTION] += area * lost
+    else:
+        work[FLOW] += area * lost
 
 
 @compiled

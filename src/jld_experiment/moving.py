@@ -14,7 +14,7 @@ from jld_core import Assembly
 from jld_core.arrays import Floats, Ints
 from jld_experiment.bench import Bench, Motion
 from jld_experiment.compiled import compiled
-from jld_experiment.laws import numbers_of, sub_contact
+from jld_experiment.laws import numbers_of, record_loss, sub_contact
 from jld_experiment.subcontacts import SubContacts
 
 CLEARANCE: Final = 1e-3
@@ -31,7 +31,7 @@ class Plane(NamedTuple):
     """Data of moving planar faces and corners, with shapes at rest about the centroids.
 
     There are n elements, m faces, s sub-contacts, c corners and p pairs of a corner and an element that it may meet.
-    Lengths are in scene units. The last five attributes are state and are changed in place.
+    Lengths are in scene units. The last six attributes are state and are changed in place.
 
     Attributes
     ----------
@@ -56,6 +56,8 @@ class Plane(NamedTuple):
     spring : (6,) float array
         Normal and shear stiffness of a corner contact (force per overlap or slip), friction coefficient, overlap
         without force, distance within which corners are checked. The last entry is state: the largest elastic overlap.
+    kept : (s,) float array
+        Share of the area of sub-contacts that is in contact.
     gap, slid : (s,) float array
         Gap and slip of sub-contacts.
     stuck : (p,) float array
@@ -77,6 +79,7 @@ class Plane(NamedTuple):
     barred: Ints
     edge_first: Ints
     spring: Floats
+    kept: Floats
     gap: Floats
     slid: Floats
     stuck: Floats
@@ -110,6 +113,7 @@ def plane_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats) ->
         barred=_edges_in_contact(assembly, corner, pair),
         edge_first=np.concatenate([[0], np.cumsum(counts)]),
         spring=corner_springs(assembly, points, kn, ks, typical),
+        kept=np.ones(len(points.face)),
         gap=np.zeros(len(points.face)),
         slid=np.zeros(len(points.face)),
         stuck=np.zeros(len(pair)),
@@ -198,7 +202,7 @@ def moving_forces(bench: Bench, motion: Motion, force: Floats, plane: Plane) -> 
     """
     moved, ends, frame = motion.moved, bench.ends, bench.frame
     first, place, law, brittle, gaps = bench.first, bench.place, bench.law, bench.brittle, bench.gaps
-    overlap, pressure, shear, broken = motion.overlap, motion.pressure, motion.shear, motion.broken
+    overlap, pressure, shear, broken, dry = motion.overlap, motion.pressure, motion.shear, motion.broken, bench.dry
     deepest = 0.0
     for f in range(len(ends)):
         a, b = ends[f, 0], ends[f, 1]
@@ -219,17 +223,22 @@ def moving_forces(bench: Bench, motion: Motion, force: Floats, plane: Plane) -> 
             e = overlap[k] - (gap - plane.gap[k])
             q = shear[k, 0] - ks * (slid - plane.slid[k])
             plane.gap[k], plane.slid[k] = gap, slid
-            e, p, size, broken[k] = sub_contact(e, abs(q), own, brittle[f], gaps[f], broken[k])
+            trial, was = (own[0] * e, abs(q)), broken[k]
+            start = (pressure[k], shear[k, 0] if q > 0.0 else -shear[k, 0])
+            e, p, size, broken[k] = sub_contact(e, abs(q), own, brittle[f], gaps[f], was)
             q = size if q > 0.0 else -size
             overlap[k], pressure[k], shear[k, 0] = e, p, q
             deepest = max(deepest, e)
             here, left = place[k, 0], plane.share[k]
             kept_b = min(1.0, max(0.0, 1.0 - (abs(here + slid) - plane.half[f]) / left))
             kept_a = min(1.0, max(0.0, 1.0 - (abs(here - slid) - plane.half[f]) / left))
-            area = 0.5 * (kept_a + kept_b) * place[k, 1]
+            plane.kept[k] = 0.5 * (kept_a + kept_b)
+            area = plane.kept[k] * place[k, 1]
             fx, fy = area * (p * nx - q * ny), area * (p * ny + q * nx)
             if area == 0.0:
                 continue
+            if size < trial[1] or p != trial[0]:
+                record_loss(motion.work, own, area, (dry[f], was, broken[k]), start, trial, (p, size))
             at = kept_b / (kept_a + kept_b)
             x, y = px + at * (qx - px), py + at * (qy - py)
             force[b, 0] += fx

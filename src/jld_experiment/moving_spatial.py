@@ -15,12 +15,13 @@ from jld_core.arrays import Floats, Ints
 from jld_core.geometry import area_vector
 from jld_experiment.bench import Bench, Motion
 from jld_experiment.compiled import compiled
-from jld_experiment.laws import numbers_of, sub_contact
+from jld_experiment.laws import numbers_of, record_loss, sub_contact
 from jld_experiment.moving import contacts_of, corner_springs, near_corners
 from jld_experiment.solids import (
     angle_seen,
     beyond,
     dot,
+    is_among,
     nearest_on_triangle,
     pressed,
     triangles_of,
@@ -35,7 +36,7 @@ _FLUSH: Final = 1e-6  # Distance, in typical element sizes, up to which faces co
 class Space(NamedTuple):
     """Data of moving spatial faces and corners, with shapes at rest about the centroids.
 
-    The last six attributes are state and are changed in place.
+    The last seven attributes are state and are changed in place.
 
     Attributes
     ----------
@@ -69,6 +70,8 @@ class Space(NamedTuple):
         Springs of corners, see `corner_springs`.
     turn : (n, 3, 3) float array
         Rotations since rest.
+    kept : (s,) float array
+        Share of the area of sub-contacts that is in contact.
     gap : (s,) float array
         Gap of sub-contacts.
     slid : (s, 2) float array
@@ -95,6 +98,7 @@ class Space(NamedTuple):
     flush: Ints
     spring: Floats
     turn: Floats
+    kept: Floats
     gap: Floats
     slid: Floats
     stuck: Floats
@@ -134,6 +138,7 @@ def space_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats) ->
         flush=_flush_faces(assembly, corner, pair, typical),
         spring=corner_springs(assembly, points, kn, ks, typical),
         turn=np.tile(np.eye(3), (len(elements), 1, 1)),
+        kept=np.ones(len(points.face)),
         gap=np.zeros(len(points.face)),
         slid=np.zeros((len(points.face), 2)),
         stuck=np.zeros((len(pair), 3)),
@@ -251,7 +256,7 @@ def moving_forces_in_space(bench: Bench, motion: Motion, force: Floats, space: S
     axes, near, far = np.empty((3, 3)), np.empty(3), np.empty(3)
     between, part, jump = np.empty(3), np.empty(3), np.empty(3)
     moved, ends, first, place = motion.moved, bench.ends, bench.first, bench.place
-    law, brittle, gaps = bench.law, bench.brittle, bench.gaps
+    law, brittle, gaps, dry = bench.law, bench.brittle, bench.gaps, bench.dry
     overlap, pressure, shear, broken = motion.overlap, motion.pressure, motion.shear, motion.broken
     deepest = 0.0
     for f in range(len(ends)):
@@ -271,20 +276,24 @@ def moving_forces_in_space(bench: Bench, motion: Motion, force: Floats, space: S
             q1 = shear[k, 0] - ks * (slid1 - space.slid[k, 0])
             q2 = shear[k, 1] - ks * (slid2 - space.slid[k, 1])
             space.gap[k], space.slid[k, 0], space.slid[k, 1] = gap, slid1, slid2
-            trial = np.sqrt(q1 * q1 + q2 * q2)
-            e, p, size, broken[k] = sub_contact(e, trial, own, brittle[f], gaps[f], broken[k])
-            if size < trial:
-                q1 *= size / trial
-                q2 *= size / trial
+            trial, was = (own[0] * e, np.sqrt(q1 * q1 + q2 * q2)), broken[k]
+            start = (pressure[k], (shear[k, 0] * q1 + shear[k, 1] * q2) / max(trial[1], 1e-300))
+            e, p, size, broken[k] = sub_contact(e, trial[1], own, brittle[f], gaps[f], was)
+            if size < trial[1]:
+                q1 *= size / trial[1]
+                q2 *= size / trial[1]
             overlap[k], pressure[k] = e, p
             shear[k, 0], shear[k, 1] = q1, q2
             deepest = max(deepest, e)
             x1, x2, left = place[k, 0], place[k, 1], space.share[k]
             kept_b = max(0.0, 1.0 - beyond(x1 + slid1, x2 + slid2, low, high, space.rim) / left)
             kept_a = max(0.0, 1.0 - beyond(x1 - slid1, x2 - slid2, low, high, space.rim) / left)
-            area = 0.5 * (kept_a + kept_b) * place[k, 2]
+            space.kept[k] = 0.5 * (kept_a + kept_b)
+            area = space.kept[k] * place[k, 2]
             if area == 0.0:
                 continue
+            if size < trial[1] or p != trial[0]:
+                record_loss(motion.work, own, area, (dry[f], was, broken[k]), start, trial, (p, size))
             at = kept_b / (kept_a + kept_b)
             for i in range(3):
                 part[i] = area * (p * axes[0, i] + q1 * axes[1, i] + q2 * axes[2, i])
@@ -320,15 +329,6 @@ def nearest_side(pair: int, moved: Floats, space: Space, point: Floats, nearest:
             for k in range(3):
                 nearest[k] = trial[k]
     return best, np.sqrt(least)
-
-
-@compiled
-def is_among(table: Ints, row: int, value: int) -> bool:
-    """Return True if a value occurs in a row of a table."""
-    found = False
-    for k in range(table.shape[1]):
-        found = found or table[row, k] == value
-    return found
 
 
 @compiled

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -50,12 +50,15 @@ def summary(curve: Curve, load_factor: float) -> dict[str, Any]:
         "first_crack": number(curve.first_crack),
         "unbalanced": number(float(curve.unbalanced[curve.collapse])) if len(curve.unbalanced) else None,
         "cracked_faces": int(np.count_nonzero(curve.cracked > 0.0)),
+        "energy": None if curve.energy is None else asdict(curve.energy),
+        "energy_error": number(float(curve.energy_error.max())) if len(curve.energy_error) else None,
         "inner": joints.inner,
         "dilation": joints.dilation,
         "inner_ratio": joints.inner_ratio,
         "residual_friction": joints.residual_friction,
         "scheme": settings.scheme,
         "segments": settings.segments,
+        "damping_scheme": settings.damping_scheme,
         "moving": settings.moving,
         "periods": round(curve.periods),
     }
@@ -64,9 +67,10 @@ def summary(curve: Curve, load_factor: float) -> dict[str, Any]:
 def table(curve: Curve) -> pd.DataFrame:
     """Return both pushes of an experiment as a table with one row per record.
 
-    Columns are push (slow, fast), distance (live·u), elastic, load_factor, unbalanced and broken.
+    Columns are push (slow, fast), distance (live·u), elastic, load_factor, unbalanced, broken and energy_error.
     `elastic` is the distance over that of the elastic structure at the collapse load.
-    The columns unbalanced and broken are NaN for the fast push. The table is empty if the structure does not stand.
+    The columns unbalanced, broken and energy_error are NaN for the fast push. The table is empty if the structure does
+    not stand.
     """
     slow = pd.DataFrame(
         {
@@ -75,6 +79,7 @@ def table(curve: Curve) -> pd.DataFrame:
             "load_factor": curve.load_factor,
             "unbalanced": curve.unbalanced,
             "broken": curve.broken,
+            "energy_error": curve.energy_error,
         }
     )
     fast = pd.DataFrame({"push": "fast", "distance": curve.faster[:, 0], "load_factor": curve.faster[:, 1]})

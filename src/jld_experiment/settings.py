@@ -25,6 +25,10 @@ FALL: Final = 0.1
 """Fall of λ, as a share of the highest λ, that counts as collapse."""
 
 
+DAMPING_SCHEMES: Final = ("local", "viscous", "combined")
+"""Names of the damping schemes of `Settings`, in the order of their numbers in the time stepping."""
+
+
 @dataclass(frozen=True)
 class Joints:
     """Properties of faces that limit analysis does not have.
@@ -98,8 +102,11 @@ class Settings:
         Largest length of a push, elastic displacements.
     records : float
         Points of a curve per slowest period.
+    damping_scheme : str
+        "local": a share of the unbalanced force acts against the velocity (Cundall 1987). "combined": half of it, and
+        half against the change of that force, so that a steady movement is damped less. "viscous": a drag on momentum.
     damping : float
-        Local damping, a share of the unbalanced force.
+        That share; of viscous damping the share of critical damping at the slowest period.
     step : float
         Time step as a share of the critical step.
 
@@ -118,6 +125,7 @@ class Settings:
     hasten: float = 8.0
     length: float = 100.0
     records: float = 2.0
+    damping_scheme: Literal["local", "viscous", "combined"] = "local"
     damping: float = 0.5
     step: float = 0.5
 
@@ -129,5 +137,8 @@ class Settings:
         for name, low in (("periods", 0.0), ("hasten", 0.0), ("length", 0.0), ("records", 0.0), ("slower", 1.0)):
             if not getattr(self, name) > low:
                 raise InputError(f"settings.{name}", f"{getattr(self, name)!r}", f"a number above {low:g}")
+        if self.damping_scheme not in DAMPING_SCHEMES:
+            problem = f"no damping scheme is named {self.damping_scheme!r}"
+            raise InputError("settings.damping_scheme", problem, " or ".join(DAMPING_SCHEMES))
         if self.gaps not in ("free", "plastic"):
             raise InputError("settings.gaps", f"no kind of gaps is named {self.gaps!r}", "free or plastic")

@@ -76,6 +76,15 @@ def pressed(force: Floats, element: int, arm: Floats, part: Floats, sign: float)
 
 
 @compiled
+def is_among(table: Ints, row: int, value: int) -> bool:
+    """Return True if a value occurs in a row of a table."""
+    found = False
+    for k in range(table.shape[1]):
+        found = found or table[row, k] == value
+    return found
+
+
+@compiled
 def beyond(x: float, y: float, low: int, high: int, rim: Floats) -> float:
     """Return the distance of a point (x, y) from a polygon, 0 inside.
 

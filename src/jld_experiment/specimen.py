@@ -11,12 +11,13 @@ import numpy as np
 from jld_core import Assembly
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.errors import InputError
-from jld_experiment.bench import Bench, Drive, Motion
+from jld_experiment.bench import HALF, Bench, Drive, Motion
+from jld_experiment.energy import EnergyBalance
 from jld_experiment.moving import Plane, plane_of
 from jld_experiment.moving_spatial import Space, space_of
-from jld_experiment.settings import REST, Joints, Settings
+from jld_experiment.settings import DAMPING_SCHEMES, REST, Joints, Settings
 from jld_experiment.subcontacts import SubContacts, sub_contacts
-from jld_experiment.system import System, system_of
+from jld_experiment.system import System, rounded, system_of
 from jld_experiment.time_stepping import march, march_in_plane, march_in_space
 
 SETTLE = 20.0  # Slowest periods in which the dead loads are applied.
@@ -50,6 +51,10 @@ class State:
         Shear stress of sub-contacts.
     broken : (s,) bool array
         True for broken sub-contacts.
+    before : (n, q) float array
+        Unbalanced forces of the step before, for combined damping.
+    work : (8,) float array
+        Work of the loads and losses of energy, see `EnergyBalance`.
     geometry : Plane, Space or None
         State of a moving geometry, None for a fixed one.
     """
@@ -60,6 +65,8 @@ class State:
     pressure: Floats
     shear: Floats
     broken: Bools
+    before: Floats
+    work: Floats
     geometry: Plane | Space | None
 
 
@@ -101,9 +108,10 @@ class Specimen:
         n, q = len(self.assembly.elements), self.assembly.freedoms
         s = len(self.points.face)
         shear = np.zeros((s, self.assembly.dimension - 1))
-        zero = np.zeros((n, q))
+        zero, none = np.zeros((n, q)), np.zeros(s, dtype=bool)
+        geometry = copy.deepcopy(self.geometry)
         return State(
-            zero, zero.copy(), np.zeros(s), np.zeros(s), shear, np.zeros(s, dtype=bool), copy.deepcopy(self.geometry)
+            zero, zero.copy(), np.zeros(s), np.zeros(s), shear, none, zero.copy(), np.zeros(HALF + 1), geometry
         )
 
     def march(
@@ -135,8 +143,12 @@ class Specimen:
         tuple of (float, float, float)
             Mean λ, largest unbalanced force over `largest`, and largest speed.
         """
-        drive: Drive = (rate is not None, dead, load_factor, rate or (0.0, 0.0), self.settings.damping)
-        motion = Motion(state.moved, state.velocity, state.overlap, state.pressure, state.shear, state.broken)
+        scheme, damping = DAMPING_SCHEMES.index(self.settings.damping_scheme), self.settings.damping
+        if self.settings.damping_scheme == "viscous":
+            damping *= 4.0 * np.pi / self.system.period  # Critical damping is a drag of twice mass × frequency.
+        drive: Drive = (rate is not None, dead, load_factor, rate or (0.0, 0.0), scheme, damping)
+        stresses = (state.overlap, state.pressure, state.shear, state.broken)
+        motion = Motion(state.moved, state.velocity, *stresses, state.before, state.work)
         if isinstance(state.geometry, Plane):
             factor, worst, speed = march_in_plane(steps, drive, self.bench, motion, state.geometry)
         elif isinstance(state.geometry, Space):
@@ -174,6 +186,30 @@ class Specimen:
             if not size <= limit:
                 return Standing.FALLS
         return Standing.CREEPS
+
+    def energy(self, state: State) -> EnergyBalance:
+        """Return the balance of energy from the unloaded structure to a state.
+
+        Parameters
+        ----------
+        state : State
+            State of this specimen, reached by `march`.
+
+        Returns
+        -------
+        EnergyBalance
+            Work of loads, stored energy and losses, scene units.
+        """
+        d, inverse = self.assembly.dimension, self.bench.inverse
+        columns = np.repeat(inverse, (d, self.assembly.freedoms - d), axis=1)
+        held = columns == 0.0
+        kinetic = 0.5 * float(np.sum(state.velocity[~held] ** 2 / columns[~held]))
+        area = self.points.place[:, -1] * (1.0 if state.geometry is None else state.geometry.kept)
+        kn, ks = self.bench.law[self.points.face, :2].T
+        stored = state.pressure**2 / kn + (state.shear**2).sum(axis=1) / ks
+        elastic = 0.5 * float((area * stored).sum()) - float(state.work[HALF])
+        dead, live, damping, friction, flow, fracture, corners = state.work[:HALF].tolist()
+        return EnergyBalance(dead, live, damping, friction, flow, fracture, corners, kinetic, elastic)
 
     def resultants(self, state: State) -> Floats:
         """Return the resultants (m, q) of all faces with the signs of limit analysis, scene units.
@@ -237,6 +273,7 @@ def specimen_of(assembly: Assembly, labels: Bits, joints: Joints, settings: Sett
         law=law,
         brittle=~labels & (joints.inner == "brittle"),
         gaps=labels & (settings.gaps == "free"),
+        dry=np.asarray(labels, dtype=bool),
     )
     d = assembly.dimension
     geometry = None
@@ -255,7 +292,7 @@ def _springs(assembly: Assembly, labels: Bits, joints: Joints) -> tuple[Floats, 
         normal = 1e6 * load / (float(assembly.interfaces.area.mean()) * assembly.size)
     shear = normal if joints.shear_stiffness is None else joints.shear_stiffness
     ratio = np.where(labels, 1.0, joints.inner_ratio)
-    return normal * ratio, shear * ratio
+    return rounded(normal * ratio), rounded(shear * ratio)
 
 
 def _law(assembly: Assembly, labels: Bits, joints: Joints, kn: Floats, ks: Floats) -> Floats:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -10,6 +11,8 @@ from jld_core import Assembly
 from jld_core.arrays import Floats, Ints
 from jld_core.geometry import moment_about
 from jld_experiment.subcontacts import SubContacts
+
+_BITS: Final = 32  # Binary digits of masses, periods and lengths: 2e-10 of them, far below what changes an experiment.
 
 
 @dataclass(frozen=True)
@@ -76,21 +79,34 @@ def system_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats, s
     # A time step of one is stable up to ω = 2.
     factor = float(values[-1]) / (2.0 * step) ** 2
     inverse = np.zeros((count, 2))
-    inverse[free] = 1.0 / (factor * masses)
+    inverse[free] = rounded(1.0 / (factor * masses))
     live, dead = (load[free].ravel() for load in (assembly.live, assembly.dead))
     moved = np.linalg.solve(matrix, np.column_stack([live, dead]))
     radius = np.ones(count)
-    radius[free] = np.sqrt(masses[:, 1] / masses[:, 0])
+    radius[free] = rounded(np.sqrt(masses[:, 1] / masses[:, 0]))
+    own = np.array([2.0 * np.pi * np.sqrt(factor / values[0]), live @ moved[:, 0]])
+    sizes = np.abs(moved.reshape(-1, q, 2)[:, :d]).max(axis=(0, 1))
+    period, reach, swing, sag = rounded(np.concatenate([own, sizes])).tolist()
     return System(
         ends=ends,
         frame=_frame(assembly),
         inverse=inverse,
         radius=radius,
-        period=float(2.0 * np.pi * np.sqrt(factor / values[0])),
-        reach=float(live @ moved[:, 0]),
-        sag=float(np.abs(moved[:, 1].reshape(-1, q)[:, :d]).max()),
-        swing=float(np.abs(moved[:, 0].reshape(-1, q)[:, :d]).max()),
+        period=period,
+        reach=reach,
+        sag=sag,
+        swing=swing,
     )
+
+
+def rounded(values: Floats) -> Floats:
+    """Round numbers to `_BITS` binary digits.
+
+    Eigenvalues and solutions of linear equations differ in their last digits between machines. Rounded masses, periods
+    and lengths give equal digits of an experiment, except where a number lies within 1e-16 of a boundary of rounding.
+    """
+    fraction, exponent = np.frexp(values)
+    return np.asarray(np.ldexp(np.round(np.ldexp(fraction, _BITS)), exponent - _BITS))
 
 
 def jump_matrices(assembly: Assembly) -> Floats:

@@ -8,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from jld_core.arrays import Floats
-from jld_experiment.bench import Bench, Drive, Motion
+from jld_experiment.bench import CORNERS, DAMPING, DEAD, HALF, LIVE, Bench, Drive, Motion
 from jld_experiment.compiled import compiled
-from jld_experiment.laws import numbers_of, sub_contact
+from jld_experiment.laws import numbers_of, record_loss, sub_contact
 from jld_experiment.moving import Plane, corner_forces, moving_forces, near_pairs
 from jld_experiment.moving_spatial import (
     Space,
@@ -30,7 +30,7 @@ def planar_forces(bench: Bench, motion: Motion, force: Floats) -> None:
     """
     step, ends, frame = motion.velocity, bench.ends, bench.frame
     first, place, law, brittle, gaps = bench.first, bench.place, bench.law, bench.brittle, bench.gaps
-    overlap, pressure, shear, broken = motion.overlap, motion.pressure, motion.shear, motion.broken
+    overlap, pressure, shear, broken, dry = motion.overlap, motion.pressure, motion.shear, motion.broken, bench.dry
     for f in range(len(ends)):
         a, b = ends[f, 0], ends[f, 1]
         nx, ny = frame[f, 0], frame[f, 1]
@@ -44,7 +44,11 @@ def planar_forces(bench: Bench, motion: Motion, force: Floats) -> None:
             s, area = place[k, 0], place[k, 1]
             e = overlap[k] - opening + s * turn
             q = shear[k, 0] - ks * slip
-            e, p, size, broken[k] = sub_contact(e, abs(q), own, brittle[f], gaps[f], broken[k])
+            trial, was = (own[0] * e, abs(q)), broken[k]
+            e, p, size, broken[k] = sub_contact(e, abs(q), own, brittle[f], gaps[f], was)
+            if size < trial[1] or p != trial[0]:
+                start = (pressure[k], shear[k, 0] if q > 0.0 else -shear[k, 0])
+                record_loss(motion.work, own, area, (dry[f], was, broken[k]), start, trial, (p, size))
             q = size if q > 0.0 else -size
             overlap[k], pressure[k], shear[k, 0] = e, p, q
             part = p * area
@@ -68,7 +72,7 @@ def spatial_forces(bench: Bench, motion: Motion, force: Floats) -> None:
     """
     step, ends, frame = motion.velocity, bench.ends, bench.frame
     first, place, law, brittle, gaps = bench.first, bench.place, bench.law, bench.brittle, bench.gaps
-    overlap, pressure, shear, broken = motion.overlap, motion.pressure, motion.shear, motion.broken
+    overlap, pressure, shear, broken, dry = motion.overlap, motion.pressure, motion.shear, motion.broken, bench.dry
     jump = np.empty((3, 2))
     for f in range(len(ends)):
         a, b = ends[f, 0], ends[f, 1]
@@ -93,11 +97,15 @@ def spatial_forces(bench: Bench, motion: Motion, force: Floats) -> None:
             e = overlap[k] - opening - turn1 * x2 + turn2 * x1
             q1 = shear[k, 0] - ks * (slip1 - twist * x2)
             q2 = shear[k, 1] - ks * (slip2 + twist * x1)
-            trial = np.sqrt(q1 * q1 + q2 * q2)
-            e, p, size, broken[k] = sub_contact(e, trial, own, brittle[f], gaps[f], broken[k])
-            if size < trial:
-                q1 *= size / trial
-                q2 *= size / trial
+            sheared, was = np.sqrt(q1 * q1 + q2 * q2), broken[k]
+            trial = (own[0] * e, sheared)
+            e, p, size, broken[k] = sub_contact(e, sheared, own, brittle[f], gaps[f], was)
+            if size < sheared or p != trial[0]:
+                start = (pressure[k], (shear[k, 0] * q1 + shear[k, 1] * q2) / max(sheared, 1e-300))
+                record_loss(motion.work, own, area, (dry[f], was, broken[k]), start, trial, (p, size))
+            if size < sheared:
+                q1 *= size / sheared
+                q2 *= size / sheared
             overlap[k], pressure[k] = e, p
             shear[k, 0], shear[k, 1] = q1, q2
             normal += p * area
@@ -119,28 +127,60 @@ def spatial_forces(bench: Bench, motion: Motion, force: Floats) -> None:
 
 
 @compiled
-def driven(bench: Bench, motion: Motion, force: Floats, drive: Drive, share: float) -> tuple[float, float, float]:
+def drag_on(part: int, i: int, bench: Bench, motion: Motion, force: Floats, drive: Drive, drag: Floats) -> None:
+    """Set the damping forces on the translation (part 0) or rotation (part 1) of element i.
+
+    force: (n, q) unbalanced forces. drag: (n, q), rows of this part are set; damping is subtracted from the forces.
+    """
+    velocity, before = motion.velocity, motion.before
+    q = velocity.shape[1]
+    d = 2 if q == 3 else 3
+    low, high = (0, d) if part == 0 else (d, q)
+    scheme, damping = drive[4], drive[5]
+    size, speed, change = 0.0, 0.0, 0.0
+    for j in range(low, high):
+        size += force[i, j] * force[i, j]
+        speed += velocity[i, j] * velocity[i, j]
+        change += (force[i, j] - before[i, j]) ** 2
+    size, speed, change = np.sqrt(size), np.sqrt(speed), np.sqrt(change)
+    for j in range(low, high):
+        if scheme == 1:
+            drag[i, j] = damping * velocity[i, j] / bench.inverse[i, part]
+            continue
+        drag[i, j] = damping * size * velocity[i, j] / speed if speed > 0.0 else 0.0
+        if scheme == 2:
+            along = (force[i, j] - before[i, j]) / change if change > 0.0 else 0.0
+            drag[i, j] = 0.5 * (drag[i, j] - damping * size * along)
+            before[i, j] = force[i, j]
+
+
+@compiled
+def driven(
+    bench: Bench, motion: Motion, force: Floats, drive: Drive, share: float, drag: Floats
+) -> tuple[float, float, float]:
     """Update velocities by one step under given forces; return λ and convergence measures.
 
     λ is prescribed, or the multiplier that gives live·u its prescribed rate. The result is λ, the largest unbalanced
     force and the largest displacement per step; moments and rotations are compared with them by `bench.radius`.
 
-    motion: `velocity` is changed in place. force: (n, q) forces without live loads; changed. drive: loads of all steps.
-    share: position between the first and the last step, in (0, 1].
+    motion: `velocity` and `work` are changed in place. force: (n, q) forces without live loads; changed. drive: loads
+    of all steps. share: position between the first and the last step, in (0, 1]. drag: (n, q), set to the
+    damping forces.
     """
     velocity, live, inverse, radius = motion.velocity, bench.live, bench.inverse, bench.radius
     count, q = velocity.shape
     d = 2 if q == 3 else 3
-    push, _, factors, rates, damping = drive
+    push, dead, factors, rates = drive[0], drive[1], drive[2], drive[3]
+    most = dead[0] + (dead[1] - dead[0]) * share
     factor = factors[0] + (factors[1] - factors[0]) * share
     rate = rates[0] + (rates[1] - rates[0]) * share
     weight, given, speed = 0.0, 0.0, 0.0
     if push:
         for i in range(count):
             for j in range(q):
-                share = live[i, j] * inverse[i, 0 if j < d else 1]
-                weight += live[i, j] * share
-                given += share * force[i, j]
+                own = live[i, j] * inverse[i, 0 if j < d else 1]
+                weight += live[i, j] * own
+                given += own * force[i, j]
                 speed += live[i, j] * velocity[i, j]
         factor = (rate - speed - given) / weight
     lost, worst, fastest = 0.0, 0.0, 0.0
@@ -158,15 +198,26 @@ def driven(bench: Bench, motion: Motion, force: Floats, drive: Drive, share: flo
             length = 1.0 if part == 0 else radius[i]
             worst = max(worst, size / length)
             fastest = max(fastest, speed * length)
-            if speed > 0.0:
-                for j in range(low, high):
-                    drag = damping * size * velocity[i, j] / speed
-                    force[i, j] -= drag
-                    lost += live[i, j] * drag * inverse[i, part]
+            drag_on(part, i, bench, motion, force, drive, drag)
+            for j in range(low, high):
+                force[i, j] -= drag[i, j]
+                lost += live[i, j] * drag[i, j] * inverse[i, part]
     held = lost / weight if push else 0.0
+    done, used, against, half = 0.0, 0.0, 0.0, 0.0
     for i in range(count):
         for j in range(q):
-            velocity[i, j] += (force[i, j] + held * live[i, j]) * inverse[i, 0 if j < d else 1]
+            change = (force[i, j] + held * live[i, j]) * inverse[i, 0 if j < d else 1]
+            mean = velocity[i, j] + 0.5 * change
+            velocity[i, j] += change
+            contact = force[i, j] + drag[i, j] - factor * live[i, j] - most * bench.dead[i, j]
+            half += 0.5 * contact * velocity[i, j]
+            done += bench.dead[i, j] * mean
+            used += live[i, j] * mean
+            against += drag[i, j] * mean
+    motion.work[DEAD] += most * done
+    motion.work[HALF] = half
+    motion.work[LIVE] += factor * used
+    motion.work[DAMPING] += against - held * used
     return factor, worst, fastest
 
 
@@ -190,7 +241,7 @@ def march(steps: int, drive: Drive, bench: Bench, motion: Motion) -> tuple[float
     `motion` is changed in place. Returns the mean of λ, the largest unbalanced force and the largest displacement of an
     element in one step, in scene units.
     """
-    force = np.empty_like(motion.velocity)
+    force, drag = np.empty_like(motion.velocity), np.zeros_like(motion.velocity)
     mean, worst, fastest = 0.0, 0.0, 0.0
     for turn in range(steps):
         share = (turn + 1.0) / steps
@@ -199,23 +250,39 @@ def march(steps: int, drive: Drive, bench: Bench, motion: Motion) -> tuple[float
             planar_forces(bench, motion, force)
         else:
             spatial_forces(bench, motion, force)
-        found, size, speed = driven(bench, motion, force, drive, share)
+        found, size, speed = driven(bench, motion, force, drive, share, drag)
         mean, worst, fastest = mean + found, max(worst, size), max(fastest, speed)
     return mean / steps, worst, fastest
 
 
 @compiled
+def power_of_rest(force: Floats, part: Floats, velocity: Floats) -> float:
+    """Return the power of force − part at a velocity, all (n, q); the difference is the forces added after `part`."""
+    power = 0.0
+    for i in range(force.shape[0]):
+        for j in range(force.shape[1]):
+            power += (force[i, j] - part[i, j]) * velocity[i, j]
+    return power
+
+
+@compiled
 def march_in_plane(steps: int, drive: Drive, bench: Bench, motion: Motion, plane: Plane) -> tuple[float, float, float]:
     """Advance planar faces that follow the geometry, with contacts of corners; see `march`."""
-    force = np.empty(motion.velocity.shape)
+    shape = motion.velocity.shape
+    force, drag, faces = np.empty(shape), np.zeros(shape), np.empty(shape)
     mean, worst, fastest = 0.0, 0.0, 0.0
     pairs = near_pairs(motion.moved, plane)
     for turn in range(steps):
         share = (turn + 1.0) / steps
         begin(bench, motion, force, drive, share)
         moving_forces(bench, motion, force, plane)
+        for i in range(len(force)):
+            for j in range(3):
+                faces[i, j] = force[i, j]
         corner_forces(pairs, motion.moved, force, plane)
-        found, size, speed = driven(bench, motion, force, drive, share)
+        # Work up to the present position: driven() will change the force.
+        motion.work[CORNERS] -= power_of_rest(force, faces, motion.velocity)
+        found, size, speed = driven(bench, motion, force, drive, share, drag)
         mean, worst, fastest = mean + found, max(worst, size), max(fastest, speed)
     return mean / steps, worst, fastest
 
@@ -223,7 +290,8 @@ def march_in_plane(steps: int, drive: Drive, bench: Bench, motion: Motion, plane
 @compiled
 def march_in_space(steps: int, drive: Drive, bench: Bench, motion: Motion, space: Space) -> tuple[float, float, float]:
     """Advance spatial faces that follow the geometry, with contacts of corners; see `march`."""
-    force = np.empty(motion.velocity.shape)
+    shape = motion.velocity.shape
+    force, drag, faces = np.empty(shape), np.zeros(shape), np.empty(shape)
     mean, worst, fastest = 0.0, 0.0, 0.0
     pairs = near_pairs_in_space(motion.moved, space)
     for turn in range(steps):
@@ -231,7 +299,11 @@ def march_in_space(steps: int, drive: Drive, bench: Bench, motion: Motion, space
         begin(bench, motion, force, drive, share)
         turn_along(motion.velocity, space)
         moving_forces_in_space(bench, motion, force, space)
+        for i in range(len(force)):
+            for j in range(6):
+                faces[i, j] = force[i, j]
         corner_forces_in_space(pairs, motion.moved, force, space)
-        found, size, speed = driven(bench, motion, force, drive, share)
+        motion.work[CORNERS] -= power_of_rest(force, faces, motion.velocity)
+        found, size, speed = driven(bench, motion, force, drive, share, drag)
         mean, worst, fastest = mean + found, max(worst, size), max(fastest, speed)
     return mean / steps, worst, fastest

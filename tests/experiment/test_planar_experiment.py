@@ -12,6 +12,7 @@ from jld_core import Assembly, build_assembly, load_scene, parse_scene, solve
 from jld_core.arrays import Bits, Floats
 from jld_core.mechanics import equilibrium_matrix, load_vectors
 from jld_experiment import Curve, Joints, Push, Settings, Specimen, Standing, push, ramp, run_experiment, specimen_of
+from jld_experiment.driving import scout
 from jld_experiment.report import summary
 from paths import SCENES
 from transforms import as_elements, in_units, renumbered, rotated
@@ -247,6 +248,15 @@ def test_what_cannot_give_way_is_said_to_rise() -> None:
     assert curve.rising
     assert np.isnan(curve.collapse_load)
     assert not curve.certified
+
+
+def test_a_layout_that_collapses_late_is_not_locked() -> None:
+    """λ of this layout of the beam-arch is 5.351; it takes some 50 elastic displacements to reach it."""
+    assembly = build_assembly(load_scene(SCENES / "flat_beam_arch.json"))
+    labels = np.array([letter == "d" for letter in "iiiidiiiididddiddidiiiid"])
+    specimen = specimen_of(assembly, labels, ASSOCIATIVE, Settings())
+    settled, _ = specimen.settle()
+    assert scout(specimen, settled) == pytest.approx(solve(assembly, labels).load_factor, rel=0.05)
 
 
 def test_agreement_of_two_rates_is_not_called_accuracy() -> None:

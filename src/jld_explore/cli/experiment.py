@@ -141,6 +141,7 @@ def _words(facts: dict[str, Any]) -> str:
         f"two rates differ by {plain(facts['rate_error'], 2)}; accuracy {plain(facts['accuracy'], 2)} at best",
         "limit": f"λ = {plain(facts['load_factor'])}, ratio {plain(facts['ratio'], 4)}",
         "first crack": plain(facts["first_crack"]),
+        "energy": f"work of the loads against stored and lost energy: error {plain(facts['energy_error'], 2)}",
         "faces": f"{facts['inner']} inner, dilation {facts['dilation']}, {facts['cracked_faces']} cracked",
     }
     if facts.get("zero_dilation_lowest") is not None:

@@ -1,0 +1,309 @@
+"""Distinct elements with inner and dry faces: what brittle cracking and missing dilation leave of λ, and why.
+
+The runs are made by ``python -m studies.distinct_runs``, which goes on where it was stopped; this page shows those
+that are there. Source: Iannuzzo et al. 2024, section 5, which names this study as future work.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from jld_core.arrays import Floats
+from jld_experiment import Push, Settings, Specimen, push, specimen_of
+from jld_experiment.driving import scout
+from studies import distinct_runs
+from studies.distinct_runs import DEFAULT, LAWS, NUMERICS, Case, asked, cases, joints_of, run_all
+from studies.report import GREY, PAIRED, Report, axes_at, figure_of, write
+
+NAME: Final = "distinct_elements"
+GAIN: Final = 1.01
+"""Collapse load without dilation over that with it, above which a layout counts as carrying more without."""
+CASES: Final = 8
+"""Layouts with the largest gains that are looked into."""
+REACHED: Final = 0.9
+"""Share of the lower first crack at which both states are compared."""
+
+
+def law(inner: str, dilation: str) -> str:
+    """Name of a law, for tables and columns."""
+    return f"{inner}, {'dilation' if dilation == 'friction' else 'no dilation'}"
+
+
+def side_by_side(runs: pd.DataFrame, numerics: str = DEFAULT) -> pd.DataFrame:
+    """One row per layout with the collapse load of each law, 0 where it does not stand, NaN where it still rises."""
+    part = runs[(runs["kind"] == "experiment") & (runs["numerics"] == numerics)].copy()
+    part["law"] = [law(*pair) for pair in zip(part["inner"], part["dilation"], strict=True)]
+    part.loc[part["status"] == "locked", "load_factor"] = np.nan
+    wide = part.pivot_table("load_factor", ["scene", "layout", "associative"], "law", dropna=False)
+    wide = wide.reindex(columns=[law(*pair) for pair in LAWS])
+    return wide.dropna(how="all").reset_index()
+
+
+def summary(runs: pd.DataFrame, found: list[Case]) -> pd.DataFrame:
+    """Per scene and law: how many runs were asked and done, and collapse over λ by quartiles."""
+    rows = []
+    for case in found:
+        for inner, dilation in LAWS:
+            own = runs[(runs["scene"] == case.name) & (runs["inner"] == inner) & (runs["dilation"] == dilation)]
+            own = own[(own["kind"] == "experiment") & (own["numerics"] == DEFAULT)]
+            stood = own[own["status"] == "collapse"]
+            ratio = stood["load_factor"] / stood["associative"]
+            quartiles = ratio.quantile([0.0, 0.25, 0.5, 0.75, 1.0]) if len(ratio) else pd.Series([np.nan] * 5)
+            rows.append(
+                {
+                    "scene": case.name,
+                    "law": law(inner, dilation),
+                    "asked": len(case.layouts),
+                    "done": len(own),
+                    "do not stand": int(own["status"].isin(["falls", "creeps"]).sum()),
+                    "still rise": int((own["status"] == "locked").sum()),
+                    **dict(zip(("least / λ", "25 %", "median", "75 %", "most / λ"), quartiles, strict=True)),
+                    "energy error": own["energy_error"].max(),
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def numerics(runs: pd.DataFrame) -> pd.DataFrame:
+    """Per setting and law: by how much the collapse load differs from that of the full set's settings."""
+    base = side_by_side(runs).set_index(["scene", "layout"])
+    rows = []
+    for name in NUMERICS:
+        if name == DEFAULT:
+            continue
+        other = side_by_side(runs, name).set_index(["scene", "layout"])
+        both = base.index.intersection(other.index)
+        row: dict[str, Any] = {"numerics": name}
+        for pair in LAWS:
+            one, two = base.loc[both, law(*pair)], other.loc[both, law(*pair)]
+            change = (two[one > 0.0] / one[one > 0.0] - 1.0).dropna()
+            row |= {
+                f"{law(*pair)}: layouts": len(change),
+                "median": change.abs().median(),
+                "largest": change.abs().max(),
+            }
+            row = {(key if ":" in key or key == "numerics" else f"{law(*pair)}: {key}"): v for key, v in row.items()}
+        own = runs[(runs["kind"] == "experiment") & (runs["numerics"] == name)]
+        rows.append(row | {"energy error": own["energy_error"].max()})
+    return pd.DataFrame(rows)
+
+
+def survivors(runs: pd.DataFrame) -> pd.DataFrame:
+    """Brittle collapse loads over λ by faces, by cells and by fields, of the layouts for which all are known."""
+    wide = side_by_side(runs).set_index(["scene", "layout"])
+    for kind in ("cells", "fields"):
+        own = runs[(runs["kind"] == kind) & (runs["load_factor"] > 0.0)].set_index(["scene", "layout"])
+        wide[kind] = own["load_factor"]
+    wide = wide.dropna(subset=["cells", "fields"]).reset_index()
+    rows = []
+    for pair in LAWS:
+        row: dict[str, Any] = {"law": law(*pair), "layouts": int(wide[law(*pair)].notna().sum())}
+        for kind in ("associative", "cells", "fields"):
+            row[f"median share of λ by {'faces' if kind == 'associative' else kind}"] = (
+                wide[law(*pair)] / wide[kind]
+            ).median()
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def reversals(runs: pd.DataFrame) -> pd.DataFrame:
+    """Layouts that carry more without dilation when cracks are brittle, the largest gain first."""
+    wide = side_by_side(runs)
+    wide["gain"] = wide[law("brittle", "0")] / wide[law("brittle", "friction")].replace(0.0, np.nan)
+    return wide[wide["gain"] > GAIN].sort_values("gain", ascending=False)
+
+
+def _state(specimen: Specimen, labels: Any, found: Push, level: float) -> tuple[float, float]:
+    """Return the use of the most stressed inner sub-contact, and the compression of dry faces, at a load factor."""
+    settled, _ = specimen.settle()
+    count = int(np.flatnonzero(found.load_factor >= level)[0]) + 1
+    scale = scout(specimen, settled)
+    at = push(specimen, settled, scale, specimen.settings.periods, records=count).at_end
+    bench, face = specimen.bench, specimen.points.face
+    friction, cohesion, tension = bench.law[face][:, [2, 4, 5]].T
+    inner = ~labels[face]
+    size: Floats = np.linalg.norm(at.shear, axis=1)
+    use = np.maximum(-at.pressure / tension, size / np.maximum(cohesion + friction * at.pressure, 1e-300))
+    pressed = float((at.pressure * specimen.points.place[:, -1])[~inner].sum())
+    return float(use[inner].max()), pressed
+
+
+def look_into(found: list[Case], turned: pd.DataFrame) -> pd.DataFrame:
+    """Compare the states of both laws at one load below the first crack, with the usual settings."""
+    rows = []
+    for case_row in turned.head(CASES).to_dict("records"):
+        (case,) = (one for one in found if one.name == case_row["scene"])
+        labels = np.array(case.layouts[case_row["layout"]])
+        pushes, specimens = {}, {}
+        for dilation in ("friction", "0"):
+            specimen = specimen_of(case.assembly, labels, joints_of("brittle", dilation), Settings())
+            settled, _ = specimen.settle()
+            specimens[dilation] = specimen
+            pushes[dilation] = push(specimen, settled, scout(specimen, settled), specimen.settings.periods)
+        first = {}
+        for key, one in pushes.items():
+            broke = np.flatnonzero(one.broken > 0)
+            first[key] = float(one.load_factor[max(int(broke[0]) - 1, 0)]) if broke.size else np.nan
+        level = REACHED * min(min(first.values()), *(float(one.load_factor.max()) for one in pushes.values()))
+        states = {key: _state(specimens[key], labels, pushes[key], level) for key in pushes}
+        carried = {key: float(one.load_factor[one.collapse]) for key, one in pushes.items()}
+        rows.append(
+            {
+                "scene": case.name,
+                "layout": case_row["layout"],
+                "λ": case_row["associative"],
+                "collapse with dilation": carried["friction"],
+                "without": carried["0"],
+                "first crack with": first["friction"],
+                "without ": first["0"],
+                "use of inner faces with": states["friction"][0],
+                "without  ": states["0"][0],
+                "compression of dry faces, without / with": states["0"][1] / states["friction"][1],
+                "plastic: without / with": case_row[law("plastic", "0")] / case_row[law("plastic", "friction")],
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def run(out: Path, quick: bool) -> pd.DataFrame:
+    """Make the runs that are missing if quick, and the page of those that are there."""
+    found = cases(quick)
+    path = out / f"{NAME}.csv"
+    if quick or not path.exists():
+        run_all(path, found)
+    runs = pd.read_csv(path, keep_default_na=True, dtype={"dilation": str})
+    turned = reversals(runs)
+    looked = look_into(found, turned)
+    parts = {"summary": summary(runs, found), "numerics": numerics(runs), "survivors": survivors(runs)}
+    shown = pd.concat(
+        [frame.assign(part=name) for name, frame in (*parts.items(), ("reversal", looked)) if len(frame)],
+        ignore_index=True,
+    )
+    report = _report(runs, found, turned, looked, parts)
+    write(out, report, runs, {"": _picture(runs, turned)}, parts["summary"])
+    _add_tables(out / f"{NAME}.md", parts["numerics"], parts["survivors"], looked)
+    return shown
+
+
+def _add_tables(page: Path, *tables: pd.DataFrame) -> None:
+    """Add further tables to the page, before its last line."""
+    from studies.report import markdown_table
+
+    text = page.read_text("utf-8")
+    heads = (
+        "Change of the collapse load by numerics, relative",
+        "What is left of λ by faces, cells and fields (lower bound)",
+        "Layouts with the largest gains without dilation, usual settings",
+    )
+    parts = [f"**{head}**\n\n{markdown_table(one)}\n" for head, one in zip(heads, tables, strict=True) if len(one)]
+    body, last = text.rsplit("\nRun: ", 1)
+    page.write_text(body + "\n" + "\n".join(parts) + "\nRun: " + last, "utf-8")
+
+
+def _share(part: pd.Series, limit: float) -> str:
+    """Say how many values exceed a limit."""
+    return f"{int((part > limit).sum())} of {int(part.notna().sum())}"
+
+
+def _report(
+    runs: pd.DataFrame, found: list[Case], turned: pd.DataFrame, looked: pd.DataFrame, parts: dict[str, pd.DataFrame]
+) -> Report:
+    wide = side_by_side(runs)
+    every = sum(1 for _ in asked(found))
+    ratio = {pair: wide[law(*pair)] / wide["associative"] for pair in LAWS}
+    own = runs[runs["kind"] == "experiment"]
+    over = int((own["energy_error"] > 0.01).sum())
+    both = int((wide[law("brittle", "0")].gt(0.0) & wide[law("brittle", "friction")].gt(0.0)).sum())
+    fallen = int((wide[law("brittle", "0")] == 0.0).sum())
+    cracked = own[(own["inner"] == "brittle") & (own["numerics"] == DEFAULT) & own["first_crack"].notna()]
+    at_once = int((cracked["load_factor"] <= 1.01 * cracked["first_crack"]).sum())
+    earlier = int((looked["first crack with"] < looked["without "]).sum()) if len(looked) else 0
+    used = int((looked["use of inner faces with"] > looked["without  "]).sum()) if len(looked) else 0
+    plastic = (wide[law("plastic", "0")] / wide[law("plastic", "friction")]).dropna()
+    shares = parts["survivors"]
+    left = "; ".join(
+        f"{row['law']}: {row['median share of λ by faces']:.2f} by faces, {row['median share of λ by cells']:.2f} by "
+        f"cells, {row['median share of λ by fields']:.2f} by fields"
+        for row in shares.to_dict("records")
+    )
+    return Report(
+        name=NAME,
+        title="Distinct elements with inner and dry faces",
+        question="What do brittle cracks and joints that do not dilate leave of λ, over hundreds of layouts, and when "
+        "does a layout carry more without dilation?",
+        source="Iannuzzo et al. 2024: its section 5 names this study as future work, its section 3.3 has the surprise "
+        "(2187 N without dilation against 1911 N with it).",
+        model=f"{every} runs are asked for, {len(runs)} were made in the time there was. Full set: 300 layouts of the "
+        "beam-arch and 100 each of the flat arch and of a wall with an opening, evenly over those above a "
+        "sixtieth of the largest λ, plastic and brittle, with and without dilation, one rate, local damping. Every "
+        f"{distinct_runs.SAMPLE}th layout also with two other damping schemes, half the step, three and nine points "
+        "a face and a third of the rate, and λ by cells of half the size and by fields. The full set is pushed three "
+        "times as fast as usual with a step of 0.7 of the critical one; the second table says what that changes.",
+        agrees=(
+            f"Energy: the largest error of a run is {own['energy_error'].max():.1%}, the median "
+            f"{own['energy_error'].median():.0e}; {over} of {len(own)} exceed 1 %.",
+            f"Brittle with dilation exceeds λ by over 1 % in {_share(ratio[('brittle', 'friction')], 1.01)} layouts, "
+            f"without dilation in {_share(ratio[('brittle', '0')], 1.01)}.",
+            f"Plastic without dilation exceeds plastic with it by over 1 % in {_share(plastic, GAIN)} layouts.",
+            f"Median shares of λ that are carried: {left}.",
+        ),
+        differs=(
+            f"Brittle, {len(turned)} of {both} layouts that stand under both laws carry over 1 % more without "
+            "dilation than with it"
+            + (f", the most {100 * (turned['gain'].max() - 1.0):.0f} %." if len(turned) else "."),
+            f"Why: in {used} of the {len(looked)} largest gains inner faces are used more with dilation at the same "
+            f"load, and in {earlier} the first crack comes at a smaller load. Joints that open as they slide wedge the "
+            "blocks apart and press where nothing gives way; the crack that follows ends the run, as it does in "
+            f"{at_once} of {len(cracked)} brittle runs. Faces that stay plastic let the wedge yield, and dilation "
+            "helps.",
+            f"Plastic with dilation ends more than 1 % below λ in "
+            f"{int((ratio[('plastic', 'friction')] < 0.99).sum())} and more than 1 % above it in "
+            f"{_share(ratio[('plastic', 'friction')], 1.01)} layouts. Below: gaps that close without resistance slide "
+            "without dilating. Above: five points a face bear more bending than the kern of limit analysis. Both "
+            "vanish with its own laws (`benchmarks/results/experiment_convergence.md`).",
+            f"{fallen} of {int(wide[law('brittle', '0')].notna().sum())} layouts do not stand under their own weight "
+            "when cracks are brittle and joints do not dilate.",
+        ),
+        pictures={
+            "": "Left: collapse over λ by law and scene, as shares of layouts below a ratio. Middle: brittle without "
+            "dilation against with it, both over λ. Right: error of energy of all runs."
+        },
+    )
+
+
+def _picture(runs: pd.DataFrame, turned: pd.DataFrame) -> Figure:
+    figure = figure_of(12.8, 4.6)
+    wide = side_by_side(runs)
+    ax = axes_at(figure, 0.7, 0.7, 3.6, 3.2)
+    for pair, (colour, dash, _) in zip(LAWS, PAIRED, strict=False):
+        ratio = np.sort((wide[law(*pair)] / wide["associative"]).dropna())
+        share = np.arange(1, len(ratio) + 1) / max(len(ratio), 1)
+        ax.step(ratio, share, where="post", color=colour, ls=dash, lw=1.3, label=law(*pair))
+    ax.axvline(1.0, color=GREY, lw=0.8)
+    ax.set(xlabel="collapse / λ by faces [–]", ylabel="share of layouts below [–]", xlim=(-0.02, 1.25))
+    ax.legend(frameon=False, fontsize=7.5, loc="upper left")
+    ax.set_title(f"{len(wide)} layouts of three scenes", fontsize=9)
+    ax = axes_at(figure, 5.1, 0.7, 3.2, 3.2)
+    for (scene, part), (colour, _, marker) in zip(wide.groupby("scene"), PAIRED, strict=False):
+        x, y = (part[law("brittle", key)] / part["associative"] for key in ("friction", "0"))
+        ax.plot(x, y, marker, color=colour, ms=4, mfc="none", mew=0.8, label=str(scene))
+    ax.plot([0, 1.1], [0, 1.1], color=GREY, lw=0.8)
+    ax.set(xlabel="brittle with dilation / λ [–]", ylabel="brittle without dilation / λ [–]")
+    ax.legend(frameon=False, fontsize=7.5, loc="upper left")
+    ax.set_title(f"{len(turned)} layouts carry over 1 % more without", fontsize=9)
+    ax = axes_at(figure, 9.1, 0.7, 3.4, 3.2)
+    own = runs[(runs["kind"] == "experiment") & (runs["energy_error"] > 0.0)]
+    for (inner, part), (colour, dash, _) in zip(own.groupby("inner"), PAIRED, strict=False):
+        values = np.sort(part["energy_error"])
+        ax.step(values, np.arange(1, len(values) + 1) / len(values), color=colour, ls=dash, label=str(inner))
+    ax.axvline(0.01, color=GREY, lw=0.8, label="1 %")
+    ax.set(xscale="log", xlabel="largest error of energy in a run [–]", ylabel="share of runs below [–]")
+    ax.set_xlim(left=1e-9)
+    ax.legend(frameon=False, fontsize=7.5, loc="upper left")
+    ax.set_title(f"balance of energy of {len(own)} runs", fontsize=9)
+    return figure
