@@ -43,6 +43,9 @@ _OVER: Final = (0.1, 2.0)
 _PICTURE: Final = 1.5
 """Processor time of the picture, s; it is left out where that would end late."""
 
+_CUTTING: Final = 0.3
+"""Share of the time limit after which no further tessellation is cut; with hundreds of cells each takes seconds."""
+
 _SEARCHES: Final = 0.15
 """Share of the time for the coarse searches of all tessellations."""
 
@@ -96,7 +99,9 @@ def design_outline(
     if folder.exists() and any(folder.iterdir()):
         raise InputError(str(folder), "the folder is not empty", "an empty or new folder")
     outline = read_outline(file, options)
-    work = Design(options, outline, folder, tessellations(outline.scene, options))
+    work = Design(
+        options, outline, folder, tessellations(outline.scene, options, deadline.within(_CUTTING * options.seconds))
+    )
     folder.mkdir(parents=True, exist_ok=True)
     # writing takes longer on a busy machine, by the ratio of wall-clock to processor time so far
     busy = min(max(1.0, deadline.elapsed() / time.process_time()), BUSY)

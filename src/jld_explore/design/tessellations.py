@@ -14,6 +14,7 @@ from jld_core.arrays import Floats
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.build.materials import direction_of_weight
+from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError
 from jld_core.geometry.unions import region_of, union_outlines
 from jld_core.refinement import refine
@@ -60,17 +61,23 @@ class Tessellation:
     problem: str = ""
 
 
-def tessellations(outline: Scene, options: DesignOptions) -> list[Tessellation]:
+def tessellations(outline: Scene, options: DesignOptions, until: Deadline | None = None) -> list[Tessellation]:
     """Cut an outline in every known way, and return the tessellations.
 
-    The first one of a planar outline is the usual running bond. A tessellation that does not fit has no scene. Raises
-    InputError if none fits, if the mass limit requires too many cells, or if a load cannot act.
+    The first one of a planar outline is the usual running bond, which is always cut. A tessellation that does not fit,
+    or is not begun before the deadline `until`, has no scene. Raises InputError if none fits, if the mass limit
+    requires too many cells, or if a load cannot act.
     """
     with_loads(outline, options)  # refuses loads that no tessellation can carry
     assembly = build_assembly(outline)
     kinds = _planar(outline, assembly, options) if assembly.dimension == 2 else _spatial(outline, assembly, options)
     side = side_of(assembly)
-    found = [_made(name, words, make, options, side) for name, words, make in kinds]
+    found: list[Tessellation] = []
+    for name, words, make in kinds:
+        late = bool(found) and until is not None and until.passed()
+        found.append(
+            Tessellation(name, words, None, "no time was left") if late else _made(name, words, make, options, side)
+        )
     if all(one.scene is None for one in found):
         reasons = "; ".join(f"{one.name}: {one.problem}" for one in found)
         raise InputError(
