@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from io import BytesIO
 from pathlib import Path
 from typing import Final
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 from jld_core.assembly_sequence import Laying
@@ -14,6 +14,9 @@ from jld_core.views.strip import figure_of_stage
 
 _STAGE, _END = 700, 2500
 """Time that a stage and the last stage are shown, ms."""
+
+_DPI: Final = 100
+"""Resolution of a stage, dots per inch."""
 
 _COLOURS: Final = 64
 """Number of colours of the animation: drawings have few."""
@@ -28,10 +31,9 @@ def save_laying_animation(laying: Laying, path: Path) -> None:
     frames = []
     for number in range(1, len(laying.steps) + 1):
         figure = figure_of_stage(laying, number)
-        canvas = FigureCanvasAgg(figure)
-        canvas.draw()
-        image = Image.frombuffer("RGBA", canvas.get_width_height(), canvas.buffer_rgba(), "raw", "RGBA", 0, 1)
-        frames.append(image.convert("RGB").quantize(_COLOURS))
+        picture = BytesIO()
+        figure.savefig(picture, format="png", dpi=_DPI)
+        frames.append(Image.open(picture).convert("RGB").quantize(_COLOURS))
     if not frames:
         raise ValueError("a sequence without steps has nothing to animate")
     times = [_STAGE] * (len(frames) - 1) + [_END]
