@@ -17,7 +17,7 @@ from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError
-from jld_core.fields import bounds_by_fields
+from jld_core.fields.governing import governing_bounds
 from jld_core.fields.requirements import require_fields
 from jld_core.geometry_optimisation.field_moves import move_by_fields
 from jld_core.geometry_optimisation.moved_scene import MovedScene
@@ -62,9 +62,6 @@ _FIRST: Final = 10.0
 
 _REFINED: Final = 120.0
 """Longest time for refined bounds by fields of one layout, s."""
-
-_GOVERNING: Final = 0.8
-"""Share of the time for bounds by fields that the governing load case has alone."""
 
 _NONE: Final = (-math.inf, math.inf)
 """Bounds where nothing is proven."""
@@ -372,20 +369,9 @@ def refine_one(layout: MovedLayout, seconds: float, gap: float) -> MovedLayout:
 def _bounds(assembly: Assembly, labels: Bits, seconds: float, gap: float) -> tuple[float, float]:
     """Return the bounds by fields on the governing factor of one layout.
 
-    labels: (m,) True = dry. seconds: time for all load cases, s; a part of it refines the governing case. gap: relative
-    width at which refinement ends.
+    labels: (m,) True = dry. seconds: time for all load cases, s. gap: relative width at which refinement ends.
     """
-    cases, required = assembly.by_case, assembly.required.tolist()
-    first = [
-        bounds_by_fields(case, labels, gap=gap, seconds=(1.0 - _GOVERNING) * seconds / len(cases)) for case in cases
-    ]
-    low = [one.lower / factor for one, factor in zip(first, required, strict=True)]
-    high = [one.upper / factor for one, factor in zip(first, required, strict=True)]
-    worst = min(range(len(cases)), key=lambda k: (low[k], high[k]))
-    again = bounds_by_fields(cases[worst], labels, gap=gap, seconds=_GOVERNING * seconds)
-    low[worst] = max(low[worst], again.lower / required[worst])
-    high[worst] = min(high[worst], again.upper / required[worst])
-    return min(low), min(high)
+    return governing_bounds(assembly, labels, seconds, gap=gap, lower_first=False)
 
 
 def _order(layout: MovedLayout) -> tuple[float, int, int]:

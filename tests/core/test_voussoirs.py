@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 
 from command import Command
 from jld_core import InputError, Scene, build_assembly, parse_scene, samples, solve
@@ -211,3 +212,40 @@ def test_bad_voussoirs_are_one_line(jld: Command, tmp_path: Path, flags: list[st
     assert words in done.err
     assert done.err.count("\n") == 1
     assert not (tmp_path / "out.json").exists()
+
+
+@pytest.mark.parametrize(
+    "how", [{"voussoirs": 11, "rings": 2}, {"cell": (0.3, 0.2), "kind": "bond"}, {"cell": (0.2,), "kind": "voronoi"}]
+)
+def test_snapped_corners_keep_the_outline_and_leave_fewer_short_edges(how: dict[str, Any]) -> None:
+    """Area, and boundary of the union, stay; no edge that ends at a moved corner is shorter than before."""
+    whole = scene(wall(), [box(-0.1, -0.1, 0.5, 0.1), box(1.6, -0.1, 0.5, 0.1)])
+    shortest = []
+    for snap in (0.0, 0.25):
+        assembly = build_assembly(refine(whole, snap=snap, **how).scene)
+        free = assembly.elements.free
+        shapes = [shapely.Polygon(assembly.elements.shape[k]) for k in free]
+        assert sum(shape.area for shape in shapes) == pytest.approx(2.4 - whole_opening(), rel=1e-9)
+        union = shapely.union_all(shapes, grid_size=1e-9)
+        assert union.hausdorff_distance(shapely.Polygon(wall())) < 1e-6
+        assert all(shape.is_valid for shape in shapes)
+        lengths = np.concatenate([np.hypot(*np.diff(np.vstack([s, s[:1]]), axis=0).T) for s in map(corners, shapes)])
+        shortest.append(int((lengths < 0.02).sum()))
+    assert shortest[1] < shortest[0]
+
+
+def whole_opening() -> float:
+    """Area of the opening of `wall`, a polygon of 24 chords."""
+    return 0.5 * 24 * 0.7**2 * float(np.sin(np.pi / 24))
+
+
+def corners(shape: shapely.Polygon) -> Floats:
+    """Corners of a polygon, each once."""
+    return np.asarray(shape.exterior.coords)[:-1]
+
+
+@pytest.mark.parametrize("snap", [-0.1, 0.5, float("nan")])
+def test_a_wrong_snap_is_one_line(snap: float) -> None:
+    """Shares of a cell outside 0 to 0.4 are refused."""
+    with pytest.raises(InputError, match=r"snap: .* is wrong"):
+        refine(scene(wall(), []), (0.2,), snap=snap)

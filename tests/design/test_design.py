@@ -11,6 +11,7 @@ import pytest
 
 from command import Command
 from jld_core import InputError, Scene, build_assembly, load_scene, solve
+from jld_core.deadline import Deadline
 from jld_explore.design import run, tessellations
 from jld_explore.design.loads import with_loads
 from jld_explore.design.options import DesignOptions
@@ -77,6 +78,15 @@ def test_every_tessellation_carries_the_same_loads_and_keeps_the_limit(opening: 
         case = assembly.by_case[0]
         moment = case.live[:, 2] + case.elements.centroid[:, 0] * case.live[:, 1]
         assert moment.sum() == pytest.approx(-1e4 * 0.6, rel=0.02)
+
+
+def test_after_the_deadline_only_the_usual_bond_is_cut(opening: Path) -> None:
+    """Cutting obeys the clock: what is not begun in time says so, and the bond is always there."""
+    options = DesignOptions(**ASKED)
+    outline = read_outline(opening, options)
+    found = tessellations.tessellations(outline.scene, options, Deadline(0.0))
+    assert found[0].scene is not None
+    assert all(one.scene is None and one.problem == "no time was left" for one in found[1:])
 
 
 def test_places_are_shares_of_the_top(wall: Path) -> None:
@@ -156,8 +166,8 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tessellations, "_CELLS", 4)
     kept = tessellations.tessellations
 
-    def first(outline: Scene, options: DesignOptions) -> list[Tessellation]:
-        return kept(outline, options)[:1]
+    def first(outline: Scene, options: DesignOptions, until: Deadline | None = None) -> list[Tessellation]:
+        return kept(outline, options, until)[:1]
 
     monkeypatch.setattr(run, "tessellations", first)
     monkeypatch.setattr(run, "_MOVED", 1e9)

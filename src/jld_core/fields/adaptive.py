@@ -115,16 +115,18 @@ class Fields:
     velocity: VelocityField | None
 
     @classmethod
-    def on(cls, setting: FieldSetting, mesh: Mesh, labels: Bits, enough: float = -math.inf) -> Fields:
+    def on(
+        cls, setting: FieldSetting, mesh: Mesh, labels: Bits, enough: float = -math.inf, *, velocities: bool = True
+    ) -> Fields:
         """Solve for both fields of one labelling on one mesh.
 
         mesh: refined from `setting.coarse`, scene units. labels: (m,) True = dry. enough: λ in scene units. Where the
-        upper bound lies below it, no stress field is computed and `stress` is None. Nothing is raised where a solver
-        fails: the field is then None.
+        upper bound lies below it, no stress field is computed and `stress` is None. velocities: False leaves the
+        velocity field out, so that `velocity` is None. Nothing is raised where a solver fails: the field is then None.
         """
         problem = setting.problem(mesh)
         lower, upper = LowerBound(problem), UpperBound(problem)
-        velocity = upper.bound(labels)
+        velocity = upper.bound(labels) if velocities else None
         weak = velocity is not None and velocity.factor * problem.units.load < enough
         return cls(mesh, labels, lower, upper, None if weak else lower.bound(labels), velocity)
 
@@ -153,17 +155,18 @@ class Fields:
         stresses = None if self.stress is None else stresses_of(self.lower, self.stress, self.labels)
         return stresses, None if self.velocity is None else mechanism_of(self.upper, self.velocity, self.labels)
 
-    def finer(self, adaptive: bool = True) -> Mesh:
+    def finer(self, adaptive: bool = True, *, steps: bool = True) -> Mesh:
         """Return the next mesh: refined where the fields disagree, or everywhere.
 
         adaptive: False splits every triangle in four. True splits the triangles with the largest criterion of
         docs/method.md (9.12). Without a stress field, that for the dead load alone takes its place; without either, all
-        but the smallest triangles are split.
+        but the smallest triangles are split. steps: False marks more triangles at once, for fewer meshes.
         """
         if not adaptive:
             return refine(self.mesh, np.ones(len(self.mesh), dtype=bool))
         stress = self.stress if self.stress is not None else self._under_dead_load()
-        share = _SHARE if self.stress is not None and self.velocity is not None else _SHARE_WITHOUT
+        both = self.stress is not None and self.velocity is not None
+        share = _SHARE if steps and both else _SHARE_WITHOUT
         marks = _marks(self.problem, stress, self.velocity, share)
         return refine(self.mesh, marks, _singular_corners(self.problem, stress))
 

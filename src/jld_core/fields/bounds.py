@@ -29,6 +29,13 @@ The dead load needs fine meshes at few places.
 """
 
 
+_UPPER_EACH = 3
+"""Meshes from one upper bound to the next where the lower bound comes first.
+
+An upper bound takes three to five times as long as a lower one on the same mesh.
+"""
+
+
 class FieldStatus(StrEnum):
     """How the computation of a two-sided bound by fields ended.
 
@@ -221,6 +228,9 @@ class FieldRefinement:
     ----------
     assembly, labels, gap, patch, parts, adaptive, most_triangles
         As for `bounds_by_fields`.
+    lower_first : bool
+        True raises the lower bound two to three times as fast: each mesh marks more triangles, and only every third
+        mesh has an upper bound.
 
     Raises
     ------
@@ -238,14 +248,15 @@ class FieldRefinement:
         parts: int = 1,
         adaptive: bool = True,
         most_triangles: int = _MOST_TRIANGLES,
+        lower_first: bool = False,
     ) -> None:
         self._spent, start = 0.0, time.perf_counter()
         self._labels = _require(assembly, labels, gap, parts, patch)
         self._gap, self._adaptive, self._most = gap, adaptive, most_triangles
         self._setting = FieldSetting.of(assembly, patch)
         self._mesh: Mesh | None = subdivide(self._setting.coarse, parts)
-        self._best, self._steps, self._last = _Best(), list[FieldStep](), 0.0
-        self._growth = 1.0
+        self._best, self._steps, self._lower_first = _Best(), list[FieldStep](), lower_first
+        self._times: dict[bool, tuple[int, float]] = {}
         self._spent += time.perf_counter() - start
 
     @property
@@ -263,17 +274,35 @@ class FieldRefinement:
         return self._spent
 
     @property
+    def upper_due(self) -> bool:
+        """True if the next step computes an upper bound unless told otherwise."""
+        return not self._lower_first or len(self._steps) % _UPPER_EACH == 0
+
+    @property
     def expected(self) -> float:
-        """Expected value of `spent` after one more step, seconds; extrapolated from the last."""
-        return self._spent + self._growth * self._last
+        """Expected value of `spent` after one more step, seconds; extrapolated from the last of its kind."""
+        return self.expected_with(self.upper_due)
+
+    def expected_with(self, upper: bool) -> float:
+        """Return the expected value of `spent` after a step with or without an upper bound, seconds."""
+        known = self._times.get(upper) or self._times.get(True)
+        if known is None:
+            return self._spent
+        triangles, seconds = known
+        return float(self._spent + seconds * (self.triangles / triangles) ** _GROWTH)
 
     @property
     def triangles(self) -> int:
         """Number of triangles of the next mesh, 0 if refinement has ended."""
         return 0 if self._mesh is None else len(self._mesh)
 
-    def step(self) -> FieldBounds:
+    def step(self, upper: bool | None = None) -> FieldBounds:
         """Solve the next mesh.
+
+        Parameters
+        ----------
+        upper : bool, optional
+            Whether an upper bound is computed as well; by default `upper_due`.
 
         Returns
         -------
@@ -288,18 +317,19 @@ class FieldRefinement:
         if self._mesh is None:
             raise ValueError("refinement has ended; expected a step before")
         began, mesh = time.perf_counter(), self._mesh
-        fields = Fields.on(self._setting, mesh, self._labels)
+        both = self.upper_due if upper is None else upper
+        fields = Fields.on(self._setting, mesh, self._labels, velocities=both)
         self._best.take(fields)
-        self._last = time.perf_counter() - began
-        self._steps.append(FieldStep(len(mesh), *fields.bounds, self._spent + self._last))
+        last = time.perf_counter() - began
+        self._times[both] = len(mesh), last
+        self._steps.append(FieldStep(len(mesh), *fields.bounds, self._spent + last))
         found = self._best.result(tuple(self._steps), self._gap)
         # without one of the bounds refinement helps only so far
         lone = found.status is not FieldStatus.OPEN and len(self._steps) >= _PATIENCE
         if found.status in (FieldStatus.CLOSED, FieldStatus.UNSTABLE) or lone:
             self._mesh = None
         else:
-            finer = fields.finer(self._adaptive)
-            self._growth = (len(finer) / len(mesh)) ** _GROWTH
+            finer = fields.finer(self._adaptive, steps=not self._lower_first)
             self._mesh = None if len(finer) > self._most or len(finer) == len(mesh) else finer
         self._spent += time.perf_counter() - began
         return found

@@ -38,6 +38,7 @@ def split_by_cells(
     fixed: Sequence[Floats],
     cells: Sequence[shapely.Polygon],
     size: float,
+    snap: float = 0.0,
 ) -> list[list[shapely.Polygon]]:
     """Cut elements along the boundaries of cells.
 
@@ -53,6 +54,8 @@ def split_by_cells(
         Cells that cover all elements.
     size : float
         Size of a cell, a length.
+    snap : float
+        Distance, relative to the size of a cell, within which nodes move to a corner of the outlines or to one another.
 
     Returns
     -------
@@ -68,7 +71,7 @@ def split_by_cells(
     origin, extent = known.min(axis=0), float(np.ptp(known, axis=0).max())
     shapes = [shapely.Polygon(outline) for outline in outlines]
     parts: list[list[tuple[int, shapely.Polygon]]] = [[] for _ in outlines]
-    faces = _faces(outlines, known, cells, origin, extent, size)
+    faces = _faces(outlines, known, cells, origin, extent, size, snap)
     inside = shapely.point_on_surface(faces)
     element_tree, cell_tree = shapely.STRtree(shapes), shapely.STRtree(list(cells))
     cell_of = np.full(len(faces), len(cells), dtype=np.int64)
@@ -89,17 +92,21 @@ def _faces(
     origin: Floats,
     extent: float,
     size: float,
+    snap: float,
 ) -> list[shapely.Polygon]:
     """Return the polygons that all outlines and cell boundaries together enclose.
 
     outlines: corners (k, 2) of each element that is cut. known: (c, 2) corners that stay exact. cells: cells. origin:
     (2,) point about which coordinates are computed. extent: size of the structure. size: of a cell. Both are lengths.
+    snap: distance relative to a cell within which nodes move together.
     """
     rings = [shapely.LinearRing(outline - origin) for outline in outlines]
     borders = shapely.transform(shapely.boundary(np.array(list(cells))), lambda points: points - origin)
     pieces = shapely.get_parts(shapely.union_all([*rings, *borders], grid_size=_GRID * extent))
     points, owner = shapely.get_coordinates(pieces, return_index=True)
     node, place = _nodes(points, known - origin, rings, extent, size)
+    if snap > 0.0:
+        node = _snapped(node, place, len(known), rings, _ON * extent, snap * size)
     follows = np.flatnonzero(owner[1:] == owner[:-1])
     ends = np.sort(np.column_stack([node[follows], node[follows + 1]]), axis=1)
     ends = np.unique(ends[ends[:, 0] < ends[:, 1]], axis=0)
@@ -128,6 +135,36 @@ def _nodes(
     node = np.empty(len(points), dtype=np.int64)
     node[order] = first[merged[len(corners) :]]
     return node, every
+
+
+def _snapped(
+    node: Ints, place: Floats, corners: int, rings: Sequence[shapely.LinearRing], on: float, reach: float
+) -> Ints:
+    """Move nodes to near ones, so that few edges are shorter than a distance.
+
+    Corners stay. A node on outlines moves to the nearest corner on them, else to a node that stays there; other nodes
+    move to the nearest corner or node that stays. node: (k,) rows of `place`. place: (r, 2), corners first. corners:
+    their number. rings: outlines. on: distance within which a node lies on an outline, length. reach: largest move,
+    length. Returns the new rows (k,).
+    """
+    used = np.concatenate([np.arange(corners), np.unique(node[node >= corners])])
+    outlines: list[set[int]] = [set() for _ in range(len(place))]
+    near = shapely.STRtree(list(rings)).query(shapely.points(place[used]), predicate="dwithin", distance=on)
+    for point, ring in zip(*near.tolist(), strict=True):
+        outlines[int(used[point])].add(ring)
+    kept = list(range(corners))
+    moved = np.arange(len(place))
+    for at in sorted(used[corners:].tolist(), key=lambda one: (not outlines[one], one)):
+        # a node where elements meet stays on the outlines of all of them
+        stays = [other for other in kept if outlines[at] <= outlines[other]]
+        apart = np.hypot(*(place[stays] - place[at]).T)
+        # corners of the outlines are preferred to nodes within reach
+        order = np.lexsort((apart, np.array(stays) >= corners, apart > reach))
+        if len(order) and apart[order[0]] <= reach:
+            moved[at] = stays[int(order[0])]
+        else:
+            kept.append(at)
+    return np.asarray(moved[node])
 
 
 def join_small(parts: list[shapely.Polygon], least: float) -> list[shapely.Polygon]:

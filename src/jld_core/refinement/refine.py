@@ -30,6 +30,9 @@ KINDS: Final = ("grid", "bond", "voronoi", "radial")
 BY: Final = ("block", "material")
 """Names of the groups of old joints that a search must keep, for the parameter `by` of `refine`."""
 
+SNAP: Final = 0.4
+"""Largest distance, relative to a cell, to which corners of cells move: beyond it cells degenerate."""
+
 _LEAST: Final = 0.05
 """Share of a cell's area below which a piece joins its neighbour."""
 
@@ -65,6 +68,7 @@ def refine(
     voussoirs: int | None = None,
     rings: int = 1,
     courses: int = 1,
+    snap: float = 0.0,
 ) -> Refined:
     """Split every free element of a scene into cells; supports stay whole.
 
@@ -99,6 +103,9 @@ def refine(
         Number of rings of voussoirs over the depth of an arch, or of the crown where spandrels lie above it.
     courses : int
         Number of voussoirs along the axis of a vault, of spatial scenes.
+    snap : float
+        Distance, relative to the shortest side of a cell, within which corners of cells move to a corner of the outline
+        or to one another (planar). Cells without short edges have narrower bounds by fields. 0: corners stay.
 
     Returns
     -------
@@ -111,7 +118,7 @@ def refine(
         If sizes or kinds do not fit the scene, an element cannot be cut, the inner material is missing, or a pressure
         acts on the whole free boundary of an element that is split.
     """
-    grid = _Grid(cell, kind, centre, seed, bond, voussoirs, rings, courses)
+    grid = _Grid(cell, kind, centre, seed, bond, voussoirs, rings, courses, snap)
     _check(scene, grid, by)
     assembly = build_assembly(scene)
     down = direction_of_weight(scene)
@@ -145,6 +152,7 @@ class _Grid:
     voussoirs: int | None
     rings: int
     courses: int
+    snap: float
 
 
 def _check(scene: Scene, grid: _Grid, by: str | None) -> None:
@@ -168,6 +176,10 @@ def _check(scene: Scene, grid: _Grid, by: str | None) -> None:
         raise ParameterError("centre", "the scene is spatial", "a planar scene, or a vault with an arc")
     if grid.centre is not None and not np.isfinite(grid.centre).all():
         raise ParameterError("centre", f"{grid.centre[0]:g},{grid.centre[1]:g} is no point", "x,y")
+    if not 0.0 <= grid.snap <= SNAP:
+        raise ParameterError("snap", f"{grid.snap:g} of a cell is wrong", f"0 to {SNAP:g}")
+    if grid.snap and scene.dimension == 3:
+        raise ParameterError("snap", "the scene is spatial", "a planar scene, or 0")
     if scene.interfaces is not None:
         raise InputError("interfaces", "they are given by hand", "a scene whose interfaces are found")
     if scene.materials.faces:
@@ -205,7 +217,7 @@ def _planar(assembly: Assembly, grid: _Grid, down: Floats) -> list[list[Piece]]:
     cells, size, least = _cells(assembly, outlines, grid, down)
     shapes = [elements.shape[k] for k in free]
     fixed = [elements.shape[k] for k in np.flatnonzero(elements.support)]
-    split = split_by_cells([elements.ids[k] for k in free], shapes, fixed, cells, size)
+    split = split_by_cells([elements.ids[k] for k in free], shapes, fixed, cells, size, grid.snap)
     found = [[Piece({"polygon": shape.tolist()}, 1.0, outlines[k])] for k, shape in enumerate(elements.shape)]
     for k, parts in zip(free.tolist(), split, strict=True):
         outline = outlines[k]

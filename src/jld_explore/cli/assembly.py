@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -9,6 +11,7 @@ import numpy as np
 import typer
 
 from jld_core.assembly_sequence import Laying, assembly_order
+from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import ParameterError, error_context
 from jld_core.files import require_folder, write_text
 from jld_explore.cli.layout import layout_of
@@ -21,6 +24,7 @@ if TYPE_CHECKING:
 
 
 def assembly(
+    context: typer.Context,
     source: Source,
     rank: Rank = None,
     wish: Annotated[
@@ -33,6 +37,8 @@ def assembly(
         typer.Option(help="Where laying starts: by courses, from a side, or from all supports alike."),
     ] = "ground",
     stages: Annotated[bool, typer.Option("--stages", help="With --out: one picture per stage as well.")] = False,
+    animation: Annotated[bool, typer.Option("--animation", help="With --out: the stages as an animated GIF.")] = False,
+    seconds: Annotated[float | None, typer.Option(help="Time limit of order and pictures, s.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for assembly.csv and the strip of stages.")] = None,
 ) -> None:
     """Find an order in which the blocks of a layout can be laid, with directions and props.
@@ -41,28 +47,65 @@ def assembly(
     """
     if out is not None:
         require_folder(out)
-    elif stages:
-        raise ParameterError("stages", "there is no folder for the pictures", "`out` with a folder")
+    elif stages or animation:
+        name = "stages" if stages else "animation"
+        raise ParameterError(name, "there is no folder for the pictures", "`out` with a folder")
+    if seconds is not None and not seconds > 0.0:
+        raise ParameterError("seconds", f"{seconds:g} s are no time", "a number above 0")
+    deadline = Deadline(seconds, context.obj)
     scene, found, labels = layout_of(source, rank)
     sideways = scene.search.assemble_out_of_plane
     with error_context(source):
-        laying = assembly_order(found, labels, wish=wish, sideways=sideways, group=group, start=start)
+        try:
+            with deadline.enforced():
+                laying = assembly_order(found, labels, wish=wish, sideways=sideways, group=group, start=start)
+        except DeadlinePassed:
+            raise ParameterError("seconds", f"no order was found in {seconds:g} s", "a longer time") from None
     table = table_of(laying)
     if out is not None:
-        from jld_core.views.figures import save_figure
-        from jld_core.views.strip import figure_of_laying, figure_of_stage
-
         out.mkdir(parents=True, exist_ok=True)
         write_text(out / "assembly.csv", csv_of(table))
-        save_figure(figure_of_laying(laying, f"{scene.name}: order of laying"), out / "assembly.png")
-        digits = len(str(len(laying.steps)))
-        for number in range(1, len(laying.steps) + 1) if stages else ():
-            save_figure(figure_of_stage(laying, number), out / f"stage-{number:0{digits}}.png")
+        late = _draw(laying, out, f"{scene.name}: order of laying", stages, animation, deadline)
     say(words_of(laying))
     if len(table):
         say(f"\n{table.drop(columns='elements').to_string(index=False)}")
     if out is not None:
-        say(f"\nwritten to   {out}")
+        left_out = f"; not drawn for lack of time: {', '.join(late)}" if late else ""
+        say(f"\nwritten to   {out}{left_out}")
+
+
+def _draw(laying: Laying, out: Path, title: str, stages: bool, animation: bool, deadline: Deadline) -> list[str]:
+    """Draw an assembly sequence into a folder, and return the names of pictures for which there was no time.
+
+    title: of the strip. stages: one picture per stage as well. animation: an animated GIF as well.
+    """
+    from jld_core.views.figures import save_figure
+    from jld_core.views.laying_animation import save_laying_animation
+    from jld_core.views.strip import figure_of_laying
+
+    makes: dict[str, Callable[[Path], None]] = {
+        "assembly.png": lambda path: save_figure(figure_of_laying(laying, title), path)
+    }
+    if animation and laying.steps:
+        makes["assembly.gif"] = lambda path: save_laying_animation(laying, path)
+    digits = len(str(len(laying.steps)))
+    for number in range(1, len(laying.steps) + 1) if stages else ():
+        makes[f"stage-{number:0{digits}}.png"] = partial(_save_stage, laying, number)
+    late = []
+    for name, make in makes.items():
+        if deadline.passed():
+            late.append(name)
+        else:
+            make(out / name)
+    return late
+
+
+def _save_stage(laying: Laying, number: int, path: Path) -> None:
+    """Draw one stage of an assembly sequence; number: from 1."""
+    from jld_core.views.figures import save_figure
+    from jld_core.views.strip import figure_of_stage
+
+    save_figure(figure_of_stage(laying, number), path)
 
 
 def table_of(laying: Laying) -> pd.DataFrame:
@@ -112,7 +155,22 @@ def words_of(laying: Laying) -> str:
         return f"order        {many}, every stage stands without props"
     worst = max(step.stage.props.sum() for step in laying.steps)
     force = blocks.assembly.units[1]
-    return f"order        {many}, props of {worst:.4g} {force} at most\n{_first_fall(laying)}"
+    told = f"order        {many}, props of {worst:.4g} {force} at most\n{_first_fall(laying)}"
+    return "\n".join([told, *_centring(laying)])
+
+
+def _centring(laying: Laying) -> list[str]:
+    """Describe from when to when props stand, and when they may be struck; no line where none is needed."""
+    needed = [number for number, step in enumerate(laying.steps, 1) if step.stage.props.any()]
+    if not needed:
+        return []
+    blocks = laying.blocks
+    below = sorted({int(b) for step in laying.steps for b in np.flatnonzero(step.stage.props > 0.0)})
+    first, last = needed[0], needed[-1]
+    held = f"centring     from step {first}, in turn below {', '.join(blocks.name(block) for block in below)}"
+    if last == len(laying.steps):
+        return [f"{held}; the finished structure does not stand without it"]
+    return [f"{held}; it may be struck after step {last + 1}: no stage from there on needs it"]
 
 
 def _first_fall(laying: Laying) -> str:

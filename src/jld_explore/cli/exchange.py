@@ -141,6 +141,9 @@ def refine_command(
     ] = None,
     rings: Annotated[int, typer.Option(min=1, help="Rings of voussoirs over the depth.")] = 1,
     courses: Annotated[int, typer.Option(min=1, help="Voussoirs along the axis of a vault (spatial).")] = 1,
+    snap: Annotated[
+        float, typer.Option(help="Share of a cell by which its corners move to those of the outline (planar).")
+    ] = 0.0,
 ) -> None:
     """Split every element of a scene into cells, whose faces a search can choose from.
 
@@ -164,6 +167,7 @@ def refine_command(
             voussoirs=voussoirs,
             rings=rings,
             courses=courses,
+            snap=snap,
         )
     write_scene(found.scene, out)
     before, after = len(set(found.parent.values())), len(found.parent)

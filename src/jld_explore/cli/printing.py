@@ -24,8 +24,9 @@ from jld_core.scene.units import METRES
 from jld_explore.cli.options import Rank, refuse_itself
 from jld_explore.cli.streams import say
 from jld_explore.report import csv_of, read_folder
-from jld_explore.report.making import stones_table
+from jld_explore.report.making import factor_to, stones_of, stones_table
 from jld_explore.report.printed import Printed, write_printed
+from jld_explore.report.stock import Stock, stock_of, stock_table, words_of_stock
 
 _LAYING: Final = 30.0
 """Longest time for an order of laying, s; without one the report says so."""
@@ -52,6 +53,10 @@ def report(
     rank: Rank = None,
     language: Annotated[Literal["en", "de", "it"], typer.Option(help="Language of the pages.")] = "en",
     unit: Annotated[str, typer.Option(help="Unit of lengths: mm, cm, m, in, ft.")] = "mm",
+    stock: Annotated[
+        str | None, typer.Option(help="Place stones in stock cuboids with these sides, in --unit: A,B,C.")
+    ] = None,
+    kerf: Annotated[float, typer.Option(help="Width of a saw cut between stones of one cuboid, in --unit.")] = 0.0,
 ) -> None:
     """Print a layout: picture, loads, numbered stones, moulds, laying, assumptions and what is proven.
 
@@ -61,6 +66,7 @@ def report(
         raise ParameterError("pdf", "nothing is to be written", "`pdf`, `zip` or both")
     if unit not in METRES:
         raise ParameterError("unit", f"no unit is named {unit!r}", "one of " + ", ".join(METRES))
+    sides = _sides(stock, pdf, kerf)
     if not source.exists():
         raise InputError(str(source), "it does not exist", "a scene, or a folder of jld explore or jld design")
     target = out or (source / "report.pdf" if source.is_dir() else source.with_suffix(".pdf"))
@@ -72,14 +78,47 @@ def report(
     require_writable(target)
     if pdf:
         content = _content(source, rank)
+        placed = _placed(content.layout, sides, kerf, unit)
         count = write_printed(content, target, language=language, unit=unit)
         say(f"{target}: {count} page{'s' * (count != 1)}")
         table = target.with_suffix(".stones.csv")
         write_text(table, csv_of(stones_table(content.layout, unit)))
         say(f"{table}: the cutting list")
+        if placed is not None:
+            place = target.with_suffix(".stock.csv")
+            write_text(place, csv_of(stock_table(placed, content.layout.scene.units.length, unit)))
+            say(f"{place}: {words_of_stock(placed)}")
     if pack:
         archive = target.with_suffix(".zip")
         say(f"{archive}: {_pack(source, archive, target if pdf else None)} files")
+
+
+def _sides(stock: str | None, pdf: bool, kerf: float) -> tuple[float, float, float] | None:
+    """Return the sides of stock cuboids that a user states, None for none.
+
+    pdf: True if the cutting list is written. Raises ParameterError for a text that is not three numbers, and for
+    options that say nothing without each other.
+    """
+    if stock is None:
+        if kerf:
+            raise ParameterError("kerf", "it stands without `stock`", "both")
+        return None
+    if not pdf:
+        raise ParameterError("stock", "stones are placed beside the cutting list", "`pdf` as well")
+    try:
+        a, b, c = (float(part) for part in stock.split(","))
+    except ValueError:
+        raise ParameterError("stock", f"{stock!r} is wrong", "three sides, as 1200,800,300") from None
+    return a, b, c
+
+
+def _placed(layout: Layout, sides: tuple[float, float, float] | None, kerf: float, unit: str) -> Stock | None:
+    """Place the stones of a layout in stock cuboids; None without sides, which are in `unit`."""
+    if sides is None:
+        return None
+    factor = 1.0 / factor_to(unit, layout.scene.units.length)
+    a, b, c = (factor * side for side in sides)
+    return stock_of(stones_of(layout), (a, b, c), factor * kerf)
 
 
 def _content(source: Path, rank: int | None) -> Printed:
@@ -147,7 +186,8 @@ def _pack(source: Path, archive: Path, pdf: Path | None) -> int:
     else:
         named = {source.name: source}
     if pdf is not None:
-        named |= {path.name: path for path in (pdf, pdf.with_suffix(".stones.csv"))}
+        written = (pdf, pdf.with_suffix(".stones.csv"), pdf.with_suffix(".stock.csv"))
+        named |= {path.name: path for path in written if path.exists()}
     with whole_file(archive) as fresh, zipfile.ZipFile(fresh, "w", zipfile.ZIP_DEFLATED) as packed:
         for name, path in named.items():
             if path == fresh:

@@ -31,7 +31,7 @@ from jld_explore.design.trials import (
     why_no_fields,
 )
 
-_SHARES: Final = {"laying": 0.2, "experiment": 0.3, "by fields": 0.6, "low friction": 1.0}
+_SHARES: Final = {"laying": 0.2, "by fields": 0.6, "low friction": 1.0}
 """Share of the time that is left for each check, in their order."""
 
 _LEAST: Final = 0.3
@@ -47,16 +47,27 @@ def check_winner(work: Design, until: Deadline, say: Callable[[str], None]) -> l
     until: deadline of all checks. say: receives one message for each. A check without time says so. The bounds by
     fields of the winner are refined in `work.trials`.
     """
-    makes = {"laying": _laid, "experiment": _in_experiment, "by fields": _by_fields, "low friction": _at_low_friction}
-    found = []
-    for name, make in makes.items():
-        share = until.within(_SHARES[name] * until.remaining())
-        # a first mesh and a first solve end late rather than never
-        late = share.remaining() < _LEAST
-        one = Check(name, f"{name}: no time was left") if late else make(work, share)
-        say(f"check        {one.words}")
-        found.append(one)
+    found = [_timed(work, "laying", _laid, until.within(_SHARES["laying"] * until.remaining()))]
+    say(f"check        {found[0].words}")
+    # the experiment has a process of its own, beside which bounds by fields are refined
+    experiment = _begin_experiment(work, until)
+    try:
+        for name, make in (("by fields", _by_fields), ("low friction", _at_low_friction)):
+            found.append(_timed(work, name, make, until.within(_SHARES[name] * until.remaining())))
+            say(f"check        {found[-1].words}")
+        found.insert(1, experiment if isinstance(experiment, Check) else _end_experiment(*experiment, until))
+        say(f"check        {found[1].words}")
+    finally:
+        if not isinstance(experiment, Check) and experiment[0].poll() is None:
+            experiment[0].kill()
+            experiment[0].communicate()
     return found
+
+
+def _timed(work: Design, name: str, make: Callable[[Design, Deadline], Check], until: Deadline) -> Check:
+    """Return the result of a check, or that no time was left for it."""
+    # a first mesh and a first solve end late rather than never
+    return Check(name, f"{name}: no time was left") if until.remaining() < _LEAST else make(work, until)
 
 
 def _winner(work: Design) -> Trial:
@@ -117,10 +128,11 @@ def _at_low_friction(work: Design, until: Deadline) -> Check:
     return Check("low friction", f"friction of {low:.3g}: by fields {_span(bounds)}", values)
 
 
-def _in_experiment(work: Design, until: Deadline) -> Check:
-    """Load the winner in a virtual experiment under its governing load case.
+def _begin_experiment(work: Design, until: Deadline) -> tuple[subprocess.Popen[str], str, str] | Check:
+    """Begin to load the winner in a virtual experiment under its governing load case, in a process of its own.
 
-    The experiment runs in a process of its own, which is ended at the deadline. A failure is reported in the check.
+    Returns the process, a description, and the command with which a user repeats it; or a check that says that no time
+    is left.
     """
     winner = _winner(work)
     assembly = built(winner)
@@ -130,17 +142,25 @@ def _in_experiment(work: Design, until: Deadline) -> Check:
     scene = one_case(winner.scene, number)
     write_text(place, scene.model_dump_json(indent=1, exclude_defaults=True) + "\n")
     told = f"virtual experiment{f' of {names[number]!r}' if names else ''}"
+    again = f"jld experiment {place}"
     if until.remaining() < _LEAST_EXPERIMENT:
-        return Check("experiment", f"{told}: no time was left; jld experiment {place}")
+        return Check("experiment", f"{told}: no time was left; {again}")
     command = [sys.executable, "-m", "jld_explore", "experiment", str(place), "--json"]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True), told, again
+
+
+def _end_experiment(process: subprocess.Popen[str], told: str, again: str, until: Deadline) -> Check:
+    """Wait for a virtual experiment, and return its result; a failure is reported in the check.
+
+    told: its description. again: command that repeats it. until: deadline, at which the process is ended.
+    """
     try:
-        # a process of its own can be ended at the time limit
-        done = subprocess.run(command, capture_output=True, text=True, timeout=until.remaining(), check=False)
+        out, errors = process.communicate(timeout=until.remaining())
     except subprocess.TimeoutExpired:
-        return Check("experiment", f"{told}: it did not end in time; jld experiment {place}")
-    if done.returncode not in (0, 4):
-        return Check("experiment", f"{told}: not run, {done.stderr.strip() or 'it was stopped'}")
-    facts: dict[str, Any] = json.loads(done.stdout)
+        return Check("experiment", f"{told}: it did not end in time; {again}")
+    if process.returncode not in (0, 4):
+        return Check("experiment", f"{told}: not run, {errors.strip() or 'it was stopped'}")
+    facts: dict[str, Any] = json.loads(out)
     values = {name: facts.get(name) for name in ("collapse_load", "load_factor", "ratio", "stands", "rate_error")}
     if not facts["stands"]:
         return Check("experiment", f"{told}: it does not stand under its dead loads alone", values)

@@ -23,7 +23,8 @@ WHY_CUT: Final = (
     "A cut layout may carry more than the uncut structure where blocks crack along the faces of their cells only. "
     "Such a crack carries its shear strength whatever presses on it, unless the scene gives inner faces friction. A "
     "dry joint has friction, which grows with the load that presses on it. By fields, which decide the order here, "
-    "blocks crack anywhere, and a gain that rests on the cells alone does not show."
+    "blocks crack anywhere, and a gain that rests on the cells alone does not show. A hinge between blocks also needs "
+    "a width there, since stone fails in shear beside a point that carries a large force."
 )
 """Explanation of what surprises most."""
 
@@ -244,7 +245,8 @@ def _proven(work: Design) -> list[str]:
         )
     for name, words in work.searched.items():
         if "layouts" in words and "not proven" not in words:
-            found.append(f"Proven: of the cells of {name} no other choice of joints is stronger by faces.")
+            crushed = "" if work.outline.scene.dimension == 3 else ", where faces crush as blocks do,"
+            found.append(f"Proven: of the cells of {name}{crushed} no other choice of joints is stronger by faces.")
     tried = sum(one.scene is not None for one in work.tessellations)
     found.append(
         f"Not proven: that no stronger layout exists. {tried} kinds of cells were tried; moves end at a local best."

@@ -9,6 +9,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
+import joblib
+
 from jld_core.build import build_assembly
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError
@@ -18,13 +20,14 @@ from jld_core.models import solve
 from jld_core.scene import Scene
 from jld_core.threads import one_thread
 from jld_explore.design.checks import check_winner
+from jld_explore.design.crushing import with_crushing
+from jld_explore.design.moving import LAYOUTS, best_labels, move_in_rounds
 from jld_explore.design.options import DesignOptions
 from jld_explore.design.outline import read_outline
 from jld_explore.design.page import write_design
 from jld_explore.design.tessellations import Tessellation, tessellations
-from jld_explore.design.trials import NONE, Bounds, Design, Trial, field_bounds, labelled
+from jld_explore.design.trials import NONE, Bounds, Design, Trial, faces_of, field_bounds, labelled, why_no_fields
 from jld_explore.explore import BUSY, explore
-from jld_explore.moved_search import MovedLayout, explore_and_move
 from jld_explore.report import Exploration
 from jld_explore.settings import ExploreSettings
 from jld_explore.space import from_string, search_space
@@ -39,6 +42,9 @@ _OVER: Final = (0.1, 2.0)
 
 _PICTURE: Final = 1.5
 """Processor time of the picture, s; it is left out where that would end late."""
+
+_CUTTING: Final = 0.3
+"""Share of the time limit after which no further tessellation is cut; with hundreds of cells each takes seconds."""
 
 _SEARCHES: Final = 0.15
 """Share of the time for the coarse searches of all tessellations."""
@@ -55,35 +61,23 @@ _LEAST_BOUNDS: Final = 0.3
 _CHECKS: Final = 0.12
 """Share of the time for the checks of the winner."""
 
-_FIELDS: Final = 0.35
+_FIELDS: Final = 0.25
 """Share of the time of a coarse search for the bounds by fields of its best layout."""
 
 _TABLES: Final = 0.85
 """Share of the time of a search in space for the search itself; its tables take the rest."""
 
 _MOVED: Final = 12.0
-"""Shortest time in which the joints of one tessellation are moved, s."""
-
-_LAYOUTS: Final = 3
-"""Number of layouts of a round whose joints are moved."""
-
-_PREFERRED: Final = "bond"
-"""Tessellation whose joints are moved first."""
-
-_FIRST: Final = 0.75
-"""Share of the time for moves that the first tessellation has."""
+"""Shortest time in which joints are moved, s."""
 
 _REFINING: Final = 0.15
 """Share of the time limit for bounds of the most promising layouts: one more mesh often doubles the lower bound."""
 
-_MOST_PROMISING: Final = 0.6
-"""Share of the time left for refined bounds that each layout has, the most promising first."""
+_WAVES: Final = 2
+"""Number of times that bounds of the most promising layouts are refined."""
 
-_REFINED: Final = 3
-"""Number of layouts whose bounds by fields are refined before the checks."""
-
-_BEST: Final = 2
-"""Number of tessellations whose joints are moved."""
+_REFINED: Final = 0.9
+"""Share of the time of a wave that is planned: workers begin and the last mesh is finished."""
 
 Say = Callable[[str], None]
 """Function that is called with messages."""
@@ -105,7 +99,9 @@ def design_outline(
     if folder.exists() and any(folder.iterdir()):
         raise InputError(str(folder), "the folder is not empty", "an empty or new folder")
     outline = read_outline(file, options)
-    work = Design(options, outline, folder, tessellations(outline.scene, options))
+    work = Design(
+        options, outline, folder, tessellations(outline.scene, options, deadline.within(_CUTTING * options.seconds))
+    )
     folder.mkdir(parents=True, exist_ok=True)
     # writing takes longer on a busy machine, by the ratio of wall-clock to processor time so far
     busy = min(max(1.0, deadline.elapsed() / time.process_time()), BUSY)
@@ -152,7 +148,7 @@ def _solve_usual(work: Design) -> None:
         allowed = bool(feasible(search_space(first.scene, assembly), assembly.labels[None])[0])
     except InputError:  # limits that nothing satisfies: the search says so
         allowed = False
-    faces = _faces(found.bracket)
+    faces = faces_of(found.bracket)
     work.trials.append(Trial(first.name, "stated", first.scene, found.load_factor, faces, NONE, "no search", allowed))
 
 
@@ -164,14 +160,8 @@ def _bound_usual(work: Design, until: Deadline) -> None:
     usual = work.usual
     if usual is not None and _USUAL * until.remaining() > _LEAST_BOUNDS:
         assembly = build_assembly(usual.scene)
-        fields = field_bounds(assembly, assembly.labels, _USUAL * until.remaining())
+        fields = field_bounds(assembly, assembly.labels, _USUAL * until.remaining(), lower_first=False)
         work.trials = [replace(one, fields=fields) if one is usual else one for one in work.trials]
-
-
-def _faces(bracket: tuple[float, float]) -> Bounds:
-    """Return a bracket with −inf and inf in place of ends that are not finite."""
-    low, high = bracket
-    return (low if math.isfinite(low) else -math.inf, high if math.isfinite(high) else math.inf)
 
 
 def _search_all(work: Design, until: Deadline, say: Say) -> None:
@@ -211,7 +201,10 @@ def _search(work: Design, tessellation: Tessellation, until: Deadline) -> None:
     # the bounds by fields take the rest; in space the tables of the search do
     seconds = ((1.0 - _FIELDS) if planar else _TABLES) * until.remaining()
     settings = ExploreSettings(seconds=seconds, jobs=options.jobs, seed=options.seed, pictures=False, check_fields=0)
-    done = explore(tessellation.scene, work.folder / "searches" / tessellation.name, settings)
+    scene = tessellation.scene
+    if planar and not why_no_fields(build_assembly(scene)):
+        scene = with_crushing(scene)
+    done = explore(scene, work.folder / "searches" / tessellation.name, settings)
     _keep(work, tessellation, done, until.remaining())
 
 
@@ -227,13 +220,17 @@ def _keep(work: Design, tessellation: Tessellation, done: Exploration, seconds: 
     if not len(table):
         work.searched[tessellation.name] += ": none of them stands"
         return
-    row = table.iloc[0]
-    labels = from_string(str(row["labelling"]))
-    fields = field_bounds(done.assembly, labels, seconds) if seconds > 0.0 else NONE
-    faces = _faces((float(row["bracket_lo"]), float(row["bracket_hi"])))
-    scene = labelled(done.scene, done.assembly, labels)
+    labels = from_string(str(table.iloc[0]["labelling"]))
+    work.layouts[tessellation.name] = best_labels(done, LAYOUTS)
+    # the search has faces crush, the scene of the tessellation may not
+    stated = tessellation.scene if tessellation.scene is not None else done.scene
+    scene = labelled(stated, done.assembly, labels)
+    assembly = build_assembly(scene)
+    found = solve(assembly)
+    fields = field_bounds(assembly, assembly.labels, seconds) if seconds > 0.0 else NONE
     words = work.searched[tessellation.name]
-    work.trials.append(Trial(tessellation.name, "searched", scene, float(row["load_factor"]), faces, fields, words))
+    faces = faces_of(found.bracket)
+    work.trials.append(Trial(tessellation.name, "searched", scene, found.load_factor, faces, fields, words))
 
 
 def _said(trial: Trial) -> str:
@@ -243,87 +240,48 @@ def _said(trial: Trial) -> str:
 
 
 def _move_best(work: Design, until: Deadline, say: Say) -> None:
-    """Move the joints of up to `_BEST` tessellations, and search their labels again.
+    """Move joints of the best layouts, and search their labels again, in a share of the time.
 
     until: deadline of the design. Nothing happens in space, with a limit on shapes or laying, or without enough time.
     """
     options = work.options
     if work.outline.scene.dimension == 3 or options.shapes is not None or options.laid is not None:
         return
-    kept = (_CHECKS + _REFINING) * options.seconds
-    available = until.remaining() - kept
-    ranked = sorted(work.allowed, key=_promise)
-    names = list(dict.fromkeys(one.tessellation for one in ranked))[:_BEST]
-    count = min(len(names), int(available / _MOVED))
-    for k, name in enumerate(names[:count]):
-        seconds = until.remaining() - kept
-        seconds *= _FIRST if k + 1 < count else 1.0
-        if seconds < _MOVED:
-            break
-        say(f"{name:<12} joints move, {seconds:.0f} s")
-        _move(work, name, seconds, say)
+    deadline = until.earlier((_CHECKS + _REFINING) * options.seconds)
+    if deadline.remaining() > _MOVED:
+        say(f"joints       move, {deadline.remaining():.0f} s")
+        move_in_rounds(work, deadline, say)
 
 
 def _refine_promising(work: Design, until: Deadline, say: Say) -> None:
-    """Refine the bounds by fields of up to `_REFINED` layouts that may exceed the winner.
+    """Refine the bounds by fields of layouts that may exceed the winner, in worker processes.
 
-    until: deadline of the design; time for the checks is kept free. Only planar layouts are refined.
+    until: deadline of the design; time for the checks is kept free. As many layouts as there are processes are refined
+    at once, in `_WAVES` waves. Only planar layouts are refined.
     """
-    least = work.winner.proven if work.winner is not None else -math.inf
-    open_ones = [one for one in work.allowed if one.scene.dimension == 2 and one.fields[1] > least]
-    promising = sorted(open_ones, key=lambda one: -one.most)[:_REFINED]
-    for k, one in enumerate(promising):
-        left = until.remaining() - _CHECKS * work.options.seconds
-        seconds = left * (_MOST_PROMISING if k + 1 < len(promising) else 1.0)
-        if seconds < 1.0:
+    jobs = work.options.jobs
+    deadline = until.earlier(_CHECKS * work.options.seconds)
+    for wave in range(_WAVES):
+        least = work.winner.proven if work.winner is not None else -math.inf
+        open_ones = [one for one in work.allowed if one.scene.dimension == 2 and one.fields[1] > least]
+        # the winner, and what may carry most
+        promising = open_ones[:1] + sorted(open_ones[1:], key=lambda one: -one.most)[: max(1, jobs) - 1]
+        seconds = deadline.remaining() / (_WAVES - wave)
+        if seconds < 1.0 or not promising:
             return
-        assembly = build_assembly(one.scene)
-        low, high = field_bounds(assembly, assembly.labels, seconds)
-        better = replace(one, fields=(max(low, one.fields[0]), min(high, one.fields[1])))
-        work.trials = [better if trial is one else trial for trial in work.trials]
-        say(f"{one.tessellation:<12} {one.kind}: by fields {better.fields[0]:.4g} to {better.fields[1]:.4g}")
+        workers = joblib.Parallel(n_jobs=jobs)
+        found = workers(joblib.delayed(refined_bounds)(one.scene, _REFINED * seconds) for one in promising)
+        for one, (low, high) in zip(promising, found, strict=True):
+            better = replace(one, fields=(max(low, one.fields[0]), min(high, one.fields[1])))
+            work.trials = [better if trial is one else trial for trial in work.trials]
+            say(f"{one.tessellation:<12} {one.kind}: by fields {better.fields[0]:.4g} to {better.fields[1]:.4g}")
 
 
-def _promise(trial: Trial) -> tuple[bool, float]:
-    """Return the sort key that decides which tessellations have their joints moved first.
+@one_thread()
+def refined_bounds(scene: Scene, seconds: float) -> Bounds:
+    """Return the bounds by fields of the labels that a scene states.
 
-    Half bricks come first, since they gained most where joints moved (benchmarks/results/moved_opening.md). The others
-    follow by `Trial.most`, the highest first.
+    seconds: time limit, s.
     """
-    return trial.tessellation != _PREFERRED, -trial.most
-
-
-def _move(work: Design, name: str, seconds: float, say: Say) -> None:
-    """Move the joints of one tessellation for some time, and add the best moved layout.
-
-    name: of the tessellation. seconds: time limit. If joints cannot move, a message says so.
-    """
-    scene: Scene | None = next(one.scene for one in work.tessellations if one.name == name)
-    if scene is None:
-        return
-    options = work.options
-    settings = ExploreSettings(seconds=seconds, jobs=options.jobs, seed=options.seed, pictures=False, check_fields=0)
-    others = list(work.trials)
-
-    def keep(layouts: list[MovedLayout]) -> None:
-        """Record the best moved layouts found so far."""
-        standing = [one for one in layouts if one.low > -math.inf]
-        work.trials = others + [
-            Trial(
-                name,
-                "moved",
-                one.scene,
-                one.load_factor,
-                NONE,
-                (one.low, one.high),
-                f"round {one.number}, row {one.row}, {one.end}",
-            )
-            for one in standing[:1]
-        ]
-
-    try:
-        done = explore_and_move(scene, work.folder / "moved" / name, _LAYOUTS, settings, keep=keep)
-    except InputError as error:
-        say(f"{name:<12} joints cannot move: {error.problem}")
-        return
-    say(f"{name:<12} joints moved: by fields {done.best.low:.4g} to {done.best.high:.4g}, {done.stop}")
+    assembly = build_assembly(scene)
+    return field_bounds(assembly, assembly.labels, seconds)

@@ -14,6 +14,7 @@ from jld_core.arrays import Floats
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.build.materials import direction_of_weight
+from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError
 from jld_core.geometry.unions import region_of, union_outlines
 from jld_core.refinement import refine
@@ -30,6 +31,9 @@ _MOST: Final = 400
 
 _SMALLER: Final = 0.88
 """Factor on the size of cells while one exceeds the largest mass of a block."""
+
+_SNAP: Final = 0.25
+"""Distance, relative to a cell, within which its corners move to those of the outline or to one another."""
 
 _TRIES: Final = 12
 """Number of sizes that are tried for a tessellation."""
@@ -57,17 +61,23 @@ class Tessellation:
     problem: str = ""
 
 
-def tessellations(outline: Scene, options: DesignOptions) -> list[Tessellation]:
+def tessellations(outline: Scene, options: DesignOptions, until: Deadline | None = None) -> list[Tessellation]:
     """Cut an outline in every known way, and return the tessellations.
 
-    The first one of a planar outline is the usual running bond. A tessellation that does not fit has no scene. Raises
-    InputError if none fits, if the mass limit requires too many cells, or if a load cannot act.
+    The first one of a planar outline is the usual running bond, which is always cut. A tessellation that does not fit,
+    or is not begun before the deadline `until`, has no scene. Raises InputError if none fits, if the mass limit
+    requires too many cells, or if a load cannot act.
     """
     with_loads(outline, options)  # refuses loads that no tessellation can carry
     assembly = build_assembly(outline)
     kinds = _planar(outline, assembly, options) if assembly.dimension == 2 else _spatial(outline, assembly, options)
     side = side_of(assembly)
-    found = [_made(name, words, make, options, side) for name, words, make in kinds]
+    found: list[Tessellation] = []
+    for name, words, make in kinds:
+        late = bool(found) and until is not None and until.passed()
+        found.append(
+            Tessellation(name, words, None, "no time was left") if late else _made(name, words, make, options, side)
+        )
     if all(one.scene is None for one in found):
         reasons = "; ".join(f"{one.name}: {one.problem}" for one in found)
         raise InputError(
@@ -116,21 +126,22 @@ def _planar(outline: Scene, assembly: Assembly, options: DesignOptions) -> list[
         """Cut into bricks of two square cells in running bond, and these into halves."""
         width, height = _even(upper[0] - lower[0], size * cell), _fitting(upper[1] - lower[1], size * cell)
         bricks = _bare(refine(outline, (2.0 * width, height), kind="bond").scene)
+        # corners that move would take cells of the usual bond off their supports
         return _ready(refine(bricks, (width, height)).scene, arcs, blocks=True)
 
     def stones(size: float) -> Scene:
         """Cut into courses of flat stones."""
         height = _fitting(upper[1] - lower[1], size * cell / math.sqrt(2.0))
-        return _ready(refine(outline, (1.6 * size * cell, height), kind="bond").scene, arcs)
+        return _ready(refine(outline, (1.6 * size * cell, height), kind="bond", snap=_SNAP).scene, arcs)
 
     def voussoirs(size: float) -> Scene:
         """Cut into voussoirs."""
         count, rings = _voussoirs(arcs, lower, upper, size * cell)
-        return _ready(refine(outline, voussoirs=count, rings=rings).scene, arcs)
+        return _ready(refine(outline, voussoirs=count, rings=rings, snap=_SNAP).scene, arcs)
 
     def irregular(size: float) -> Scene:
         """Cut into Voronoi cells."""
-        return _ready(refine(outline, (size * cell,), kind="voronoi", seed=options.seed).scene, arcs)
+        return _ready(refine(outline, (size * cell,), kind="voronoi", seed=options.seed, snap=_SNAP).scene, arcs)
 
     return [
         ("bond", "half bricks in running bond", half_bricks),
@@ -237,11 +248,14 @@ def _ready(scene: Scene, arcs: list[Arc], *, blocks: bool = False) -> Scene:
     """
     kept = scene if blocks else _bare(scene)
     document = kept.model_dump(mode="json", exclude_defaults=True)
+    limit = document.get("search", {}).get("block_mass")
     if scene.dimension == 2 and "move" not in document:
         centres = np.array([arc.centre for arc in arcs]).reshape(-1, 2)
         apart = [c for k, c in enumerate(centres) if all(np.hypot(*(c - d)) > 1e-6 for d in centres[:k])]
         along = [{"circle": centre.tolist()} for centre in apart]
         document["move"] = {"inner": "follow", "straight": False, "along": along}
+    if limit is not None and "move" in document:
+        document["move"].setdefault("block_mass", limit)
     return parse_scene(document, scene.name)
 
 

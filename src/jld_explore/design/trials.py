@@ -7,15 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.build.assemble import cases_of_scene
-from jld_core.deadline import Deadline
 from jld_core.errors import InputError
-from jld_core.fields import bounds_by_fields
+from jld_core.fields.governing import governing_bounds
 from jld_core.fields.requirements import require_fields
 from jld_core.geometry_optimisation.moved_scene import MovedScene
 from jld_core.geometry_optimisation.vertex_mesh import vertex_mesh
@@ -127,6 +124,8 @@ class Design:
         All tessellations, also those that do not fit.
     trials : list of Trial
         All layouts found.
+    layouts : dict of str to list of (m,) bool arrays
+        Labels of the best layouts of the search of each tessellation, the best first.
     searched : dict of str to str
         Outcome of the search of each tessellation, in words, by its name.
     checks : list of Check
@@ -142,6 +141,7 @@ class Design:
     folder: Path
     tessellations: list[Tessellation] = field(default_factory=list)
     trials: list[Trial] = field(default_factory=list)
+    layouts: dict[str, list[Bits]] = field(default_factory=dict)
     searched: dict[str, str] = field(default_factory=dict)
     checks: list[Check] = field(default_factory=list)
     stop: str = "time limit"
@@ -189,36 +189,25 @@ def labelled(scene: Scene, assembly: Assembly, labels: Bits) -> Scene:
     return parse_scene(document, scene.name)
 
 
-def field_bounds(assembly: Assembly, labels: Bits, seconds: float, gap: float = 0.05) -> Bounds:
+def faces_of(bracket: tuple[float, float]) -> Bounds:
+    """Return a bracket with −inf and inf in place of ends that are not finite."""
+    low, high = bracket
+    return (low if math.isfinite(low) else -math.inf, high if math.isfinite(high) else math.inf)
+
+
+def field_bounds(
+    assembly: Assembly, labels: Bits, seconds: float, gap: float = 0.05, *, lower_first: bool = True
+) -> Bounds:
     """Compute bounds by fields on the governing factor, the least λ / required of all cases.
 
     labels: (m,) True = dry. seconds: time limit of all load cases together, s. gap: relative width at which refinement
-    ends. Returns (lower, upper) bound, infinite where fields do not apply.
+    ends. lower_first: raise the lower bound before the upper one is lowered.
+
+    Returns (lower, upper) bound, infinite where fields do not apply.
     """
     if why_no_fields(assembly):
         return NONE
-    cases, required = assembly.by_case, assembly.required.tolist()
-    deadline = Deadline(seconds)
-    low, high = [], []
-    for k, (case, factor) in enumerate(zip(cases, required, strict=True)):
-        share = 0.5 * deadline.remaining() / (len(cases) - k)
-        found = bounds_by_fields(case, labels, gap=gap, seconds=share)
-        low.append(found.lower / factor)
-        high.append(found.upper / factor)
-    while deadline.remaining() > 0.1 * seconds:
-        # the case with the least lower bound governs what is proven
-        worst = int(np.argmin(low))
-        if high[worst] - low[worst] <= gap * abs(high[worst]):
-            break
-        again = bounds_by_fields(cases[worst], labels, gap=gap, seconds=deadline.remaining())
-        better = max(low[worst], again.lower / required[worst])
-        high[worst] = min(high[worst], again.upper / required[worst])
-        if better <= low[worst]:
-            break
-        low[worst] = better
-        if int(np.argmin(low)) == worst:
-            break
-    return min(low), min(high)
+    return governing_bounds(assembly, labels, seconds, gap=gap, lower_first=lower_first)
 
 
 def why_no_fields(assembly: Assembly) -> str:
