@@ -2,7 +2,7 @@
 /** The line to the core: newest state first, and no answer to anything but the state that is shown. */
 
 /**
- * Ask the server. Raises an error with its words.
+ * Ask the server. Raises an error with its words, and the key of the scene that they are about.
  * @param {string} name
  * @param {any} [body] posted where given
  * @returns {Promise<any>}
@@ -18,7 +18,7 @@ export async function ask(name, body) {
   } catch {
     throw new Error(answer.ok ? "the answer is not JSON" : text.trim());
   }
-  if (!answer.ok) throw new Error(found.error ?? `the server answers ${answer.status}`);
+  if (!answer.ok) throw Object.assign(new Error(found.error ?? `the server answers ${answer.status}`), { key: found.key });
   return found;
 }
 
@@ -44,7 +44,7 @@ export class Live {
     return this.answered < this.revision;
   }
 
-  /** @param {{labelling: string, changes: any}} state */
+  /** @param {{labelling: string, changes: any, scene: string}} state */
   want(state) {
     this.revision += 1;
     this.wanted = { page: this.page, revision: this.revision, ...state };
