@@ -224,8 +224,6 @@ class LoadCase:
 class Assembly(NotebookRepr):
     """One structure, its loads and its materials, before any labelling is chosen.
 
-    A notebook shows an assembly as a drawing with its main facts.
-
     Attributes
     ----------
     name : str
@@ -254,6 +252,8 @@ class Assembly(NotebookRepr):
         that is solved.
     warnings : tuple of str
         Plausibility warnings, one sentence each.
+    notes : tuple of str
+        What results leave out of the scene, one sentence each; no reason to doubt it.
     cases : tuple of LoadCase
         Load cases of a scene that has several. `dead` and `live` are then those of the first case; solvers use
         `by_case`.
@@ -266,7 +266,9 @@ class Assembly(NotebookRepr):
     shape_loads : ShapeLoads or None
         Parts of the loads that change with the shapes of elements; None where they are unknown.
     members : Members
-        Ties, tendons and pins; their interfaces are the last ones.
+        Ties, tendons, pins and pressures of fill; their interfaces are the last ones.
+    fill : tuple of (k, 2) arrays
+        Outlines of fill, for drawing.
     """
 
     name: str
@@ -282,12 +284,14 @@ class Assembly(NotebookRepr):
     moved: float = 0.0
     sink: int = -1
     warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     cases: tuple[LoadCase, ...] = ()
     touching: tuple[tuple[int, int], ...] = ()
     nominal: Strengths | None = None
     live_widths: tuple[float | None, ...] = ()
     shape_loads: ShapeLoads | None = None
     members: Members = field(default_factory=Members)
+    fill: tuple[Floats, ...] = ()
 
     def __repr__(self) -> str:
         kind = "planar" if self.dimension == 2 else "spatial"

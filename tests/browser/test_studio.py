@@ -317,9 +317,10 @@ def test_every_kind_of_edit_is_taken_back_exactly(visit: Open, address: str) -> 
     density.press("Enter")
     found.page.wait_for_selector("#materials .field:has([data-key='materials.density']) .problem:has-text('a number')")
     found.errors.clear()  # the browser notes the refusal
-    density.fill("1500")
+    density.fill("1500,0")
     density.press("Enter")
     stepped()
+    assert density.input_value() == "1500"  # as the scene has it
     assert found.page.locator("#materials .problem:visible").count() == 0
     found.page.locator("summary:has-text('Limits')").click()
     most = found.page.get_by_label("most blocks", exact=True)

@@ -231,6 +231,7 @@ def test_supports_of_elements_and_what_is_refused(local: Local) -> None:
         ({}, {"element": "c1r0", "moment": -20}, 0.5, "10 N·m"),
         ({}, {"face": {"between": ["c1r0", "outside"]}, "pressure": 5000}, 2.0, "2 kN/m (10 kN/m²)"),
         ({}, {"body": [0, 0.5]}, 1.0, "941.8 N"),
+        ({}, {"body": {"mean": [0, 0.5], "cov": 0.1, "kind": "normal"}}, 2.0, "1.884 kN"),
     ],
 )
 def test_loads_at_collapse_are_said_in_units_that_people_read(

@@ -9,8 +9,9 @@ import numpy as np
 
 from jld_core.assembly import Assembly
 from jld_core.limit import LimitAnalysisResult
-from jld_core.scene import PointLoad, Scene
-from jld_core.scene.loads import BodyLoad, FaceLoad
+from jld_core.scene import Scene
+from jld_core.scene.fill import FillLoad
+from jld_core.scene.loads import BodyLoad, FaceLoad, LoadEntry
 from jld_core.scene.units import NEWTONS
 
 METRIC: Final = ("MN", "kN", "N")
@@ -45,13 +46,15 @@ def collapse_loads(scene: Scene, assembly: Assembly, result: LimitAnalysisResult
     ]
 
 
-def _text(entry: PointLoad | BodyLoad | FaceLoad, scene: Scene, weight: float, factor: float | None) -> str:
+def _text(entry: LoadEntry, scene: Scene, weight: float, factor: float | None) -> str:
     """State λ times one live load. weight: of all free elements together. factor: λ, or none."""
     if factor is None or not np.isfinite(factor):
         return ""
     force, length = scene.units.force, scene.units.length
     if isinstance(entry, BodyLoad):
         return _size(factor * weight * float(np.linalg.norm(entry.body)), force)
+    if isinstance(entry, FillLoad):
+        return _size(factor * entry.weight, force)
     if isinstance(entry, FaceLoad):
         ends = entry.ends[:1] if entry.ends[0] == entry.ends[1] else entry.ends
         stress = _range([factor * end for end in ends], force, f"/{length}²")

@@ -66,6 +66,8 @@ export class Form {
     this.fields = [];
     /** texts that wait for a further field @type {Map<string, string>} */
     this.drafts = new Map();
+    /** texts of the value that was taken last @type {Map<string, string>} */
+    this.taken = new Map();
     this.turn = Promise.resolve();
     /** the value and the context that are shown @type {[any, string] | null} */
     this.shown = null;
@@ -85,7 +87,7 @@ export class Form {
     this.shown = [this.now, context];
     const active = /** @type {any} */ (document.activeElement);
     const own = active && this.host.contains(active) ? active.dataset.key : undefined;
-    const typed = own && active.type === "text" && active.value !== active.dataset.was ? active.value : undefined;
+    const typed = own && active.type === "text" && active.value !== active.dataset.was && active.value !== this.taken.get(own) ? active.value : undefined;
     const open = new Set([...this.host.querySelectorAll("details[open]")].map((node) => /** @type {any} */ (node).dataset.name));
     this.fields = [];
     this.host.replaceChildren(...this.content(this), this.problem);
@@ -174,6 +176,7 @@ export class Form {
       const judged = await this.desk.judge(this.part, value);
       this.refused = "";
       if (this.now !== before) return; // undone meanwhile
+      this.taken = typed ?? new Map();
       if (typed) {
         for (const field of this.fields) if (field.text() !== typed.get(field.key)) this.drafts.set(field.key, field.text());
       }

@@ -21,13 +21,13 @@ export function loadForm(host, desk, page) {
     const loads = form.now;
     const number = (loads.cases ?? []).findIndex((/** @type {any} */ one) => one.name === page.caseName());
     const own = number >= 0 ? ["cases", number] : [];
-    const moving = loads.moving && number < 0;
+    const moving = (loads.moving || loads.pushes) && number < 0;
     const take = (/** @type {(value: any) => void} */ act) => {
       const value = structuredClone(form.now);
       act(value);
       form.take(value);
     };
-    const lists = moving ? [el("p", { class: "hint" }, `${page.caseName()} is one position of a moving load, which the scene file states.`)] : [
+    const lists = moving ? [el("p", { class: "hint" }, `${page.caseName()} belongs to a moving load or to pushes, which the scene file states.`)] : [
       ...entries(form, structure, [...own, "live"], "Live loads, × λ", take, true),
       ...(number >= 0 ? entries(form, structure, [...own, "dead"], "Dead loads of this case", take) : []),
     ];
@@ -44,14 +44,14 @@ function cases(form, page, take) {
     form.text("required λ", ["cases", k, "required"], { hint: "1" }),
     el("button", { type: "button", "data-key": `remove case ${k}`, "aria-label": `remove the load case ${one.name}`, onclick: () => take((value) => {
       value.cases.splice(k, 1);
-      if (!value.cases.length && !value.moving) {
+      if (!value.cases.length && !value.moving && !value.pushes) {
         delete value.cases;
         value.live = one.live;
         if (one.dead) value.dead = [...(value.dead ?? []), ...one.dead];
-      }
+      } else if (!value.cases.length) delete value.cases;
     }) }, "remove")));
   const add = el("button", { type: "button", "data-key": "add case", onclick: () => take((value) => {
-    if (!value.cases && !value.moving) {
+    if (!value.cases && !value.moving && !value.pushes) {
       value.cases = [{ name: "case 1", live: value.live }];
       delete value.live;
     }
@@ -78,15 +78,17 @@ function entries(form, structure, path, title, take, live = false) {
   if (!list.length && !live) return [];
   const rows = list.map((/** @type {any} */ load, /** @type {number} */ k) => {
     const place = [...path, k];
-    const title = load.body ? "all bodies" : load.face ? `faces of ${load.face.between?.[0] ?? `a line of ${load.face.along?.length} points`}` : load.element;
+    const title = load.body ? "all bodies" : load.on_fill ? "fill" : load.face ? `faces of ${load.face.between?.[0] ?? `a line of ${load.face.along?.length} points`}` : load.element;
     const vector = (/** @type {string} */ key, /** @type {string} */ name, /** @type {string} */ unit) => [
-      ...axes.map((axis, i) => form.text(`${name}${axis}`, [...place, key, i], { more: live ? { "data-load": k } : {}, unit: i === axes.length - 1 ? unit : "" }))];
-    const pressure = Array.isArray(load.pressure) ? [0, 1].map((i) => form.text(`pressure ${i ? "last" : "first"}`, [...place, "pressure", i], { unit: i ? `${force}/${length}²` : "" }))
-      : [form.text("pressure", [...place, "pressure"], { unit: `${force}/${length}²` })];
-    const fields = load.body ? vector("body", "", "× weight") : load.face ? pressure : [
+      ...axes.map((axis, i) => form.text(`${name}${axis}`, [...place, ...within(load, key), i], { more: live ? { "data-load": k } : {}, unit: i === axes.length - 1 ? unit : "" }))];
+    const pressure = Array.isArray(load.pressure?.mean ?? load.pressure) ? [0, 1].map((i) => form.text(`pressure ${i ? "last" : "first"}`, [...place, ...within(load, "pressure"), i], { unit: i ? `${force}/${length}²` : "" }))
+      : [form.text("pressure", [...place, ...within(load, "pressure")], { unit: `${force}/${length}²` })];
+    const fields = load.body ? vector("body", "", "× weight") : load.face ? pressure : load.on_fill ? [
+      form.text("at", [...place, "on_fill", "at"], { unit: length }), form.text("width", [...place, "on_fill", "width"], { unit: length, hint: "0" }),
+      form.text("weight", [...place, ...within(load, "weight")], { unit: force })] : [
       ...(load.force ? vector("force", "", force) : []),
       ...(load.at ? vector("at", "at ", length) : []),
-      ...(load.moment === undefined ? [] : Array.isArray(load.moment) ? axes.map((axis, i) => form.text(`moment ${axis}`, [...place, "moment", i])) : [form.text("moment", [...place, "moment"], { unit: `${force}·${length}` })]),
+      ...(load.moment === undefined ? [] : Array.isArray(load.moment?.mean ?? load.moment) ? axes.map((axis, i) => form.text(`moment ${axis}`, [...place, ...within(load, "moment"), i])) : [form.text("moment", [...place, ...within(load, "moment")], { unit: `${force}·${length}` })]),
       ...(load.width === undefined ? [] : [form.text("width", [...place, "width"], { unit: length })]),
     ];
     return el("li", {}, el("span", { class: "name" }, title), ...fields, live ? el("span", { class: "collapse", "data-collapse": k }) : null,
@@ -95,6 +97,11 @@ function entries(form, structure, path, title, take, live = false) {
       }) }, "remove"));
   });
   return [el("h3", {}, title), el("ul", { class: "entries" }, rows)];
+}
+
+/** Path to the number or vector of a key, whose size may be uncertain. @param {any} load @param {string} key */
+function within(load, key) {
+  return load[key]?.mean === undefined ? [key] : [key, "mean"];
 }
 
 /**

@@ -107,6 +107,7 @@ export class Opening {
     this.host.replaceChildren(
       el("div", { class: "row" }, el("h2", {}, name), el("button", { type: "button", class: "reset", onclick: () => { this.host.hidden = true; } }, "close")),
       problem && !beside ? el("p", { class: "warning", role: "alert" }, problem) : el("span"),
+      !report.length && !problem ? el("p", { class: "hint" }, "The scene as its file states it.") : el("span"),
       el("dl", { class: "facts report" }, report.map(([kind, text]) => [el("dt", { class: kind === "doubtful" ? "doubtful" : null }, kind), el("dd", {}, text)])),
       drawing ? el("details", { open: problem !== "" }, el("summary", {}, "read it in another way"),
         el("form", { class: "stacked", onsubmit: (/** @type {Event} */ event) => {

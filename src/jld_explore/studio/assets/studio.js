@@ -9,9 +9,10 @@ import { Hand, TOOLS } from "./hand.js";
 import { help } from "./help.js";
 import { handlesOf, placed } from "./joints.js";
 import { keptFace, limitForm } from "./limits.js";
-import { Live, ask } from "./live.js";
+import { ask } from "./live.js";
 import { loadForm, showCollapse } from "./loads.js";
-import { materialForm } from "./materials.js";
+import { materialForm } from "./material_fields.js";
+import { Live } from "./newest.js";
 import { Opening } from "./opening.js";
 import { Searches } from "./searches.js";
 import { Steps } from "./steps.js";
@@ -36,7 +37,7 @@ class Studio {
     /** texts of λ × load, by case @type {string[][]} */
     this.collapse = [];
     this.hand = new Hand(this);
-    this.live = new Live((answer, ms) => this.answered(answer, ms), (message) => this.failed(message));
+    this.live = new Live((state) => ask("solve", state), (answer, ms) => this.answered(answer, ms), (message) => this.failed(message), crypto.randomUUID());
     byId("folder").textContent = given.folder;
     const state = () => this.state();
     const complain = (/** @type {string} */ message) => this.complain(message);

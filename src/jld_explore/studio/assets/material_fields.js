@@ -25,7 +25,8 @@ export function materialForm(host, desk, data) {
     const rows = (label, path, unit, hint) => {
       const value = at(form.now, path);
       if (value !== null && typeof value === "object") {
-        return ["nominal", "low"].map((kind) => el("div", { class: "slider" }, form.text(`${label}, ${kind}`, [...path, kind], { unit })));
+        // a low value or a coefficient of variation beside the value itself
+        return Object.keys(value).filter((kind) => typeof value[kind] === "number").map((kind) => el("div", { class: "slider" }, form.text(`${label}, ${kind}`, [...path, kind], { unit: kind === "cov" ? "" : unit })));
       }
       const range = typeof value === "number" && value > 0 ? form.slider(label, path, { min: -2, max: 2, step: 0.01, value: 0 }, (x) => value * 10 ** x) : el("span");
       return [el("div", { class: "slider" }, range, form.text(label, path, { unit, hint }))];
