@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -136,11 +137,11 @@ class FieldStudy(Study):
             self._record(pool)
             self.records.close()
 
-    def _count(self, evaluations: list[Evaluation]) -> None:
+    def _count(self, evaluations: list[Evaluation], labellings: Bits) -> None:
         """Update progress with new evaluations and with the best bound that a proof has refined."""
-        if isinstance(self.driver, FieldExact) and self.driver.best >= 0.0:
-            self._best = float(np.fmax(self._best, self.driver.best))
-        super()._count(evaluations)
+        if isinstance(self.driver, FieldExact) and self.driver.best >= 0.0 and not self.driver.best <= self._best:
+            self._best, self._best_text = float(self.driver.best), ""  # the driver names its layout at the end
+        super()._count(evaluations, labellings)
 
     def _until(self, deadline: Any) -> None:
         """Set the deadline of the next phase."""
@@ -156,7 +157,8 @@ class FieldStudy(Study):
         The result is kept in `race`. The processes of the pool are closed.
         """
         try:
-            self.race = FieldRace(pool, self.gap, self._shown, self._aim(pool.labellings)).run()
+            shown = partial(self._shown, pool.labellings)
+            self.race = FieldRace(pool, self.gap, shown, self._aim(pool.labellings)).run()
         finally:
             pool.tasks.close()
 
@@ -267,10 +269,10 @@ class FieldStudy(Study):
         self._complete = not self._cut
         return np.concatenate(parts) if parts else np.empty((0, len(self.space.fixed)), dtype=bool)
 
-    def _shown(self, low: Floats, high: Floats) -> None:
+    def _shown(self, labellings: Bits, low: Floats, high: Floats) -> None:
         """Report progress of a race: the bracket, and the number of layouts weaker than the best.
 
-        low, high: (k,) bounds on the governing factor.
+        labellings: (k, m) of the race. low, high: (k,) bounds on the governing factor.
         """
         if self.report is None:
             return
@@ -279,7 +281,8 @@ class FieldStudy(Study):
         gap = (bound - best) / max(abs(bound), abs(best), 1e-300) if known else math.nan
         done = int((high < best).sum())
         ends = (best if math.isfinite(best) else math.nan, bound if math.isfinite(bound) else math.nan)
-        self.report(Progress(done, self.total, 0, ends[0], self.elapsed, ends[1], gap))
+        text = self.text_of(labellings[int(low.argmax())]) if math.isfinite(best) else ""
+        self.report(Progress(done, self.total, 0, ends[0], self.elapsed, ends[1], gap, text))
 
     def _record(self, pool: FieldPool) -> None:
         """Record the bounds of all layouts of a pool.

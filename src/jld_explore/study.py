@@ -33,7 +33,7 @@ from jld_explore.evaluation.refined_records import RefinedRecords
 from jld_explore.evaluation.worker_tasks import WorkerSpec
 from jld_explore.evaluation.workers import HANG_SECONDS, Workers
 from jld_explore.settings import ExploreSettings
-from jld_explore.space import SearchSpace, unpack
+from jld_explore.space import SearchSpace, to_string, unpack
 from jld_explore.study_state import Progress, StopReason
 
 if TYPE_CHECKING:
@@ -55,6 +55,9 @@ _FIRST: Final = 0.6
 
 _LEAST: Final = 1.0
 """Seconds to find a first labelling if the time limit passes before any evaluation."""
+
+_NONE: Final = np.empty((0, 0), dtype=bool)
+"""Labellings of an empty list of evaluations."""
 
 
 class Study:
@@ -102,6 +105,7 @@ class Study:
         self._empty = False
         self.evaluated = self.asked = self.solved = 0
         self._best, self._floor = np.nan, load_scale(assembly)
+        self._best_text = ""
         self.records = self.open_records()
 
     @property
@@ -237,7 +241,7 @@ class Study:
             if driver.remembers and len(self.records):
                 self._restore()
             driver.set_workers(self.settings.jobs)
-            driver.start(self.deadline, lambda: self._count([]), self.records)
+            driver.start(self.deadline, lambda: self._count([], _NONE), self.records)
             while True:
                 # Request a fixed number of portions ahead, so that the order of results is independent of the workers.
                 # At least one labelling is evaluated even after the deadline.
@@ -349,13 +353,16 @@ class Study:
         """Return True if a labelling has been evaluated or requested."""
         return self.asked > 0 or len(self.records) > 0
 
-    def _count(self, evaluations: list[Evaluation]) -> None:
-        """Update counters, bounds and progress with new evaluations."""
+    def _count(self, evaluations: list[Evaluation], labellings: Bits) -> None:
+        """Update counters, bounds and progress with new evaluations of labellings (k, m)."""
         self.evaluated += len(evaluations)
         # Reserve time to write the tables of all recorded labellings.
         self.deadline.end = self._end - _ROW * len(self.records)
-        values = [e.load_factor for e in evaluations if e.status is Status.COLLAPSE]
-        self._best = float(np.fmax(self._best, max(values, default=np.nan)))
+        values = [e.load_factor if e.status is Status.COLLAPSE else np.nan for e in evaluations]
+        if not np.all(np.isnan(values)):
+            place = int(np.nanargmax(values))
+            if not values[place] <= self._best:
+                self._best, self._best_text = float(values[place]), self.text_of(labellings[place])
         self._withdraw_contradicted(evaluations)
         self.keep_bound(self.driver.bound)
         if self.report is not None:
@@ -363,7 +370,14 @@ class Study:
             budget, total = self.settings.budget, self.total
             total = total if budget is None else min(budget, total or budget)
             gap = relative_width(self._best, bound, self._floor)
-            self.report(Progress(self.evaluated, total, self.solved, self._best, self.elapsed, bound, gap))
+            text = self._best_text
+            self.report(Progress(self.evaluated, total, self.solved, self._best, self.elapsed, bound, gap, text))
+
+    def text_of(self, labels: Bits) -> str:
+        """Return the letters of a labelling (m,) of the search space, one per face of the structure."""
+        if self.space.void is not None:
+            return self.space.void.texts(labels[None])[0]
+        return to_string(labels[: self.assembly.faces])
 
 
 def name_of(function: Callable[..., Any]) -> str:

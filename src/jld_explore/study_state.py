@@ -59,6 +59,8 @@ class Progress:
         Proven upper bound on λ of all layouts, NaN if there is none.
     gap : float
         Relative difference between best and bound, NaN if there is none.
+    labelling : str
+        Layout of `best`, a letter d or i per face; "" if there is none, or the search names it only when it ends.
     """
 
     done: int
@@ -68,3 +70,4 @@ class Progress:
     seconds: float
     bound: float = np.nan
     gap: float = np.nan
+    labelling: str = ""

@@ -280,6 +280,92 @@ def test_a_results_folder_is_gone_on_with(visit: Open, tmp_path: Path) -> None:
         running.close()
 
 
+def drop(found: Visit, name: str, text: str) -> None:
+    """Drop a file on the page."""
+    script = """([name, text]) => {
+      const dropped = new DataTransfer();
+      dropped.items.add(new File([text], name));
+      document.dispatchEvent(new DragEvent("drop", { dataTransfer: dropped, bubbles: true, cancelable: true }));
+    }"""
+    found.run(script, [name, text])
+
+
+def scene_shown(found: Visit) -> dict[str, object]:
+    """The scene file of what the page shows, and its title."""
+    ask = """async () => ({ title: document.querySelector("h1").textContent, scene: await (await fetch("api/scene", {
+      method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(studio.state()),
+    })).json() })"""
+    return dict(found.run(ask))
+
+
+def test_every_kind_of_edit_is_taken_back_exactly(visit: Open, address: str) -> None:
+    """An opened file, density, a limit, a load case, a support: each is one step; a bad value is none."""
+    found = visit(address)
+    answered(found)
+    seen = [scene_shown(found)]
+
+    def stepped() -> None:
+        found.page.wait_for_function("(count) => studio.steps.past.length === count", arg=len(seen))
+        answered(found)
+        seen.append(scene_shown(found))
+
+    drop(found, "wall.json", json.dumps(small_scene("a dropped wall", ["abc", "aab", "###"])))
+    stepped()
+    assert found.page.get_by_label("name of the file").input_value() == "a_dropped_wall"
+    density = found.page.locator("[data-key='materials.density']")
+    density.fill("heavy")
+    density.press("Enter")
+    found.page.wait_for_selector("#materials .field:has([data-key='materials.density']) .problem:has-text('a number')")
+    found.errors.clear()  # the browser notes the refusal
+    density.fill("1500,0")
+    density.press("Enter")
+    stepped()
+    assert density.input_value() == "1500"  # as the scene has it
+    assert found.page.locator("#materials .problem:visible").count() == 0
+    found.page.locator("summary:has-text('Limits')").click()
+    most = found.page.get_by_label("most blocks", exact=True)
+    most.fill("4")
+    most.press("Tab")
+    stepped()
+    found.page.locator("[data-key='add case']").click()
+    stepped()
+    assert found.page.locator("[data-collapse='0']").first.inner_text().startswith("λ × load = ")
+    found.page.locator("[data-tool=support]").click()
+    found.page.locator("polygon[data-element='5']").click()
+    stepped()
+    made = [json.dumps(one["scene"], sort_keys=True) for one in seen]
+    assert len(set(made)) == len(made)
+    found.page.keyboard.press("?")
+    assert found.page.locator("dialog:has-text('take back, do again')").is_visible()
+    found.page.keyboard.press("Escape")
+    for before in reversed(seen[:-1]):
+        found.page.keyboard.press("Control+z")
+        answered(found)
+        assert scene_shown(found) == before
+    for _ in seen[1:]:
+        found.page.keyboard.press("Control+y")
+    answered(found)
+    assert scene_shown(found) == seen[-1]
+
+
+def test_the_best_of_a_running_search_is_drawn(visit: Open, address: str) -> None:
+    found = visit(address)
+    answered(found)
+    drop(found, "tall.json", json.dumps(small_scene("a tall wall", ["abcdef", "ghijkl", "mnopqr", "abcdef", "######"])))
+    found.page.wait_for_function("() => studio.steps.past.length === 1")
+    found.page.locator("[data-search=explore]").click()
+    found.page.wait_for_selector("li[data-state=running] .best svg", timeout=30_000)
+    entry = found.page.locator("li[data-state=running]")
+    assert "best λ" in entry.inner_text()
+    assert "s left" in entry.inner_text()
+    entry.locator("text=take its best").click()
+    found.page.wait_for_function("() => studio.steps.past.length === 2")
+    best = found.run("() => [...studio.searches.entries.values()].map((entry) => entry.job.progress.best)")
+    assert float(str(answered(found)["load_factor"])) <= max(filter(None, best)) * (1.0 + 1e-6)
+    entry.locator("text=stop").click()
+    found.page.wait_for_selector("li[data-state=stopping]")
+
+
 @pytest.mark.long  # the server's answers for spatial scenes are tested without a browser
 def test_a_spatial_scene_is_toggled_too(visit: Open, tmp_path: Path) -> None:
     path = tmp_path / "cubes.json"

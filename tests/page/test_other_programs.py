@@ -33,7 +33,8 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     import uvicorn
 
     from jld_explore.studio import server
-    from jld_explore.studio.app import Api, build_app
+    from jld_explore.studio.api import Api
+    from jld_explore.studio.app import build_app
     from jld_explore.studio.jobs import Jobs
     from jld_explore.studio.session import StudioSession
 

@@ -30,59 +30,14 @@ from scenes_of_pages import HOSTILE, scene_of_cases, small_scene, spatial_scene
 uvicorn = pytest.importorskip("uvicorn", reason="the extra studio is not installed")
 
 from jld_explore.studio import field_brackets, guard, server  # noqa: E402
-from jld_explore.studio.app import Api, build_app  # noqa: E402
 from jld_explore.studio.jobs import MOST, ORDERS, Jobs  # noqa: E402
 from jld_explore.studio.session import StudioSession  # noqa: E402
-
-TOKEN = "t0ken-of-this-test"
-
-
-class Local:
-    """A studio in a thread of this process."""
-
-    def __init__(self, root: Path) -> None:
-        self.root = root
-        self.desk = StudioSession(parse_scene(small_scene(name=HOSTILE)))
-        self.jobs = Jobs(root)
-        answers = Api(self.desk, self.jobs, root, lambda: server.first_data(self.desk, root, None))
-        listener = socket.create_server(("127.0.0.1", 0))
-        self.port = listener.getsockname()[1]
-        app = build_app(answers, TOKEN, (f"127.0.0.1:{self.port}", f"localhost:{self.port}"))
-        self.server = uvicorn.Server(uvicorn.Config(app, log_level="warning", access_log=False))
-        self.thread = threading.Thread(target=self.server.run, kwargs={"sockets": [listener]}, daemon=True)
-        self.thread.start()
-        while not self.server.started:
-            time.sleep(0.01)
-
-    def ask(
-        self, path: str, body: Any = None, *, raw: bytes | None = None, method: str = "", **headers: str
-    ) -> tuple[int, dict[str, str], str]:
-        """Status, headers and text. body: posted as JSON; headers: with underscores for hyphens."""
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=10.0)
-        content = raw if raw is not None else None if body is None else json.dumps(body).encode()
-        sent = {name.replace("_", "-"): value for name, value in headers.items()}
-        if content is not None:
-            sent.setdefault("content-type", "application/json")
-        connection.request(method or ("GET" if content is None else "POST"), path, content, sent)
-        answer = connection.getresponse()
-        found = answer.status, {k.lower(): v for k, v in answer.getheaders()}, answer.read().decode()
-        connection.close()
-        return found
-
-    def api(self, name: str, body: Any = None) -> tuple[int, Any]:
-        """Status and JSON of a call with the token."""
-        status, _, text = self.ask(f"/{TOKEN}/api/{name}", body)
-        return status, json.loads(text)
-
-    def close(self) -> None:
-        self.server.should_exit = True
-        self.thread.join(timeout=10.0)
-        self.jobs.close()
+from local_studio import TOKEN, Local  # noqa: E402
 
 
 @pytest.fixture(scope="module")
 def local(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Local]:
-    made = Local(tmp_path_factory.mktemp("server") / "studio")
+    made = Local(tmp_path_factory.mktemp("server") / "studio", small_scene(name=HOSTILE))
     yield made
     made.close()
 
@@ -392,7 +347,8 @@ def test_blocks_go_out_while_it_solves(local: Local) -> None:
 
 def test_a_number_of_thousands_of_digits_is_refused(local: Local) -> None:
     status, _, text = local.ask(f"/{TOKEN}/api/solve", raw=b'{"revision": ' + b"1" * 5000 + b"}")
-    assert (status, json.loads(text)) == (400, {"error": "request: it is not JSON; expected one JSON object"})
+    expected = {"error": "request: it is not JSON; expected one JSON object", "key": "request"}
+    assert (status, json.loads(text)) == (400, expected)
 
 
 def test_a_worker_that_says_much_comes_to_its_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

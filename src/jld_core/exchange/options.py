@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
@@ -10,9 +11,12 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core.arrays import Floats
-from jld_core.errors import ParameterError
+from jld_core.errors import InputError, ParameterError
 from jld_core.scene import Scene
 from jld_core.scene.units import METRES
+
+_TOLERANCE: Final = re.compile(r'(?:a )?"tolerance":? (above )?([0-9.e+-]*[0-9])')
+"""Pattern of a tolerance, scene units, in messages about a scene."""
 
 _ZERO: Final = 1e-15
 """Coordinate, relative to the size of the drawing, below which it is rounding of zero."""
@@ -165,6 +169,18 @@ class Imported:
     report: Report
     unit: str = "m"
     scale: float = 1.0
+
+    def in_unit_of_file(self, error: InputError, option: str) -> InputError:
+        """Return an error about the scene with its tolerance as an option of the import, in the unit of the file.
+
+        error: raised when the document was parsed or built. option: name of the option for the user.
+        """
+
+        def stated(match: re.Match[str]) -> str:
+            return f"{option} {match[1] or ''}{float(match[2]) / self.scale:.2g} (in {self.unit})"
+
+        words = [_TOLERANCE.sub(stated, text) for text in (error.problem, error.expected)]
+        return InputError(error.where.lstrip(": "), *words)
 
 
 @dataclass

@@ -18,6 +18,10 @@ DRAWINGS: Final = ("dxf", "svg", "csv", "obj", "ply", "stl", "3dm", "ifc")
 """Endings of files that `jld import` makes a scene of, COMPAS JSON apart."""
 
 
+class NeedsImport(InputError):
+    """Error for a drawing or a file of solids where a scene is expected; the message says how to import it."""
+
+
 def load_scene(path: str | Path) -> Scene:
     """Read and validate a scene file.
 
@@ -34,7 +38,8 @@ def load_scene(path: str | Path) -> Scene:
     Raises
     ------
     InputError
-        The file is missing, is not UTF-8 or not JSON, or has an unknown, missing or wrong key.
+        The file is missing, is not UTF-8 or not JSON, or has an unknown, missing or wrong key; `NeedsImport` for a
+        drawing.
     """
     path = Path(path)
     if path.suffix.lower().lstrip(".") in DRAWINGS and path.is_file():
@@ -66,9 +71,9 @@ def load_scene(path: str | Path) -> Scene:
     return parse_scene(document, str(path))
 
 
-def _not_imported(path: Path, problem: str) -> InputError:
+def _not_imported(path: Path, problem: str) -> NeedsImport:
     """Return the error for a file that has to be imported first."""
-    return InputError(str(path), problem, f"a scene: jld import {path.name} -o {path.stem}_scene.json")
+    return NeedsImport(str(path), problem, f"a scene: jld import {path.name} -o {path.stem}_scene.json")
 
 
 def parse_scene(document: object, file: str = "scene") -> Scene:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Annotated
 
@@ -10,7 +9,7 @@ import typer
 
 from jld_core.build import build_assembly
 from jld_core.errors import InputError, ParameterError, error_context
-from jld_core.exchange import FORMATS, Imported, ImportOptions, Layout, blocks_csv, export, import_file
+from jld_core.exchange import FORMATS, ImportOptions, Layout, blocks_csv, export, import_file
 from jld_core.exchange.writers import ANALYSED
 from jld_core.files import write_text
 from jld_core.models import solve
@@ -72,19 +71,9 @@ def import_command(
         scene = parse_scene(found.document, "")
         build_assembly(scene)
     except InputError as error:
-        where = f"{file}: {error.where.lstrip(': ')}"
-        raise InputError(where, _in_file(error.problem, found), _in_file(error.expected, found)) from None
+        raise found.in_unit_of_file(error, "--tolerance").within(str(file)) from None
     write_scene(scene, out)
     say(f"{found.report}\nwritten to   {out}")
-
-
-def _in_file(words: str, found: Imported) -> str:
-    """Replace the tolerance of a scene in a text by `--tolerance`, in the unit of the file."""
-
-    def option(match: re.Match[str]) -> str:
-        return f"--tolerance {match[1] or ''}{float(match[2]) / found.scale:.2g} (in {found.unit})"
-
-    return re.sub(r'(?:a )?"tolerance":? (above )?([0-9.e+-]*[0-9])', option, words)
 
 
 def export_command(

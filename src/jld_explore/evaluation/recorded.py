@@ -56,7 +56,7 @@ class RecordedEvaluator:
     front : IncumbentFront, optional
         Source of pruning thresholds; without it every labelling is solved to the end.
     report : callable
-        Function called with each list of evaluations as it becomes known.
+        Function called with each list of evaluations as it becomes known, and their labellings (k, m).
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class RecordedEvaluator:
         *,
         deadline: Deadline | None = None,
         front: IncumbentFront | None = None,
-        report: Callable[[list[Evaluation]], None] = lambda found: None,
+        report: Callable[[list[Evaluation], Bits], None] = lambda found, labellings: None,
     ) -> None:
         self.records, self.solved = records, 0
         self._without_result = not len(records)
@@ -108,7 +108,8 @@ class RecordedEvaluator:
         The result is None if time ran out before all were evaluated; finished evaluations are recorded also then.
         """
         found, labellings, missing = pending.found, pending.labellings, pending.missing
-        self._report([evaluation for evaluation in found if evaluation is not None])
+        known = np.array([evaluation is not None for evaluation in found], dtype=bool)
+        self._report([evaluation for evaluation in found if evaluation is not None], labellings[known])
         if pending.run is not None:
             weights = orbit_sizes(labellings[missing], self._group)
             for part, evaluations in pending.run:
@@ -116,7 +117,7 @@ class RecordedEvaluator:
                 self.solved += len(evaluations)
                 for position, evaluation in zip(missing[part].tolist(), evaluations, strict=True):
                     found[position] = evaluation
-                self._report(evaluations)
+                self._report(evaluations, labellings[missing[part]])
                 if self._deadline is not None and self._deadline.passed():
                     break
         complete = [evaluation for evaluation in found if evaluation is not None]

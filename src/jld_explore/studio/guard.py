@@ -11,8 +11,8 @@ from typing import Final
 from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-LARGEST: Final = 4_000_000
-"""Largest size of a request, bytes."""
+LARGEST: Final = 16_000_000
+"""Largest size of a request, bytes: files of 12 MB in base64."""
 
 HEADERS: Final = {
     "content-security-policy": (

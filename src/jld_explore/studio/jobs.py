@@ -34,6 +34,9 @@ ORDERS: Final = "order.json"
 MOST: Final = 4
 """Largest number of searches that may run at a time."""
 
+_SUMMARY: Final = ("best", "bound", "gap", "proven", "unbounded", "stop_reason", "evaluated")
+"""Entries of summary.json that a page shows."""
+
 _UNDAMAGED: Final = "the file as it was written, or the folder removed"
 """Remedy in error messages about a damaged file of a search."""
 
@@ -52,6 +55,8 @@ class Job:
         Folder of the job.
     orders : dict
         Settings of the search, by the names of `ExploreSettings`.
+    shown : dict
+        "scene" (its name in the studio) and "changes" of the page that began the search; empty if unknown.
     state : State
         running, stopping, stopped, done or failed.
     progress : dict
@@ -70,17 +75,31 @@ class Job:
     progress: dict[str, Any] = field(default_factory=dict)
     error: str = ""
     process: subprocess.Popen[str] | None = None
+    shown: dict[str, Any] = field(default_factory=dict)
 
     @property
     def results(self) -> Path:
         """Return the results folder of the search."""
         return self.folder if self.kind == "study" else self.folder / "results"
 
+    @property
+    def scene_file(self) -> Path:
+        """Return the file of the scene that is searched."""
+        return (self.results if self.kind == "study" else self.folder) / "scene.json"
+
+    @property
+    def seconds_left(self) -> float | None:
+        """Return the time until the limit of a running search, s; None if it has none or does not run."""
+        limit, since = self.orders.get("seconds"), self.progress.get("seconds")
+        if self.state != "running" or not isinstance(limit, int | float) or not isinstance(since, int | float):
+            return None
+        return max(0.0, limit - since - (time.time() - float(self.progress["at"])))
+
     def told(self) -> dict[str, Any]:
         """Return the facts that a page shows about the search, as JSON data.
 
-        They are name, kind, state, progress, error, and main entries of summary.json, which are None until the search
-        ends.
+        They are name, kind, state, progress with the best layout so far, seconds_left, shown, error, and main entries
+        of summary.json, which are None until the search ends.
         """
         summary = self.results / "summary.json"
         found: dict[str, Any] = {}
@@ -95,8 +114,10 @@ class Job:
             "kind": self.kind,
             "state": self.state,
             "progress": self.progress,
+            "seconds_left": self.seconds_left,
+            "shown": self.shown,
             "error": problem,
-            "summary": {key: found.get(key) for key in ("best", "bound", "gap", "proven", "stop_reason", "evaluated")},
+            "summary": {key: found.get(key) for key in _SUMMARY},
         }
 
 
@@ -126,13 +147,18 @@ class Jobs:
             if kind is None or not isinstance(orders, dict):
                 raise InputError(str(place), "it is damaged (no kind or no settings)", _UNDAMAGED)
             state: State = "done" if told.get("done") else "stopped"
-            self.all[place.parent.name] = Job(place.parent.name, kind, place.parent, orders, state)
+            shown = told.get("shown")
+            shown = shown if isinstance(shown, dict) else {}
+            self.all[place.parent.name] = Job(place.parent.name, kind, place.parent, orders, state, shown=shown)
 
-    def start(self, kind: Kind, scene: Mapping[str, Any], orders: Mapping[str, Any]) -> Job:
+    def start(
+        self, kind: Kind, scene: Mapping[str, Any], orders: Mapping[str, Any], shown: Mapping[str, Any] | None = None
+    ) -> Job:
         """Start a search of a scene in a new folder and process, and return it.
 
         kind: purpose, which begins the folder's name. scene: document of the scene. orders: settings, as of
-        `orders_for`. Raises InputError if too many searches are running, and OSError if the folder cannot be written.
+        `orders_for`. shown: as `Job.shown`. Raises InputError if too many searches are running, and OSError if the
+        folder cannot be written.
         """
         with self._turn:
             self._room()
@@ -140,7 +166,7 @@ class Jobs:
             while (self.root / f"{kind}-{number}").exists():
                 number += 1
             folder = self.root / f"{kind}-{number}"
-            job = Job(folder.name, kind, folder, dict(orders))
+            job = Job(folder.name, kind, folder, dict(orders), shown=dict(shown or {}))
             try:
                 folder.mkdir(parents=True)
                 write_text(folder / "scene.json", json.dumps(scene, indent=1))
@@ -215,13 +241,12 @@ class Jobs:
 
     def _launch(self, job: Job) -> None:
         """Start the process of a search and a thread that reads its output."""
-        scene = job.results / "scene.json" if job.kind == "study" else job.folder / "scene.json"
         resume = job.results.exists() and any(job.results.iterdir())
-        told = {"kind": job.kind, "orders": job.orders, "done": False}
+        told = {"kind": job.kind, "orders": job.orders, "shown": job.shown, "done": False}
         if job.kind != "study":
             write_text(job.folder / ORDERS, json.dumps(told))
         orders = json.dumps({**job.orders, "resume": resume})
-        command = [sys.executable, "-m", "jld_explore.studio.worker", str(scene), str(job.results), orders]
+        command = [sys.executable, "-m", "jld_explore.studio.worker", str(job.scene_file), str(job.results), orders]
         # Use a file for stderr: a pipe that is not read fills up and blocks the worker.
         words = tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace")  # noqa: SIM115 – the listener closes it
         try:

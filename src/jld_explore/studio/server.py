@@ -12,13 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from jld_core.errors import InputError, ParameterError
-from jld_core.exchange import FORMATS
 from jld_core.scene import Scene, load_scene, parse_scene
-from jld_core.scene.cracks import CellCracks
 from jld_explore.report import read_folder
-from jld_explore.report.page_contract import PageData
-from jld_explore.report.page_data import page_data, solution_of
-from jld_explore.report.page_of_study import study_data
+from jld_explore.studio.opening import require_followed
+from jld_explore.studio.page_start import first_data
 from jld_explore.studio.session import StudioSession
 
 START: dict[str, Any] = {
@@ -56,7 +53,8 @@ def open_studio(source: Path | None, port: int, announce: Callable[[str], None],
     try:
         import uvicorn
 
-        from jld_explore.studio.app import Api, build_app
+        from jld_explore.studio.api import Api
+        from jld_explore.studio.app import build_app
     except ImportError as error:
         raise InputError("jld studio", f"{error.name} is not installed", "pip install 'jld[studio]'") from None
     from jld_explore.studio.jobs import Jobs
@@ -111,41 +109,10 @@ def opened(source: Path | None) -> tuple[Scene, Path, Path | None]:
     if source is None:
         return parse_scene(START), Path("studio"), None
     scene = read_folder(source).scene if source.is_dir() else load_scene(source)
-    if isinstance(scene.cracks, CellCracks):
-        raise InputError(f"{source}: cracks", "the studio knows faces and fields alone", '"faces" or "fields"')
+    require_followed(scene, str(source))
     if source.is_dir():
         return scene, source / "studio", source
     return scene, source.with_name(f"{source.stem}_studio"), None
-
-
-def first_data(desk: StudioSession, root: Path, study: Path | None) -> PageData:
-    """Return the data with which the page starts.
-
-    They show the table of a study, or the scene with its own labels solved. desk: solver of the scene. root: folder for
-    files. study: folder of the study that was opened, if any.
-    """
-    extra: dict[str, Any] = {"folder": str(root), "formats": list(FORMATS)}
-    extra |= {"changes": {key: desk.document.get(key, {}) for key in ("materials", "loads", "vertices")}}
-    extra |= {"joints": None if desk.joints is None else desk.joints.facts()}
-    if study is not None:
-        done = read_folder(study)
-        found = study_data(done, patience=0.5, kind="studio", studio=extra)
-        best = done.summary.best_labelling
-        if found["solutions"] or best is None:
-            return found
-        # a table by fields holds no forces of rigid elements, which the page begins with
-        return {**found, "solutions": {"0": solution_of(desk.setup({}).solver.solve(desk.labels(best)))}}
-    setup = desk.setup({})
-    assembly = setup.assembly
-    return page_data(
-        kind="studio",
-        scene=desk.scene,
-        assembly=assembly,
-        candidates=assembly.free_faces if setup.space is None else setup.space.candidates,
-        facts={},
-        solutions={0: solution_of(setup.solver.solve(assembly.labels))},
-        studio=extra,
-    )
 
 
 def _listener(port: int) -> socket.socket:

@@ -23,17 +23,24 @@ from jld_core.scene import Scene, parse_scene
 from jld_core.scene.cracks import FieldCracks
 from jld_core.sub_assembly import faces_of, with_members
 from jld_core.threads import one_thread
-from jld_explore.report.page_data import DIGITS, loads_of, rounded, solution_of
+from jld_explore.report.page_data import DIGITS, cases_of, loads_of, rounded, solution_of
 from jld_explore.space import LETTERS, SearchSpace, from_string, search_space
 from jld_explore.space.reasons import reasons_against
+from jld_explore.studio.collapse_loads import collapse_loads
 from jld_explore.studio.field_brackets import FieldBrackets
 from jld_explore.studio.joint_vertices import JointVertices
 
 KEPT: Final = 16
 """Number of cached assemblies; the cache key contains all changes except labels."""
 
-CHANGEABLE: Final = ("materials", "loads", "vertices")
+SPACES: Final = 4
+"""Number of cached search spaces; the key contains limits and weights."""
+
+CHANGEABLE: Final = ("materials", "loads", "search", "vertices")
 """Parts of a scene besides labels that a page may change; "vertices" are those of joints of planar scenes."""
+
+_SCENE: Final = "scene"
+"""Name of the scene in messages, which a key of the page does not have."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +55,8 @@ class ScenarioCache:
         Assembly of the scene.
     space : SearchSpace or None
         Search space of the scene, None if the scene cannot be searched, or joints were moved.
+    refusal : InputError or None
+        Why the scene cannot be searched.
     solver : CaseAnalysis
         Solver of all load cases of the scene.
     """
@@ -55,11 +64,12 @@ class ScenarioCache:
     scene: Scene
     assembly: Assembly
     space: SearchSpace | None
+    refusal: InputError | None
     solver: CaseAnalysis
 
 
 class StudioSession:
-    """Solver of labellings of one scene, whose materials, loads and joints may change.
+    """Solver of labellings of one scene, whose materials, loads, limits and joints may change.
 
     Parameters
     ----------
@@ -79,17 +89,16 @@ class StudioSession:
         self._turn = threading.RLock()
         self._brackets = FieldBrackets()
         self._geometry = build_geometry(scene)
-        self._first: ScenarioCache | None = None
-        self._first = self.setup({})
-        self.joints = _joints(scene, self._first.assembly)
+        self._spaces: OrderedDict[tuple[str, bytes], SearchSpace | InputError] = OrderedDict()
+        self.joints = _joints(scene, self.setup({}).assembly)
         self._mover: tuple[str, MovedScene] | None = None
 
     def setup(self, changes: Mapping[str, Any]) -> ScenarioCache:
         """Return the scene with changed materials, loads and vertices, ready to be solved.
 
-        changes: new values of the keys "materials" and "loads", and under "vertices" the places of moved vertices as in
-        `JointVertices.placed`; {} for the scene itself. The last few are stored. Raises InputError for another key, or
-        an invalid scene.
+        changes: new values of the keys "materials", "loads" and "search", and under "vertices" the places of moved
+        vertices as in `JointVertices.placed`; {} for the scene itself. The last few are stored. Raises InputError for
+        another key, or an invalid scene.
         """
         for key in changes:
             if key not in CHANGEABLE:
@@ -102,8 +111,9 @@ class StudioSession:
             scene, moved = self._changed(changes)
             assembly = build_assembly(scene, None if moved else self._geometry)
             # a search admits by weights and shapes, which take longer to look at than a drag may last
-            space = None if moved else self._space(scene, assembly)
-            made = self._kept[name] = ScenarioCache(scene, assembly, space, CaseAnalysis(assembly))
+            found = None if moved else self._space(scene, assembly)
+            space, refusal = (None, found) if isinstance(found, InputError) else (found, None)
+            made = self._kept[name] = ScenarioCache(scene, assembly, space, refusal, CaseAnalysis(assembly))
             while len(self._kept) > KEPT:
                 self._kept.popitem(last=False)
             return made
@@ -111,7 +121,7 @@ class StudioSession:
     def _changed(self, changes: Mapping[str, Any]) -> tuple[Scene, bool]:
         """Return the scene with changes as in `setup`, and True if its vertices moved."""
         plain = {key: value for key, value in changes.items() if key != "vertices"}
-        scene = parse_scene({**self.document, **plain}) if plain else self.scene
+        scene = parsed({**self.document, **plain}) if plain else self.scene
         if not changes.get("vertices"):
             return scene, False
         joints = self._movable()
@@ -120,23 +130,41 @@ class StudioSession:
             self._mover = name, joints.mover(scene, self.setup({}).assembly.labels)
         return self._mover[1].at(places), True
 
+    def edited(self, changes: Mapping[str, Any], part: object) -> dict[str, Any]:
+        """Return the new value of one changed part as a scene file holds it, with numbers in place of texts.
+
+        changes: as in `setup`. part: "materials", "loads" or "search". Raises InputError, with the key in front, if
+        the scene with all changes is invalid; limits must also leave something to search.
+        """
+        if part not in CHANGEABLE[:3]:
+            raise InputError("part", f"there is no {str(part)[:40]!r}", ", ".join(CHANGEABLE[:3]))
+        setup = self.setup(changes)
+        if part == "search" and setup.refusal is not None:
+            raise setup.refusal
+        found: dict[str, Any] = setup.scene.model_dump(mode="json", exclude_defaults=True).get(str(part), {})
+        return found
+
     def _movable(self) -> JointVertices:
         """Return the vertices that may move; raise InputError if there are none."""
         if self.joints is None:
             raise InputError("vertices", "no vertex of this scene moves", "a planar scene with joints that may move")
         return self.joints
 
-    def _space(self, scene: Scene, assembly: Assembly) -> SearchSpace | None:
-        """Return the search space of a scene; None if the scene cannot be searched.
+    def _space(self, scene: Scene, assembly: Assembly) -> SearchSpace | InputError:
+        """Return the search space of a scene, or why there is none; the scene can still be solved.
 
-        The space of the studio's scene is used again unless weights differ.
+        A space is used again unless limits or weights differ.
         """
-        if self._first is not None and np.array_equal(assembly.elements.weight, self._first.assembly.elements.weight):
-            return self._first.space
-        try:
-            return search_space(scene, assembly)
-        except InputError:
-            return None  # the scene cannot be searched but can still be solved
+        key = scene.search.model_dump_json(), assembly.elements.weight.tobytes()
+        if key not in self._spaces:
+            try:
+                self._spaces[key] = search_space(scene, assembly)
+            except InputError as error:
+                self._spaces[key] = error
+        self._spaces.move_to_end(key)
+        while len(self._spaces) > SPACES:
+            self._spaces.popitem(last=False)
+        return self._spaces[key]
 
     def labels(self, letters: object) -> Bits:
         """Convert letters d and i, one per face, to labels (m,), True = dry.
@@ -153,21 +181,27 @@ class StudioSession:
     def solve(self, letters: object, changes: Mapping[str, Any]) -> dict[str, Any]:
         """Solve a labelling under changed materials and loads, and return JSON data for the page.
 
-        letters: d and i, one per face. changes: as in `setup`. The entries are "solution", "loads", "bodies" (of moved
-        elements, else None), "against" (reasons why a search would not admit the labelling, None without a search
-        space) and "seconds". Raises InputError for invalid arguments.
+        letters: d and i, one per face. changes: as in `setup`. The entries are "solution", "cases" (their names),
+        "loads", "collapse" (texts of `collapse_loads`), "bodies" (weights and centroids of all elements), "against"
+        (reasons why a search would not admit the labelling) and "candidates" (faces whose label it chooses), both None
+        without a search space, "unsearched" (why there is none) and "seconds". Raises InputError for invalid arguments.
         """
         start = time.perf_counter()
         setup = self.setup(changes)
         labels = self.labels(letters)
         found = setup.solver.solve(labels)
         solved = time.perf_counter()
-        against = None if setup.space is None else reasons_against(setup.space, labels)
+        space, count = setup.space, setup.assembly.faces
+        against = None if space is None else reasons_against(space, labels)
         return {
             "solution": solution_of(found),
+            "cases": cases_of(setup.assembly),
             "loads": loads_of(setup.assembly),
-            "bodies": _bodies(setup.assembly) if changes.get("vertices") else None,
+            "collapse": collapse_loads(setup.scene, setup.assembly, found),
+            "bodies": _bodies(setup.assembly),
             "against": against,
+            "candidates": None if space is None else space.candidates[:count].tolist(),
+            "unsearched": None if setup.refusal is None else str(setup.refusal),
             "seconds": {"solve": solved - start, "total": time.perf_counter() - start},
         }
 
@@ -220,6 +254,14 @@ class StudioSession:
         if not np.array_equal(written.labels, labels):
             raise InputError("labels", "this scene cannot hold these labels", "labels that no other key overrides")
         return document
+
+
+def parsed(document: dict[str, Any]) -> Scene:
+    """Return the scene of a document; raise InputError, with the key that is wrong in front, if it is invalid."""
+    try:
+        return parse_scene(document, _SCENE)
+    except InputError as error:
+        raise InputError(error.where.removeprefix(f"{_SCENE}: "), error.problem, error.expected) from None
 
 
 def _joints(scene: Scene, assembly: Assembly) -> JointVertices | None:

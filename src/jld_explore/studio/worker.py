@@ -41,6 +41,7 @@ class _Teller:
         """Write progress as one line of JSON."""
         best, bound = (None if not math.isfinite(v) else v for v in (progress.best, progress.bound))
         told: dict[str, Any] = {"done": progress.done, "total": progress.total, "best": best, "bound": bound}
+        told["labelling"] = progress.labelling
         sys.stdout.write(json.dumps({**told, "seconds": progress.seconds}) + "\n")
         sys.stdout.flush()
 

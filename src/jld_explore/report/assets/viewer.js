@@ -25,7 +25,7 @@ export class Viewer {
   /**
    * @param {HTMLElement} host
    * @param {PageData} data
-   * @param {{changed?: () => void, pointer?: (what: Thing | null, event: PointerEvent, figure: any) => boolean, key?: (event: KeyboardEvent) => boolean}} [tell]
+   * @param {{changed?: () => void, pointer?: (what: Thing | null, event: PointerEvent, figure: any) => boolean, key?: (event: KeyboardEvent) => boolean, stem?: () => string}} [tell]
    */
   constructor(host, data, tell = {}) {
     this.data = data;
@@ -242,7 +242,7 @@ export class Viewer {
     const [{ figure }] = this.drawn;
     if (!figure) return;
     const { name, kind, content } = figure.takeaway();
-    save(name, kind, content);
+    save(name.replace(/^layout/, this.tell.stem?.() ?? "layout"), kind, content);
     say("The picture was saved.");
   }
 }

@@ -3,7 +3,7 @@
 import { el } from "./dom.js";
 import { ask } from "./live.js";
 
-/** @typedef {{name: string, labelling: string, changes: any, text: string}} Candidate */
+/** @typedef {{name: string, scene?: string, labelling: string, changes: any, text: string}} Candidate the scene is that of the start if none is named */
 
 export class Candidates {
   /**
@@ -31,7 +31,7 @@ export class Candidates {
 
   /** @param {Candidate[]} more */
   add(more) {
-    const same = (/** @type {Candidate} */ a, /** @type {Candidate} */ b) => a.labelling === b.labelling && JSON.stringify(a.changes) === JSON.stringify(b.changes);
+    const same = (/** @type {Candidate} */ a, /** @type {Candidate} */ b) => a.scene === b.scene && a.labelling === b.labelling && JSON.stringify(a.changes) === JSON.stringify(b.changes);
     this.all = [...more.filter((c) => !this.all.some((own) => same(own, c))), ...this.all].slice(0, 500);
     this.#keep();
   }

@@ -115,22 +115,3 @@ function centroidOf(shape) {
   });
   return area ? [x0 + x / (3 * area), y0 + y / (3 * area)] : shape[0];
 }
-
-/**
- * The vertices that a scene has elsewhere than the structure: a search may have begun with moved joints.
- * @param {Structure} first
- * @param {Joints} joints
- * @param {any} scene
- * @returns {Vertices}
- */
-export function verticesOf(first, joints, scene) {
-  /** @type {Vertices} */
-  const found = {};
-  const outlines = (scene.elements ?? []).map((/** @type {any} */ element) => element.polygon ?? []);
-  if (outlines.length !== joints.loops.length || outlines.some((/** @type {Point[]} */ outline, /** @type {number} */ k) => outline.length !== joints.loops[k].length)) return found;
-  joints.loops.forEach((loop, k) => loop.forEach((vertex, i) => {
-    const [place, old] = [outlines[k][i], joints.places[vertex]];
-    if (vertex in joints.paths && Math.hypot(place[0] - old[0], place[1] - old[1]) > 1e-7 * first.size) found[vertex] = place;
-  }));
-  return found;
-}

@@ -2,7 +2,7 @@
 /** The line to the server of the studio. */
 
 /**
- * Ask the server. Raises an error with its words.
+ * Ask the server. Raises an error with its words, and the key of the scene that they are about.
  * @param {string} name
  * @param {any} [body] posted where given
  * @returns {Promise<any>}
@@ -18,6 +18,6 @@ export async function ask(name, body) {
   } catch {
     throw new Error(answer.ok ? "the answer is not JSON" : text.trim());
   }
-  if (!answer.ok) throw new Error(found.error ?? `the server answers ${answer.status}`);
+  if (!answer.ok) throw Object.assign(new Error(found.error ?? `the server answers ${answer.status}`), { key: found.key });
   return found;
 }

@@ -1,7 +1,7 @@
 // @ts-check
 /** What was done, so that it can be taken back and done again. */
 
-/** @typedef {{labelling: string, materials: any, loads: any, vertices: Record<string, number[]>}} State */
+/** @typedef {{scene: string, labelling: string, materials: any, loads: any, search: any, vertices: Record<string, number[]>}} State */
 
 const MOST = 300;
 
@@ -29,6 +29,12 @@ export class Steps {
       this.past = [...this.past, this.before].slice(-MOST);
       this.future = [];
     }
+    this.before = null;
+  }
+
+  /** Go back to before an act that goes on. */
+  cancel() {
+    if (this.before) this.now = this.before;
     this.before = null;
   }
 

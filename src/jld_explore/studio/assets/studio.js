@@ -2,96 +2,169 @@
 /** The studio: a layout that is changed by hand, and λ that follows. */
 import { bytesOf, differing, lettersOf, slitsOf } from "./blocks.js";
 import { Candidates } from "./candidates.js";
-import { loadList } from "./controls.js";
 import { checked } from "./data.js";
-import { byId, el, save, say, shown, shownBracket } from "./dom.js";
-import { liveOf, nextFace, painted, toggled } from "./editing.js";
-import { dragged, handlesOf, placed, verticesOf } from "./joints.js";
+import { byId, el, say, shown, shownBracket } from "./dom.js";
+import { Files } from "./files.js";
+import { Hand, TOOLS } from "./hand.js";
+import { help } from "./help.js";
+import { handlesOf, placed } from "./joints.js";
+import { keptFace, limitForm } from "./limits.js";
 import { ask } from "./live.js";
-import { materialSliders } from "./materials.js";
+import { loadForm, showCollapse } from "./loads.js";
+import { materialForm } from "./material_fields.js";
 import { Live } from "./newest.js";
+import { Opening } from "./opening.js";
 import { Searches } from "./searches.js";
 import { Steps } from "./steps.js";
+import { supportList } from "./supports.js";
 import { Viewer } from "./viewer.js";
 
-const TOOLS = [
-  ["toggle", "toggle faces", "Click a face to make it dry or inner; drag over faces to do so with many. With the keyboard: arrow keys go from face to face, Enter toggles."],
-  ["paint", "paint a block", "Drag over elements: they become one block of their own."],
-  ["joint", "move joints", "Drag a vertex of a joint: λ follows. Crack planes that end in it move with it, and λ by faces may then be false: the line of blocks that crack anywhere counts."],
-  ["load", "loads", "Drag the tip of a load to move it; click an element to put a load there."],
-];
+const PARTS = ["materials", "loads", "search", "vertices"];
 
 class Studio {
   /** @param {import("./contract.js").PageData} data */
   constructor(data) {
-    this.data = data;
     const given = /** @type {any} */ (data.studio);
-    this.first = data.structure;
-    /** @type {import("./joints.js").Joints | null} null where no vertex may move */
-    this.joints = given.joints;
+    /** scenes of the states, by name @type {Map<string, {data: any, first: any}>} */
+    this.scenes = new Map();
+    this.home = given.scene;
+    this.#remember(given.scene, data);
     const own = Object.values(data.solutions)[0];
-    const first = own?.labelling ?? "";
-    this.original = structuredClone(given.changes);
-    this.steps = new Steps({ labelling: first, ...structuredClone(given.changes) });
+    this.steps = new Steps({ scene: given.scene, labelling: own?.labelling ?? "", ...structuredClone(given.changes) });
     this.tool = "toggle";
     /** @type {import("./contract.js").Solution | null} */
     this.solution = null;
-    /** @type {any} */
-    this.act = null;
+    /** texts of λ × load, by case @type {string[][]} */
+    this.collapse = [];
+    this.hand = new Hand(this);
     this.live = new Live((state) => ask("solve", state), (answer, ms) => this.answered(answer, ms), (message) => this.failed(message), crypto.randomUUID());
-    byId("title").textContent = data.title;
-    document.title = `${data.title} – jld studio`;
     byId("folder").textContent = given.folder;
-    this.viewer = new Viewer(byId("viewer"), data, {
-      pointer: (what, event, figure) => this.pointer(what, event, figure), key: (event) => this.key(event), changed: () => this.lists(),
-    });
+    const state = () => this.state();
+    const complain = (/** @type {string} */ message) => this.complain(message);
+    this.opening = new Opening(byId("opened"), (found) => this.opened(found));
+    this.files = new Files(byId("export"), given.formats, state, complain);
+    this.#forms();
+    this.#use();
     this.#tools();
     this.candidates = new Candidates(byId("candidates"), given.candidates ?? [], {
-      now: () => ({ labelling: this.steps.now.labelling, changes: this.changes(), text: byId("answer").querySelector(".value")?.textContent ?? "" }),
-      show: (candidate) => this.take({ labelling: candidate.labelling, ...structuredClone({ ...this.original, ...candidate.changes }) }),
-      compare: (candidate) => this.compare(candidate), complain: (message) => this.complain(message),
+      now: () => ({ ...state(), text: byId("answer").querySelector(".value")?.textContent ?? "" }),
+      show: (candidate) => this.go(candidate), compare: (candidate) => this.compare(candidate), complain,
     });
-    new Searches(byId("searches"), () => ({ labelling: this.steps.now.labelling, changes: this.changes() }), {
-      show: (found, job) => this.results(found, job.name), complain: (message) => this.complain(message),
-    });
-    this.#export();
-    document.addEventListener("keydown", (event) => {
-      if (!(event.ctrlKey || event.metaKey) || /** @type {Element} */ (event.target).matches("input, textarea")) return;
-      const key = event.key.toLowerCase();
-      if (key === "z" && !event.shiftKey) this.undo();
-      else if (key === "y" || (key === "z" && event.shiftKey)) this.redo();
-      else return;
-      event.preventDefault();
-    });
-    window.addEventListener("pointerup", () => this.end()); // also outside the drawing
-    if (data.table) this.results(data, "this folder");
+    this.searches = new Searches(byId("searches"), state, { show: (found, job) => this.results(found, job.name), take: (found) => this.go(found), complain });
+    this.help = help();
+    byId("open").addEventListener("click", () => this.opening.choose());
+    byId("show-help").addEventListener("click", () => this.help.open());
+    document.addEventListener("keydown", (event) => this.shortcut(event));
+    if (data.table) this.results({ ...data, studio: { scene: given.scene, changes: {} } }, "this folder");
     this.controls();
     this.refresh();
   }
 
-  /** Materials, loads and vertices where they differ from the scene's. */
-  changes() {
-    const { materials, loads, vertices } = this.steps.now;
-    return Object.fromEntries(Object.entries({ materials, loads, vertices }).filter(([key, value]) => JSON.stringify(value) !== JSON.stringify(this.original[key])));
+  #forms() {
+    const desk = {
+      now: (/** @type {"materials"} */ part) => this.steps.now[part],
+      judge: async (/** @type {string} */ part, /** @type {any} */ value) => {
+        const { scene, changes } = this.state();
+        return (await ask("edit", { scene, part, changes: { ...changes, [part]: value } })).value;
+      },
+      change: (/** @type {any} */ change) => this.change(change),
+      preview: (/** @type {any} */ change) => this.preview(change),
+      finish: (/** @type {any} */ change) => { this.steps.preview(change); this.steps.commit(); this.refresh(); this.controls(); },
+      context: () => `${this.steps.now.scene} ${this.caseName()}`,
+      cancel: () => { this.steps.cancel(); this.refresh(); this.controls(); },
+    };
+    const data = () => this.data;
+    this.forms = {
+      materials: materialForm(byId("materials"), /** @type {any} */ (desk), data),
+      loads: loadForm(byId("loads"), /** @type {any} */ (desk), {
+        data, caseName: () => this.caseName(), showCase: (name) => this.viewer.setCase(this.data.cases.indexOf(name)),
+      }),
+      limits: limitForm(byId("limits"), /** @type {any} */ (desk), data),
+    };
+  }
+
+  /** @param {string} name @param {any} data */
+  #remember(name, data) {
+    this.scenes.set(name, { data, first: data.structure });
+  }
+
+  /** Show the scene of the state: its structure, viewer, title and file name. */
+  #use() {
+    const { scene } = this.steps.now;
+    if (this.using === scene) return;
+    this.using = scene;
+    const { data, first } = /** @type {any} */ (this.scenes.get(scene));
+    this.data = data;
+    this.first = first;
+    /** @type {import("./joints.js").Joints | null} null where no vertex may move */
+    this.joints = data.studio.joints;
+    this.original = data.studio.changes;
+    this.other = undefined;
+    byId("title").textContent = data.title;
+    document.title = `${data.title} – jld studio`;
+    this.files.rename(data.studio.file);
+    this.opening.show(scene);
+    this.#view();
+    if (this.tool === "joint" && !this.joints) this.tool = "toggle";
+    if (byId("tools").firstChild) this.#tools();
+  }
+
+  /** Another viewer, for another structure or other load cases. */
+  #view() {
+    const before = this.viewer;
+    before?.set([]);
+    this.viewer = new Viewer(byId("viewer"), this.data, {
+      pointer: (what, event, figure) => this.hand.pointer(what, event, figure), key: (event) => this.hand.key(event), changed: () => this.lists(),
+      stem: () => this.files.name.value || this.data.studio.file,
+    });
+    if (!before) return;
+    this.viewer.show = before.show;
+    this.viewer.view = before.view;
+    const place = before.caseGiven ? this.data.cases.indexOf(before.data.cases[before.case]) : -1;
+    if (place >= 0) this.viewer.setCase(place);
+  }
+
+  /** What is asked of the core: scene, labels, and materials, loads, limits and vertices where they differ from the scene's. */
+  state() {
+    const { now } = this.steps;
+    const changes = Object.fromEntries(PARTS.map((part) => [part, now[/** @type {"loads"} */ (part)]]).filter(([part, value]) => JSON.stringify(value) !== JSON.stringify(this.original[part])));
+    return { scene: now.scene, labelling: now.labelling, changes };
   }
 
   /** Show the state at once, without any answer to an earlier one, and ask for its own. */
   refresh() {
+    this.#use();
     this.solution = null;
     this.draw();
-    const box = byId("answer");
-    box.classList.add("waiting");
-    this.live.want({ labelling: this.steps.now.labelling, changes: this.changes() });
+    byId("answer").classList.add("waiting");
+    this.collapse = [];
+    showCollapse(byId("loads"), []);
+    this.live.want(this.state());
   }
 
   /** @param {any} answer @param {number} ms */
   answered(answer, ms) {
     this.complain("");
     this.solution = answer.solution;
+    this.collapse = answer.collapse;
     this.data.loads = answer.loads;
-    answer.bodies?.weights.forEach((/** @type {number} */ weight, /** @type {number} */ k) => {
-      this.data.structure.elements[k] = { ...this.data.structure.elements[k], weight, centroid: answer.bodies.centroids[k] };
+    const { elements, faces } = this.data.structure;
+    answer.bodies.weights.forEach((/** @type {number} */ weight, /** @type {number} */ k) => {
+      elements[k] = { ...elements[k], weight, centroid: answer.bodies.centroids[k] };
     });
+    answer.candidates?.forEach((/** @type {boolean} */ candidate, /** @type {number} */ k) => { faces[k] = { ...faces[k], candidate }; });
+    if (JSON.stringify(answer.cases) !== JSON.stringify(this.data.cases)) {
+      this.data.cases = answer.cases;
+      this.#view();
+    }
+    this.draw();
+    this.lists();
+    this.#say(answer, ms);
+    if (this.data.structure.dimension === 2) this.blocks(answer.revision);
+  }
+
+  /** Say what is known of λ. @param {any} answer @param {number} ms */
+  #say(answer, ms) {
     const found = answer.solution;
     const governing = found.cases[found.governing];
     const sign = found.cases.length > 1 ? "λ / required" : "λ";
@@ -99,16 +172,16 @@ class Studio {
     box.classList.remove("waiting");
     box.dataset.revision = String(answer.revision);
     const slits = slitsOf(this.data.structure, this.steps.now.labelling).length;
+    const loads = (this.collapse[this.viewer.case] ?? []).filter(Boolean);
     box.replaceChildren(...[
       el("span", { class: "value" }, found.load_factor === null ? found.status : `${sign} = ${shown(found.load_factor, 6)}`),
       el("span", { class: "bracket" }, `${shownBracket(found.bracket)}, ${found.status}${governing.name ? `, governed by ${governing.name}` : ""}`),
+      loads.length ? el("span", { id: "lambda-load", class: "collapse" }, `λ × load = ${loads.length > 3 ? `${loads.slice(0, 3).join(", ")} and ${loads.length - 3} more` : loads.join(", ")}${governing.name ? ` (${this.caseName()})` : ""}`) : null,
       el("span", { class: "how" }, `${shown(ms, 3)} ms (solve ${shown(1000 * answer.seconds.solve, 2)})`),
       slits ? el("span", { class: "note", id: "slits" }, `no segmentation: ${slits} dry ${slits === 1 ? "face has" : "faces have"} one block on both sides`) : null,
       !slits && answer.against?.length ? el("span", { class: "note", id: "against" }, `outside what a search admits: ${answer.against.join("; ")}`) : null,
+      answer.unsearched ? el("span", { class: "note" }, `no search: ${answer.unsearched}`) : null,
     ].filter(Boolean));
-    this.draw();
-    this.lists();
-    if (this.data.structure.dimension === 2) this.blocks(answer.revision);
   }
 
   /** Bracket the blocks by fields, mesh by mesh as long as this state is shown. @param {number} revision */
@@ -116,7 +189,7 @@ class Studio {
     const box = byId("answer");
     const line = el("span", { class: "bracket", id: "blocks" }, "blocks that crack anywhere: …");
     box.append(line);
-    const state = { page: this.live.page, revision, labelling: this.steps.now.labelling, changes: this.changes() };
+    const state = { page: this.live.page, revision, ...this.state() };
     for (let more = true; more;) {
       let found;
       try {
@@ -136,8 +209,8 @@ class Studio {
 
   /** @param {string} message */
   failed(message) {
-    byId("answer").replaceChildren(el("span", { class: "value" }, "–"), ...(this.act ? [el("span", { class: "note" }, message)] : []));
-    if (!this.act) this.complain(message);
+    byId("answer").replaceChildren(el("span", { class: "value" }, "–"), ...(this.hand.act ? [el("span", { class: "note" }, message)] : []));
+    if (!this.hand.act) this.complain(message);
   }
 
   /** @param {string} message */
@@ -163,47 +236,108 @@ class Studio {
 
   /** What must follow the state but not every stroke of a slider. */
   controls() {
-    materialSliders(byId("materials"), this.steps.now.materials, this.data.structure.units, (materials, finished) => {
-      this.steps.preview({ materials });
-      if (finished) this.steps.commit();
-      this.refresh();
-    });
+    this.#use();
+    this.forms.materials.render();
+    this.forms.limits.render();
+    supportList(byId("supports"), this.data.structure, (element, support) => this.support(element, support));
+    this.opening.show(this.steps.now.scene);
     this.lists();
   }
 
   lists() {
-    const active = document.activeElement;
-    if (active && byId("loads").contains(active) && active.tagName === "INPUT") return;
-    loadList(byId("loads"), this.steps.now.loads, this.data.cases[this.viewer.case], this.data.structure, (loads) => this.change({ loads }));
+    this.forms.loads.render();
+    showCollapse(byId("loads"), this.collapse[this.viewer.case] ?? []);
   }
 
-  /** @param {any} change */
+  /** One step. @param {any} change */
   change(change) {
     this.steps.step(change);
     this.refresh();
-    this.lists();
+    this.controls();
   }
 
-  /** @param {any} state */
-  take(state) {
-    this.steps.step(state);
-    this.controls();
+  /** Part of a step that goes on. @param {any} change */
+  preview(change) {
+    this.steps.preview(change);
     this.refresh();
   }
 
-  undo() {
-    if (this.steps.undo()) {
-      this.controls();
-      this.refresh();
-      say("Taken back.");
+  /** Go to a layout of any scene, as one step. @param {{scene?: string, labelling: string, changes: any}} wanted */
+  async go(wanted) {
+    const scene = wanted.scene ?? this.home;
+    try {
+      if (!this.scenes.has(scene)) this.#remember(scene, checked((await ask("show", { scene })).data));
+      const { changes } = /** @type {any} */ (this.scenes.get(scene)).data.studio;
+      this.change({ scene, labelling: wanted.labelling, ...structuredClone({ ...changes, ...wanted.changes }) });
+    } catch (error) {
+      this.complain(error instanceof Error ? error.message : String(error));
     }
   }
 
+  /** Show a scene that the core has made, with its own labels. @param {any} found */
+  opened(found) {
+    this.complain("");
+    const data = checked(found.data);
+    if (!this.scenes.has(found.scene)) this.#remember(found.scene, data);
+    const labelling = Object.values(data.solutions)[0].labelling;
+    this.change({ scene: found.scene, labelling, ...structuredClone(/** @type {any} */ (data.studio).changes) });
+    say(`${data.title} was opened.`);
+  }
+
+  /** @param {string} element @param {boolean} support */
+  async support(element, support) {
+    const revision = this.live.revision;
+    try {
+      const found = await ask("support", { ...this.state(), element, support });
+      if (revision === this.live.revision) this.opened(found);
+    } catch (error) {
+      const message = error instanceof Error ? error.message : String(error);
+      const box = byId("supports").querySelector(".problem");
+      box.hidden = false;
+      box.textContent = message;
+      this.complain(message);
+    }
+  }
+
+  /** Let searches keep the label of a face, or choose it again. @param {number} face */
+  keepFace(face) {
+    const { elements, faces } = this.data.structure;
+    const pair = faces[face].elements.map((/** @type {number} */ k) => elements[k].id);
+    this.forms.limits.take(keptFace(this.steps.now.search, pair, this.steps.now.labelling[face] === "d" ? "dry" : "inner"));
+  }
+
+  undo() {
+    if (this.steps.undo()) this.#stepped("Taken back.");
+  }
+
   redo() {
-    if (this.steps.redo()) {
-      this.controls();
-      this.refresh();
-      say("Done again.");
+    if (this.steps.redo()) this.#stepped("Done again.");
+  }
+
+  /** @param {string} words */
+  #stepped(words) {
+    this.complain("");
+    this.refresh();
+    this.controls();
+    say(words);
+  }
+
+  /** @param {KeyboardEvent} event */
+  shortcut(event) {
+    const target = /** @type {any} */ (event.target);
+    const typing = target.matches("input:not([type=range]):not([type=checkbox]), textarea");
+    const key = event.key.toLowerCase();
+    if (event.ctrlKey || event.metaKey) {
+      // a field with changes of its own takes back what was typed
+      if (typing && key !== "o" && (target.dataset.was === undefined || target.value !== target.dataset.was)) return;
+      if (key === "z" && !event.shiftKey) this.undo();
+      else if (key === "y" || (key === "z" && event.shiftKey)) this.redo();
+      else if (key === "o") this.opening.choose();
+      else return;
+      event.preventDefault();
+    } else if (event.key === "?" && !typing) {
+      this.help.open();
+      event.preventDefault();
     }
   }
 
@@ -218,50 +352,20 @@ class Studio {
     byId("tools").replaceChildren(
       ...tools.map(([name, title]) => el("button", { type: "button", "data-tool": name, onclick: () => choose(name) }, title)),
       ...(this.joints ? [el("button", { type: "button", id: "improve-joints", title: "some steps of jld move from what is drawn", onclick: () => this.improve() }, "improve joints")] : []),
-      el("button", { type: "button", id: "undo", onclick: () => this.undo() }, "undo"),
-      el("button", { type: "button", id: "redo", onclick: () => this.redo() }, "redo"),
+      el("button", { type: "button", id: "undo", title: "Ctrl+Z", onclick: () => this.undo() }, "undo"),
+      el("button", { type: "button", id: "redo", title: "Ctrl+Y", onclick: () => this.redo() }, "redo"),
     );
-    choose("toggle");
-  }
-
-  /**
-   * @param {{face?: number, element?: number, load?: number} | null} what
-   * @param {PointerEvent} event
-   * @param {any} figure
-   */
-  pointer(what, event, figure) {
-    if (event.type === "pointerdown") return this.begin(what, event, figure);
-    if (!this.act) return false;
-    if (event.type === "pointerup") return this.end();
-    const { act } = this;
-    if (act.kind === "toggle" && what?.face !== undefined && this.steps.now.labelling[what.face] !== act.to) {
-      this.steps.preview({ labelling: toggled(this.steps.now.labelling, what.face) });
-      this.refresh();
-    } else if (act.kind === "paint" && what?.element !== undefined && !act.block.has(what.element) && this.isFree(what.element)) {
-      act.block.add(what.element);
-      this.steps.preview({ labelling: painted(this.data.structure, act.from, act.block) });
-      this.refresh();
-    } else if (act.kind === "load") {
-      const loads = structuredClone(this.steps.now.loads);
-      liveOf(loads, this.caseName())[act.load].at = figure.under(event).map((/** @type {number} */ v) => Number(v.toPrecision(6)));
-      this.steps.preview({ loads });
-      this.refresh();
-    } else if (act.kind === "joint") {
-      this.steps.preview({ vertices: dragged(act.joints, act.from, act.vertex, figure.under(event, act.screen)) });
-      this.refresh();
-    }
-    return true;
+    choose(this.tool);
   }
 
   /** Let the core move the joints by some steps from what is drawn; one step to take back. */
   async improve() {
     const button = byId("improve-joints");
-    const state = { labelling: this.steps.now.labelling, changes: this.changes() };
     const revision = this.live.revision;
     button.disabled = true;
     try {
       this.complain("");
-      const found = await ask("improve", state);
+      const found = await ask("improve", this.state());
       // what was drawn meanwhile stays
       if (revision !== this.live.revision) say("The joints were not moved: the layout changed meanwhile.");
       else {
@@ -275,101 +379,23 @@ class Studio {
     button.disabled = false;
   }
 
-  /** A stroke is one step. */
-  end() {
-    if (!this.act) return false;
-    this.act = null;
-    byId("answer").style.minHeight = "";
-    this.steps.commit();
-    this.draw();
-    this.lists();
-    return true;
-  }
-
-  /** @param {any} what @param {PointerEvent} event @param {any} figure */
-  begin(what, event, figure) {
-    if (event.button !== 0 || !what) return false;
-    const { labelling } = this.steps.now;
-    if (this.tool === "toggle" && what.face !== undefined) {
-      this.act = { kind: "toggle", to: labelling[what.face] === "d" ? "i" : "d" };
-      this.steps.preview({ labelling: toggled(labelling, what.face) });
-      this.refresh();
-    } else if (this.tool === "paint" && what.element !== undefined && this.isFree(what.element)) {
-      this.act = { kind: "paint", from: labelling, block: new Set([what.element]) };
-      this.steps.preview({ labelling: painted(this.data.structure, labelling, this.act.block) });
-      this.refresh();
-    } else if (this.tool === "joint" && what.vertex !== undefined) {
-      this.act = { kind: "joint", joints: this.joints, from: this.steps.now.vertices, vertex: what.vertex, screen: figure.root.getScreenCTM() };
-      // the drawing stays where it is while the answer above it changes
-      byId("answer").style.minHeight = `${byId("answer").offsetHeight}px`;
-    } else if (this.tool === "load") {
-      return this.beginLoad(what, event, figure);
-    } else return false;
-    // a spatial view would turn with the same stroke
-    event.stopImmediatePropagation();
-    return true;
-  }
-
-  /** @param {any} what @param {PointerEvent} event @param {any} figure */
-  beginLoad(what, event, figure) {
-    const planar = this.data.structure.dimension === 2;
-    if (what.load !== undefined && this.data.loads[what.load].kind === "live" && planar) {
-      const name = this.caseName();
-      const drawn = this.data.loads.filter((load) => load.kind === "live" && load.case === name).indexOf(this.data.loads[what.load]);
-      const forces = liveOf(this.steps.now.loads, name).flatMap((load, k) => (load.force ? [k] : []));
-      if (drawn < 0 || forces[drawn] === undefined) return false;
-      this.act = { kind: "load", load: forces[drawn] };
-      return true;
-    }
-    if (what.element === undefined || !this.isFree(what.element)) return false;
-    const element = this.data.structure.elements[what.element];
-    const weight = Number(Math.max(element.weight, 1e-12).toPrecision(2));
-    const loads = structuredClone(this.steps.now.loads);
-    const entry = planar
-      ? { element: element.id, force: [0, -weight], at: figure.under(event).map((/** @type {number} */ v) => Number(v.toPrecision(6))) }
-      : { element: element.id, force: [0, 0, -weight] };
-    liveOf(loads, this.caseName()).push(entry);
-    this.change({ loads });
-    return true;
-  }
-
   caseName() {
     return this.data.cases[this.viewer.case];
-  }
-
-  /** @param {number} element */
-  isFree(element) {
-    return !this.data.structure.elements[element].support;
-  }
-
-  /** @param {KeyboardEvent} event */
-  key(event) {
-    if (this.data.structure.dimension === 3 && !event.altKey && event.key.startsWith("Arrow")) return false;
-    if (event.key.startsWith("Arrow")) {
-      this.viewer.current = nextFace(this.data.structure, this.viewer.current, event.key);
-      const face = this.data.structure.faces[this.viewer.current];
-      const names = face.elements.map((k) => this.data.structure.elements[k].id).join(" – ");
-      say(`face ${names}, ${this.steps.now.labelling[this.viewer.current] === "d" ? "dry" : "inner"}`);
-      this.draw();
-      return true;
-    }
-    if ((event.key === "Enter" || event.key === " ") && this.viewer.current >= 0) {
-      this.change({ labelling: toggled(this.steps.now.labelling, this.viewer.current) });
-      return true;
-    }
-    return false;
   }
 
   /** @param {any} candidate null to stop comparing */
   async compare(candidate) {
     this.other = undefined;
-    if (candidate && JSON.stringify(candidate.changes.vertices ?? {}) !== JSON.stringify(this.steps.now.vertices)) {
+    if (candidate && (candidate.scene ?? this.home) !== this.steps.now.scene) {
+      this.complain(`${candidate.name} has another structure: show it instead`);
+    } else if (candidate && JSON.stringify(candidate.changes.vertices ?? {}) !== JSON.stringify(this.steps.now.vertices)) {
       this.complain(`${candidate.name} has its joints elsewhere: show it instead`);
     } else if (candidate) {
       try {
-        const answer = await ask("solve", { page: `${this.live.page}-beside`, revision: 0, labelling: candidate.labelling, changes: candidate.changes });
-        this.other = { name: candidate.name, labelling: candidate.labelling, solution: answer.solution };
-        say(`${differing(candidate.labelling, this.steps.now.labelling).size} faces differ from ${candidate.name}`);
+        const { scene, labelling, changes } = candidate;
+        const answer = await ask("solve", { page: `${this.live.page}-beside`, revision: 0, scene, labelling, changes });
+        this.other = { name: candidate.name, labelling, solution: answer.solution };
+        say(`${differing(labelling, this.steps.now.labelling).size} faces differ from ${candidate.name}`);
       } catch (error) {
         this.complain(error instanceof Error ? error.message : String(error));
       }
@@ -377,58 +403,17 @@ class Studio {
     this.draw();
   }
 
-  /** The best layouts of a search join the candidates. @param {any} found @param {string} name */
+  /** The best layouts of a search join the candidates, in the scene that was searched. @param {any} found @param {string} name */
   results(found, name) {
     const data = checked(found);
     if (!data.table) return;
+    const { scene, changes } = found.studio;
     const bits = bytesOf(data.table.labellings);
     const value = data.table.columns.find((column) => column.name === "load_factor")?.values ?? [];
-    const faces = this.data.structure.faces.length;
-    const vertices = this.joints ? verticesOf(this.first, this.joints, data.scene) : {};
-    const best = Array.from({ length: Math.min(10, data.table.rows) }, (_, row) => ({
-      name: `${name}, rank ${row + 1}`, labelling: lettersOf(bits, row, faces), text: `λ = ${shown(value[row], 6)}`,
-      // a search ran with the materials and loads of its own scene
-      changes: {
-        ...Object.fromEntries(["materials", "loads"].filter((key) => key in data.scene && JSON.stringify(data.scene[key]) !== JSON.stringify(this.original[key])).map((key) => [key, data.scene[key]])),
-        ...(Object.keys(vertices).length ? { vertices } : {}),
-      },
-    }));
-    this.candidates.add(best);
-  }
-
-  #export() {
-    const name = el("input", { type: "text", value: "scene", "aria-label": "name of the file", maxlength: 60 });
-    const state = () => ({ labelling: this.steps.now.labelling, changes: this.changes() });
-    const doing = (/** @type {() => Promise<string>} */ act) => async () => {
-      try {
-        this.complain("");
-        say(await act());
-      } catch (error) {
-        this.complain(error instanceof Error ? error.message : String(error));
-      }
-    };
-    const button = (/** @type {string} */ text, /** @type {string} */ id, /** @type {() => Promise<string>} */ act) => el("button", { type: "button", id, onclick: doing(act) }, text);
-    const format = el("select", { "aria-label": "format" }, /** @type {any} */ (this.data.studio).formats.map((/** @type {string} */ kind) => el("option", { value: kind }, kind)));
-    const saved = el("p", { class: "hint", role: "status" });
-    byId("export").replaceChildren(
-      el("div", { class: "row" }, name, button("save the scene", "save", async () => {
-        const wanted = { name: name.value, ...state() };
-        let made = await ask("save", wanted);
-        if (made.exists && confirm(`${made.path} exists. Replace it?`)) made = await ask("save", { ...wanted, overwrite: true });
-        saved.textContent = made.exists ? `not saved: ${made.path} exists` : `saved as ${made.path}`;
-        return saved.textContent;
-      })),
-      el("div", { class: "row" }, button("scene (JSON)", "export-scene", async () => {
-        save(`${name.value}.json`, "application/json", JSON.stringify(await ask("scene", state()), null, 1));
-        return "The scene was downloaded.";
-      })),
-      el("div", { class: "row" }, format, button("export the blocks", "export-blocks", async () => {
-        const made = await ask("export", { format: format.value, ...state() });
-        save(made.name, "application/octet-stream", bytesOf(made.content));
-        return `${made.name} was downloaded.`;
-      })),
-      saved,
-    );
+    const faces = data.structure.faces.length;
+    this.candidates.add(Array.from({ length: Math.min(10, data.table.rows) }, (_, row) => ({
+      name: `${name}, rank ${row + 1}`, scene, labelling: lettersOf(bits, row, faces), text: `λ = ${shown(value[row], 6)}`, changes,
+    })));
   }
 }
 

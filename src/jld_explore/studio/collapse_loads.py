@@ -1,0 +1,83 @@
+"""State the live loads at collapse, λ times each entry, in a unit that people read: N, kN, kN/m."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from jld_core.assembly import Assembly
+from jld_core.limit import LimitAnalysisResult
+from jld_core.scene import Scene
+from jld_core.scene.fill import FillLoad
+from jld_core.scene.loads import BodyLoad, FaceLoad, LoadEntry
+from jld_core.scene.units import NEWTONS
+
+METRIC: Final = ("MN", "kN", "N")
+"""Units of force among which a number chooses the largest in which it is at least 1."""
+
+
+def collapse_loads(scene: Scene, assembly: Assembly, result: LimitAnalysisResult) -> list[list[str]]:
+    """State λ times every live load of each load case.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene of the loads.
+    assembly : Assembly
+        Assembly of the scene.
+    result : LimitAnalysisResult
+        Result of one layout, with all load cases.
+
+    Returns
+    -------
+    list of lists of str
+        For each load case, one text per live entry, as "11.9 kN" or, for a pressure in the plane, "3 kN/m (15 kN/m²)";
+        "" without a load factor. A case of a moving load has no entries.
+    """
+    several = scene.loads.has_cases
+    entries = {case.name: case.live for case in scene.loads.cases or []} if several else {"": scene.loads.live or []}
+    results = result.cases or {"": result}
+    weight = float(np.linalg.norm(assembly.elements.weight[assembly.elements.free], axis=1).sum())
+    return [
+        [_text(entry, scene, weight, one.load_factor) for entry in entries.get(name if several else "", [])]
+        for name, one in results.items()
+    ]
+
+
+def _text(entry: LoadEntry, scene: Scene, weight: float, factor: float | None) -> str:
+    """State λ times one live load. weight: of all free elements together. factor: λ, or none."""
+    if factor is None or not np.isfinite(factor):
+        return ""
+    force, length = scene.units.force, scene.units.length
+    if isinstance(entry, BodyLoad):
+        return _size(factor * weight * float(np.linalg.norm(entry.body)), force)
+    if isinstance(entry, FillLoad):
+        return _size(factor * entry.weight, force)
+    if isinstance(entry, FaceLoad):
+        ends = entry.ends[:1] if entry.ends[0] == entry.ends[1] else entry.ends
+        stress = _range([factor * end for end in ends], force, f"/{length}²")
+        if scene.dimension == 3:
+            return stress
+        return f"{_range([factor * scene.plane_thickness * end for end in ends], force, f'/{length}')} ({stress})"
+    parts = []
+    if entry.force is not None:
+        parts.append(_size(factor * float(np.linalg.norm(entry.force)), force))
+    if np.any(entry.moment):
+        parts.append(_size(factor * float(np.linalg.norm(entry.moment)), force, f"·{length}"))
+    return " and ".join(parts)
+
+
+def _range(values: Sequence[float], unit: str, behind: str) -> str:
+    """State one number, or two as a range. behind: what follows the unit of force."""
+    return " to ".join(_size(value, unit, behind) for value in values)
+
+
+def _size(value: float, unit: str, behind: str = "") -> str:
+    """State a force with four digits, in the metric unit that fits its size where the scene has a metric one."""
+    if unit in METRIC:
+        newtons = value * NEWTONS[unit]
+        unit = next((name for name in METRIC if abs(newtons) >= NEWTONS[name]), unit)
+        value = newtons / NEWTONS[unit]
+    return f"{value:.4g} {unit}{behind}".replace("-", "−")
