@@ -90,7 +90,7 @@ def test_pages_speak_three_languages() -> None:
         assert f'lang="{language}"' in page
         for line in (*content.result, *content.notes, *(table.title for table in content.tables)):
             assert line.split(":")[0][:20] in told[language].replace("\n", " ")
-        for word in (content.words["blocks"], "low–high", "0.9 / 1.2"):
+        for word in (content.words["blocks"], "low–high", "0.9 / 1.2", "tan φ 0.8 / 0.64"):
             assert word in told[language]
     assert len(set(told.values())) == 3
     assert "Verified: utilisation 0.3" in in_words(check)
