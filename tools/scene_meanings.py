@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 from pydantic import BaseModel
 
-from jld_core.scene import cracks, design, loads, materials, members, move, schema, search
+from jld_core.scene import cracks, design, fill, loads, materials, members, move, schema, search
 
 
 class Meaning(NamedTuple):
@@ -52,6 +52,7 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "materials": Meaning("", "Weight and strengths of all elements and faces."),
         "loads": Meaning("", "Dead loads beside self-weight, and the live load that λ multiplies."),
         "members": Meaning("", "Ties, tendons and pins between points of elements; they have no label."),
+        "fill": Meaning("", "Soil on a planar structure, such as the fill of a bridge."),
         "settlements": Meaning("", "Movements of supports, for `jld settlement`."),
         "labels": Meaning("", "The scene's own labelling; else blocks decide: inner within one, dry between two."),
         "search": Meaning("", "What `jld explore` may relabel, and which layouts count."),
@@ -163,6 +164,27 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
     members.Anchor: {
         "element": Meaning("", "Id of an element, a support or not."),
         "at": Meaning("length", "Point of the element, in the scene."),
+    },
+    fill.Fill: {
+        "level": Meaning("length", "Height of its surface, which is level: the coordinate against gravity."),
+        "density": Meaning("mass/length³", "Times gravity, its weight above each point of the structure."),
+        "friction_angle": Meaning("degrees", "Angle of internal friction, for active and passive pressure."),
+        "cohesion": Meaning("stress", "Lessens the active pressure, adds to the passive one."),
+        "surcharge": Meaning("stress", "Permanent vertical pressure on the surface, such as a road."),
+        "dispersal": Meaning("degrees", "Angle from the vertical at which loads on the surface spread with depth."),
+        "active": Meaning("", "Share of Rankine's active pressure that always acts."),
+        "passive": Meaning("", "Share of the weight's part of Rankine's passive pressure that can be reached."),
+        "passive_cohesion": Meaning("", "Share of the cohesion's part of the passive pressure that can be reached."),
+        "start": Meaning("length", "Horizontal place at which it begins; the end of the structure if absent."),
+        "end": Meaning("length", "Horizontal place at which it ends; the end of the structure if absent."),
+    },
+    fill.FillLoad: {
+        "on_fill": Meaning("", "Strip of the surface of the fill that carries the load."),
+        "weight": Meaning("force", "The load, along gravity; what falls beside free elements is left out."),
+    },
+    fill.Strip: {
+        "at": Meaning("length", "Horizontal place of its middle."),
+        "width": Meaning("length", "Its width."),
     },
     loads.Loads: {
         "dead": Meaning("", "Loads that λ does not multiply, beside self-weight."),

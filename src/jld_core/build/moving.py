@@ -11,9 +11,11 @@ import shapely
 from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Elements
+from jld_core.build.fill import Backing
 from jld_core.errors import InputError
 from jld_core.scene import PointLoad
-from jld_core.scene.loads import BodyLoad, Case, FaceLoad, MovingLoad
+from jld_core.scene.fill import FillLoad, Strip
+from jld_core.scene.loads import Case, LoadEntry, MovingLoad
 
 
 class PlacedCase(NamedTuple):
@@ -28,7 +30,9 @@ class PlacedCase(NamedTuple):
     place: tuple[str, float] | None = None
 
 
-def cases_of(moving: MovingLoad, elements: Elements, downwards: Floats, where: str) -> list[PlacedCase]:
+def cases_of(
+    moving: MovingLoad, elements: Elements, downwards: Floats, where: str, backing: Backing | None = None
+) -> list[PlacedCase]:
     """Return one load case for each position of a vehicle.
 
     Parameters
@@ -41,6 +45,8 @@ def cases_of(moving: MovingLoad, elements: Elements, downwards: Floats, where: s
         Direction of the weights, a unit vector.
     where : str
         Key of the moving load in the scene, for error messages.
+    backing : Backing, optional
+        Fill, on whose surface the path may lie. An axle there spreads over the structure below.
 
     Returns
     -------
@@ -64,8 +70,13 @@ def cases_of(moving: MovingLoad, elements: Elements, downwards: Floats, where: s
         if not (legs > 0.0).all():
             raise InputError(f"{where}.path", "two of its points coincide", "points apart from each other")
         for first, forces in _positions(moving, points, legs):
-            live: list[PointLoad | BodyLoad | FaceLoad] = []
+            live: list[LoadEntry] = []
             for at, unit, weight in forces:
+                if backing is not None and backing.carries(at):
+                    place = backing.position(at)
+                    if backing.covers(place):
+                        live.append(FillLoad(on_fill=Strip(at=place), weight=weight))
+                    continue
                 element = _element_under(elements, at, unit)
                 if element is None:
                     problem = f"no element is at ({at[0]:.6g}, {at[1]:.6g})"

@@ -247,7 +247,9 @@ def complete(document: dict[str, Any], options: ImportOptions, notes: Notes, *, 
     if "materials" not in document:
         document["materials"] = like.get("materials", DEFAULT_MATERIALS)
         if not like:
-            notes.assumed.append("density 2000, friction 0.6, inner strengths 2e5: edit materials, or --like SCENE")
+            known = all("density" in element or element.get("support") for element in document["elements"])
+            density = "" if known else f"density {DEFAULT_MATERIALS['density']:g}, "
+            notes.assumed.append(f"{density}friction 0.6, inner strengths 2e5: edit materials, or --like SCENE")
     for key in ("search", "units"):
         if key in like and key not in document:
             document[key] = like[key]

@@ -8,7 +8,8 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 
 from jld_core.errors import InputError
 from jld_core.scene.complaints import first_complaint
-from jld_core.scene.part import NonNegative, Pair, Part, Positive, Vector
+from jld_core.scene.fill import FillLoad
+from jld_core.scene.part import Loading, LoadVector, NonNegative, Pair, Part, Positive, VaryingPositive, Vector
 
 
 class PointLoad(Part):
@@ -29,10 +30,10 @@ class PointLoad(Part):
     """
 
     element: Annotated[str, Field(description='the id of a free element, or "body" for a load on all')]
-    force: Annotated[Vector | None, Field(description="a vector")] = None
+    force: Annotated[LoadVector | None, Field(description="a vector")] = None
     at: Annotated[Vector | None, Field(description="a point")] = None
     moment: Annotated[
-        float | Annotated[list[float], Field(min_length=3, max_length=3)],
+        Loading | Annotated[list[Loading], Field(min_length=3, max_length=3)],
         Field(description="a number, spatial a vector"),
     ] = 0.0
     width: Annotated[Positive | None, Field(description="a length above 0")] = None
@@ -99,7 +100,7 @@ class FaceLoad(Part):
 
     face: FacePlace
     pressure: Annotated[
-        float | Annotated[list[float], Field(min_length=2, max_length=2)] | None,
+        Loading | Annotated[list[Loading], Field(min_length=2, max_length=2)] | None,
         Field(description="a number, or two at the first and last point"),
     ] = None
     line: Annotated[Vector | None, Field(description="a vector")] = None
@@ -135,11 +136,19 @@ class BodyLoad(Part):
         Vector, dimensionless.
     """
 
-    body: Annotated[Vector, Field(description="a vector")]
+    body: Annotated[LoadVector, Field(description="a vector")]
+
+
+_KINDS: Final[dict[str, type[BodyLoad] | type[FaceLoad] | type[FillLoad]]] = {
+    "body": BodyLoad,
+    "face": FaceLoad,
+    "on_fill": FillLoad,
+}
+"""Kinds of load entries by the key that tells them apart; others are point loads."""
 
 
 def _tell_the_kinds_apart(entries: Any) -> Any:
-    """Validate load entries as body loads, pressures or point loads, chosen by their keys.
+    """Validate load entries as body loads, pressures, loads on fill or point loads, chosen by their keys.
 
     Error messages then refer to the kind of load that was meant.
     """
@@ -147,11 +156,11 @@ def _tell_the_kinds_apart(entries: Any) -> Any:
         return entries
     kinds: list[Any] = []
     for index, entry in enumerate(entries):
-        if isinstance(entry, PointLoad | BodyLoad | FaceLoad):
+        if isinstance(entry, PointLoad | BodyLoad | FaceLoad | FillLoad):
             kinds.append(entry)
             continue
         body = isinstance(entry, dict) and "body" in entry
-        kind = BodyLoad if body else FaceLoad if isinstance(entry, dict) and "face" in entry else PointLoad
+        kind = next((kind for key, kind in _KINDS.items() if isinstance(entry, dict) and key in entry), PointLoad)
         if body and len(entry) > 1:
             other = next(key for key in entry if key != "body")
             raise InputError(
@@ -162,14 +171,17 @@ def _tell_the_kinds_apart(entries: Any) -> Any:
         try:
             kinds.append(kind.model_validate(entry))
         except ValidationError as error:
-            known = ("body", *FaceLoad.model_fields, *PointLoad.model_fields)
+            known = ("body", *FaceLoad.model_fields, *FillLoad.model_fields, *PointLoad.model_fields)
             found = first_complaint(error, kind, known)
             where = f"[{index}]" + (f".{found.where}" if found.where else "")
             raise InputError(where, found.problem, found.expected) from None
     return kinds
 
 
-_Entries = list[PointLoad | BodyLoad | FaceLoad]
+LoadEntry = PointLoad | BodyLoad | FaceLoad | FillLoad
+"""One entry of a list of loads."""
+
+_Entries = list[LoadEntry]
 """Load entries of a scene."""
 
 
@@ -190,9 +202,9 @@ class Case(Part):
     ----------
     name : str
         Name, different from those of other cases.
-    live : list of PointLoad, BodyLoad or FaceLoad
+    live : list of LoadEntry
         Loads that are multiplied by λ.
-    dead : list of PointLoad, BodyLoad or FaceLoad
+    dead : list of LoadEntry
         Loads that act beside the dead loads of all cases.
     required : float
         Required load factor, by which λ of the case is divided.
@@ -212,7 +224,7 @@ class Axle(Part):
     weight: force. distance: from the axle before it, length; ignored for the first axle.
     """
 
-    weight: Annotated[Positive, Field(description="a force above 0")]
+    weight: Annotated[VaryingPositive, Field(description="a force above 0")]
     distance: NonNegative = 0.0
 
 
@@ -272,9 +284,9 @@ class Loads(Part):
 
     Attributes
     ----------
-    dead : list of PointLoad, BodyLoad or FaceLoad
+    dead : list of LoadEntry
         Loads beside self-weight that are not multiplied by λ.
-    live : list of PointLoad, BodyLoad or FaceLoad, or None
+    live : list of LoadEntry or None
         Loads that are multiplied by λ; None if there are load cases or moving loads.
     cases : list of Case or None
         Load cases; None if none is stated.

@@ -9,13 +9,26 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, field_validator, model_validator
 
 from jld_core.errors import InputError
+from jld_core.notebook_repr import Showable
 from jld_core.scene.cracks import FORMS, CrackModel, cracks_by_kind
 from jld_core.scene.design import Design
+from jld_core.scene.fill import Fill
 from jld_core.scene.loads import Loads, Settling, require_unique_names
 from jld_core.scene.materials import Materials
 from jld_core.scene.members import Member
 from jld_core.scene.move import Move
-from jld_core.scene.part import Angle, LabelName, NonNegative, Pair, Part, Positive, PositiveValue, Value, Vector
+from jld_core.scene.part import (
+    Angle,
+    LabelName,
+    NonNegative,
+    Pair,
+    Part,
+    Positive,
+    PositiveValue,
+    Value,
+    Vector,
+    Weighing,
+)
 from jld_core.scene.search import Labels, Search
 
 
@@ -95,8 +108,8 @@ class Element(Part):
         None
     )
     faces: Annotated[list[Annotated[list[int], Field(min_length=3)]], Field(min_length=4)] | None = None
-    weight: NonNegative | None = None
-    density: NonNegative | None = None
+    weight: Weighing | None = None
+    density: Weighing | None = None
     volume: Positive | None = None
     centroid: Vector | None = None
     block: str | None = None
@@ -172,7 +185,7 @@ class Contact(Part):
         return self
 
 
-class Scene(Part):
+class Scene(Part, Showable):
     """Validated scene file; geometry is given as either "grid" or "elements".
 
     Attributes
@@ -199,6 +212,8 @@ class Scene(Part):
         Dead and live loads, or load cases.
     members : list of Member
         Ties, tendons and pins.
+    fill : Fill or None
+        Soil on a planar structure.
     settlements : list of Settling
         Movements of supports.
     labels : Labels
@@ -226,6 +241,7 @@ class Scene(Part):
     materials: Annotated[Materials, Field(description='an object with "dry", "inner" or both')]
     loads: Annotated[Loads, Field(description='an object with "live"')]
     members: list[Member] = []
+    fill: Fill | None = None
     settlements: list[Settling] = []
     labels: Labels = Labels()
     search: Search = Search()
@@ -285,6 +301,8 @@ class Scene(Part):
         content = self.model_dump(mode="json", exclude={"name", "source", "notes", "expected", "move", "design"})
         if not self.members:  # scenes without members keep the digest that they had before there were any
             del content["members"]
+        if self.fill is None:
+            del content["fill"]
         if self.loads.pushes is None:
             del content["loads"]["pushes"]
         dry = [content["materials"]["dry"], *(one["dry"] for one in content["materials"]["faces"])]

@@ -45,16 +45,20 @@ _EXAMPLES: Final = {_FORCE: "10 kN", _LENGTH: "1.2 m", _MOMENT: "3 kN·m", _STRE
 
 QUANTITIES: Final[dict[str, _Powers]] = {
     **dict.fromkeys(("force", "weight", "tension", "compression", "prestress", "shear"), _FORCE),
-    **dict.fromkeys(("at", "width", "path", "distance", "along", "patch", "thickness"), _LENGTH),
+    **dict.fromkeys(("at", "width", "path", "distance", "along", "patch", "thickness", "level"), _LENGTH),
     "moment": _MOMENT,
     "line": _LINE,
     **dict.fromkeys(
-        ("pressure", "traction", "tensile_strength", "shear_strength", "compressive_strength", "cohesion"), _STRESS
+        (
+            *("pressure", "traction", "surcharge"),
+            *("tensile_strength", "shear_strength", "compressive_strength", "cohesion"),
+        ),
+        _STRESS,
     ),
 }
 """Keys of a scene whose numbers may be texts, and powers of force and length of what they hold."""
 
-_SPREAD: Final = ("nominal", "low")
+_SPREAD: Final = ("nominal", "low", "mean")
 """Keys of an object that stands for one number."""
 
 _TEXT: Final = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.].*?)?\s*")

@@ -27,6 +27,7 @@ _FUNCTIONS: Final = {
     "move": ("moving", "move"),
     "plot": ("plot", "plot_command"),
     "refine": ("exchange", "refine_command"),
+    "reliability": ("reliability", "reliability"),
     "report": ("printing", "report"),
     "settlement": ("settlement", "settlement"),
     "solve": ("solve", "solve"),

@@ -20,6 +20,7 @@ COMMANDS: Final = {
     "assembly": "an order in which the blocks can be laid",
     "check-design": "partial factors: utilisation, reactions, joints near their limit, and a page to file",
     "report": "printed pages of a layout: loads, numbered stones, moulds, laying, what is proven",
+    "reliability": "reliability index of a layout whose strengths and loads have distributions",
     "settlement": "the thrust that is left where supports give way",
     "thrust": "least and greatest reaction of supports, and forces across joints",
     "export": "write the blocks of a layout for another program",

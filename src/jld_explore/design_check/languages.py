@@ -152,6 +152,11 @@ _WORDS: Final[dict[str, tuple[str, str, str]]] = {
         "Auflagerkräfte und Reserven gibt es nur, wenn der Nachweis gelingt; hier fehlen sie.",
         "Reazioni e riserve esistono solo se la verifica riesce; qui mancano.",
     ),
+    "uncertain": (
+        "Of values with a distribution, strengths count by their 5 % fractile (EN 1990, 4.2(3)), loads by their mean.",
+        "Von Werten mit Verteilung gilt für Festigkeiten das 5-%-Fraktil (EN 1990, 4.2(3)), für Lasten das Mittel.",
+        "Dei valori con distribuzione valgono il frattile 5 % (resistenze; EN 1990, 4.2(3)) e la media (carichi).",
+    ),
     "with_members": (
         "Reactions are those of the faces of supports; forces of members anchored there add to them. A member without "
         "stated tension keeps its design prestress.",

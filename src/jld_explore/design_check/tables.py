@@ -18,6 +18,7 @@ from jld_core.limit.member_results import effects
 from jld_core.limit.reserve import Reserve
 from jld_core.scene.cracks import cracks_to_json
 from jld_core.scene.design_values import at_design_values
+from jld_core.scene.uncertain import uncertain_values
 from jld_core.tolerances import GAP
 from jld_explore.design_check.check import LISTED, CaseCheck, DesignCheck
 from jld_explore.design_check.languages import words_in
@@ -214,6 +215,8 @@ def notes_of(check: DesignCheck, words: Mapping[str, str]) -> list[str]:
         if design is not None and stated:
             told = words["masonry"].format(units=design.units, mortar=words[design.mortar], execution=design.execution)
         found.insert(0, told)
+    if any(True for _ in uncertain_values(check.scene)):
+        found.append(words["uncertain"])
     if check.scene.materials.faces or check.scene.interfaces:
         found.append(words["of_faces"])
     if check.scene.members:

@@ -335,7 +335,7 @@ def _laying(book: _Book) -> None:
         top = _laying_table(book, figure, top)
         top = book.text(figure, top - 0.012, [words["assumptions"]], 12.0)
     top = book.text(figure, top, [f"– {line}" for line in _assumptions(book)], 8.0)
-    warnings = list(book.content.layout.assembly.warnings)
+    warnings = [*book.content.layout.assembly.warnings, *book.content.layout.assembly.notes]
     if warnings:
         top = book.text(figure, top - 0.012, [words["warnings"]], 12.0)
         book.text(figure, top, [f"– {line}" for line in warnings[:6]], 8.0)
