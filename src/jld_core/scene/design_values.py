@@ -74,7 +74,7 @@ def _apply(entry: dict[str, Any], key: str, change: Callable[[float], float]) ->
     A value with uncertainty becomes its characteristic value first, a prestress its mean.
     """
     value = entry.get(key)
-    if is_uncertain(value):
+    if isinstance(value, dict) and is_uncertain(value):
         value = float(value["mean"]) if key == "prestress" else characteristic(value)
     if isinstance(value, dict):
         entry[key] = {name: change(number) for name, number in value.items()}
