@@ -228,12 +228,15 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "distance": Meaning("length", "Distance to the axle before it; of the first one without effect."),
     },
     loads.FaceLoad: {
-        "face": Meaning("", "Where the pressure acts: on free boundary alone, not on interfaces."),
+        "face": Meaning("", "Where the load acts: on free boundary alone, not on interfaces."),
         "pressure": Meaning("stress", "Force per area, inwards; two numbers: at the first and last point of `along`."),
+        "line": Meaning("force/length", "Force per length of `along`, a vector; in the place of a pressure."),
+        "traction": Meaning("stress", "Force per area of `patch`, a vector; in the place of a pressure."),
     },
     loads.FacePlace: {
         "between": Meaning("", 'Id of a free element and `"outside"`: the whole free boundary of the element.'),
         "along": Meaning("length", "Points of a polyline on the outline of a planar structure."),
+        "patch": Meaning("length", "Corners of a plane polygon on the free surface of solids."),
     },
     loads.Case: {
         "name": Meaning("", "What the case is called in tables, a name of its own."),

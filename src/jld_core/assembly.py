@@ -210,7 +210,7 @@ class LoadCase:
     shape_loads : ShapeLoads or None
         Loads that change with the shapes of elements, as in `Assembly`.
     place : (str, float) or None
-        Of a moving load: its name and direction, and the distance of its first axle along the path. None for others.
+        Of a moving load: its name and direction, and the distance of its first axle along the path; else None.
     """
 
     name: str
@@ -364,10 +364,7 @@ class Assembly(NotebookRepr):
 
     @cached_property
     def total_live(self) -> float:
-        """Return the total size of the live load on free elements, a force by which λ is scaled.
-
-        It is the larger of two sums: of the forces, and of the moments over `size`, since forces may leave a couple.
-        """
+        """Return the larger of Σ|forces| and Σ|moments| / `size` of live loads: a force that scales λ."""
         live = self.live[self.elements.free]
         forces = float(np.linalg.norm(live[:, : self.dimension], axis=1).sum())
         return max(forces, float(np.linalg.norm(live[:, self.dimension :], axis=1).sum()) / self.size)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import re
 from pathlib import Path
@@ -19,6 +20,8 @@ from jld_explore.design_check.languages import _WORDS
 from jld_explore.design_check.page import html_of, path_of, sheet_of
 from jld_explore.design_check.tables import content_of, in_words, to_json
 from jld_explore.report.languages import LANGUAGES
+from jld_explore.report.page_data import solution_of
+from jld_explore.report.page_of_study import path_pictures
 
 WALL = {
     "name": "wall <1>",
@@ -87,7 +90,7 @@ def test_pages_speak_three_languages() -> None:
         assert f'lang="{language}"' in page
         for line in (*content.result, *content.notes, *(table.title for table in content.tables)):
             assert line.split(":")[0][:20] in told[language].replace("\n", " ")
-        for word in (content.words["blocks"], "low–high", "0.9 / 1.2"):
+        for word in (content.words["blocks"], "low–high", "0.9 / 1.2", "tan φ 0.8 / 0.64"):
             assert word in told[language]
     assert len(set(told.values())) == 3
     assert "Verified: utilisation 0.3" in in_words(check)
@@ -133,12 +136,17 @@ def test_moving_loads_are_plotted(jld: Command, tmp_path: Path) -> None:
         beyond = abs(one.distance - 3.0) - 1.0
         if beyond > 1e-9:
             assert one.middle == pytest.approx(10.0 / (2.0 * beyond), rel=1e-9)
-    lines = figure_of_path(result).axes[0].get_lines()
+    lines = figure_of_path(result.assembly, values).axes[0].get_lines()
     assert lines[0].get_xdata() == pytest.approx([0, 1, 2, 3, 4, 5, 6])
     scene = parse_scene(json.loads(path.read_text(encoding="utf-8")))
     check = design_check(scene, None, partial_factors(scene.design), states=False)
     assert path_of(check)[0].middle == pytest.approx(0.9 * 10.0 / (1.5 * 2.0 * 2.0), rel=1e-9)
     assert "λ along the path" in texts(sheet_of(check, content_of(check)))
+    (picture,) = path_pictures(result.assembly, solution_of(result))
+    assert "paths of moving loads" in picture["title"]
+    assert base64.b64decode(picture["png"]).startswith(b"\x89PNG")
+    pushed = solve(parse_scene(WALL))
+    assert path_pictures(pushed.assembly, solution_of(pushed)) == []
     short = {**cart, "steps": 1, "both_directions": False}
     done = jld(
         "solve", file_of(tmp_path, elements=[ground, table], loads={"moving": [short]}), "--out", tmp_path / "solved"

@@ -17,6 +17,7 @@ from jld_core.scene.design import PartialFactors, partial_factors
 from jld_core.scene.design_values import at_design_values
 from jld_explore.design_check.check import DesignCheck, design_check
 from jld_explore.design_check.combinations import at_design_loads, combinations_of
+from jld_explore.design_check.tables import to_json
 
 FACTORS = {"self_weight": [0.9, 1.2], "live": 1.4, "strength": 1.6, "friction": 1.25}
 
@@ -218,6 +219,24 @@ def test_members_have_design_capacities_and_prestress() -> None:
     held = 50.0 / 1.25 * (1.0 / hypotenuse + 0.5 / hypotenuse)
     found = checked(tilted).governing
     assert found.bounds.load_factor == pytest.approx((0.9 * 40 * 0.5 + held) / (1.4 * 30 * 2), rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["normal", "lognormal"])
+def test_strengths_with_a_distribution_count_by_their_fractile(kind: str) -> None:
+    """EN 1990, 4.2(3): mean (1 − 1.645 V) of a normal value, mean exp(−1.645 s − s²/2) of a lognormal one."""
+    spread = math.sqrt(math.log(1.0 + 0.2**2))
+    share = 1.0 - 1.644853627 * 0.2 if kind == "normal" else math.exp(-1.644853627 * spread - 0.5 * spread**2)
+    uncertain = {"mean": 0.5, "cov": 0.2, "kind": kind}
+    loads = [{"element": "b", "force": [{"mean": 10.0, "cov": 0.3, "kind": "normal"}, 0.0], "at": [0.5, 0.0]}]
+    one = checked(wall(loads, materials={"dry": {"friction_coefficient": uncertain}}))
+    assert one.governing.bounds.load_factor == pytest.approx(share * 0.4 * 0.9 * 40 / 14.0, rel=1e-8)
+    assert any("5 % fractile" in note for note in to_json(one)["not_covered"])
+
+
+def test_fill_is_refused_in_one_line() -> None:
+    fill = {"level": 3.0, "density": 1800.0, "friction_angle": 35.0}
+    with pytest.raises(InputError, match="fill: the design check has no partial factors of soil; expected loads"):
+        checked(wall([{"element": "b", "force": [1.0, 0.0]}], fill=fill))
 
 
 def test_contradictory_design_values_are_one_line() -> None:

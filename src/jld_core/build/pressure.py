@@ -15,6 +15,7 @@ from jld_core.arrays import Floats
 from jld_core.assembly import Elements, Interfaces
 from jld_core.build.fill import Backing
 from jld_core.build.loads import PlacedLoad
+from jld_core.build.patches import patch_loads
 from jld_core.errors import InputError
 from jld_core.scene import PointLoad
 from jld_core.scene.fill import FillLoad
@@ -74,6 +75,8 @@ class Boundary:
                 loads = [entry]
             elif entry.face.along is not None:
                 loads = self._along(entry, entry.face.along, where)
+            elif entry.face.patch is not None:
+                loads = patch_loads(self.elements, self.interfaces, entry, where)
             else:
                 loads = self._around(entry, where)
             found += [PlacedLoad(where, load, isinstance(entry, FaceLoad | FillLoad)) for load in loads]
@@ -137,14 +140,14 @@ class Boundary:
         return found
 
     def _along(self, entry: FaceLoad, along: list[list[float]], where: str) -> list[PointLoad]:
-        """Return the forces of a pressure along a polyline on the free boundary (planar).
+        """Return the forces of a pressure or a line load along a polyline on the free boundary (planar).
 
         entry: supplies the pressures at both ends, between which it is linear. along: points of the polyline. where:
         key in the scene. Supports get no load. Raises InputError for a spatial scene, coinciding points, or a part of
         the polyline that is no free boundary.
         """
-        if self.elements.centroid.shape[1] == 3 or any(len(point) != 2 for point in along):
-            raise InputError(f"{where}.face.along", "it is for planar scenes", f'"between": [element, "{OUTSIDE}"]')
+        if self.elements.centroid.shape[1] == 3 or any(len(point) != 2 for point in (*along, entry.line or (0, 0))):
+            raise InputError(f"{where}.face.along", "it is for planar scenes", '"between" or "patch"')
         points = np.array(along, dtype=float)
         legs = np.linalg.norm(np.diff(points, axis=0), axis=1)
         if not (legs > self._reach).all():
@@ -164,7 +167,11 @@ class Boundary:
                 start, end = (points[k] + share * (points[k + 1] - points[k]) / leg for share in (low, high))
                 if self.elements.support[index]:
                     continue
-                if forward:
+                if entry.line is not None:
+                    force = [(high - low) * part for part in entry.line]
+                    middle, name = (0.5 * (start + end)).tolist(), self.elements.ids[index]
+                    found.append(PointLoad(element=name, force=force, at=middle, width=high - low))
+                elif forward:
                     found.append(self._piece(index, start, end, (values[0], values[1])))
                 else:
                     found.append(self._piece(index, end, start, (values[1], values[0])))

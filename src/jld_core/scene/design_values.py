@@ -4,17 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from statistics import NormalDist
 from typing import Any, Final
 
+from jld_core.errors import InputError
 from jld_core.scene.design import PartialFactors
 from jld_core.scene.reading import parse_scene
 from jld_core.scene.schema import Scene
+from jld_core.scene.uncertain import is_uncertain
 
 _STRENGTHS: Final = ("tensile_strength", "shear_strength", "compressive_strength", "cohesion")
 """Keys that the factor of strengths divides."""
 
 _CAPACITIES: Final = ("tension", "compression", "shear")
 """Keys of members that their factor divides."""
+
+
+_FRACTILE: Final = 0.05
+"""Probability of values below the characteristic one of a strength, EN 1990, 4.2(3)."""
 
 
 def at_design_values(scene: Scene, factors: PartialFactors, prestress: float) -> Scene:
@@ -25,7 +32,8 @@ def at_design_values(scene: Scene, factors: PartialFactors, prestress: float) ->
     Parameters
     ----------
     scene : Scene
-        Scene with characteristic values; of nominal and low values, both are converted.
+        Scene with characteristic values. Of nominal and low values, both are converted; of values with uncertainty, the
+        5 % fractile. Loads and weights with uncertainty count by their means.
     factors : PartialFactors
         Partial factors.
     prestress : float
@@ -39,8 +47,10 @@ def at_design_values(scene: Scene, factors: PartialFactors, prestress: float) ->
     Raises
     ------
     InputError
-        The design values contradict one another, such as a prestress beyond the design tension.
+        The design values contradict one another, such as a prestress beyond the design tension; or the scene has fill.
     """
+    if scene.fill is not None:
+        raise InputError("fill", "the design check has no partial factors of soil", "loads in the place of it")
     document = scene.model_dump(mode="json", exclude_defaults=True)
     materials = document.get("materials", {})
     parts = [materials, *materials.get("faces", [])]
@@ -59,12 +69,29 @@ def at_design_values(scene: Scene, factors: PartialFactors, prestress: float) ->
 
 
 def _apply(entry: dict[str, Any], key: str, change: Callable[[float], float]) -> None:
-    """Change a value in place, or both the nominal and the low one; do nothing where it is absent."""
+    """Change a value in place, or both the nominal and the low one; do nothing where it is absent.
+
+    A value with uncertainty becomes its characteristic value first, a prestress its mean.
+    """
     value = entry.get(key)
+    if isinstance(value, dict) and is_uncertain(value):
+        value = float(value["mean"]) if key == "prestress" else characteristic(value)
     if isinstance(value, dict):
         entry[key] = {name: change(number) for name, number in value.items()}
     elif value is not None:
         entry[key] = change(value)
+
+
+def characteristic(value: dict[str, Any]) -> float:
+    """Return the 5 % fractile of a value with uncertainty, at least 0.
+
+    value: object {"mean", "cov", "kind"}. Source: EN 1990, 4.2(3), with known coefficient of variation.
+    """
+    mean, cov, fractile = float(value["mean"]), float(value["cov"]), NormalDist().inv_cdf(_FRACTILE)
+    if value["kind"] == "normal":
+        return max(0.0, mean * (1.0 + fractile * cov))
+    spread = math.sqrt(math.log1p(cov**2))
+    return mean * math.exp(fractile * spread - 0.5 * spread**2)
 
 
 def _angle(degrees: float, factor: float) -> float:

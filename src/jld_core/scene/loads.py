@@ -63,43 +63,68 @@ class FacePlace(Part):
         Id of a free element and "outside": the whole free boundary of the element.
     along : list of list of float or None
         Points of a polyline on the outline of a planar structure.
+    patch : list of list of float or None
+        Corners, in order, of a plane polygon on the free surface of solids.
     """
 
     between: Annotated[Pair | None, Field(description='[element, "outside"]')] = None
     along: Annotated[list[Vector] | None, Field(min_length=2, description="a list of at least two points")] = None
+    patch: Annotated[list[Vector] | None, Field(min_length=3, description="a list of at least three points")] = None
 
     @model_validator(mode="after")
     def _one(self) -> Self:
-        """Check that exactly one of both is given."""
-        if (self.between is None) == (self.along is None):
-            problem = "it names no place" if self.between is None else '"along" stands beside "between"'
-            raise InputError("", problem, f'"between": [element, "{OUTSIDE}"], or "along" with points')
+        """Check that exactly one of the places is given."""
+        given = [key for key in ("between", "along", "patch") if getattr(self, key) is not None]
+        if len(given) != 1:
+            problem = f'"{given[1]}" stands beside "{given[0]}"' if given else "it names no place"
+            expected = f'"between": [element, "{OUTSIDE}"], or "along" or "patch" with points'
+            raise InputError("", problem, expected)
         return self
 
 
 class FaceLoad(Part):
-    """Pressure on free faces, positive towards the inside.
+    """Load spread on free faces: a pressure, a force per length of a line, or a force per area.
 
     Attributes
     ----------
     face : FacePlace
-        Part of the boundary on which the pressure acts.
-    pressure : float or list of float
-        Force per area. Two numbers: at the first and at the last point of "along", linear between them.
+        Part of the boundary on which the load acts.
+    pressure : float, list of float or None
+        Force per area, positive towards the inside. Two numbers: at the first and at the last point of "along", linear
+        between them.
+    line : list of float or None
+        Force per length of "along", a vector.
+    traction : list of float or None
+        Force per area of "patch", a vector.
     """
 
     face: FacePlace
     pressure: Annotated[
-        Loading | Annotated[list[Loading], Field(min_length=2, max_length=2)],
+        Loading | Annotated[list[Loading], Field(min_length=2, max_length=2)] | None,
         Field(description="a number, or two at the first and last point"),
-    ]
+    ] = None
+    line: Annotated[Vector | None, Field(description="a vector")] = None
+    traction: Annotated[Vector | None, Field(description="a vector")] = None
+
+    @model_validator(mode="after")
+    def _one_load(self) -> Self:
+        """Check that one load is given, and a place that suits it."""
+        given = [key for key in ("pressure", "line", "traction") if getattr(self, key) is not None]
+        if len(given) != 1:
+            if not given:
+                raise InputError(".pressure", "missing", 'a force per area, or "line" or "traction"')
+            raise InputError(f".{given[1]}", f'it stands beside "{given[0]}"', "one of both")
+        for key, place in (("line", "along"), ("traction", "patch")):
+            if given == [key] and getattr(self.face, place) is None:
+                raise InputError(f".{key}", f'it stands without "{place}"', f'"face" with "{place}"')
+        return self
 
     @property
     def ends(self) -> tuple[float, float]:
-        """Return the pressure at the first and at the last point."""
-        if isinstance(self.pressure, float):
-            return self.pressure, self.pressure
-        return self.pressure[0], self.pressure[1]
+        """Return the pressure at the first and at the last point, 0 for another load."""
+        if isinstance(self.pressure, list):
+            return self.pressure[0], self.pressure[1]
+        return self.pressure or 0.0, self.pressure or 0.0
 
 
 class BodyLoad(Part):

@@ -38,16 +38,22 @@ _FORCE: Final[_Powers] = (1, 0)
 _LENGTH: Final[_Powers] = (0, 1)
 _MOMENT: Final[_Powers] = (1, 1)
 _STRESS: Final[_Powers] = (1, -2)
+_LINE: Final[_Powers] = (1, -1)
 
-_EXAMPLES: Final = {_FORCE: "10 kN", _LENGTH: "1.2 m", _MOMENT: "3 kN·m", _STRESS: "2 kN/m²"}
+_EXAMPLES: Final = {_FORCE: "10 kN", _LENGTH: "1.2 m", _MOMENT: "3 kN·m", _STRESS: "2 kN/m²", _LINE: "2 kN/m"}
 """One correct text for each quantity, for error messages."""
 
 QUANTITIES: Final[dict[str, _Powers]] = {
     **dict.fromkeys(("force", "weight", "tension", "compression", "prestress", "shear"), _FORCE),
-    **dict.fromkeys(("at", "width", "path", "distance", "along", "thickness", "level"), _LENGTH),
+    **dict.fromkeys(("at", "width", "path", "distance", "along", "patch", "thickness", "level"), _LENGTH),
     "moment": _MOMENT,
+    "line": _LINE,
     **dict.fromkeys(
-        ("pressure", "surcharge", "tensile_strength", "shear_strength", "compressive_strength", "cohesion"), _STRESS
+        (
+            *("pressure", "traction", "surcharge"),
+            *("tensile_strength", "shear_strength", "compressive_strength", "cohesion"),
+        ),
+        _STRESS,
     ),
 }
 """Keys of a scene whose numbers may be texts, and powers of force and length of what they hold."""

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from dataclasses import dataclass
 from typing import Final
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from jld_core.assembly import Assembly
 from jld_core.limit import LimitAnalysisResult
 from jld_core.views.look import FRONT, INK, PRESS, SOFT, TINTS
 
@@ -88,11 +90,10 @@ def draw_path(ax: Axes, values: list[PathValue], length: str, *, distance: str =
         ax.spines[side].set_visible(False)
 
 
-def figure_of_path(result: LimitAnalysisResult) -> Figure:
-    """Return a figure of λ along the paths of moving loads; result: with at least one."""
-    values = path_values(result)
+def figure_of_path(assembly: Assembly, values: list[PathValue]) -> Figure:
+    """Return a figure of λ along the paths of moving loads; assembly: supplies name and units. values: at least one."""
     figure = Figure(figsize=(6.4, 3.4), layout="constrained")
     ax = figure.add_subplot()
-    draw_path(ax, values, result.assembly.units[0])
-    ax.set_title(f"{result.assembly.name[:60]}: λ along the path", fontsize=9)
+    draw_path(ax, values, assembly.units[0])
+    ax.set_title(f"{textwrap.shorten(assembly.name, 50, placeholder=' …')}: λ along the path", fontsize=9)
     return figure

@@ -169,12 +169,16 @@ def _write_result(result: LimitAnalysisResult, out: Path) -> None:
     write_text(out / "result.json", json.dumps(result.to_json(), indent=1))
     draw_rates(result, out)
     if any(case.place is not None for case in result.assembly.cases):
-        from jld_core.views.path import figure_of_path
+        from jld_core.views.path import figure_of_path, path_values
 
-        path = figure_of_path(result)
+        path = figure_of_path(result.assembly, path_values(result))
         for ending in ("png", "svg"):
             figures.save_figure(path, out / f"path.{ending}")
-    drawn = {"": result} if not result.cases else {f"-{k}": one for k, one in enumerate(result.cases.values(), 1)}
+    drawn = {"": result}
+    if result.cases:  # of the positions of moving loads, the one that governs is drawn
+        places = {case.name: case.place for case in result.assembly.cases}
+        shown = [places[name] is None or name == result.governing for name in result.cases]
+        drawn = {f"-{k}": one for k, one in enumerate(result.cases.values(), 1) if shown[k - 1]}
     for after, one in drawn.items():
         figure = figures.figure_of_result(one)
         for ending in ("png", "svg"):

@@ -89,7 +89,7 @@ def html_of(check: DesignCheck, content: Content, language: str) -> str:
 
 def _rows(table: Table) -> str:
     """Return a table as HTML."""
-    head = "".join(f"<th>{html.escape(cell)}</th>" for cell in table.head)
+    head = "".join(f"<th>{html.escape(cell)}</th>" for cell in table.head if cell)
     rows = ("".join(f"<td>{html.escape(cell)}</td>" for cell in row) for row in table.rows)
     return f"<table><tr>{head}</tr>" + "".join(f"<tr>{row}</tr>" for row in rows) + "</table>"
 
@@ -161,7 +161,8 @@ def _table(figure: Figure, top: float, table: Table, content: Content, size: flo
     top = _text(figure, top, table.title, 1.2 * size)
     width = 1.0 - 2.0 * _MARGIN
     left = _MARGIN + width * np.concatenate([[0.0], np.cumsum(table.widths)[:-1]])
-    for number, row in enumerate([table.head, *table.rows]):
+    head = [table.head] if any(table.head) else []
+    for number, row in enumerate([*head, *table.rows], 1 - len(head)):
         for x, share, cell in zip(left, table.widths, row, strict=True):
             letters = int(_PAPER[0] * 72.0 * width * share / (0.56 * size))
             told = cell if len(cell) <= letters else cell[: max(1, letters - 1)] + "…"

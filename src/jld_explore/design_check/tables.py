@@ -12,10 +12,14 @@ import numpy as np
 
 from jld_core._version import __version__
 from jld_core.assembly import blocks_of
+from jld_core.build.materials import friction
 from jld_core.limit import number
 from jld_core.limit.member_results import effects
 from jld_core.limit.reserve import Reserve
 from jld_core.scene.cracks import cracks_to_json
+from jld_core.scene.design_values import at_design_values
+from jld_core.scene.uncertain import uncertain_values
+from jld_core.tolerances import GAP
 from jld_explore.design_check.check import LISTED, CaseCheck, DesignCheck
 from jld_explore.design_check.languages import words_in
 
@@ -48,7 +52,7 @@ class Content:
 def content_of(check: DesignCheck, language: str = "en") -> Content:
     """Return the content of the page of a design check; language: "en", "de" or "it"."""
     words = words_in(language)
-    tables = [_factors(check, words), _cases(check, words)]
+    tables = [_factors(check, words), _materials(check, words), _cases(check, words)]
     if check.reactions:
         tables.append(_reactions(check, words))
     if check.reserve is not None:
@@ -101,6 +105,27 @@ def _factors(check: DesignCheck, words: Mapping[str, str]) -> Table:
     return Table(title, [words["factor"], words["value"], words["source"]], rows, [0.27, 0.25, 0.48])
 
 
+def _materials(check: DesignCheck, words: Mapping[str, str]) -> Table:
+    """Return the table of the values of joints and blocks, those that the scene states for all faces."""
+    low, _ = check.factors.prestressing
+    scenes = (check.scene, at_design_values(check.scene, check.factors, low))
+    parts: list[tuple[str, str, list[float]]] = []
+    for key in ("dry", "inner"):
+        both = [getattr(scene.materials, key) for scene in scenes]
+        if both[0] is None:
+            continue
+        if any(friction(one) for one in both):
+            parts.append((key, "tan_phi", [friction(one) or 0.0 for one in both]))
+        for name in ("cohesion", "tensile_strength", "shear_strength", "compressive_strength"):
+            values = [getattr(one, name, None) for one in both]
+            if values[0]:
+                parts.append((key, name, [float(value or 0.0) for value in values]))
+    cells = [f"{words[key]}: {words[name]} {first:.4g} / {second:.4g}" for key, name, (first, second) in parts]
+    rows = [[*cells[k : k + 2], ""][:2] for k in range(0, len(cells), 2)]
+    length, force = check.assembly.units
+    return Table(words["materials"].format(force=force, length=length), ["", ""], rows, [0.5, 0.5])
+
+
 def _cases(check: DesignCheck, words: Mapping[str, str]) -> Table:
     """Return the table of load cases, the most utilised first where there are many."""
     verdicts = {True: words["yes"], False: words["no"], None: words["open"]}
@@ -119,10 +144,12 @@ def _cases(check: DesignCheck, words: Mapping[str, str]) -> Table:
 def _reactions(check: DesignCheck, words: Mapping[str, str]) -> Table:
     """Return the table of reactions: one row for each support, one column for each component."""
     by_place: dict[str, dict[str, str]] = {}
+    largest = max(abs(end) for one in check.reactions for end in (*one.interval, 0.0) if end is not None)
     for one in check.reactions:
-        least, most = one.interval
+        ends = [_end(end, largest) for end in one.interval]
         place = one.resultant.place.removeprefix("support ")
-        by_place.setdefault(place, {})[one.resultant.component] = f"{_end(least)} … {_end(most)}"
+        told = ends[0] if ends[0] == ends[1] != "–" else " … ".join(ends)
+        by_place.setdefault(place, {})[one.resultant.component] = told
     components = list(next(iter(by_place.values())))
     rows = [[textwrap.shorten(place, 14, placeholder=" …"), *found.values()] for place, found in by_place.items()]
     length, force = check.assembly.units
@@ -188,6 +215,10 @@ def notes_of(check: DesignCheck, words: Mapping[str, str]) -> list[str]:
         if design is not None and stated:
             told = words["masonry"].format(units=design.units, mortar=words[design.mortar], execution=design.execution)
         found.insert(0, told)
+    if any(True for _ in uncertain_values(check.scene)):
+        found.append(words["uncertain"])
+    if check.scene.materials.faces or check.scene.interfaces:
+        found.append(words["of_faces"])
     if check.scene.members:
         found.append(words["with_members"])
     if kind == "fields":
@@ -293,7 +324,7 @@ def in_words(check: DesignCheck) -> str:
     for table in content.tables:
         widths = [max(len(row[k]) for row in [table.head, *table.rows]) for k in range(len(table.head))]
         lines += ["", table.title]
-        for row in [table.head, *table.rows]:
+        for row in ([table.head] if any(table.head) else []) + table.rows:
             lines.append("  " + "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip())
         if table.more:
             lines.append("  " + content.words["more"].format(count=table.more))
@@ -305,9 +336,12 @@ def _shown(value: float) -> str:
     return "–" if math.isnan(value) else "∞" if math.isinf(value) else f"{value:.4g}"
 
 
-def _end(value: float | None) -> str:
-    """Return an end of a range, a dash where there is none."""
-    return "–" if value is None else f"{0.0 if abs(value) < 1e-300 else value:.4g}"
+def _end(value: float | None, largest: float) -> str:
+    """Return an end of a range in four digits, a dash where there is none.
+
+    largest: size of reactions, beside which rounding shows as zero.
+    """
+    return "–" if value is None else f"{0.0 if abs(value) <= GAP * largest else value:.4g}"
 
 
 def _percent(share: float) -> str:

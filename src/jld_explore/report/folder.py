@@ -41,6 +41,9 @@ _DRAWING: Final = 1.2
 PICTURES: Final = ("best", "pareto", "distribution", "dry_frequency", "convergence")
 """Names of the pictures of a search, in the order in which they are drawn."""
 
+PATH: Final = "path"
+"""Name of the picture of λ along the paths of moving loads."""
+
 BESIDE_FACES: Final = "--driver enumeration without a budget proves the best of these cracks, where it comes to its end"
 """What would prove the result of a search with cracks beside the faces."""
 
@@ -57,7 +60,7 @@ RESERVED: Final = frozenset(
             REFINED_FILE,
             CONFLICTS_FILE,
         ),
-        *(f"{name}.png" for name in PICTURES),
+        *(f"{name}.png" for name in (*PICTURES, PATH)),
     ]
 )
 """File names in a results folder that are reserved for the search."""
@@ -259,8 +262,10 @@ def _drawings(name: str, done: Exploration) -> dict[str, Callable[[], Figure]]:
         if isinstance(done.scene.cracks, FieldCracks):
             return {name: partial(_field_picture, done)}
         best = _Best(done)
-        each = {f"best-{k}": partial(best.draw, case.name) for k, case in enumerate(done.assembly.cases, 1)}
-        return {name: best.draw, **each}
+        cases = done.assembly.cases
+        each = {f"best-{k}": partial(best.draw, case.name) for k, case in enumerate(cases, 1) if case.place is None}
+        moving = {PATH: best.draw_path} if any(case.place is not None for case in cases) else {}
+        return {name: best.draw, **moving, **each}
     if name == "convergence" and history_of(done.folder) is None:
         return {}
     return {name: partial(_drawn, name, done)}
@@ -282,6 +287,12 @@ class _Best:
         from jld_explore.report import pictures as drawings
 
         return drawings.plot_best(self._found if case is None else self._found.cases[case])
+
+    def draw_path(self) -> Figure:
+        """Draw λ of the layout along the paths of moving loads."""
+        from jld_core.views.path import figure_of_path, path_values
+
+        return figure_of_path(self._found.assembly, path_values(self._found))
 
 
 def _field_picture(done: Exploration) -> Figure:

@@ -17,6 +17,8 @@ _WORDS: Final[dict[str, tuple[str, str, str]]] = {
     "at": ("at", "bei", "in"),
     "on": ("on", "auf", "su"),
     "pressure": ("pressure", "Druck", "pressione"),
+    "line": ("force per length", "Kraft je Länge", "forza per lunghezza"),
+    "traction": ("force per area", "Kraft je Fläche", "forza per area"),
     "moment": ("moment", "Moment", "momento"),
     "proven": ("What is proven", "Was bewiesen ist", "Che cosa è dimostrato"),
     "by_fields": (

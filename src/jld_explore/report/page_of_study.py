@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import io
 import math
 import time
 from collections.abc import Mapping, Sequence
@@ -101,14 +102,15 @@ def result_data(scene: Scene | None, found: LimitAnalysisResult) -> PageData:
     PageData
         Data that can be written as JSON.
     """
-    assembly = found.assembly
+    assembly, solution = found.assembly, solution_of(found)
     return page_data(
         kind="report",
         scene=scene,
         assembly=assembly,
         candidates=assembly.free_faces,
         facts={**facts_of_assembly(assembly), **facts_of_result(found)},
-        solutions={0: solution_of(found)},
+        solutions={0: solution},
+        pictures=path_pictures(assembly, solution),
     )
 
 
@@ -150,6 +152,9 @@ def study_data(
     history = history_of(done.folder)
     curves = [] if history is None else [curve_of(str(done.summary.driver), history)]
     left_out = len(done.results) - len(rows)
+    # rigid elements of the joint grid have other forces than what cracks elsewhere
+    solutions = _solutions(rows, done, patience, dear, solved) if done.scene.cracks == "faces" else {}
+    best = solutions.get(int(np.flatnonzero(rows["rank"].notna())[0])) if rows["rank"].notna().any() else None
     return page_data(
         kind=kind,
         scene=done.scene,
@@ -159,10 +164,9 @@ def study_data(
         warnings=[str(text) for text in done.summary.warnings],
         how=HOW,
         table=table_of(rows, done.front, done.assembly, axes=axes, left_out=left_out),
-        # rigid elements of the joint grid have other forces than what cracks elsewhere
-        solutions=_solutions(rows, done, patience, dear, solved) if done.scene.cracks == "faces" else {},
+        solutions=solutions,
         convergence=curves,
-        pictures=_pictures(done),
+        pictures=[*_pictures(done), *([] if best is None else path_pictures(done.assembly, best))],
         summary=done.summary.facts,
         studio=studio,
     )
@@ -175,6 +179,26 @@ def _pictures(done: Exploration) -> list[Picture]:
         return []
     title = "The strongest layout: labels, stress trajectories of its lower bound, cracks of its upper bound"
     return [{"title": title, "png": base64.b64encode(path.read_bytes()).decode("ascii")}]
+
+
+def path_pictures(assembly: Assembly, solution: Solution) -> list[Picture]:
+    """Return the picture of λ along the paths of moving loads, none without any.
+
+    assembly: with the load cases of the solution.
+    """
+    if all(case.place is None for case in assembly.cases):
+        return []
+    from jld_core.views.path import PathValue, figure_of_path  # importing matplotlib takes longer than many pages
+
+    values = []
+    for case, found in zip(assembly.cases, solution["cases"], strict=True):
+        low, high = (math.nan if end is None else end for end in found["bracket"])
+        if case.place is not None:
+            values.append(PathValue(*case.place, low, high, case.required))
+    image = io.BytesIO()
+    figure_of_path(assembly, values).savefig(image, format="png", dpi=130)
+    title = "λ of the strongest layout along the paths of moving loads"
+    return [{"title": title, "png": base64.b64encode(image.getvalue()).decode("ascii")}]
 
 
 def _solutions(rows: pd.DataFrame, done: Exploration, patience: float, dear: float, solved: int) -> dict[int, Solution]:

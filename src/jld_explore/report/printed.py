@@ -212,8 +212,9 @@ def _load(book: _Book, entry: dict[str, Any], factor: float, words: dict[str, st
         where = "" if place is None else f" {words['at']} (" + ", ".join(f"{x:.4g}" for x in place) + f") {length}"
         told = f"{_force(book, value)} {words['on']} {entry['element']}{where}"
         return textwrap.shorten(told, 60, placeholder="…"), _finite(factor * value, lambda x: _force(book, x))
-    if "pressure" in entry:
-        return f"{words['pressure']} {entry['pressure']}", ""
+    for key in ("pressure", "line", "traction"):
+        if key in entry:
+            return f"{words[key]} {entry[key]}", ""
     return f"{words['moment']} {entry.get('moment')}", ""
 
 
