@@ -14,6 +14,7 @@ from benchmarks.claims.geometry import Move, random_move
 from jld_core import Assembly, build_assembly, parse_scene
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import FieldStatus
+from jld_core.models import solve_by_fields
 
 
 def scene(elements: list[dict[str, Any]], live: list[Any], **materials: Any) -> Assembly:
@@ -234,3 +235,26 @@ def test_velocities_that_stand_still_cost_nothing(turned: bool) -> None:
         assert found.upper == pytest.approx(upper, rel=1e-7)
         if lower is not None:
             assert found.lower == pytest.approx(lower, rel=1e-6)
+
+
+def test_a_structure_that_its_live_load_holds_up_does_not_stand_at_zero() -> None:
+    """A slab whose weight lies beyond its support: a lift at its end holds it, so 0 ≤ λ_lo proves nothing at 0."""
+    document: dict[str, Any] = {
+        "elements": [
+            {"id": "slab", "polygon": [[0, 0], [3, 0], [3, 0.5], [0, 0.5]]},
+            {"id": "ground", "polygon": [[0, -1], [1, -1], [1, 0], [0, 0]], "support": True},
+        ],
+        "materials": {
+            "density": 2000.0,
+            "dry": {"friction_coefficient": 0.6},
+            "inner": {"tensile_strength": 1e6, "shear_strength": 2e6},
+        },
+        "loads": {"live": [{"element": "slab", "force": [0.0, 1e3], "at": [2.9, 0.5]}]},
+    }
+    held = solve_by_fields(build_assembly(parse_scene(document)), gap=0.5)
+    assert held.governing.low > 0.0
+    assert held.stands_at_zero is not True
+    document["elements"][0]["polygon"] = [[0, 0], [1.5, 0], [1.5, 0.5], [0, 0.5]]
+    document["loads"]["live"][0]["at"] = [1.4, 0.5]
+    standing = solve_by_fields(build_assembly(parse_scene(document)), gap=0.5)
+    assert standing.stands_at_zero is True

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -23,6 +24,12 @@ from jld_core.threads import one_thread
 
 if TYPE_CHECKING:
     from jld_core.fields.space_bounds import SpatialBounds
+
+_COARSE: Final = 0.9
+"""Gap of bounds of which only the sign counts."""
+
+_LEAST_SECONDS: Final = 5.0
+"""Least time for the question whether a structure stands without live load, s; else that of its bounds."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +87,18 @@ class FieldResult:
         """
         return self.governing.status
 
+    @cached_property
+    def stands_at_zero(self) -> bool | None:
+        """Return True if the structure stands without live load in every load case.
+
+        False if it does not in one of them; None where it is undecided.
+        """
+        known = [
+            stands_by_fields(alone, self.labels, case_bounds_of(bounds), max(self.seconds, _LEAST_SECONDS))
+            for alone, bounds in zip(self.assembly.by_case, self.cases.values(), strict=True)
+        ]
+        return False if False in known else None if None in known else True
+
     def to_json(self) -> dict[str, Any]:
         """Return the object that `jld solve --cracks fields --json` prints.
 
@@ -98,7 +117,7 @@ class FieldResult:
             "bracket": [number(found.low), number(found.high)],
             "gap": number(_width(found.low, found.high)),
             "status": str(found.status),
-            "stands_at_zero": _stands(found),
+            "stands_at_zero": self.stands_at_zero,
             "friction": "associative",
             "contact": "convex",
             "dimension": self.assembly.dimension,
@@ -146,7 +165,7 @@ class FieldResult:
             ends = f"{_shown(bounds.lower)} {_shown(bounds.upper)}"
             if several:
                 facts[f"λ {name}"] = f"{ends} of {required:g} required ({bounds.status.value})"
-        stands = _stands(found)
+        stands = self.stands_at_zero
         facts["stands at 0"] = "undecided" if stands is None else "yes" if stands else "no"
         parts = [_parts(bounds) for bounds in self.cases.values()]
         facts[parts[0][0]] = ", ".join(str(count) for _, count in parts)
@@ -255,11 +274,37 @@ def _width(low: float, high: float) -> float:
     return (high - low) / max(abs(high), abs(low), 1e-300)
 
 
-def _stands(found: Governing) -> bool | None:
-    """Return True if λ = 0 is admissible, False if not, None where undecided."""
-    if found.status is Status.UNSTABLE:
+def stands_by_fields(alone: Assembly, labels: Bits, bounds: CaseBounds, seconds: float) -> bool | None:
+    """Decide whether a structure of crackable blocks stands without live load.
+
+    It does if it carries some live load and some of the reversed one, since the states between both are admissible.
+
+    Parameters
+    ----------
+    alone : Assembly
+        Structure under one load case.
+    labels : (m,) bool array
+        Labels, True = dry.
+    bounds : CaseBounds
+        Its bounds by fields.
+    seconds : float
+        Time for the bound under the reversed live load, on a coarse mesh, s.
+
+    Returns
+    -------
+    bool or None
+        None where it is undecided.
+    """
+    if bounds.status is Status.UNSTABLE:
         return False
-    return True if found.low >= 0.0 else None
+    if not alone.dead.any():
+        return True
+    if not bounds.low >= 0.0:
+        return None
+    points = tuple((at, tuple(-part for part in force)) for at, force in alone.live_points)
+    back = replace(alone, live=-alone.live, live_points=points, shape_loads=None)
+    other = next(iter(solve_by_fields(back, labels, gap=_COARSE, seconds=seconds).cases.values()))
+    return True if case_bounds_of(other).low >= 0.0 else None
 
 
 def _shown(value: float) -> str:

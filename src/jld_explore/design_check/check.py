@@ -16,7 +16,7 @@ from jld_core.limit.reserve import Reserve, least_share
 from jld_core.limit.thrust import ResultantRange, reactions_of_supports
 from jld_core.mechanics import require_materials
 from jld_core.models import solve, solve_by_fields
-from jld_core.models.by_fields import FieldResult, case_bounds_of
+from jld_core.models.by_fields import FieldResult, case_bounds_of, stands_by_fields
 from jld_core.models.crack_models import FIELD_SECONDS, require_cracks
 from jld_core.refinement.cells import crack_cells
 from jld_core.scene import Scene
@@ -27,9 +27,6 @@ from jld_explore.design_check.combinations import Combination, at_design_loads, 
 
 LISTED: Final = 8
 """Number of joints and of blocks that a check lists, those nearest to their limit."""
-
-_COARSE: Final = 0.9
-"""Gap of fields with the live load reversed, which only have to carry some of it."""
 
 Solution = LimitAnalysisResult | FieldResult
 """Solution of a structure under all its load cases."""
@@ -268,27 +265,12 @@ def _cases(
     for k, (name, alone, required) in enumerate(zip(names, structure.by_case, structure.required, strict=True)):
         if isinstance(solution, FieldResult):
             bounds = case_bounds_of(list(solution.cases.values())[k])
-            stands = _stands_by_fields(alone, labels, bounds, seconds)
+            stands = stands_by_fields(alone, labels, bounds, seconds)
         else:
             one = solution.cases[name] if solution.cases else solution
             bounds, stands = CaseBounds(one.status, *one.bracket, one.load_factor), one.stands_at_zero
         found.append(CaseCheck(name, float(required), combination, alone, bounds, stands, places[k]))
     return found
-
-
-def _stands_by_fields(alone: Assembly, labels: Bits, bounds: CaseBounds, seconds: float) -> bool | None:
-    """Decide whether a structure of crackable blocks stands without live load; None if undecided.
-
-    It does if it carries some live load and some of the reversed one, since the states between both are admissible.
-    """
-    if bounds.status is Status.UNSTABLE:
-        return False
-    if not bounds.low >= 0.0:
-        return None
-    points = tuple((at, tuple(-part for part in force)) for at, force in alone.live_points)
-    back = replace(alone, live=-alone.live, live_points=points)
-    other = case_bounds_of(next(iter(solve_by_fields(back, labels, gap=_COARSE, seconds=seconds).cases.values())))
-    return True if other.low >= 0.0 else None
 
 
 def _worst(cases: tuple[CaseCheck, ...]) -> CaseCheck:
