@@ -30,6 +30,7 @@ BENCHMARKS: Final = (
     "scale",
     "growth",
     "large",
+    "large_answers",
     "lanes",
     "lanes_hard",
     "lanes_single",

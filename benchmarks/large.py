@@ -36,6 +36,31 @@ BEFORE: Final = {
 }
 """Contacts, first layout and λ in seconds, and the highest memory in MB, of version 0.2."""
 
+COMMANDS: Final = (
+    ("contacts of 103 823 cubes, s of the processor", "103", "40", "growth (all sizes)"),
+    (
+        "3 025 cells: crushing, load cases, locked, unstable, without friction, s",
+        "–",
+        "12, 7, 7, 1, 9",
+        "large_answers",
+    ),
+    ("time a layout of 24 to 2 016 faces, batch solver", "", "", "lanes, throughput"),
+    ("genetic and random search with two jobs", "", "", "two_jobs"),
+    ("start of the commands, demo", "", "", "start_up"),
+    ("a million rows: memory, tables, page", "", "", "million"),
+    ("gap of the 8 × 10 wall", "", "", "exact"),
+    ("flagship by fields, in place of halved cells", "", "", "fields_search"),
+)
+"""Other numbers of large scenes: what, before and after as recorded once, modules of benchmarks that measure them."""
+
+
+def others() -> str:
+    """Return the table of `COMMANDS`."""
+    head = ["number", "version 0.2", "now", "`python -m benchmarks.NAME`, and its table"]
+    return "## Other numbers, by one command each\n\n" + table(
+        head, [[old or "in its table" for old in row] for row in COMMANDS]
+    )
+
 
 def row(kind: str, edge: int, found: Found) -> list[str]:
     """Return the row of one size: each number of version 0.2 and of now."""
@@ -53,7 +78,7 @@ def main(wanted: Sequence[str] = ()) -> None:
     rows = [row(kind, edge, run(kind, edge, seconds=900)) for kind, edge in chosen]
     head = ["kind", "cells", "contacts, s", "first layout, s", "λ, s", "MB", "relative width", "status"]
     text = "Times before and after were measured on machines of one type; it was idle after."
-    write("large", "\n\n".join(["# Large scenes", about(__doc__), text, table(head, rows)]))
+    write("large", "\n\n".join(["# Large scenes", about(__doc__), text, table(head, rows), others()]))
 
 
 if __name__ == "__main__":

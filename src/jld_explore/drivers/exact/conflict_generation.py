@@ -13,7 +13,7 @@ same rules.
 Slabs across the length of the structure, its **windows**, are minimised before the whole labelling. Faces outside a
 window are undecided from the start, so its conflict consists of faces close together. Such conflicts interact: soon no
 labelling of the window is left, and then no labelling at all. Conflicts of faces from everywhere rule out few
-labellings (benchmarks/results/exact.md, flagship with cells halved).
+labellings (benchmarks/results/exact.md).
 """
 
 from __future__ import annotations
