@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from jld_core.scene import PointLoad, Scene, cracks, fill, loads, materials, members, move, search
+from jld_core.scene import PointLoad, Scene, cracks, design, fill, loads, materials, members, move, search
 from jld_core.scene import schema as structure
 from jld_core.scene.fill import FillLoad
 from jld_core.scene.loads import BodyLoad, FaceLoad
@@ -48,7 +48,7 @@ def parts() -> Iterator[tuple[str, type[BaseModel]]]:
     schema = Scene.model_json_schema()
     models = {
         name: model
-        for part in (structure, materials, loads, search, cracks, move, members, fill)
+        for part in (structure, materials, loads, search, cracks, move, members, fill, design)
         for name, model in vars(part).items()
         if isinstance(model, type)
     }

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 from pydantic import BaseModel
 
-from jld_core.scene import cracks, fill, loads, materials, members, move, schema, search
+from jld_core.scene import cracks, design, fill, loads, materials, members, move, schema, search
 
 
 class Meaning(NamedTuple):
@@ -58,6 +58,7 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "search": Meaning("", "What `jld explore` may relabel, and which layouts count."),
         "cracks": Meaning("", "How blocks crack: along faces of the grid, of finer cells, or anywhere by fields."),
         "move": Meaning("", "Which vertices of joints `jld move` moves, within which limits, and to what end."),
+        "design": Meaning("", "Partial factors of `jld check-design`; EN 1996-1-1 where it is not given."),
     },
     schema.Units: {
         "length": Meaning("", "The unit of length, in words."),
@@ -190,6 +191,29 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "live": Meaning("", "Loads that λ multiplies; together they must not be zero. Not beside `cases`."),
         "cases": Meaning("", "Several patterns of load; the one with the least λ over `required` governs."),
         "moving": Meaning("", "Vehicles on a planar structure: a load case for each position. Not beside `live`."),
+        "pushes": Meaning("", "Horizontal pushes: a load case for each direction. Not beside `live`."),
+    },
+    loads.Pushes: {
+        "name": Meaning("", "First word of the names of its load cases, which end with the angle of the direction."),
+        "of_weight": Meaning("", "Share of its weight that pushes each free element."),
+        "directions": Meaning("", "Number of horizontal directions at equal angles (planar 1 or 2), or vectors."),
+        "required": Meaning("", "Load factor that is asked of every direction."),
+    },
+    design.Design: {
+        "set": Meaning("", "Set of partial factors: `EN 1990`, `EN 1990 EQU`, `EN 1996-1-1`, or an own name."),
+        "units": Meaning("", "Category of masonry units, for γM of EN 1996-1-1, 2.4.3."),
+        "mortar": Meaning("", "Kind of mortar of units of category I, for γM of EN 1996-1-1, 2.4.3."),
+        "execution": Meaning("", "Class of execution control, for γM of EN 1996-1-1, 2.4.3."),
+        "factors": Meaning("", "Factors in the place of those of the set; an own set has them all here."),
+    },
+    design.DesignFactors: {
+        "self_weight": Meaning("", "γG of self-weight, favourable and unfavourable; both are tried."),
+        "dead": Meaning("", "γG of `loads.dead`, favourable and unfavourable; both are tried."),
+        "prestressing": Meaning("", "γP of the prestress of members, favourable and unfavourable; both are tried."),
+        "live": Meaning("", "γQ of all live loads."),
+        "strength": Meaning("", "γM: divides strengths and cohesion."),
+        "friction": Meaning("", "Divides the friction coefficient, tan φ."),
+        "members": Meaning("", "Divides the capacities of members."),
     },
     loads.MovingLoad: {
         "name": Meaning("", "First word of the names of its load cases, which end with the place of the first axle."),

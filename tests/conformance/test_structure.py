@@ -22,7 +22,7 @@ ORDER = [
     ["jld_explore.cli"],
     ["jld_explore.studio"],
     ["jld_explore"],
-    ["jld_explore.design"],
+    ["jld_explore.design", "jld_explore.design_check"],
     ["jld_explore.moved_tables"],
     ["jld_explore.moved_search", "jld_explore.box_proof"],
     ["jld_explore.explore"],

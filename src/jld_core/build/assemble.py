@@ -15,10 +15,11 @@ from jld_core.build.elements import Geometry, faces_of_pairs, weighed
 from jld_core.build.fill import Backing
 from jld_core.build.loads import PlacedLoad
 from jld_core.build.members import with_members
-from jld_core.build.moving import cases_of
+from jld_core.build.moving import PlacedCase, cases_of
 from jld_core.build.planar import planar_geometry
 from jld_core.build.plausibility import implausible
 from jld_core.build.pressure import Boundary
+from jld_core.build.pushes import cases_of_pushes
 from jld_core.build.spatial import spatial_geometry
 from jld_core.errors import InputError
 from jld_core.linalg import components
@@ -233,19 +234,31 @@ def _cases(scene: Scene, boundary: Boundary, entries: list[Element]) -> tuple[Lo
         only = _case("", "loads", common, live, 1.0, elements)  # refuses wrong entries
         return (replace(only, shape_loads=loads.shape_dependent(always, live, elements, entries)),)
     found = []
-    direction = materials.direction_of_weight(scene)
-    stated = [(f"loads.cases[{position}]", case) for position, case in enumerate(scene.loads.cases or [])]
-    for position, moving in enumerate(scene.loads.moving or []):
-        key = f"loads.moving[{position}]"
-        stated += [(key, case) for case in cases_of(moving, elements, direction, key, boundary.backing)]
-    require_unique_names("loads", [case.name for _, case in stated])
-    for key, case in stated:
+    for key, case, place in cases_of_scene(scene, elements):
         own, live = boundary.plain(case.dead, f"{key}.dead"), boundary.plain(case.live, f"{key}.live")
         dead = common + loads.generalised(own, elements)
         one = _case(case.name, key, dead, live, case.required, elements)
         shaped = loads.shape_dependent([*always, *own], live, elements, entries)
-        found.append(replace(one, shape_loads=shaped))
+        found.append(replace(one, shape_loads=shaped, place=place))
     return tuple(found)
+
+
+def cases_of_scene(scene: Scene, elements: Elements) -> list[PlacedCase]:
+    """Return the load cases of a scene, stated ones and those of moving loads and pushes.
+
+    elements: of the structure. The list is empty for a single live load. Raises InputError for invalid paths or
+    directions, and for names used twice.
+    """
+    direction, backing = materials.direction_of_weight(scene), _backing(scene, elements)
+    stated = [PlacedCase(f"loads.cases[{position}]", case) for position, case in enumerate(scene.loads.cases or [])]
+    for position, moving in enumerate(scene.loads.moving or []):
+        key = f"loads.moving[{position}]"
+        stated += cases_of(moving, elements, direction, key, backing)
+    if scene.loads.pushes is not None:
+        pushed = cases_of_pushes(scene.loads.pushes, direction, "loads.pushes")
+        stated += [PlacedCase("loads.pushes", case) for case in pushed]
+    require_unique_names("loads", [one.case.name for one in stated])
+    return stated
 
 
 def _case(

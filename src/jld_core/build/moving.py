@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -17,9 +18,21 @@ from jld_core.scene.fill import FillLoad, Strip
 from jld_core.scene.loads import Case, LoadEntry, MovingLoad
 
 
+class PlacedCase(NamedTuple):
+    """Load case of a scene with its origin.
+
+    where: key in the scene. case: the load case. place: of a moving load, its name and direction and the distance of
+    its first axle along the path; None for other cases.
+    """
+
+    where: str
+    case: Case
+    place: tuple[str, float] | None = None
+
+
 def cases_of(
     moving: MovingLoad, elements: Elements, downwards: Floats, where: str, backing: Backing | None = None
-) -> list[Case]:
+) -> list[PlacedCase]:
     """Return one load case for each position of a vehicle.
 
     Parameters
@@ -37,7 +50,7 @@ def cases_of(
 
     Returns
     -------
-    list of Case
+    list of PlacedCase
         Load cases in the order of the positions, named by the position of the first axle along the path. A position
         with no axle on a free element is left out.
 
@@ -49,7 +62,7 @@ def cases_of(
     """
     if elements.centroid.shape[1] == 3 or any(len(point) != 2 for point in moving.path):
         raise InputError(where, "it is for planar scenes", '"cases" with the positions of the loads')
-    found: list[Case] = []
+    found: list[PlacedCase] = []
     path = np.array(moving.path, dtype=float)
     ways = [("", path), (" back", path[::-1])] if moving.both_directions else [("", path)]
     for word, points in ways:
@@ -73,7 +86,8 @@ def cases_of(
                     live.append(PointLoad(element=elements.ids[element], force=force, at=at.tolist()))
             if live:
                 name = f"{moving.name}{word} at {first:.6g}"
-                found.append(Case(name=name, live=live, required=moving.required))
+                case = Case(name=name, live=live, required=moving.required)
+                found.append(PlacedCase(where, case, (f"{moving.name}{word}", first)))
     if not found:
         raise InputError(f"{where}.path", "it touches supports alone", "points on free elements")
     return found

@@ -272,7 +272,7 @@ def complete(document: dict[str, Any], options: ImportOptions, notes: Notes, *, 
     loads = document.setdefault("loads", {})
     if not loads and like.get("loads", {}).get("cases"):
         notes.assumed.append("loads of the scene it is to be like are cases, and are not taken over")
-    if not loads.get("live") and not loads.keys() & {"cases", "moving"}:
+    if not loads.get("live") and not loads.keys() & {"cases", "moving", "pushes"}:
         ids = {entry["id"] for entry in document["elements"]}
         fitting = [entry for entry in like.get("loads", {}).get("live", []) if _fits(entry, ids, dimension)]
         loads["live"] = fitting or [{"body": [1.0, 0.0, 0.0][:dimension]}]

@@ -230,8 +230,32 @@ class MovingLoad(Part):
     required: Positive = 1.0
 
 
+class Pushes(Part):
+    """Horizontal forces in several directions, in proportion to weight; each direction is a load case.
+
+    Attributes
+    ----------
+    name : str
+        First word of the names of its load cases.
+    of_weight : float
+        Share of the weight of each free element that pushes it.
+    directions : int or list of list of float
+        Number of horizontal directions at equal angles, planar 1 or 2; or vectors, of which only the direction counts.
+    required : float
+        Required load factor of every direction.
+    """
+
+    name: Annotated[str, Field(min_length=1, description="a name of its own")] = "push"
+    of_weight: Annotated[Positive, Field(description="a share of the weight above 0")] = 1.0
+    directions: Annotated[
+        Annotated[int, Field(ge=1, le=360)] | Annotated[list[Vector], Field(min_length=1)],
+        Field(description="a number of directions, or a list of vectors"),
+    ]
+    required: Positive = 1.0
+
+
 class Loads(Part):
-    """Dead loads, and either live loads, or load cases and moving loads.
+    """Dead loads, and either live loads, or load cases, moving loads and pushes.
 
     Attributes
     ----------
@@ -243,19 +267,22 @@ class Loads(Part):
         Load cases; None if none is stated.
     moving : list of MovingLoad or None
         Vehicles of which every position is a load case; None for none.
+    pushes : Pushes or None
+        Pushes of which every direction is a load case; None for none.
     """
 
     dead: _Entries = []
     live: Annotated[_Entries | None, Field(description="a list of loads that are multiplied by λ")] = None
     cases: Annotated[list[Case] | None, Field(min_length=1)] = None
     moving: Annotated[list[MovingLoad] | None, Field(min_length=1, description="a list of moving loads")] = None
+    pushes: Annotated[Pushes | None, Field(description='an object with "directions"')] = None
 
     _kinds = field_validator("dead", "live", mode="before")(_tell_the_kinds_apart)
 
     @model_validator(mode="after")
     def _one_or_several(self) -> Self:
-        """Check that live loads are given, or load cases and moving loads."""
-        several = "cases" if self.cases is not None else "moving" if self.moving is not None else ""
+        """Check that live loads are given, or load cases, moving loads or pushes."""
+        several = next((key for key in ("cases", "moving", "pushes") if getattr(self, key) is not None), "")
         if self.live is None and not several:
             raise InputError(".live", "missing", 'a list of loads that are multiplied by λ, or "cases"')
         if self.live is not None and several:
@@ -266,7 +293,7 @@ class Loads(Part):
 
     @property
     def has_cases(self) -> bool:
-        """Return True if the loads are load cases, stated or from moving loads."""
+        """Return True if the loads are load cases, stated or from moving loads and pushes."""
         return self.live is None
 
 

@@ -11,6 +11,7 @@ from pydantic import Field, field_validator, model_validator
 from jld_core.errors import InputError
 from jld_core.notebook_repr import Showable
 from jld_core.scene.cracks import FORMS, CrackModel, cracks_by_kind
+from jld_core.scene.design import Design
 from jld_core.scene.fill import Fill
 from jld_core.scene.loads import Loads, Settling, require_unique_names
 from jld_core.scene.materials import Materials
@@ -223,6 +224,8 @@ class Scene(Part, Showable):
         Crack model of the blocks.
     move : Move or None
         Joints that `jld move` moves, and their limits.
+    design : Design or None
+        Partial factors of the design check; None for the default set.
     """
 
     name: Annotated[str, Field(min_length=1)] = "scene"
@@ -244,6 +247,7 @@ class Scene(Part, Showable):
     search: Search = Search()
     cracks: Annotated[CrackModel, Field(description=FORMS)] = "faces"
     move: Move | None = None
+    design: Design | None = None
 
     _crack_model = field_validator("cracks", mode="before")(cracks_by_kind)
 
@@ -292,13 +296,15 @@ class Scene(Part, Showable):
     def fingerprint(self) -> str:
         """Return the hex digest of all keys that results depend on.
 
-        Records of a search are found by it. Name, source, notes, expected and move are left out.
+        Records of a search are found by it. Name, source, notes, expected, move and design are left out.
         """
-        content = self.model_dump(mode="json", exclude={"name", "source", "notes", "expected", "move"})
+        content = self.model_dump(mode="json", exclude={"name", "source", "notes", "expected", "move", "design"})
         if not self.members:  # scenes without members keep the digest that they had before there were any
             del content["members"]
         if self.fill is None:
             del content["fill"]
+        if self.loads.pushes is None:
+            del content["loads"]["pushes"]
         dry = [content["materials"]["dry"], *(one["dry"] for one in content["materials"]["faces"])]
         for one in dry:  # the same for joints without bond
             if one is not None and not one["tensile_strength"]:
