@@ -59,7 +59,7 @@ def wall(each: bool) -> dict[str, Any]:
     """Return the wall of 88 faces with lognormal friction, strengths and loads. each: faces have their own values."""
     scene = LARGE["planar 88 faces"]()
     document = scene if isinstance(scene, dict) else scene.model_dump(mode="json", exclude_defaults=True)
-    own = {"each": True} if each else {}
+    own: dict[str, Any] = {"each": True} if each else {}
     document["materials"] |= {
         "density": vary(1400.0, 0.05, "normal"),
         "dry": {"friction_coefficient": vary(0.6, 0.1, **own)},

@@ -18,6 +18,7 @@ COMMANDS: Final = {
     "studio": "move joints by hand and see the proven load follow, in a browser",
     "experiment": "load a layout in a virtual experiment until it comes down",
     "assembly": "an order in which the blocks can be laid",
+    "check-design": "partial factors: utilisation, reactions, joints near their limit, and a page to file",
     "report": "printed pages of a layout: loads, numbered stones, moulds, laying, what is proven",
     "reliability": "reliability index of a layout whose strengths and loads have distributions",
     "settlement": "the thrust that is left where supports give way",
