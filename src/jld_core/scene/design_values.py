@@ -9,6 +9,7 @@ from typing import Any, Final
 from jld_core.scene.design import PartialFactors
 from jld_core.scene.reading import parse_scene
 from jld_core.scene.schema import Scene
+from jld_core.scene.uncertain import with_means
 
 _STRENGTHS: Final = ("tensile_strength", "shear_strength", "compressive_strength", "cohesion")
 """Keys that the factor of strengths divides."""
@@ -25,7 +26,8 @@ def at_design_values(scene: Scene, factors: PartialFactors, prestress: float) ->
     Parameters
     ----------
     scene : Scene
-        Scene with characteristic values; of nominal and low values, both are converted.
+        Scene with characteristic values; of nominal and low values, both are converted. Means stand for values with
+        uncertainty.
     factors : PartialFactors
         Partial factors.
     prestress : float
@@ -41,7 +43,7 @@ def at_design_values(scene: Scene, factors: PartialFactors, prestress: float) ->
     InputError
         The design values contradict one another, such as a prestress beyond the design tension.
     """
-    document = scene.model_dump(mode="json", exclude_defaults=True)
+    document = with_means(scene.model_dump(mode="json", exclude_defaults=True))
     materials = document.get("materials", {})
     parts = [materials, *materials.get("faces", [])]
     values = [part[key] for part in parts for key in ("dry", "inner") if part.get(key)]
