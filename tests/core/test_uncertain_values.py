@@ -89,3 +89,19 @@ def test_the_mean_stands_for_a_value_and_a_note_says_so(jld: Command, tmp_path: 
         done = jld(command, str(path), *(["--strict"] if command != "thrust" else []))
         assert done.code == 0
         assert "the means stand for values with uncertainty (materials.dry.friction_coefficient)" in done.err
+
+
+def test_a_design_check_and_exports_take_the_means(jld: Command, tmp_path: Path) -> None:
+    """Both read the scene as a document, in which a distribution is an object."""
+    path, plain = tmp_path / "varied.json", tmp_path / "plain.json"
+    path.write_text(json.dumps(block(vary(0.6), vary([6000.0, 0.0]), density=vary(1000.0))))
+    plain.write_text(json.dumps(block(0.6, [6000.0, 0.0])))
+    found = []
+    for scene in (path, plain):
+        checked = jld("check-design", scene, "--json")
+        assert checked.code in (0, 4)
+        drawing = tmp_path / f"{scene.stem}.dem.json"
+        assert jld("export", scene, "--format", "compas_dem", "-o", drawing).code == 0
+        found.append((json.loads(checked.out)["utilisation"], drawing.read_text()))
+    assert found[0][0] == found[1][0]
+    assert '"cov"' not in found[0][1]

@@ -14,6 +14,7 @@ from jld_core.exchange.layout import Layout
 from jld_core.exchange.options import rounded
 from jld_core.scene import Scene
 from jld_core.scene.loads import Case, Loads
+from jld_core.scene.uncertain import with_means
 
 _SCENE: Final = ("name", "units", "materials", "source", "notes")
 """Scene keys that are stored unchanged."""
@@ -26,8 +27,8 @@ _PLACE: Final = {"elements", "polygon", "label"}
 
 
 def document_of(layout: Layout) -> dict[str, Any]:
-    """Return the scene of a layout as a JSON document, without keys that have default values."""
-    found: dict[str, Any] = layout.scene.model_dump(mode="json", exclude_defaults=True)
+    """Return the scene of a layout as a JSON document: keys without default values, and means."""
+    found: dict[str, Any] = with_means(layout.scene.model_dump(mode="json", exclude_defaults=True))
     return found
 
 
@@ -139,7 +140,7 @@ def element_keys(layout: Layout) -> dict[str, dict[str, Any]]:
     Only stated keys are included; elements without any of them, and grids, are left out.
     """
     entries = layout.scene.elements or []
-    dumped = [entry.model_dump(mode="json", exclude_defaults=True) for entry in entries]
+    dumped = [with_means(entry.model_dump(mode="json", exclude_defaults=True)) for entry in entries]
     kept: dict[str, dict[str, Any]] = {}
     for entry in dumped:
         kept[entry["id"]] = {str(key): entry[key] for key in _ELEMENT if key in entry}
@@ -178,7 +179,9 @@ def _stated_values(scene: Scene) -> dict[tuple[str, str, bytes], dict[str, Any]]
     geometry = build_geometry(scene)
     faces, ids = geometry.interfaces, geometry.elements.ids
     return {
-        (ids[a], ids[b], origin.tobytes()): contact.model_dump(mode="json", exclude_defaults=True, exclude=_PLACE)
+        (ids[a], ids[b], origin.tobytes()): with_means(
+            contact.model_dump(mode="json", exclude_defaults=True, exclude=_PLACE)
+        )
         for a, b, origin, contact in zip(faces.a, faces.b, faces.origin, geometry.given, strict=True)
         if contact is not None
     }

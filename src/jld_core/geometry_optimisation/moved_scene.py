@@ -122,5 +122,5 @@ def _with_friction_factor(document: dict[str, Any], factor: float) -> dict[str, 
 
 
 def _nominal(value: Any) -> float:
-    """Return the number itself, or its nominal value if it also has a low value."""
-    return float(value["nominal"] if isinstance(value, dict) else value)
+    """Return the number itself, or its nominal value or mean."""
+    return float(value["nominal" if "nominal" in value else "mean"] if isinstance(value, dict) else value)

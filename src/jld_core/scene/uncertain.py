@@ -204,3 +204,17 @@ def uncertain_values(part: Any, path: Path = ()) -> Iterator[tuple[Path, Uncerta
 def in_words(path: Path) -> str:
     """Return the path of a value as messages write it: `loads.live[0].force[1]`."""
     return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in path).lstrip(".")
+
+
+def with_means(document: Any) -> Any:
+    """Replace each value with uncertainty in a scene document by its mean.
+
+    document: nested dicts and lists; returned as a copy. Lists of numbers are shared.
+    """
+    if isinstance(document, dict):
+        if document.keys() >= set(KEYS) and document.keys() <= {*KEYS, EACH}:
+            return document["mean"]
+        return {key: with_means(value) for key, value in document.items()}
+    if isinstance(document, list) and any(isinstance(one, dict | list) for one in document):
+        return [with_means(value) for value in document]
+    return document

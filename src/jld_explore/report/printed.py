@@ -21,6 +21,7 @@ from jld_core.build.assemble import cases_of_scene
 from jld_core.exchange import Layout
 from jld_core.files import whole_file
 from jld_core.scene import Scene
+from jld_core.scene.uncertain import with_means
 from jld_core.scene.units import NEWTONS
 from jld_core.views.figures import draw_assembly
 from jld_core.views.look import INK, SOFT, TINTS
@@ -189,12 +190,11 @@ def _force(book: _Book, value: float) -> str:
 
 def _loads(book: _Book) -> list[list[str]]:
     """Return the rows of the table of loads: case, load, and λ times it."""
-    scene, factor, words = book.scene, book.content.load_factor, book.words
-    rows = []
+    scene, factor, words, rows = book.scene, book.content.load_factor, book.words, []
     cases = cases_of_scene(scene, book.content.layout.assembly.elements)
     for name, live in [(one.case.name, one.case.live) for one in cases] or [("", scene.loads.live or [])]:
         for entry in live:
-            told, times = _load(book, entry.model_dump(mode="json", exclude_defaults=True), factor, words)
+            told, times = _load(book, with_means(entry.model_dump(mode="json", exclude_defaults=True)), factor, words)
             rows.append([textwrap.shorten(name, 24, placeholder="…"), told, times])
     return rows
 
@@ -335,8 +335,7 @@ def _laying(book: _Book) -> None:
         top = _laying_table(book, figure, top)
         top = book.text(figure, top - 0.012, [words["assumptions"]], 12.0)
     top = book.text(figure, top, [f"– {line}" for line in _assumptions(book)], 8.0)
-    warnings = [*book.content.layout.assembly.warnings, *book.content.layout.assembly.notes]
-    if warnings:
+    if warnings := [*book.content.layout.assembly.warnings, *book.content.layout.assembly.notes]:
         top = book.text(figure, top - 0.012, [words["warnings"]], 12.0)
         book.text(figure, top, [f"– {line}" for line in warnings[:6]], 8.0)
 
@@ -378,7 +377,7 @@ def _numbers(book: _Book, laying: Laying, blocks: Sequence[int]) -> list[str]:
 def _assumptions(book: _Book) -> list[str]:
     """Return sentences on the values and the model on which the load factor is based."""
     words, scene = book.words, book.scene
-    materials = scene.model_dump(mode="json", exclude_defaults=True)["materials"]
+    materials = with_means(scene.model_dump(mode="json", exclude_defaults=True)["materials"])
     dry, inner = materials.get("dry") or {}, materials.get("inner") or {}
     found = []
     if dry:

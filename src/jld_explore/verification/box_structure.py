@@ -12,6 +12,7 @@ import numpy as np
 from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.scene import Scene
+from jld_core.scene.uncertain import with_means
 from jld_explore.verification.box_certificate import BoxClaim, Pair
 from jld_explore.verification.polynomials import Polynomial, add, product
 
@@ -102,7 +103,7 @@ class BoxStructure:
         self.joints = self._joints(scene)
         thickness = Fraction(scene.plane_thickness)
         density, sizes = self._weights(scene, thickness)
-        loads = scene.loads.model_dump(mode="json")
+        loads = with_means(scene.loads.model_dump(mode="json"))
         stated = loads["cases"] or [{"dead": [], "live": loads["live"], "required": 1.0}]
         self.cases = []
         for case in stated:
