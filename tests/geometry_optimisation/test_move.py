@@ -155,6 +155,8 @@ def test_limits_are_kept() -> None:
         ({"ties": [[[1.2, HEIGHT], [1.0, 0.0]]], "along": [TOPS[0]], "vertices": "along"}, "no direction to move in"),
         ({"angle": [150, 30]}, "are no bounds"),
         ({"along": [{"circle": [0, 0], "at": [1, 1]}]}, "it is no path"),
+        ({"draft": {"direction": [0, 0], "degrees": 5}}, "move.draft.direction: it has no length"),
+        ({"draft": {"direction": [0, 1, 0], "degrees": 5}}, "move.draft.direction: it has 3 numbers"),
         ({"maximise": "least_thickness"}, "the thickness is that of an arch on circles"),
     ],
 )

@@ -85,6 +85,8 @@ class Limits:
         self, scene: Scene, assembly: Assembly, labels: Bits, mesh: VertexMesh, moving: Bools, move: Move
     ) -> None:
         self._mesh, self._move, self._size = mesh, move, assembly.size
+        if move.draft is not None and len(move.draft.direction) != 2:
+            raise InputError("move.draft.direction", "it has 3 numbers", "2 in a planar scene")
         owner, edges = mesh.edges
         free = ~assembly.elements.support
         self._corners, self._straight = self._angles(mesh, moving, free)

@@ -58,6 +58,13 @@ class Draft(Part):
     direction: Annotated[Vector, Field(description="a vector")]
     degrees: Annotated[float, Field(ge=0, lt=90)]
 
+    @model_validator(mode="after")
+    def _a_direction(self) -> Self:
+        """Check that the direction is not zero."""
+        if not any(self.direction):
+            raise InputError(".direction", "it has no length", "a vector")
+        return self
+
 
 class Move(Part):
     """Variables, limits and objective of `jld move`.

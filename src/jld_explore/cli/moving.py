@@ -123,7 +123,8 @@ def move(
     table = [vars(point) | {"bracket_lo": point.bracket[0], "bracket_hi": point.bracket[1]} for point in done.points]
     after = None if done.after is None else done.after.assembly
     sign = {"load_factor": "λ", "least_friction": "μ", "least_thickness": "thickness"}[done.objective]
-    titles = (f"before: {sign} = {value_text(facts['start'])}", f"after: {sign} = {value_text(facts['value'])}")
+    relation = f"{sign} ≥" if by_fields else f"{sign} ="
+    titles = (f"before: {relation} {value_text(facts['start'])}", f"after: {relation} {value_text(facts['value'])}")
     write_move(done.scene, table, assembly, after, labels, done.places, done.moved, titles, out)
     for sentence in facts["warnings"]:
         warn(f"jld: warning: {sentence}")
