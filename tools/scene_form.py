@@ -8,8 +8,9 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from jld_core.scene import PointLoad, Scene, cracks, loads, materials, members, move, search
+from jld_core.scene import PointLoad, Scene, cracks, design, fill, loads, materials, members, move, search
 from jld_core.scene import schema as structure
+from jld_core.scene.fill import FillLoad
 from jld_core.scene.loads import BodyLoad, FaceLoad
 from jld_core.scene.units import QUANTITIES
 from tools.scene_meanings import MEANINGS, Meaning
@@ -47,9 +48,8 @@ def parts() -> Iterator[tuple[str, type[BaseModel]]]:
     schema = Scene.model_json_schema()
     models = {
         name: model
-        for name, model in (
-            vars(structure) | vars(materials) | vars(loads) | vars(search) | vars(cracks) | vars(move) | vars(members)
-        ).items()
+        for part in (structure, materials, loads, search, cracks, move, members, fill, design)
+        for name, model in vars(part).items()
         if isinstance(model, type)
     }
     seen = {"Scene"}
@@ -80,7 +80,7 @@ def key_tables() -> str:
             kind = _kind(value).replace("|", "\\|")
             lines.append(f"| `{key}` | {kind} | {meaning.unit} | {default} | {meaning.text} |")
         title = f"## `{path}`" if path else "## The scene"
-        if model in (PointLoad, BodyLoad, FaceLoad):
+        if model in (PointLoad, BodyLoad, FaceLoad, FillLoad):
             title += f" with `{node['required'][0]}`"
         pages.append("\n".join([title, "", *lines]))
     return "\n\n".join(pages) + "\n"

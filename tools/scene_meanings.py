@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 from pydantic import BaseModel
 
-from jld_core.scene import cracks, loads, materials, members, move, schema, search
+from jld_core.scene import cracks, design, fill, loads, materials, members, move, schema, search
 
 
 class Meaning(NamedTuple):
@@ -52,11 +52,13 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "materials": Meaning("", "Weight and strengths of all elements and faces."),
         "loads": Meaning("", "Dead loads beside self-weight, and the live load that λ multiplies."),
         "members": Meaning("", "Ties, tendons and pins between points of elements; they have no label."),
+        "fill": Meaning("", "Soil on a planar structure, such as the fill of a bridge."),
         "settlements": Meaning("", "Movements of supports, for `jld settlement`."),
         "labels": Meaning("", "The scene's own labelling; else blocks decide: inner within one, dry between two."),
         "search": Meaning("", "What `jld explore` may relabel, and which layouts count."),
         "cracks": Meaning("", "How blocks crack: along faces of the grid, of finer cells, or anywhere by fields."),
         "move": Meaning("", "Which vertices of joints `jld move` moves, within which limits, and to what end."),
+        "design": Meaning("", "Partial factors of `jld check-design`; EN 1996-1-1 where it is not given."),
     },
     schema.Units: {
         "length": Meaning("", "The unit of length, in words."),
@@ -163,11 +165,55 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "element": Meaning("", "Id of an element, a support or not."),
         "at": Meaning("length", "Point of the element, in the scene."),
     },
+    fill.Fill: {
+        "level": Meaning("length", "Height of its surface, which is level: the coordinate against gravity."),
+        "density": Meaning("mass/length³", "Times gravity, its weight above each point of the structure."),
+        "friction_angle": Meaning("degrees", "Angle of internal friction, for active and passive pressure."),
+        "cohesion": Meaning("stress", "Lessens the active pressure, adds to the passive one."),
+        "surcharge": Meaning("stress", "Permanent vertical pressure on the surface, such as a road."),
+        "dispersal": Meaning("degrees", "Angle from the vertical at which loads on the surface spread with depth."),
+        "active": Meaning("", "Share of Rankine's active pressure that always acts."),
+        "passive": Meaning("", "Share of the weight's part of Rankine's passive pressure that can be reached."),
+        "passive_cohesion": Meaning("", "Share of the cohesion's part of the passive pressure that can be reached."),
+        "start": Meaning("length", "Horizontal place at which it begins; the end of the structure if absent."),
+        "end": Meaning("length", "Horizontal place at which it ends; the end of the structure if absent."),
+    },
+    fill.FillLoad: {
+        "on_fill": Meaning("", "Strip of the surface of the fill that carries the load."),
+        "weight": Meaning("force", "The load, along gravity; what falls beside free elements is left out."),
+    },
+    fill.Strip: {
+        "at": Meaning("length", "Horizontal place of its middle."),
+        "width": Meaning("length", "Its width."),
+    },
     loads.Loads: {
         "dead": Meaning("", "Loads that λ does not multiply, beside self-weight."),
         "live": Meaning("", "Loads that λ multiplies; together they must not be zero. Not beside `cases`."),
         "cases": Meaning("", "Several patterns of load; the one with the least λ over `required` governs."),
         "moving": Meaning("", "Vehicles on a planar structure: a load case for each position. Not beside `live`."),
+        "pushes": Meaning("", "Horizontal pushes: a load case for each direction. Not beside `live`."),
+    },
+    loads.Pushes: {
+        "name": Meaning("", "First word of the names of its load cases, which end with the angle of the direction."),
+        "of_weight": Meaning("", "Share of its weight that pushes each free element."),
+        "directions": Meaning("", "Number of horizontal directions at equal angles (planar 1 or 2), or vectors."),
+        "required": Meaning("", "Load factor that is asked of every direction."),
+    },
+    design.Design: {
+        "set": Meaning("", "Set of partial factors: `EN 1990`, `EN 1990 EQU`, `EN 1996-1-1`, or an own name."),
+        "units": Meaning("", "Category of masonry units, for γM of EN 1996-1-1, 2.4.3."),
+        "mortar": Meaning("", "Kind of mortar of units of category I, for γM of EN 1996-1-1, 2.4.3."),
+        "execution": Meaning("", "Class of execution control, for γM of EN 1996-1-1, 2.4.3."),
+        "factors": Meaning("", "Factors in the place of those of the set; an own set has them all here."),
+    },
+    design.DesignFactors: {
+        "self_weight": Meaning("", "γG of self-weight, favourable and unfavourable; both are tried."),
+        "dead": Meaning("", "γG of `loads.dead`, favourable and unfavourable; both are tried."),
+        "prestressing": Meaning("", "γP of the prestress of members, favourable and unfavourable; both are tried."),
+        "live": Meaning("", "γQ of all live loads."),
+        "strength": Meaning("", "γM: divides strengths and cohesion."),
+        "friction": Meaning("", "Divides the friction coefficient, tan φ."),
+        "members": Meaning("", "Divides the capacities of members."),
     },
     loads.MovingLoad: {
         "name": Meaning("", "First word of the names of its load cases, which end with the place of the first axle."),

@@ -209,6 +209,8 @@ class LoadCase:
         Lengths of the patches that fields spread these forces on, None where not stated; () for none stated.
     shape_loads : ShapeLoads or None
         Loads that change with the shapes of elements, as in `Assembly`.
+    place : (str, float) or None
+        Of a moving load: its name and direction, and the distance of its first axle along the path. None for others.
     """
 
     name: str
@@ -218,13 +220,12 @@ class LoadCase:
     live_points: Points = ()
     live_widths: tuple[float | None, ...] = ()
     shape_loads: ShapeLoads | None = None
+    place: tuple[str, float] | None = None
 
 
 @dataclass(frozen=True)
 class Assembly(NotebookRepr):
     """One structure, its loads and its materials, before any labelling is chosen.
-
-    A notebook shows an assembly as a drawing with its main facts.
 
     Attributes
     ----------
@@ -234,15 +235,12 @@ class Assembly(NotebookRepr):
         2 (planar) or 3 (spatial).
     units : (str, str)
         Units of length and force.
-    elements : Elements
-        Rigid elements.
-    interfaces : Interfaces
-        Plane contacts.
+    elements, interfaces : Elements, Interfaces
+        Rigid elements, and their plane contacts.
     strengths : Strengths
         Strengths of all interfaces under both labels.
     dead, live : (n, 3) or (n, 6) arrays
-        Planar (fx, fy, m) or spatial (f, m) loads about each element's centroid, scene units. The dead load holds
-        self-weight and is never scaled by λ.
+        Loads about centroids, planar (fx, fy, m) or spatial (f, m), scene units. Dead ones hold self-weight.
     labels : (m,) bool array
         Labels that the scene gives, True = dry.
     live_points : Points
@@ -250,13 +248,13 @@ class Assembly(NotebookRepr):
     moved : float
         Largest distance by which a corner was moved to close gaps and overlaps, length.
     sink : int
-        Element that stands for the cells a search leaves out (see `jld_explore.space.void`); −1 in every assembly
-        that is solved.
+        Element for the cells that a search leaves out (`jld_explore.space.void`); −1 where it is solved.
     warnings : tuple of str
         Plausibility warnings, one sentence each.
+    notes : tuple of str
+        What results leave out of the scene, one sentence each.
     cases : tuple of LoadCase
-        Load cases of a scene that has several. `dead` and `live` are then those of the first case; solvers use
-        `by_case`.
+        Load cases if there are several; `dead` and `live` are those of the first. Solvers use `by_case`.
     touching : tuple of (int, int)
         Pairs of supports that share a face; both belong to one block.
     nominal : Strengths or None
@@ -266,7 +264,9 @@ class Assembly(NotebookRepr):
     shape_loads : ShapeLoads or None
         Parts of the loads that change with the shapes of elements; None where they are unknown.
     members : Members
-        Ties, tendons and pins; their interfaces are the last ones.
+        Ties, tendons, pins and pressures of fill; their interfaces are the last ones.
+    fill : tuple of (k, 2) arrays
+        Outlines of fill, for drawing.
     """
 
     name: str
@@ -282,12 +282,14 @@ class Assembly(NotebookRepr):
     moved: float = 0.0
     sink: int = -1
     warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     cases: tuple[LoadCase, ...] = ()
     touching: tuple[tuple[int, int], ...] = ()
     nominal: Strengths | None = None
     live_widths: tuple[float | None, ...] = ()
     shape_loads: ShapeLoads | None = None
     members: Members = field(default_factory=Members)
+    fill: tuple[Floats, ...] = ()
 
     def __repr__(self) -> str:
         kind = "planar" if self.dimension == 2 else "spatial"

@@ -26,7 +26,7 @@ class Members:
     Attributes
     ----------
     names, kinds : tuple of str
-        Names, and "tie", "tendon" or "pin".
+        Names, and "tie", "tendon", "pin", or "fill" for the horizontal pressure of fill.
     face : (k,) int array
         Interface of each member; −1 for a constant force, which only loads the assembly.
     elements : tuple of (r,) int arrays
@@ -128,6 +128,37 @@ class Members:
             elements=tuple(group[self.elements[k]] for k in rows),
         )
 
+    def __add__(self, other: Members) -> Members:
+        """Return the members of both in one, without interfaces, bond and self-stress.
+
+        Parameters
+        ----------
+        other : Members
+            Members that follow.
+
+        Returns
+        -------
+        Members
+            All members; `face` is −1.
+        """
+
+        def both(name: str) -> Floats:
+            """Return a number of all members, in order."""
+            return np.concatenate([getattr(self, name), getattr(other, name)])
+
+        return Members(
+            names=self.names + other.names,
+            kinds=self.kinds + other.kinds,
+            face=np.full(len(self) + len(other), -1, dtype=np.int64),
+            elements=self.elements + other.elements,
+            points=self.points + other.points,
+            axis=np.concatenate([one.axis for one in (self, other) if len(one)] or [self.axis]),
+            tension=both("tension"),
+            compression=both("compression"),
+            shear=both("shear"),
+            prestress=both("prestress"),
+        )
+
     def take(self, rows: list[int]) -> Members:
         """Return the members at the positions `rows`, in this order."""
         arrays = {name: getattr(self, name)[rows] for name in ("face", "axis", "tension", "compression", "shear")}
@@ -153,6 +184,9 @@ class Members:
         InputError
             There is at least one member, or a joint with tensile strength.
         """
+        if "fill" in self.kinds:
+            problem = f"{what} does not model its variable pressure"
+            raise InputError("fill", problem, 'a scene without fill, or with "active" and "passive" 0')
         if self.names:
             raise InputError("members", f"{what} does not model them ({self.names[0]!r})", "a scene without members")
         if self.bond is not None:

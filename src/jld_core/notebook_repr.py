@@ -6,7 +6,8 @@ Drawing code registers a view for each class here, so that data modules do not i
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any, Protocol
+from importlib import import_module
+from typing import Any, Final, Protocol
 
 
 class View(Protocol):
@@ -45,7 +46,40 @@ def register_repr(kind: type, view: View) -> None:
     _VIEWS[kind] = view
 
 
-class NotebookRepr:
+_PAGES: Final = "jld_explore.notebook"
+"""Module that makes interactive pages; it uses this package, and is loaded by name when a page is asked for."""
+
+
+class Showable:
+    """Base class of objects that have an interactive page for notebooks."""
+
+    def show(self, height: int | None = None) -> Any:
+        """Make the interactive page of this object for a notebook, with sliders for friction and strengths.
+
+        Make it the last line of a cell, or give it to `display`. The running kernel solves what the sliders say. A
+        saved notebook keeps facts, picture and table; pages of planar structures that are not large stay interactive.
+
+        Parameters
+        ----------
+        height : int, optional
+            Height of the page, pixels. Default: 700, of a search 950.
+
+        Returns
+        -------
+        NotebookPage
+            Page; its `html` is the part that needs no kernel.
+
+        Raises
+        ------
+        ParameterError
+            If the height is no number of pixels.
+        InputError
+            If a scene is invalid.
+        """
+        return import_module(_PAGES).make_page(self, height)
+
+
+class NotebookRepr(Showable):
     """Base class of objects that a notebook shows by a registered view.
 
     Without a view a notebook shows the repr.

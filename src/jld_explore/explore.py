@@ -226,7 +226,7 @@ def _search(
     assembly = build_robust(scene) if settings.robust else build_assembly(scene)
     refuse_together(scene, settings, assembly)
     # Announce warnings only once the search begins; a refused search gives its error alone.
-    said = [f"warning: {warning}" for warning in assembly.warnings]
+    said = [f"warning: {warning}" for warning in assembly.warnings] + [f"note: {note}" for note in assembly.notes]
     space = _space_of(scene, assembly, settings.driver)
     assembly = space.assembly if isinstance(settings.driver, Driver) else assembly
     settings = affordable_settings(assembly, settings, said)

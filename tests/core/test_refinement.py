@@ -205,10 +205,11 @@ def test_moving_loads_stay_and_pressure_on_a_split_element_is_refused() -> None:
         return parse_scene({"elements": elements, "materials": materials, "loads": loads})
 
     moving = [{"axles": [{"weight": 1e3}], "path": [[0, 1], [4, 1]], "steps": 3}]
-    for more in ({}, {"cases": [{"name": "push", "live": [{"element": "a", "force": [1, 0]}]}]}):
+    push: dict[str, Any] = {"pushes": {"directions": 1}}
+    for more in ({}, push, {"cases": [{"name": "push", "live": [{"element": "a", "force": [1, 0]}]}]}):
         scene = scene_of({"moving": moving, **more})
         refined = refine(scene, (1.0,)).scene
-        assert refined.loads.moving == scene.loads.moving
+        assert (refined.loads.moving, refined.loads.pushes) == (scene.loads.moving, scene.loads.pushes)
         assert len(build_assembly(refined).cases) == len(build_assembly(scene).cases) == 3 + len(more)
     pressure = scene_of({"live": [{"face": {"between": ["a", "outside"]}, "pressure": 10.0}]})
     with pytest.raises(InputError, match="free boundary of 'a', which is split"):

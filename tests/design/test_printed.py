@@ -178,3 +178,19 @@ def test_stones_in_space_have_faces_and_cuboids() -> None:
     assert stone.size == pytest.approx((3.0, 2.0, 1.0))
     told = texts(pages_of(Printed(Layout(scene, assembly, assembly.labels), (-np.inf, np.inf), (0.3, 0.3), "collapse")))
     assert words_in("en")["axes"] in " ".join(told.split())
+
+
+def test_moving_loads_and_pushes_are_printed() -> None:
+    """A scene without stated cases or live loads: every position and direction is a row."""
+    document = grid_document(["ab", "##"])
+    axles = [{"weight": 10.0}]
+    document["loads"] = {
+        "moving": [{"name": "cart", "axles": axles, "path": [[0, 0.2], [0.2, 0.2]], "steps": 2}],
+        "pushes": {"directions": 2},
+    }
+    scene = parse_scene(document)
+    assembly = build_assembly(scene)
+    content = Printed(Layout(scene, assembly, assembly.labels), (-np.inf, np.inf), (0.5, 0.5), "collapse")
+    told = texts(pages_of(content))
+    for words in ("cart at 0", "push at 180°", "share of the weight"):
+        assert words in told

@@ -315,6 +315,17 @@ def test_moving_loads_go_out_with_a_drawing_alone(tmp_path: Path) -> None:
         export(made, "compas", tmp_path / "a.json")
 
 
+def test_pushes_go_out_with_drawings_and_with_solids_of_solids(tmp_path: Path) -> None:
+    document = grid_document(["aabb", "####"])
+    document["loads"] = {"pushes": {"directions": 2}}
+    made = layout(parse_scene(document))
+    found = import_file(export(made, "dxf", tmp_path / "a.dxf")).document
+    assert found["loads"]["pushes"] == {"directions": 2}
+    parse_scene(found)
+    with pytest.raises(InputError, match=r"loads\.pushes: its directions are those of the plane"):
+        export(made, "compas", tmp_path / "a.json")
+
+
 def test_compas_interfaces_state_their_areas(tmp_path: Path) -> None:
     made = layout(CASES["dome"][0])
     document = json.loads(export(made, "compas", tmp_path / "a.json", cells=True).read_text())

@@ -194,6 +194,30 @@ def test_closed_planar_curves_are_planar_elements(up: int, tmp_path: Path) -> No
     assert "base" in assembly.elements.ids
 
 
+def test_a_solid_with_an_opening(tmp_path: Path) -> None:
+    """A square tube as an extrusion with an inner profile and as a polysurface: volume 9 − 1 each, on 8 of the slab."""
+
+    def square(low: float, high: float) -> Any:
+        line = rhino.Polyline(5)
+        for x, y in ((low, low), (high, low), (high, high), (low, high), (low, low)):
+            line.Add(x, y, 0.0)
+        return line.ToPolylineCurve()
+
+    model = Model()
+    model.box("support", "g", (-1, -1, -1), (9, 4, 0))
+    tube = rhino.Extrusion.Create(square(0.0, 3.0), 1.0, True)
+    assert tube.AddInnerProfile(square(1.0, 2.0))
+    model.file.Objects.AddExtrusion(tube, model.attributes("stones", "tube"))
+    moved = tube.ToBrep(True)
+    moved.Translate(rhino.Vector3d(4.0, 0.0, 0.0))
+    model.file.Objects.AddBrep(moved, model.attributes("stones", "moved"))
+    found = import_file(model.saved(tmp_path / "a.3dm"))
+    assembly = build_assembly(parse_scene(found.document))
+    volume = dict(zip(assembly.elements.ids, assembly.elements.volume.tolist(), strict=True))
+    assert volume == pytest.approx({"g": 50.0, "tube": 8.0, "moved": 8.0}, rel=1e-9)
+    assert assembly.interfaces.area.sum() == pytest.approx(16.0, rel=1e-9)
+
+
 def ball(model: Model) -> None:
     sphere = rhino.Brep.CreateFromSphere(rhino.Sphere(rhino.Point3d(0, 0, 0), 1.0))
     model.file.Objects.AddBrep(sphere, model.attributes("stones", "ball"))

@@ -229,6 +229,181 @@ def test_ifc_solids_of_other_programs(tmp_path: Path) -> None:
     assert "lengths in mm, made m" in str(found.report)
 
 
+def ring(make: Any, low: float, high: float, z: float) -> list[Any]:
+    """Corners of a square in the plane z."""
+    return [
+        make("IfcCartesianPoint", (x, y, z)) for x, y in ((low, low), (high, low), (high, high), (low, high))
+    ]  # fmt: skip
+
+
+def voided(make: Any) -> Any:
+    """A square of 3 with a square hole of 1, extruded by 1."""
+    outer, inner = (
+        make("IfcPolyline", [make("IfcCartesianPoint", c) for c in corners])
+        for corners in (
+            [(0.0, 0.0), (3.0, 0.0), (3.0, 3.0), (0.0, 3.0), (0.0, 0.0)],
+            [(1.0, 1.0), (2.0, 1.0), (2.0, 2.0), (1.0, 2.0), (1.0, 1.0)],
+        )
+    )
+    profile = make("IfcArbitraryProfileDefWithVoids", "AREA", None, outer, [inner])
+    return make("IfcExtrudedAreaSolid", profile, None, make("IfcDirection", (0.0, 0.0, 1.0)), 1.0)
+
+
+def hollow(make: Any) -> Any:
+    """The same as a hollow rectangle, in the middle of its axes."""
+    axes = make("IfcAxis2Placement2D", make("IfcCartesianPoint", (1.5, 1.5)))
+    profile = make("IfcRectangleHollowProfileDef", "AREA", None, axes, 3.0, 3.0, 1.0)
+    return make("IfcExtrudedAreaSolid", profile, None, make("IfcDirection", (0.0, 0.0, 1.0)), 1.0)
+
+
+def frame_faces() -> tuple[list[tuple[float, float, float]], list[list[tuple[int, ...]]]]:
+    """Corners and faces of a square frame; top and bottom are faces with a hole."""
+    square = {0: ((0.0, 0.0), (3.0, 0.0), (3.0, 3.0), (0.0, 3.0)), 1: ((1.0, 1.0), (2.0, 1.0), (2.0, 2.0), (1.0, 2.0))}
+    points = [(x, y, z) for z in (0.0, 1.0) for k in (0, 1) for x, y in square[k]]
+    faces: list[list[tuple[int, ...]]] = [[(3, 2, 1, 0), (4, 5, 6, 7)], [(8, 9, 10, 11), (15, 14, 13, 12)]]
+    for begin, sense in ((0, 1), (4, -1)):
+        for k in range(4):
+            a, b = begin + k, begin + (k + 1) % 4
+            faces.append([(a, b, b + 8, a + 8)[::sense]])
+    return points, faces
+
+
+def brep(make: Any) -> Any:
+    """The same as a faceted B-rep."""
+    points, faces = frame_faces()
+    placed = [make("IfcCartesianPoint", point) for point in points]
+    made = []
+    for outline, *holes in faces:
+        loops = [make("IfcPolyLoop", [placed[k] for k in loop]) for loop in (outline, *holes)]
+        bounds = [make("IfcFaceOuterBound", loops[0], True), *(make("IfcFaceBound", loop, True) for loop in loops[1:])]
+        made.append(make("IfcFace", bounds[::-1]))
+    return make("IfcFacetedBrep", make("IfcClosedShell", made))
+
+
+def face_set(make: Any) -> Any:
+    """The same as a polygonal face set."""
+    points, faces = frame_faces()
+    made = [
+        make("IfcIndexedPolygonalFaceWithVoids", [k + 1 for k in outline], [[k + 1 for k in hole] for hole in holes])
+        if holes
+        else make("IfcIndexedPolygonalFace", [k + 1 for k in outline])
+        for outline, *holes in faces
+    ]
+    return make("IfcPolygonalFaceSet", make("IfcCartesianPointList3D", points), True, made)
+
+
+@pytest.mark.parametrize("shape", [voided, hollow, brep, face_set])
+def test_ifc_faces_with_holes_are_openings(shape: Any, tmp_path: Path) -> None:
+    """A frame of volume 9 − 1 on a slab that covers 3 × 3: the contact has the area 8."""
+
+    def below(make: Any) -> tuple[Any, str, str, tuple[float, ...]]:
+        profile = make("IfcRectangleProfileDef", ProfileType="AREA", XDim=4.0, YDim=4.0)
+        down = make("IfcDirection", (0.0, 0.0, -1.0))
+        return make("IfcExtrudedAreaSolid", profile, None, down, 1.0), "my support", "IfcSlab", (1.5, 1.5, 0.0)
+
+    def frame(make: Any) -> tuple[Any, str, str, tuple[float, ...]]:
+        return shape(make), "frame", "IfcWall", (0.0, 0.0, 0.0)
+
+    assembly = build_assembly(parse_scene(import_file(ifc_model(tmp_path, None, below, frame)).document))
+    volume = dict(zip(assembly.elements.ids, assembly.elements.volume.tolist(), strict=True))
+    assert volume == pytest.approx({"my support": 16.0, "frame": 8.0}, rel=1e-9)
+    assert assembly.interfaces.area.sum() == pytest.approx(8.0, rel=1e-9)
+
+
+def test_openings_of_ifc_products_are_cut_out(tmp_path: Path) -> None:
+    """A block of 2000 × 1000 × 300 less an opening of 500 × 400 right through it; a round opening is refused."""
+    ifcopenshell = pytest.importorskip("ifcopenshell")
+    import ifcopenshell.guid as guid
+
+    def opening(make: Any) -> tuple[Any, str, str, tuple[float, ...]]:
+        profile = make("IfcRectangleProfileDef", ProfileType="AREA", XDim=500.0, YDim=400.0)
+        up = make("IfcDirection", (0.0, 0.0, 1.0))
+        return (
+            make("IfcExtrudedAreaSolid", profile, None, up, 900.0),
+            "void",
+            "IfcOpeningElement",
+            (900.0, 450.0, -600.0),
+        )
+
+    def round_one(make: Any) -> tuple[Any, str, str, tuple[float, ...]]:
+        item, name, _, place = drum(make)
+        return item, name, "IfcOpeningElement", place
+
+    for shape in (opening, round_one):
+        model = ifcopenshell.open(str(ifc_model(tmp_path, "MILLI", slab, wall, shape)))
+        (cut,), (void,) = model.by_type("IfcSlab"), model.by_type("IfcOpeningElement")
+        model.create_entity(
+            "IfcRelVoidsElement", guid.new(), RelatingBuildingElement=cut, RelatedOpeningElement=void
+        )  # fmt: skip
+        model.write(str(tmp_path / "a.ifc"))
+        if shape is round_one:
+            with pytest.raises(InputError, match="an opening of IfcSlab 'my support': its shape is IfcCircle"):
+                import_file(tmp_path / "a.ifc")
+            continue
+        assembly = build_assembly(parse_scene(import_file(tmp_path / "a.ifc").document))
+        volume = dict(zip(assembly.elements.ids, assembly.elements.volume.tolist(), strict=True))
+        assert volume == pytest.approx({"my support": 0.6 - 0.06, "ell": 0.375}, rel=1e-9)
+
+
+def test_a_hole_across_the_outline_of_an_ifc_face_is_refused(tmp_path: Path) -> None:
+    def crossed(make: Any) -> tuple[Any, str, str, tuple[float, ...]]:
+        points, faces = frame_faces()
+        points = [(x + 2.5, y, z) if k % 8 > 3 else (x, y, z) for k, (x, y, z) in enumerate(points)]
+        made = [make("IfcIndexedPolygonalFaceWithVoids", [k + 1 for k in faces[0][0]], [[k + 1 for k in faces[0][1]]])]
+        item = make("IfcPolygonalFaceSet", make("IfcCartesianPointList3D", points), True, made)
+        return item, "frame", "IfcWall", (0.0, 0.0, 0.0)
+
+    with pytest.raises(InputError, match="IfcWall 'frame': a hole of a face crosses its outline"):
+        import_file(ifc_model(tmp_path, None, slab, crossed))
+
+
+def test_densities_of_ifc_materials_come_back(tmp_path: Path) -> None:
+    """Two densities and an element without mass, in kN and mm: written in kg/m³ and read to 1e-9."""
+    stones = [dict(stone, density=density) for stone, density in zip(STONES, (2.0, 2.0, 2.7), strict=True)]
+    document = pile([box("g", [0, 0, -1], [3, 1, 0], support=True), *stones])
+    document |= {"units": {"length": "m", "force": "kN"}}
+    made = layout(parse_scene(document))
+    for unit in ("m", "mm", "ft"):
+        path = export(made, "ifc", tmp_path / f"{unit}.ifc", cells=True, unit=unit)
+        found = import_file(path)
+        known = {element["id"]: element.get("density") for element in found.document["elements"]}
+        assert known == {name: pytest.approx(value, rel=1e-9) for name, value in
+                         {"a": 2000.0, "b": 2000.0, "c": 2700.0}.items()} | {"g": known["g"]}  # fmt: skip
+        back = build_assembly(parse_scene(found.document))
+        own = made.assembly.elements
+        assert back.elements.mass[back.elements.free] == pytest.approx(1e3 * own.mass[own.free], rel=1e-9)
+        assert "density" not in str(found.report)
+
+
+def test_ifc_densities_in_other_units(tmp_path: Path) -> None:
+    """A density unit of the project in t/m³; several densities of one product are left out."""
+    ifcopenshell = pytest.importorskip("ifcopenshell")
+    import ifcopenshell.guid as guid
+
+    model = ifcopenshell.open(str(ifc_model(tmp_path, "MILLI", slab, wall, block)))
+    make = model.create_entity
+    tonne = make("IfcSIUnit", UnitType="MASSUNIT", Prefix="MEGA", Name="GRAM")
+    metre = make("IfcSIUnit", UnitType="LENGTHUNIT", Name="METRE")
+    powers = [make("IfcDerivedUnitElement", tonne, 1), make("IfcDerivedUnitElement", metre, -3)]
+    (units,) = model.by_type("IfcUnitAssignment")
+    units.Units = [*units.Units, make("IfcDerivedUnit", powers, "MASSDENSITYUNIT")]
+
+    def material(density: float) -> Any:
+        found = make("IfcMaterial", f"of {density}")
+        value = make("IfcPropertySingleValue", "MassDensity", None, make("IfcMassDensityMeasure", density))
+        make("IfcMaterialProperties", "Pset_MaterialCommon", None, [value], found)
+        return found
+
+    both = make("IfcMaterialList", [material(1.0), material(2.0)])
+    for product, stuff in (("IfcWall", material(2.3)), ("IfcBuildingElementProxy", both)):
+        make("IfcRelAssociatesMaterial", guid.new(), RelatedObjects=model.by_type(product), RelatingMaterial=stuff)
+    model.write(str(tmp_path / "a.ifc"))
+    found = import_file(tmp_path / "a.ifc")
+    known = {element["id"]: element.get("density") for element in found.document["elements"]}
+    assert known == {"my support": None, "ell": pytest.approx(2300.0), "cube": None}
+    assert "density 2000" in str(found.report)
+
+
 @pytest.mark.parametrize(
     ("shape", "words"), [(drum, "IfcColumn 'drum': its shape is IfcCircleProfileDef"), (ball, "IfcSphere")]
 )

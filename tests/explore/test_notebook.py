@@ -31,6 +31,8 @@ CELLS = (
     "assembly",
     "result",
     "explore(scene, Path('search'), ExploreSettings(driver='random', budget=30))",
+    "study = _",
+    "study.show()",
 )
 
 
@@ -43,7 +45,7 @@ def test_each_shows_a_table_and_its_drawing(tmp_path: Path) -> None:
     """What the last three cells show, by media type; in one test, since the batch solver is what takes time."""
     book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(source) for source in CELLS])
     NotebookClient(book, timeout=120, resources={"metadata": {"path": str(tmp_path)}}).execute()
-    outputs = [cell.outputs[-1].data for cell in book.cells[1:]]
+    outputs = [cell.outputs[-1].data for cell in book.cells[1:4]]
     for data in outputs:
         assert ElementTree.fromstring(data["image/svg+xml"]).tag.endswith("svg")
         assert drawing(data["text/html"]).split() == data["image/svg+xml"].split()
@@ -55,6 +57,21 @@ def test_each_shows_a_table_and_its_drawing(tmp_path: Path) -> None:
     assert "30 layouts" in searched
     assert [html.count("<table") for html in (modelled, solved, searched)] == [1, 1, 3]
     assert "largest_block_cells" in searched
+    _check_page(book)
+
+
+def _check_page(book: nbformat.NotebookNode) -> None:
+    """The interactive page of the last cell: static HTML, then a widget; 200 kB of the file at the most."""
+    static, widget = book.cells[-1].outputs
+    assert set(static.data) == {"text/html", "text/plain"}
+    assert "<iframe" in static.data["text/html"]
+    assert "application/vnd.jupyter.widget-view+json" in widget.data
+    whole = len(nbformat.writes(book).encode())
+    states = len(str(book.metadata.get("widgets", "")))
+    assert 0 < states < 10_000  # what is saved of the widget holds no page
+    book.cells[-1].outputs = []
+    book.metadata.pop("widgets")
+    assert 50_000 < whole - len(nbformat.writes(book).encode()) < 200_000
 
 
 def test_names_are_text_and_not_markup() -> None:

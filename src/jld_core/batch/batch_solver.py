@@ -12,19 +12,23 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse.linalg import spsolve
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.batch import interface, library
 from jld_core.batch.conflict_request import ConflictRequest, MinimizationResults
-from jld_core.batch.rows import pattern_of, rows_of
+from jld_core.batch.rows import BatchRows, pattern_of, rows_of
 from jld_core.batch.settings import tries_of
 from jld_core.batch.verdicts import OPEN, PROVEN, BatchResults
 from jld_core.mechanics import Rows
 from jld_core.program import Template
 
 _UNDECIDED: Final = interface.codes("JldLabel")["UNDECIDED"]  # label of a face that may be dry or inner
+SAMPLES_OF_A_CALL: Final = 256
+"""Largest number of samples of one call: the values that a label of the compiled solver can take."""
+
 _SAMPLES: Final = 32  # random labellings whose mean solution gives the starting point
 _SHARE: Final = 0.7  # weight of that mean; the least-norm forces in equilibrium have the weight 1 − 0.7
 _ROOM_BLIND: Final = 3.0  # least slack at the starting point without such a mean, scaled
@@ -121,6 +125,7 @@ class BatchSolver:
         ends = np.concatenate([q * e + np.arange(q) for e in self.pattern.order]).astype(np.int64)
         self._ends = ends
         self._dead, self._live = template.dead[ends].copy(), template.live[ends].copy()
+        self._own_loads = False
         self._opening = None if opening is None else opening[ends].copy()
         self._floor = template.floor
         self.settled_fraction, self._load_scale = 0.0, load_scale
@@ -184,7 +189,7 @@ class BatchSolver:
 
     def solve(
         self,
-        labellings: Bits,
+        labellings: Bits | NDArray[np.uint8],
         *,
         undecided: Bools | None = None,
         thresholds: Floats | None = None,
@@ -242,6 +247,35 @@ class BatchSolver:
         if velocity is not None:
             velocity = self._as_elements(velocity)
         return BatchResults(low, high, verdict, iterations, tries, forces, velocity, diagnosis, rays)
+
+    def solve_samples(self, rows: BatchRows, dead: Floats, live: Floats, thresholds: Floats | None) -> BatchResults:
+        """Compute bounds on λ of one labelling for samples of its strengths and loads.
+
+        Parameters
+        ----------
+        rows : BatchRows
+            Rows of each sample in the place of those of a label: k samples, at most `SAMPLES_OF_A_CALL`.
+        dead, live : (k, q·free) arrays
+            Scaled loads of each sample, in the order of elements.
+        thresholds : (k,) array or None
+            Scaled λ, as in `solve`.
+
+        Returns
+        -------
+        BatchResults
+            Scaled bounds and verdicts, one for each sample.
+
+        Raises
+        ------
+        MemoryError
+            The compiled solver cannot allocate its workspace.
+        """
+        other = copy(self)
+        other._rows, other._keep, other._bows = rows.rows, rows.keep, rows.parabolas
+        other._dead, other._live = (np.ascontiguousarray(loads[:, self._ends]) for loads in (dead, live))
+        other._own_loads = True
+        number = np.arange(len(dead), dtype=np.uint8)  # the compiled solver looks rows and loads up by label
+        return other.solve(np.repeat(number[:, None], self.faces, axis=1), thresholds=thresholds)
 
     def reversed(self) -> BatchSolver:
         """Return a solver of the same structure under the opposite live load.
@@ -346,5 +380,6 @@ class BatchSolver:
             zero=self._load_scale,
             gap=tolerances.GAP,
             coupled=int(self._interacts),
+            own_loads=int(self._own_loads),
             **arrays,
         )

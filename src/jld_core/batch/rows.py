@@ -8,10 +8,10 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.arrays import Floats, Ints
+from jld_core.arrays import Bits, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.batch.pattern import FactorPattern, factor_pattern
-from jld_core.mechanics import RowPattern, Rows
+from jld_core.mechanics import RowPattern, Rows, YieldSet
 from jld_core.program import Template
 
 LARGEST: Final = 3000
@@ -126,6 +126,35 @@ def rows_of(template: Template, undecided: Rows | None = None) -> BatchRows | No
     return _decided(template) if undecided is None else _rows_of(template, undecided)
 
 
+def rows_of_samples(own: YieldSet, labels: Bits, dimension: int) -> BatchRows | None:
+    """Compute the rows of samples of one labelling, each in the place of a label.
+
+    Parameters
+    ----------
+    own : YieldSet
+        Yield sets of the faces of all samples, sample by sample.
+    labels : (k, m) bool array
+        Labels of each sample, True = dry.
+    dimension : int
+        2 or 3.
+
+    Returns
+    -------
+    BatchRows or None
+        Rows of k samples; None if the batch solver does not support them.
+    """
+    both = rows_of_sets(own, labels.size, dimension)
+    if both is None:
+        return None
+    label, face = labels.astype(np.int64).ravel(), np.arange(labels.size)
+    bent = both.parabolas
+    rows, keep, parabolas = (
+        np.ascontiguousarray(one[label, face].reshape(*labels.shape, *one.shape[2:]))
+        for one in (both.rows, both.keep, np.zeros((*both.keep.shape, 0)) if bent is None else bent)
+    )
+    return BatchRows(rows, both.pairs, keep, None if bent is None else parabolas, both.interacts)
+
+
 @lru_cache(maxsize=2)
 def _decided(template: Template) -> BatchRows | None:
     """Compute the rows of the labels inner and dry; cached; None if unsupported."""
@@ -137,13 +166,34 @@ def _rows_of(template: Template, undecided: Rows | None) -> BatchRows | None:
 
     undecided: rows of a third label, None without one.
     """
-    own = template.yield_set
-    every = np.ones(len(template.assembly.interfaces), dtype=bool)
+    return rows_of_sets(template.yield_set, len(template.assembly.interfaces), template.assembly.dimension, undecided)
+
+
+def rows_of_sets(own: YieldSet, faces: int, dimension: int, undecided: Rows | None = None) -> BatchRows | None:
+    """Compute the rows of the yield sets of faces, in the layout of the batch solver.
+
+    Parameters
+    ----------
+    own : YieldSet
+        Yield sets of all faces under both labels.
+    faces : int
+        Number m of faces.
+    dimension : int
+        2 or 3.
+    undecided : Rows, optional
+        Rows of undecided faces, which become a third label.
+
+    Returns
+    -------
+    BatchRows or None
+        None if the batch solver does not support the rows.
+    """
+    every = np.ones(faces, dtype=bool)
     labels = [(own.pattern, False), (own.pattern, True)] + ([] if undecided is None else [(undecided.pattern, True)])
     active = [own.active(~every), own.active(every)] + ([] if undecided is None else [undecided.active(every)])
-    planar = template.assembly.dimension == 2
+    planar = dimension == 2
     make = planar_rows if planar else spatial_rows
-    sheets = [make(pattern, dry, len(every)) for pattern, dry in labels]
+    sheets = [make(pattern, dry, faces) for pattern, dry in labels]
     loose, held = ([0, 2], [1]) if planar else ([0, 3, 4], [1, 2, 5])
     if any(sheet is None for sheet in sheets):
         return None
@@ -168,7 +218,7 @@ def _rows_of(template: Template, undecided: Rows | None) -> BatchRows | None:
         if len(bowed) < len(asked):
             return None
         interacts = rows.shape[2] == 3 and any(one.interaction is not None for one in bowed)
-        parabolas = np.zeros((len(rows), len(every), 14 if interacts else 2))
+        parabolas = np.zeros((len(rows), faces, 14 if interacts else 2))
         for label, one in enumerate(bowed, start=1):
             crushed = one.crushed
             parabolas[label, crushed, :2] = one.parabola
@@ -208,23 +258,39 @@ def _pairs(pattern: RowPattern, values: Floats, sides: Floats, faces: int) -> Fl
         return None
     found = np.zeros((faces, 3, 3))
     found[:, :, 2] = 1.0
+    own, bends = pattern.row_face[: pattern.linear], uses[:, 2]
+    bending, sliding = _by_face(np.flatnonzero(bends), own, faces), _by_face(np.flatnonzero(~bends), own, faces)
+    if bending is None or sliding is None or sliding.shape[1] != 2 or bending.shape[1] not in (2, 4):
+        return None
     filled = np.zeros((faces, 3), dtype=bool)
-    for face in range(faces):
-        own = np.flatnonzero(pattern.row_face[: pattern.linear] == face)
-        bending, sliding = own[uses[own, 2]], own[uses[own, 1]]
-        if len(sliding) != 2 or len(bending) not in (2, 4):
+    for pair, column, two in ((0, 2, bending[:, :2]), (1, 1, sliding), (2, 2, bending[:, 2:])):
+        some = np.flatnonzero((two >= 0).any(axis=1)) if two.shape[1] else np.zeros(0, dtype=np.int64)
+        one, other = two[some].T if len(some) else (some, some)
+        if np.any(one < 0) or np.any(other < 0) or (pair < 2 and len(some) < faces):
             return None
-        for pair, column, two in ((0, 2, bending[:2]), (1, 1, sliding), (2, 2, bending[2:])):
-            if not len(two):
-                continue
-            (n, k), (x, y), (h, i) = table[two, 0], table[two, column], sides[two]
-            if n != k or x != -y or h != i:
-                return None
-            found[face, pair] = -n, abs(x), h
-            filled[face, pair] = True
+        alike = (table[one, 0] == table[other, 0]) & (table[one, column] == -table[other, column])
+        if not np.all(alike & (sides[one] == sides[other])):
+            return None
+        found[some, pair] = np.column_stack([-table[one, 0], abs(table[one, column]), sides[one]])
+        filled[some, pair] = True
     if np.any(found[:, :2, 0] < 0.0) or np.any(found[:, 0, 0] == 0.0) or np.any(found[:, :2, 1] == 0.0):
         return None
     return found if filled[:, 2].any() else found[:, :2].copy()
+
+
+def _by_face(rows: Ints, owner: Ints, faces: int) -> Ints | None:
+    """Return the rows (m, most) of each face in order, −1 where a face has fewer; None if a face has none.
+
+    rows: numbers of rows, ascending. owner: (all rows,) face of each.
+    """
+    rows = rows[np.argsort(owner[rows], kind="stable")]
+    counts = np.bincount(owner[rows], minlength=faces)
+    if not counts.all():
+        return None
+    table = np.full((faces, int(counts.max())), -1, dtype=np.int64)
+    first = np.cumsum(counts) - counts
+    table[owner[rows], np.arange(len(rows)) - np.repeat(first, counts)] = rows
+    return table
 
 
 def spatial_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
@@ -258,27 +324,36 @@ def _spatial_table(table: Floats, pattern: RowPattern, faces: int) -> Floats | N
     found = np.zeros((faces, EDGES + 1, 4))
     found[:, :, 3] = 1.0
     owners = pattern.row_face
-    for face in range(faces):
-        own = np.flatnonzero(owners == face)
-        linear, last = own[own < pattern.linear], own[own >= pattern.linear]
-        cone = table[last]
-        # Where a face resists no shear, V is dropped and its cone has right-hand side one.
-        if not np.array_equal(cone[:, :7], _CONE) or cone[1:, 7].any() or cone[0, 7] not in (0.0, 1.0):
+    twists = np.zeros(len(owners), dtype=bool)
+    twists[: pattern.linear] = table[: pattern.linear, 5] != 0.0
+    bends = ~twists
+    bends[pattern.linear :] = False
+    parts = [np.flatnonzero(mask) for mask in (bends, twists)] + [np.arange(pattern.linear, len(owners))]
+    bending, torsion, last = (_by_face(part, owners, faces) for part in parts)
+    if bending is None or torsion is None or last is None or torsion.shape[1] != 2 or last.shape[1] != 3:
+        return None
+    if torsion.min() < 0 or bending[:, :3].min() < 0 or not 3 <= bending.shape[1] <= EDGES:
+        return None
+    # Where a face resists no shear, V is dropped and its cone has right-hand side one.
+    cone = table[last]
+    if np.any(cone[:, :, :7] != _CONE) or cone[:, 1:, 7].any() or not np.isin(cone[:, 0, 7], (0.0, 1.0)).all():
+        return None
+    one, other = table[torsion].transpose(1, 0, 2)
+    size, none = abs(one[:, 5]), np.zeros(faces)
+    for row, sign in ((one, 1.0), (other, -1.0)):
+        expected = np.column_stack([one[:, 0], none, none, none, none, sign * one[:, 5], size, one[:, 7]])
+        if not np.array_equal(row, expected):
             return None
-        twist = table[linear, 5] != 0.0
-        bending, torsion = table[linear[~twist]], table[linear[twist]]
-        if len(torsion) != 2 or not 3 <= len(bending) <= EDGES or np.any(bending[:, [1, 2, 6]]):
-            return None
-        one, size = torsion[0], abs(torsion[0, 5])
-        expected = np.array([[one[0], 0, 0, 0, 0, sign * one[5], size, one[7]] for sign in (1.0, -1.0)])
-        if not np.array_equal(torsion, expected) or one[0] > 0.0:
-            return None
-        # The compiled solver relies on equal a and equal h of all edges of a face.
-        a, h = -bending[:, 0], bending[:, 7]
-        if np.any(a <= 0.0) or np.ptp(a) > 0.0 or np.ptp(h) > 0.0:
-            return None
-        found[face, : len(bending)] = np.column_stack([a, bending[:, 3:5], h])
-        found[face, EDGES] = -one[0], size, one[7], 0.0
+    face, place = np.nonzero(bending >= 0)
+    edges = table[bending[face, place]]
+    first = table[bending[face, 0]]
+    # The compiled solver relies on equal a and equal h of all edges of a face.
+    if np.any(one[:, 0] > 0.0) or np.any(edges[:, [1, 2, 6]]) or np.any(edges[:, 0] >= 0.0):
+        return None
+    if np.any(edges[:, [0, 7]] != first[:, [0, 7]]):
+        return None
+    found[face, place] = np.column_stack([-edges[:, 0], edges[:, 3:5], edges[:, 7]])
+    found[:, EDGES] = np.column_stack([-one[:, 0], size, one[:, 7], none])
     return found
 
 

@@ -12,12 +12,14 @@ from jld_core.assembly import DRY, INNER, Assembly, Elements, Interfaces, LoadCa
 from jld_core.build import loads, materials
 from jld_core.build.bond import with_bond
 from jld_core.build.elements import Geometry, faces_of_pairs, weighed
+from jld_core.build.fill import Backing
 from jld_core.build.loads import PlacedLoad
 from jld_core.build.members import with_members
-from jld_core.build.moving import cases_of
+from jld_core.build.moving import PlacedCase, cases_of
 from jld_core.build.planar import planar_geometry
 from jld_core.build.plausibility import implausible
 from jld_core.build.pressure import Boundary
+from jld_core.build.pushes import cases_of_pushes
 from jld_core.build.spatial import spatial_geometry
 from jld_core.errors import InputError
 from jld_core.linalg import components
@@ -26,9 +28,13 @@ from jld_core.scene.loads import require_unique_names
 from jld_core.scene.materials import FaceMaterial
 from jld_core.scene.reading import at_low
 from jld_core.scene.schema import Contact, Element
+from jld_core.scene.uncertain import in_words, uncertain_values
 
 LABELS = {"dry": DRY, "inner": INNER}
 """Label values by their names in a scene: True = dry, False = inner."""
+
+_NAMED = 4
+"""Largest number of values with uncertainty that a sentence names."""
 
 
 def build_geometry(scene: Scene) -> Geometry:
@@ -105,7 +111,8 @@ def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
     interfaces, given = geometry.interfaces, geometry.given
     elements = weighed(geometry.elements, geometry.entries, scene)
     of_faces = _face_materials(scene, elements, interfaces)
-    cases = _cases(scene, Boundary(elements, interfaces, scene.plane_thickness), geometry.entries)
+    boundary = Boundary(elements, interfaces, scene.plane_thickness, _backing(scene, elements))
+    cases = _cases(scene, boundary, geometry.entries)
     assembly = Assembly(
         name=scene.name,
         dimension=scene.dimension,
@@ -122,10 +129,32 @@ def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
         moved=geometry.moved,
         cases=cases if scene.loads.has_cases else (),
         touching=geometry.touching,
+        fill=boundary.backing.outlines() if boundary.backing is not None else (),
     )
-    assembly = replace(assembly, warnings=(*geometry.warnings, *implausible(scene, assembly)))
+    warnings = (*geometry.warnings, *implausible(scene, assembly))
+    assembly = replace(assembly, warnings=warnings, notes=_means(scene))
     assembly = with_bond(assembly, scene.materials, of_faces)
-    return with_members(assembly, scene.members)
+    pressures = None if boundary.backing is None else boundary.backing.pressures()
+    return with_members(assembly, scene.members, pressures)
+
+
+def _backing(scene: Scene, elements: Elements) -> Backing | None:
+    """Return the fill of a scene on its elements, None without fill; raise InputError for a spatial scene."""
+    if scene.fill is None:
+        return None
+    if scene.dimension == 3:
+        raise InputError("fill", "it is for planar scenes", "loads in place of it")
+    down, gravity = materials.direction_of_weight(scene), materials.gravity_vector(scene.materials, 2)
+    return Backing(scene.fill, elements, down, float(np.linalg.norm(gravity)), scene.plane_thickness)
+
+
+def _means(scene: Scene) -> tuple[str, ...]:
+    """Return a sentence that values with uncertainty count by their means; () if there are none."""
+    named = [in_words(path) for path, _ in uncertain_values(scene)]
+    if not named:
+        return ()
+    more = f" and {len(named) - _NAMED} more" if len(named) > _NAMED else ""
+    return (f"the means stand for values with uncertainty ({', '.join(named[:_NAMED])}{more}): see jld reliability",)
 
 
 def _face_materials(scene: Scene, elements: Elements, interfaces: Interfaces) -> list[FaceMaterial | None]:
@@ -196,6 +225,8 @@ def _cases(scene: Scene, boundary: Boundary, entries: list[Element]) -> tuple[Lo
     """
     elements = boundary.elements
     always = boundary.plain(scene.loads.dead, "loads.dead")
+    if boundary.backing is not None:
+        always += [PlacedLoad("fill", load, from_pressure=True) for load in boundary.backing.permanent()]
     common = loads.generalised(always, elements)
     common[:, : scene.dimension] += np.where(elements.support[:, None], 0.0, elements.weight)
     if not scene.loads.has_cases:
@@ -203,19 +234,31 @@ def _cases(scene: Scene, boundary: Boundary, entries: list[Element]) -> tuple[Lo
         only = _case("", "loads", common, live, 1.0, elements)  # refuses wrong entries
         return (replace(only, shape_loads=loads.shape_dependent(always, live, elements, entries)),)
     found = []
-    direction = materials.direction_of_weight(scene)
-    stated = [(f"loads.cases[{position}]", case) for position, case in enumerate(scene.loads.cases or [])]
-    for position, moving in enumerate(scene.loads.moving or []):
-        key = f"loads.moving[{position}]"
-        stated += [(key, case) for case in cases_of(moving, elements, direction, key)]
-    require_unique_names("loads", [case.name for _, case in stated])
-    for key, case in stated:
+    for key, case, place in cases_of_scene(scene, elements):
         own, live = boundary.plain(case.dead, f"{key}.dead"), boundary.plain(case.live, f"{key}.live")
         dead = common + loads.generalised(own, elements)
         one = _case(case.name, key, dead, live, case.required, elements)
         shaped = loads.shape_dependent([*always, *own], live, elements, entries)
-        found.append(replace(one, shape_loads=shaped))
+        found.append(replace(one, shape_loads=shaped, place=place))
     return tuple(found)
+
+
+def cases_of_scene(scene: Scene, elements: Elements) -> list[PlacedCase]:
+    """Return the load cases of a scene, stated ones and those of moving loads and pushes.
+
+    elements: of the structure. The list is empty for a single live load. Raises InputError for invalid paths or
+    directions, and for names used twice.
+    """
+    direction, backing = materials.direction_of_weight(scene), _backing(scene, elements)
+    stated = [PlacedCase(f"loads.cases[{position}]", case) for position, case in enumerate(scene.loads.cases or [])]
+    for position, moving in enumerate(scene.loads.moving or []):
+        key = f"loads.moving[{position}]"
+        stated += cases_of(moving, elements, direction, key, backing)
+    if scene.loads.pushes is not None:
+        pushed = cases_of_pushes(scene.loads.pushes, direction, "loads.pushes")
+        stated += [PlacedCase("loads.pushes", case) for case in pushed]
+    require_unique_names("loads", [one.case.name for one in stated])
+    return stated
 
 
 def _case(

@@ -19,7 +19,7 @@ from jld_core.members import Members
 from jld_core.scene.members import Anchor, Member
 
 
-def with_members(assembly: Assembly, entries: Sequence[Member]) -> Assembly:
+def with_members(assembly: Assembly, entries: Sequence[Member], more: Members | None = None) -> Assembly:
     """Return an assembly with members, in addition to its interfaces.
 
     Parameters
@@ -28,6 +28,8 @@ def with_members(assembly: Assembly, entries: Sequence[Member]) -> Assembly:
         Assembly without members.
     entries : sequence of Member
         Entries of the scene.
+    more : Members, optional
+        Further members, which follow.
 
     Returns
     -------
@@ -40,9 +42,10 @@ def with_members(assembly: Assembly, entries: Sequence[Member]) -> Assembly:
         An element is unknown, a point lies outside its element, two successive points coincide, or the ends do not
         belong to two elements of which one is free.
     """
-    if not entries:
+    if not entries and not more:
         return assembly
-    members = _members(assembly, entries)
+    members = _members(assembly, entries) if entries else Members()
+    members = members + more if more else members
     varying = np.flatnonzero(members.axial | (members.shear > 0.0))
     place = np.full(len(members), -1, dtype=np.int64)
     place[varying] = len(assembly.interfaces) + np.arange(len(varying))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -10,12 +11,28 @@ import shapely
 from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Elements
+from jld_core.build.fill import Backing
 from jld_core.errors import InputError
 from jld_core.scene import PointLoad
-from jld_core.scene.loads import BodyLoad, Case, FaceLoad, MovingLoad
+from jld_core.scene.fill import FillLoad, Strip
+from jld_core.scene.loads import Case, LoadEntry, MovingLoad
 
 
-def cases_of(moving: MovingLoad, elements: Elements, downwards: Floats, where: str) -> list[Case]:
+class PlacedCase(NamedTuple):
+    """Load case of a scene with its origin.
+
+    where: key in the scene. case: the load case. place: of a moving load, its name and direction and the distance of
+    its first axle along the path; None for other cases.
+    """
+
+    where: str
+    case: Case
+    place: tuple[str, float] | None = None
+
+
+def cases_of(
+    moving: MovingLoad, elements: Elements, downwards: Floats, where: str, backing: Backing | None = None
+) -> list[PlacedCase]:
     """Return one load case for each position of a vehicle.
 
     Parameters
@@ -28,10 +45,12 @@ def cases_of(moving: MovingLoad, elements: Elements, downwards: Floats, where: s
         Direction of the weights, a unit vector.
     where : str
         Key of the moving load in the scene, for error messages.
+    backing : Backing, optional
+        Fill, on whose surface the path may lie. An axle there spreads over the structure below.
 
     Returns
     -------
-    list of Case
+    list of PlacedCase
         Load cases in the order of the positions, named by the position of the first axle along the path. A position
         with no axle on a free element is left out.
 
@@ -43,7 +62,7 @@ def cases_of(moving: MovingLoad, elements: Elements, downwards: Floats, where: s
     """
     if elements.centroid.shape[1] == 3 or any(len(point) != 2 for point in moving.path):
         raise InputError(where, "it is for planar scenes", '"cases" with the positions of the loads')
-    found: list[Case] = []
+    found: list[PlacedCase] = []
     path = np.array(moving.path, dtype=float)
     ways = [("", path), (" back", path[::-1])] if moving.both_directions else [("", path)]
     for word, points in ways:
@@ -51,8 +70,13 @@ def cases_of(moving: MovingLoad, elements: Elements, downwards: Floats, where: s
         if not (legs > 0.0).all():
             raise InputError(f"{where}.path", "two of its points coincide", "points apart from each other")
         for first, forces in _positions(moving, points, legs):
-            live: list[PointLoad | BodyLoad | FaceLoad] = []
+            live: list[LoadEntry] = []
             for at, unit, weight in forces:
+                if backing is not None and backing.carries(at):
+                    place = backing.position(at)
+                    if backing.covers(place):
+                        live.append(FillLoad(on_fill=Strip(at=place), weight=weight))
+                    continue
                 element = _element_under(elements, at, unit)
                 if element is None:
                     problem = f"no element is at ({at[0]:.6g}, {at[1]:.6g})"
@@ -62,7 +86,8 @@ def cases_of(moving: MovingLoad, elements: Elements, downwards: Floats, where: s
                     live.append(PointLoad(element=elements.ids[element], force=force, at=at.tolist()))
             if live:
                 name = f"{moving.name}{word} at {first:.6g}"
-                found.append(Case(name=name, live=live, required=moving.required))
+                case = Case(name=name, live=live, required=moving.required)
+                found.append(PlacedCase(where, case, (f"{moving.name}{word}", first)))
     if not found:
         raise InputError(f"{where}.path", "it touches supports alone", "points on free elements")
     return found

@@ -13,10 +13,12 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Floats
 from jld_core.assembly import Elements, Interfaces
+from jld_core.build.fill import Backing
 from jld_core.build.loads import PlacedLoad
 from jld_core.errors import InputError
 from jld_core.scene import PointLoad
-from jld_core.scene.loads import OUTSIDE, BodyLoad, FaceLoad
+from jld_core.scene.fill import FillLoad
+from jld_core.scene.loads import OUTSIDE, BodyLoad, FaceLoad, LoadEntry
 
 
 @dataclass(frozen=True)
@@ -31,18 +33,21 @@ class Boundary:
         All interfaces, also those that a scene states.
     thickness : float
         Thickness of planar elements, length.
+    backing : Backing or None
+        Fill on the structure, None without fill.
     """
 
     elements: Elements
     interfaces: Interfaces
     thickness: float
+    backing: Backing | None = None
 
-    def plain(self, entries: Sequence[PointLoad | BodyLoad | FaceLoad], key: str) -> list[PlacedLoad]:
-        """Replace pressures by statically equivalent forces and moments on elements.
+    def plain(self, entries: Sequence[LoadEntry], key: str) -> list[PlacedLoad]:
+        """Replace pressures and loads on fill by statically equivalent forces and moments on elements.
 
         Parameters
         ----------
-        entries : sequence of PointLoad, BodyLoad or FaceLoad
+        entries : sequence of LoadEntry
             Load entries of a scene.
         key : str
             Key of the entries in the scene, for error messages.
@@ -56,20 +61,32 @@ class Boundary:
         Raises
         ------
         InputError
-            If a pressure names no free boundary, or varies where it has no direction to vary along.
+            If a pressure names no free boundary, or varies where it has no direction to vary along; if a load stands on
+            fill where there is none.
         """
         found: list[PlacedLoad] = []
         for position, entry in enumerate(entries):
             where = f"{key}[{position}]"
             loads: Sequence[PointLoad | BodyLoad]
-            if not isinstance(entry, FaceLoad):
+            if isinstance(entry, FillLoad):
+                loads = self._on_fill(entry, where)
+            elif not isinstance(entry, FaceLoad):
                 loads = [entry]
             elif entry.face.along is not None:
                 loads = self._along(entry, entry.face.along, where)
             else:
                 loads = self._around(entry, where)
-            found += [PlacedLoad(where, load, isinstance(entry, FaceLoad)) for load in loads]
+            found += [PlacedLoad(where, load, isinstance(entry, FaceLoad | FillLoad)) for load in loads]
         return found
+
+    def _on_fill(self, entry: FillLoad, where: str) -> list[PointLoad]:
+        """Return the forces of a load on the surface of the fill; raise InputError without fill.
+
+        where: key of the entry.
+        """
+        if self.backing is None:
+            raise InputError(f"{where}.on_fill", "the scene has no fill", '"fill" with level, density and friction')
+        return self.backing.spread(entry, where)
 
     @property
     def _reach(self) -> float:

@@ -71,7 +71,7 @@ def drawn_loads(
     found = {key: value for key, value in found.items() if value}
     if "live" in found or "cases" in found:
         return found
-    return {**found, **{key: stored[key] for key in ("cases", "moving") if stored.get(key)}}
+    return {**found, **{key: stored[key] for key in ("cases", "moving", "pushes") if stored.get(key)}}
 
 
 def _layers(paths: list[Path], marks: list[Mark]) -> list[str]:

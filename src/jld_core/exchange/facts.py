@@ -69,6 +69,11 @@ def facts_of(layout: Layout, *, cells: bool, spatial: bool) -> dict[str, Any]:
         if spatial:
             raise InputError("loads.moving", "a file of this kind has no place for them", "a scene without them")
         facts["loads"]["moving"] = document["loads"]["moving"]
+    if document["loads"].get("pushes"):
+        if lift:
+            problem = "its directions are those of the plane, and the file is spatial"
+            raise InputError("loads.pushes", problem, '"cases" with body loads')
+        facts["loads"]["pushes"] = document["loads"]["pushes"]
     if layout.assembly.dimension == 2 and not spatial:
         facts["thickness"] = layout.thickness
     return facts

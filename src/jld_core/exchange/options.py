@@ -247,14 +247,16 @@ def complete(document: dict[str, Any], options: ImportOptions, notes: Notes, *, 
     if "materials" not in document:
         document["materials"] = like.get("materials", DEFAULT_MATERIALS)
         if not like:
-            notes.assumed.append("density 2000, friction 0.6, inner strengths 2e5: edit materials, or --like SCENE")
+            known = all("density" in element or element.get("support") for element in document["elements"])
+            density = "" if known else f"density {DEFAULT_MATERIALS['density']:g}, "
+            notes.assumed.append(f"{density}friction 0.6, inner strengths 2e5: edit materials, or --like SCENE")
     for key in ("search", "units"):
         if key in like and key not in document:
             document[key] = like[key]
     loads = document.setdefault("loads", {})
     if not loads and like.get("loads", {}).get("cases"):
         notes.assumed.append("loads of the scene it is to be like are cases, and are not taken over")
-    if not loads.get("live") and not loads.keys() & {"cases", "moving"}:
+    if not loads.get("live") and not loads.keys() & {"cases", "moving", "pushes"}:
         ids = {entry["id"] for entry in document["elements"]}
         fitting = [entry for entry in like.get("loads", {}).get("live", []) if _fits(entry, ids, dimension)]
         loads["live"] = fitting or [{"body": [1.0, 0.0, 0.0][:dimension]}]

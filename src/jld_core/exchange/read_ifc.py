@@ -7,15 +7,18 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import shapely
 
 from jld_core.arrays import Floats
 from jld_core.errors import InputError
 from jld_core.exchange.drawn import MOST
+from jld_core.exchange.holes import without_holes
+from jld_core.exchange.ifc_density import Densities
 from jld_core.exchange.libraries import library, parsing, readable
 from jld_core.exchange.options import ImportOptions, Notes, several
 from jld_core.exchange.solids import Part, Solids
 from jld_core.geometry import Faces
-from jld_core.geometry.unions import extrude, union_outlines
+from jld_core.geometry.unions import Region, extrude, region_of
 from jld_core.scene.units import METRES
 
 _BODY: Final = ("Body", "Facetation")
@@ -38,6 +41,7 @@ def read_ifc(path: Path, options: ImportOptions, notes: Notes) -> Solids:
             raise InputError("", f"it has {len(products)} products", f"at most {MOST}")
         scale = float(import_module("ifcopenshell.util.unit").calculate_unit_scale(model))
         placed = import_module("ifcopenshell.util.placement").get_local_placement
+        densities = Densities(model)
         parts: list[Part] = []
         empty = 0
         for product in products:
@@ -46,15 +50,18 @@ def read_ifc(path: Path, options: ImportOptions, notes: Notes) -> Solids:
                 continue
             title = f"{product.is_a()} {product.Name or product.GlobalId!r}"
             matrix = np.array(placed(product.ObjectPlacement)) if product.ObjectPlacement is not None else np.eye(4)
-            shapes = [s for s in product.Representation.Representations if s.RepresentationIdentifier in _BODY]
-            solids = [solid for shape in shapes for item in shape.Items for solid in _solids(item, title)]
+            solids = [(scale * _moved(points, matrix), faces) for points, faces in _bodies(product, title)]
             if not solids:
                 empty += 1
+            elif getattr(product, "HasOpenings", None):
+                solids = [_opened(product, title)]
             group = _group(product, options)
+            density = densities.of(product, title)
+            keys = {} if density is None else {"density": density}
             for number, (points, faces) in enumerate(solids, 1):
                 name = str(product.Name or product.GlobalId)
                 own = name if len(solids) == 1 else f"{name}.{number}"
-                parts.append(Part(own, group, scale * _moved(points, matrix), faces))
+                parts.append(Part(own, group, points, faces, keys=keys))
     notes.found.append(f"{several(len(parts), 'solid')} of {several(len(products) - empty, 'product')}")
     notes.skip("products", empty, "spaces, openings, or no body")
     unit = next((name for name, size in METRES.items() if abs(size - scale) <= 1e-9 * size), f"{scale:g} m")
@@ -80,6 +87,31 @@ def _group(product: Any, options: ImportOptions) -> str:
 def _moved(points: Floats, matrix: Floats) -> Floats:
     """Return points (k, 3) transformed by a (4, 4) matrix."""
     return np.asarray(points @ matrix[:3, :3].T + matrix[:3, 3])
+
+
+def _bodies(product: Any, title: str) -> list[tuple[Floats, Faces]]:
+    """Read the solids of a product in its own axes and the unit of the file, without its openings."""
+    shapes = [s for s in product.Representation.Representations if s.RepresentationIdentifier in _BODY]
+    return [solid for shape in shapes for item in shape.Items for solid in _solids(item, title)]
+
+
+def _opened(product: Any, title: str) -> tuple[Floats, Faces]:
+    """Return a product less its openings, in m: the difference that the geometry kernel of ifcopenshell computes.
+
+    Raises InputError where an opening is no polyhedron, or takes the whole product away.
+    """
+    for relation in product.HasOpenings:
+        opening = relation.RelatedOpeningElement
+        if opening.Representation is not None:
+            _bodies(opening, f"an opening of {title}")  # curved ones would be read as facets
+    geometry = import_module("ifcopenshell.geom")
+    settings = geometry.settings()
+    settings.set("use-world-coords", True)
+    found = geometry.create_shape(settings, product).geometry
+    points = np.array(found.verts, dtype=float).reshape(-1, 3)
+    if not len(points):
+        raise InputError(title, "its openings leave nothing of it", "openings smaller than the product")
+    return points, tuple((int(a), int(b), int(c)) for a, b, c in np.array(found.faces).reshape(-1, 3))
 
 
 def _refused(item: Any, title: str) -> InputError:
@@ -112,39 +144,43 @@ def _solids(item: Any, title: str) -> list[tuple[Floats, Faces]]:
 def _of_faces(faces: Any, title: str) -> tuple[Floats, Faces]:
     """Convert the faces of a closed shell to vertices (k, 3) and loops of vertex indices.
 
-    Raises InputError for a face with a hole; title: words for the product.
+    A face with holes becomes triangles. title: words for the product.
     """
     number: dict[tuple[float, ...], int] = {}
-    loops = []
+    bounds: list[list[tuple[int, ...]]] = []
     for face in faces:
-        if len(face.Bounds) != 1:
-            raise InputError(title, "it has a face with a hole", "faces without holes")
-        bound = face.Bounds[0]
-        corners = [tuple(float(x) for x in point.Coordinates) for point in bound.Bound.Polygon]
-        loop = tuple(number.setdefault(corner, len(number)) for corner in corners)
-        loops.append(loop if bound.Orientation else loop[::-1])
-    return np.array(list(number)).reshape(-1, 3), tuple(loops)
+        loops = []
+        for bound in face.Bounds:
+            corners = [tuple(float(x) for x in point.Coordinates) for point in bound.Bound.Polygon]
+            loop = tuple(number.setdefault(corner, len(number)) for corner in corners)
+            loops.append(loop if bound.Orientation else loop[::-1])
+        bounds.append(loops)
+    points = np.array(list(number)).reshape(-1, 3)
+    return points, tuple(loop for loops in bounds for loop in without_holes(points, loops, title))
 
 
 def _of_face_set(item: Any, title: str) -> tuple[Floats, Faces]:
     """Convert a tessellated shape to vertices (k, 3) and loops of vertex indices.
 
-    Raises InputError for a face with a hole; title: words for the product.
+    A face with holes becomes triangles. title: words for the product.
     """
     points = np.array(item.Coordinates.CoordList, dtype=float)
     if item.is_a("IfcTriangulatedFaceSet"):
         return points, tuple(tuple(int(k) - 1 for k in loop) for loop in item.CoordIndex)
-    if any(face.is_a("IfcIndexedPolygonalFaceWithVoids") for face in item.Faces):
-        raise InputError(title, "it has a face with a hole", "faces without holes")
-    return points, tuple(tuple(int(k) - 1 for k in face.CoordIndex) for face in item.Faces)
+    named = [(face.CoordIndex, *(getattr(face, "InnerCoordIndices", None) or ())) for face in item.Faces]
+    bounds = [[tuple(int(k) - 1 for k in loop) for loop in loops] for loops in named]
+    for loop in (loop for loops in bounds for loop in loops):
+        if min(loop) < 0 or max(loop) >= len(points):
+            raise InputError(title, f"a face names vertex {max(loop) + 1}", f"1 to {len(points)}")
+    return points, tuple(loop for loops in bounds for loop in without_holes(points, loops, title))
 
 
 def _extruded(item: Any, title: str) -> tuple[Floats, Faces]:
     """Return vertices and faces of an extruded area."""
-    outline = _outline(item.SweptArea, title)
+    region = _profile(item.SweptArea, title)
     along = np.array([float(x) for x in item.ExtrudedDirection.DirectionRatios])
     along *= float(item.Depth) / float(np.linalg.norm(along))
-    surface = extrude(union_outlines([outline])[0], 1.0)
+    surface = extrude(region, 1.0)
     # the prism lies in x–z with unit depth along y: its section becomes x–y, its depth the direction
     points = np.column_stack([surface.points[:, 0], surface.points[:, 2], np.zeros(len(surface.points))])
     points = points + surface.points[:, 1:2] * along
@@ -157,22 +193,50 @@ def _frame(placement: Any) -> Floats:
     return np.array(import_module("ifcopenshell.util.placement").get_axis2placement(placement))
 
 
-def _outline(profile: Any, title: str) -> Floats:
-    """Return the corners (k, 2) of a profile with straight edges and without holes."""
-    if profile.is_a("IfcRectangleProfileDef") and not profile.is_a("IfcRoundedRectangleProfileDef"):
-        x, y = 0.5 * float(profile.XDim), 0.5 * float(profile.YDim)
-        corners = np.array([(-x, -y), (x, -y), (x, y), (-x, y)])
-        if profile.Position is None:
-            return corners
-        frame = _frame(profile.Position)
-        return np.asarray(corners @ frame[:2, :2].T + frame[:2, 3])
-    if not profile.is_a("IfcArbitraryClosedProfileDef") or profile.is_a("IfcArbitraryProfileDefWithVoids"):
+def _profile(profile: Any, title: str) -> Region:
+    """Return the area of a profile with straight edges.
+
+    Raises InputError for another profile, or an outline that crosses itself or its holes; title: words for the product.
+    """
+    rings = _rectangles(profile, title) if profile.is_a("IfcRectangleProfileDef") else _curves(profile, title)
+    area = shapely.Polygon(rings[0], rings[1:])
+    if not area.is_valid or area.area == 0.0:
+        raise InputError(title, "the outline of its profile crosses itself or a hole", "holes inside, apart")
+    return region_of(area)
+
+
+def _rectangles(profile: Any, title: str) -> list[Floats]:
+    """Return the corners (4, 2) of a rectangular profile, and those of its hole where it is hollow."""
+    fillets = [getattr(profile, name, None) for name in ("RoundingRadius", "InnerFilletRadius", "OuterFilletRadius")]
+    if any(fillets):
         raise _refused(profile, title)
-    curve = profile.OuterCurve
+    halves = [(0.5 * float(profile.XDim), 0.5 * float(profile.YDim))]
+    if profile.is_a("IfcRectangleHollowProfileDef"):
+        wall = float(profile.WallThickness)
+        halves.append((halves[0][0] - wall, halves[0][1] - wall))
+        if min(halves[1]) <= 0.0:
+            raise InputError(title, f"its walls are {wall:g} thick", f"less than {min(halves[0]):g}")
+    frame = np.eye(4) if profile.Position is None else _frame(profile.Position)
+    rings = [np.array([(-x, -y), (x, -y), (x, y), (-x, y)]) for x, y in halves]
+    return [np.asarray(ring @ frame[:2, :2].T + frame[:2, 3]) for ring in rings]
+
+
+def _curves(profile: Any, title: str) -> list[Floats]:
+    """Return the corners (k, 2) of the outline of a profile, and of each of its holes."""
+    if not profile.is_a("IfcArbitraryClosedProfileDef"):
+        raise _refused(profile, title)
+    return [_corners(curve, title) for curve in (profile.OuterCurve, *(getattr(profile, "InnerCurves", None) or ()))]
+
+
+def _corners(curve: Any, title: str) -> Floats:
+    """Return the corners (k, 2) of a closed curve with straight edges."""
     if curve.is_a("IfcPolyline"):
         corners = np.array([[float(x) for x in point.Coordinates[:2]] for point in curve.Points])
     elif curve.is_a("IfcIndexedPolyCurve") and not any(s.is_a("IfcArcIndex") for s in curve.Segments or ()):
         corners = np.array(curve.Points.CoordList, dtype=float)[:, :2]
     else:
         raise _refused(curve, title)
-    return corners[:-1] if np.allclose(corners[0], corners[-1]) else corners
+    corners = corners[:-1] if np.allclose(corners[0], corners[-1]) else corners
+    if len(corners) < 3:
+        raise InputError(title, f"a curve of its profile has {len(corners)} corners", "at least 3")
+    return corners

@@ -8,6 +8,7 @@ import numpy as np
 
 from jld_core.arrays import Floats
 from jld_core.errors import InputError
+from jld_core.exchange.holes import without_holes
 from jld_core.geometry import Faces
 
 _PLANE: Final = 1e-6
@@ -17,8 +18,8 @@ _PLANE: Final = 1e-6
 def polyhedron(geometry: Any, title: str) -> tuple[Floats, Faces]:
     """Return vertices (k, 3) and faces of a mesh, extrusion or polysurface of rhino3dm.
 
-    title: words for the object in messages. Raises InputError for an object that is open or has a curved face, or a
-    face with a hole.
+    title: words for the object in messages. Raises InputError for an object that is open or has a curved face. A face
+    with holes becomes triangles.
     """
     if type(geometry).__name__ == "Mesh":
         return _of_mesh(geometry)
@@ -33,16 +34,20 @@ def polyhedron(geometry: Any, title: str) -> tuple[Floats, Faces]:
     for face in solid.Faces:
         if not face.IsPlanar(near):
             raise InputError(title, "it has a curved face", "plane faces with straight edges; mesh it in Rhino")
-        if len(face.Loops) > 1:
-            raise InputError(title, "it has a face with a hole", "faces without holes; mesh it in Rhino")
-        trims = face.OuterLoop.Trims
-        loop = [int(trims[k].StartVertexIndex) for k in range(len(trims))]
-        if len(set(loop)) < 3:
-            raise InputError(title, f"a face has {len(set(loop))} corners", "at least 3")
-        faces.append(tuple(loop[::-1] if face.OrientationIsReversed else loop))
+        loops = [_corners(loop.Trims) for loop in face.Loops]
+        short = min(len(set(loop)) for loop in loops)
+        if short < 3:
+            raise InputError(title, f"a face has {short} corners", "at least 3")
+        turned = [loop[::-1] if face.OrientationIsReversed else loop for loop in loops]
+        faces += without_holes(points, turned, title)
     if not solid.IsSolid:
         raise InputError(title, "it is open", "a closed polysurface")
     return points, tuple(faces)
+
+
+def _corners(trims: Any) -> tuple[int, ...]:
+    """Return the indices of the vertices along a loop of a face."""
+    return tuple(int(trims[k].StartVertexIndex) for k in range(len(trims)))
 
 
 def _of_mesh(mesh: Any) -> tuple[Floats, Faces]:

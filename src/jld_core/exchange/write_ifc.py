@@ -9,12 +9,14 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core.exchange.block_facts import BlockFacts, block_facts
+from jld_core.exchange.ifc_density import DENSITY
+from jld_core.exchange.ifc_density import PROPERTIES as MATERIAL_PROPERTIES
 from jld_core.exchange.layout import Layout
 from jld_core.exchange.libraries import library
 from jld_core.exchange.write_mesh import solids_of
 from jld_core.files import printable
 from jld_core.geometry.unions import Surface
-from jld_core.scene.units import METRES
+from jld_core.scene.units import METRES, NEWTONS
 
 _SPACE: Final = uuid.UUID("7046bc60-2e03-5556-92a4-4d5840e259ee")
 """Namespace of the name-based identifiers of written objects."""
@@ -44,6 +46,10 @@ def write_ifc(layout: Layout, path: Path, *, cells: bool) -> None:
         for number, (name, support, surface) in enumerate(solids_of(layout, cells=cells))
     ]
     file.contain(elements)
+    own = layout.assembly.elements if cells else None
+    masses = own.mass.tolist() if own is not None else [facts[k].mass for k in owner]
+    volumes = own.volume.tolist() if own is not None else [facts[k].volume for k in owner]
+    file.materials(elements, masses, volumes)
     path.write_text(file.model.to_string(), encoding="ascii")  # errors of its own writer name no reason
 
 
@@ -62,11 +68,18 @@ class _Ifc:
         make = self.model.create_entity
         unit = layout.assembly.units[0]
         self._scale = 1.0 if unit in _PREFIX else METRES.get(unit, 1.0)
+        # masses are weights over gravity in m/s²: kg where forces are in N
+        self._kilograms = NEWTONS.get(layout.assembly.units[1], 1.0)
+        self._cubic_metres = METRES.get(unit, 1.0) ** 3
+        mass = make("IfcSIUnit", UnitType="MASSUNIT", Prefix="KILO", Name="GRAM")
+        metre = make("IfcSIUnit", UnitType="LENGTHUNIT", Name="METRE")
+        powers = [make("IfcDerivedUnitElement", mass, 1), make("IfcDerivedUnitElement", metre, -3)]
         units = [
             make("IfcSIUnit", UnitType="LENGTHUNIT", Prefix=_PREFIX.get(unit), Name="METRE"),
             make("IfcSIUnit", UnitType="AREAUNIT", Name="SQUARE_METRE"),
             make("IfcSIUnit", UnitType="VOLUMEUNIT", Name="CUBIC_METRE"),
-            make("IfcSIUnit", UnitType="MASSUNIT", Prefix="KILO", Name="GRAM"),
+            mass,
+            make("IfcDerivedUnit", Elements=powers, UnitType="MASSDENSITYUNIT"),
             make("IfcSIUnit", UnitType="PLANEANGLEUNIT", Name="RADIAN"),
         ]
         self._world = make("IfcAxis2Placement3D", Location=make("IfcCartesianPoint", Coordinates=(0.0, 0.0, 0.0)))
@@ -134,7 +147,7 @@ class _Ifc:
         )
         properties = [
             make("IfcPropertySingleValue", Name=key, NominalValue=make(kind, value))
-            for key, kind, value in _values(facts)
+            for key, kind, value in _values(facts, self._kilograms)
         ]
         found = make(
             "IfcPropertySet", GlobalId=self._id(f"properties {name}"), Name=PROPERTIES, HasProperties=properties
@@ -167,14 +180,39 @@ class _Ifc:
             RelatingStructure=self._building,
         )
 
+    def materials(self, elements: list[Any], masses: list[float], volumes: list[float]) -> None:
+        """Add a material of each mass density, kg/m³, and relate the elements to theirs.
 
-def _values(facts: BlockFacts) -> list[tuple[str, str, Any]]:
-    """Return name, IFC type and value of each property of a block that is known."""
+        masses, volumes: of each element, scene units. Elements without mass, as supports often are, get none.
+        """
+        make = self.model.create_entity
+        by_density: dict[float, list[Any]] = {}
+        for element, mass, volume in zip(elements, masses, volumes, strict=True):
+            if mass > 0.0 and volume > 0.0:
+                density = float(f"{mass * self._kilograms / (volume * self._cubic_metres):.12g}")
+                by_density.setdefault(density, []).append(element)
+        for density, own in by_density.items():
+            material = make("IfcMaterial", Name=f"{density:.12g} kg/m3")
+            stated = make("IfcPropertySingleValue", Name=DENSITY, NominalValue=make("IfcMassDensityMeasure", density))
+            make("IfcMaterialProperties", Name=MATERIAL_PROPERTIES, Properties=[stated], Material=material)
+            make(
+                "IfcRelAssociatesMaterial",
+                GlobalId=self._id(f"material {density:.12g}"),
+                RelatedObjects=own,
+                RelatingMaterial=material,
+            )
+
+
+def _values(facts: BlockFacts, kilograms: float) -> list[tuple[str, str, Any]]:
+    """Return name, IFC type and value of each property of a block that is known.
+
+    kilograms: in the unit of mass of the scene.
+    """
     found: list[tuple[str, str, Any]] = [
         ("Block", "IfcLabel", printable(facts.block)),
         ("Elements", "IfcText", printable(" ".join(facts.elements))),
         ("Support", "IfcBoolean", facts.support),
-        ("Mass", "IfcMassMeasure", facts.mass),
+        ("Mass", "IfcMassMeasure", kilograms * facts.mass),
         ("DryFacesTo", "IfcText", printable(" ".join(facts.dry))),
         ("InnerFaces", "IfcInteger", facts.inner),
     ]

@@ -128,7 +128,7 @@ def extrude(region: Region, depth: float) -> Surface:
     rings = (region.shell, *region.holes)
     flat = np.concatenate(rings)
     count = len(flat)
-    cap = _triangles(flat, _numbered(rings))
+    cap = triangulate_region(flat, _numbered(rings))
     points = np.concatenate([np.column_stack([flat[:, 0], np.full(count, y), flat[:, 1]]) for y in (0.0, depth)])
     # Seen from −y with x to the right and z up, counter-clockwise rings face outward; sides run from there along +y.
     front = [tuple(t) for t in cap]
@@ -196,7 +196,7 @@ def union_solids(vertices: Sequence[Floats], faces: Sequence[Faces]) -> Surface:
             continue
         frame = -across(normal)
         local = points @ frame.T
-        cut = [(a, b, c) for a, b, c in _triangles(local, full)]
+        cut = [(a, b, c) for a, b, c in triangulate_region(local, full)]
         triangles += cut
         found += [tuple(full[0])] if len(full) == 1 else [tuple(t) for t in cut]
     return Surface(points, tuple(found), tuple(triangles))
@@ -295,7 +295,7 @@ def _numbered(rings: Sequence[Floats]) -> list[list[int]]:
     return [list(range(a, b)) for a, b in zip(stops[:-1].tolist(), stops[1:].tolist(), strict=True)]
 
 
-def _triangles(points: Floats, loops: Sequence[Sequence[int]]) -> list[tuple[int, int, int]]:
+def triangulate_region(points: Floats, loops: Sequence[Sequence[int]]) -> list[tuple[int, int, int]]:
     """Triangulate a shell and its holes counter-clockwise without additional points.
 
     points: (k, 2) coordinates that the loops refer to.

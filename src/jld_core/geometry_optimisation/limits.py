@@ -16,7 +16,7 @@ from jld_core.geometry_optimisation.equal_shapes import EqualShapes, equal_corne
 from jld_core.geometry_optimisation.planar_rates import AreaRates, area_rates
 from jld_core.geometry_optimisation.vertex_mesh import VertexMesh
 from jld_core.scene import PointLoad, Scene
-from jld_core.scene.loads import BodyLoad, FaceLoad
+from jld_core.scene.loads import FaceLoad, LoadEntry
 from jld_core.scene.move import Move
 
 EDGE: Final = 0.15
@@ -288,13 +288,15 @@ def _loads_on_edges(scene: Scene, assembly: Assembly, mesh: VertexMesh) -> list[
     """Return place (2,), edge and half width of each point load on its element's outline.
 
     An edge is given by its first and last vertex. Loads inside elements are left out; half widths are 0 where none is
-    stated. Raises InputError for moving loads and pressure on faces.
+    stated. Raises InputError for fill, moving loads and pressure on faces.
     """
     loads = scene.loads
-    entries: list[PointLoad | BodyLoad | FaceLoad] = [*loads.dead, *(loads.live or [])]
+    entries: list[LoadEntry] = [*loads.dead, *(loads.live or [])]
     for case in loads.cases or []:
         entries += [*case.dead, *case.live]
     found = []
+    if scene.fill is not None:
+        raise InputError("fill", "its loads do not move with the joints", "point loads in place of it")
     if loads.moving:
         raise InputError("loads.moving", "its places do not move with the joints", '"cases" with point loads')
     for entry in entries:

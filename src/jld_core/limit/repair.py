@@ -76,6 +76,24 @@ class Repair:
         state = self.prover.state(self._largest_slack_solution(labels).point[: self.template.columns], labels, passes=3)
         return state if state.admissible else None
 
+    def standing_state(self, labels: Bits) -> State | None:
+        """Find the state of largest least slack at λ = 0.
+
+        Parameters
+        ----------
+        labels : (m,) bool array
+            Labels, True = dry.
+
+        Returns
+        -------
+        State or None
+            Admissible state, in which yield rows are slack where they can be; None if none is found.
+        """
+        raw = solve_auxiliary(largest_slack_program(self.template.program(labels), load_fixed=True), 1e-8)
+        point = np.append(raw.point[: self.template.columns - 1], 0.0)
+        state = self.prover.state(point, labels, passes=3, held=True)
+        return state if state.admissible else self.boundary_state(raw.point, labels, load_fixed=True)
+
     def stands(self, labels: Bits) -> bool | None:
         """Decide whether λ = 0 is admissible.
 

@@ -120,7 +120,7 @@ class LimitAnalysisResult(NotebookRepr):
     @property
     def warnings(self) -> list[str]:
         """Return the warnings about the scene and this result, one sentence each."""
-        return [*self.assembly.warnings, *self.notes, *([self.reason] if self.reason else [])]
+        return [*self.assembly.warnings, *self.assembly.notes, *self.notes, *([self.reason] if self.reason else [])]
 
     @property
     def zero_dilation(self) -> ZeroDilation | None:

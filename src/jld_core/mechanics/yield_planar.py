@@ -172,6 +172,10 @@ class PlanarYield(Frictional):
         shares = [np.where(labels, dry, inner), used(v, capacity, least), pulled, pressed]
         return np.asarray(np.clip(np.max(shares, axis=0), 0.0, 1.0))
 
+    def with_strengths(self, sets: Strengths) -> PlanarYield:
+        """Return the yield sets of the same faces with other scaled strengths, and their rows."""
+        return PlanarYield(**vars(sets), pattern=_planar_rows(sets))
+
     def hull(self) -> Rows:
         """Return yield rows that enclose the sets of both labels of each face, see `hull_rows`."""
         every = np.ones(len(self.friction), dtype=bool)

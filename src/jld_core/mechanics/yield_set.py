@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.assembly import Assembly
+from jld_core.assembly import Assembly, Strengths
 from jld_core.errors import InputError
 
 
@@ -289,6 +289,12 @@ class FrictionSet(YieldSet, Protocol):
         """Return the shear dissipation (m,) of scaled jumps (m, q), per unit of shear capacity.
 
         The value is |s| in the plane and max(|s|, |ω|) in space, with slip s and spin ω about the normal.
+        """
+
+    def with_strengths(self, sets: Strengths) -> FrictionSet:
+        """Return the yield sets of the same faces with other strengths, and their rows.
+
+        sets: scaled strengths (m,); the same ones are infinite as before.
         """
 
     def with_friction(self, share: float) -> FrictionSet:

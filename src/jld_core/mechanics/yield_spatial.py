@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats
-from jld_core.assembly import Assembly
+from jld_core.assembly import Assembly, Strengths
 from jld_core.errors import InputError
 from jld_core.mechanics.bending import Bending, InnerBending, bending_of
 from jld_core.mechanics.frictional import Frictional, scaled_strengths
@@ -197,6 +197,11 @@ class SpatialYield(Frictional):
     def parabolic_bending(self, *, undecided: bool) -> ParabolicBending | None:
         """Return None: parabolic sets exist in the plane only."""
         return None
+
+    def with_strengths(self, sets: Strengths) -> SpatialYield:
+        """Return the yield sets of the same faces with other scaled strengths, and their rows."""
+        rows = spatial_rows(sets, self.point, self.bending)
+        return SpatialYield(**vars(sets), point=self.point, bending=self.bending, pattern=rows)
 
     def coulomb_wedge(self, dry: bool) -> CoulombWedge | None:
         """Return None: wedges exist in the plane only."""

@@ -105,7 +105,7 @@ class FieldResult:
             "elements": len(ids),
             "interfaces": len(faces),
             "seconds": {"total": self.seconds},
-            "warnings": list(self.assembly.warnings),
+            "warnings": [*self.assembly.warnings, *self.assembly.notes],
             **(
                 {
                     "governing": list(self.cases)[found.case],

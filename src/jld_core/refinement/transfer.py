@@ -55,8 +55,7 @@ def loads_of(loads: dict[str, Any], assembly: Assembly, cut_up: list[list[Piece]
         return {**entry, "element": f"{entry['element']}.{number}", **more}
 
     found: dict[str, Any] = {key: [moved(entry) for entry in loads[key]] for key in ("live", "dead") if key in loads}
-    if "moving" in loads:
-        found["moving"] = loads["moving"]
+    found |= {key: loads[key] for key in ("moving", "pushes") if key in loads}
     if "cases" in loads:
         found["cases"] = [
             {**case, **{key: [moved(e) for e in case[key]] for key in ("live", "dead") if key in case}}

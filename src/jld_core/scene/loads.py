@@ -8,7 +8,8 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 
 from jld_core.errors import InputError
 from jld_core.scene.complaints import first_complaint
-from jld_core.scene.part import NonNegative, Pair, Part, Positive, Vector
+from jld_core.scene.fill import FillLoad
+from jld_core.scene.part import Loading, LoadVector, NonNegative, Pair, Part, Positive, VaryingPositive, Vector
 
 
 class PointLoad(Part):
@@ -29,10 +30,10 @@ class PointLoad(Part):
     """
 
     element: Annotated[str, Field(description='the id of a free element, or "body" for a load on all')]
-    force: Annotated[Vector | None, Field(description="a vector")] = None
+    force: Annotated[LoadVector | None, Field(description="a vector")] = None
     at: Annotated[Vector | None, Field(description="a point")] = None
     moment: Annotated[
-        float | Annotated[list[float], Field(min_length=3, max_length=3)],
+        Loading | Annotated[list[Loading], Field(min_length=3, max_length=3)],
         Field(description="a number, spatial a vector"),
     ] = 0.0
     width: Annotated[Positive | None, Field(description="a length above 0")] = None
@@ -89,7 +90,7 @@ class FaceLoad(Part):
 
     face: FacePlace
     pressure: Annotated[
-        float | Annotated[list[float], Field(min_length=2, max_length=2)],
+        Loading | Annotated[list[Loading], Field(min_length=2, max_length=2)],
         Field(description="a number, or two at the first and last point"),
     ]
 
@@ -110,11 +111,19 @@ class BodyLoad(Part):
         Vector, dimensionless.
     """
 
-    body: Annotated[Vector, Field(description="a vector")]
+    body: Annotated[LoadVector, Field(description="a vector")]
+
+
+_KINDS: Final[dict[str, type[BodyLoad] | type[FaceLoad] | type[FillLoad]]] = {
+    "body": BodyLoad,
+    "face": FaceLoad,
+    "on_fill": FillLoad,
+}
+"""Kinds of load entries by the key that tells them apart; others are point loads."""
 
 
 def _tell_the_kinds_apart(entries: Any) -> Any:
-    """Validate load entries as body loads, pressures or point loads, chosen by their keys.
+    """Validate load entries as body loads, pressures, loads on fill or point loads, chosen by their keys.
 
     Error messages then refer to the kind of load that was meant.
     """
@@ -122,8 +131,11 @@ def _tell_the_kinds_apart(entries: Any) -> Any:
         return entries
     kinds: list[Any] = []
     for index, entry in enumerate(entries):
+        if isinstance(entry, PointLoad | BodyLoad | FaceLoad | FillLoad):
+            kinds.append(entry)
+            continue
         body = isinstance(entry, dict) and "body" in entry
-        kind = BodyLoad if body else FaceLoad if isinstance(entry, dict) and "face" in entry else PointLoad
+        kind = next((kind for key, kind in _KINDS.items() if isinstance(entry, dict) and key in entry), PointLoad)
         if body and len(entry) > 1:
             other = next(key for key in entry if key != "body")
             raise InputError(
@@ -134,14 +146,17 @@ def _tell_the_kinds_apart(entries: Any) -> Any:
         try:
             kinds.append(kind.model_validate(entry))
         except ValidationError as error:
-            known = ("body", *FaceLoad.model_fields, *PointLoad.model_fields)
+            known = ("body", *FaceLoad.model_fields, *FillLoad.model_fields, *PointLoad.model_fields)
             found = first_complaint(error, kind, known)
             where = f"[{index}]" + (f".{found.where}" if found.where else "")
             raise InputError(where, found.problem, found.expected) from None
     return kinds
 
 
-_Entries = list[PointLoad | BodyLoad | FaceLoad]
+LoadEntry = PointLoad | BodyLoad | FaceLoad | FillLoad
+"""One entry of a list of loads."""
+
+_Entries = list[LoadEntry]
 """Load entries of a scene."""
 
 
@@ -162,9 +177,9 @@ class Case(Part):
     ----------
     name : str
         Name, different from those of other cases.
-    live : list of PointLoad, BodyLoad or FaceLoad
+    live : list of LoadEntry
         Loads that are multiplied by λ.
-    dead : list of PointLoad, BodyLoad or FaceLoad
+    dead : list of LoadEntry
         Loads that act beside the dead loads of all cases.
     required : float
         Required load factor, by which λ of the case is divided.
@@ -184,7 +199,7 @@ class Axle(Part):
     weight: force. distance: from the axle before it, length; ignored for the first axle.
     """
 
-    weight: Annotated[Positive, Field(description="a force above 0")]
+    weight: Annotated[VaryingPositive, Field(description="a force above 0")]
     distance: NonNegative = 0.0
 
 
@@ -215,32 +230,59 @@ class MovingLoad(Part):
     required: Positive = 1.0
 
 
-class Loads(Part):
-    """Dead loads, and either live loads, or load cases and moving loads.
+class Pushes(Part):
+    """Horizontal forces in several directions, in proportion to weight; each direction is a load case.
 
     Attributes
     ----------
-    dead : list of PointLoad, BodyLoad or FaceLoad
+    name : str
+        First word of the names of its load cases.
+    of_weight : float
+        Share of the weight of each free element that pushes it.
+    directions : int or list of list of float
+        Number of horizontal directions at equal angles, planar 1 or 2; or vectors, of which only the direction counts.
+    required : float
+        Required load factor of every direction.
+    """
+
+    name: Annotated[str, Field(min_length=1, description="a name of its own")] = "push"
+    of_weight: Annotated[Positive, Field(description="a share of the weight above 0")] = 1.0
+    directions: Annotated[
+        Annotated[int, Field(ge=1, le=360)] | Annotated[list[Vector], Field(min_length=1)],
+        Field(description="a number of directions, or a list of vectors"),
+    ]
+    required: Positive = 1.0
+
+
+class Loads(Part):
+    """Dead loads, and either live loads, or load cases, moving loads and pushes.
+
+    Attributes
+    ----------
+    dead : list of LoadEntry
         Loads beside self-weight that are not multiplied by λ.
-    live : list of PointLoad, BodyLoad or FaceLoad, or None
+    live : list of LoadEntry or None
         Loads that are multiplied by λ; None if there are load cases or moving loads.
     cases : list of Case or None
         Load cases; None if none is stated.
     moving : list of MovingLoad or None
         Vehicles of which every position is a load case; None for none.
+    pushes : Pushes or None
+        Pushes of which every direction is a load case; None for none.
     """
 
     dead: _Entries = []
     live: Annotated[_Entries | None, Field(description="a list of loads that are multiplied by λ")] = None
     cases: Annotated[list[Case] | None, Field(min_length=1)] = None
     moving: Annotated[list[MovingLoad] | None, Field(min_length=1, description="a list of moving loads")] = None
+    pushes: Annotated[Pushes | None, Field(description='an object with "directions"')] = None
 
     _kinds = field_validator("dead", "live", mode="before")(_tell_the_kinds_apart)
 
     @model_validator(mode="after")
     def _one_or_several(self) -> Self:
-        """Check that live loads are given, or load cases and moving loads."""
-        several = "cases" if self.cases is not None else "moving" if self.moving is not None else ""
+        """Check that live loads are given, or load cases, moving loads or pushes."""
+        several = next((key for key in ("cases", "moving", "pushes") if getattr(self, key) is not None), "")
         if self.live is None and not several:
             raise InputError(".live", "missing", 'a list of loads that are multiplied by λ, or "cases"')
         if self.live is not None and several:
@@ -251,7 +293,7 @@ class Loads(Part):
 
     @property
     def has_cases(self) -> bool:
-        """Return True if the loads are load cases, stated or from moving loads."""
+        """Return True if the loads are load cases, stated or from moving loads and pushes."""
         return self.live is None
 
 

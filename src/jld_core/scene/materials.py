@@ -8,7 +8,7 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 
 from jld_core.errors import InputError
-from jld_core.scene.part import Angle, NonNegative, Pair, Part, PositiveValue, Value, Vector
+from jld_core.scene.part import Angle, NonNegative, Pair, Part, PositiveValue, Value, Vector, Weighing
 
 
 class Dry(Part):
@@ -192,7 +192,7 @@ class Materials(Part):
         Materials of the faces between pairs of elements.
     """
 
-    density: NonNegative | None = None
+    density: Weighing | None = None
     gravity: Annotated[float | Vector, Field(description="a number or a vector")] = 9.81
     dry: Dry | None = None
     inner: Inner | None = None

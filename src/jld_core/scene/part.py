@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from jld_core.scene.spread import MaySpread
+from jld_core.scene.uncertain import MayVary, MayVaryInSize
 
 LabelName = Literal["dry", "inner"]
 """Name of a label."""
@@ -31,6 +32,19 @@ PositiveValue = Annotated[float, Field(gt=0), MaySpread()]
 
 Angle = Annotated[float, Field(ge=0, lt=90), MaySpread()]
 """Angle of friction, degrees: a number, or an object with nominal and low value."""
+
+
+Weighing = Annotated[float, Field(ge=0), MayVary()]
+"""Density or weight of at least 0: a number, or an object with its distribution."""
+
+Loading = Annotated[float, MayVary(each=False)]
+"""Number of a load, or an object with its distribution."""
+
+VaryingPositive = Annotated[float, Field(gt=0), MayVary(each=False)]
+"""Number of a load above 0, or an object with its distribution."""
+
+LoadVector = Annotated[list[Loading], Field(min_length=2, max_length=3), MayVaryInSize()]
+"""Vector of a load, whose components or size may have distributions."""
 
 
 class Part(BaseModel):

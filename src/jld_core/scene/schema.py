@@ -9,12 +9,26 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, field_validator, model_validator
 
 from jld_core.errors import InputError
+from jld_core.notebook_repr import Showable
 from jld_core.scene.cracks import FORMS, CrackModel, cracks_by_kind
+from jld_core.scene.design import Design
+from jld_core.scene.fill import Fill
 from jld_core.scene.loads import Loads, Settling, require_unique_names
 from jld_core.scene.materials import Materials
 from jld_core.scene.members import Member
 from jld_core.scene.move import Move
-from jld_core.scene.part import Angle, LabelName, NonNegative, Pair, Part, Positive, PositiveValue, Value, Vector
+from jld_core.scene.part import (
+    Angle,
+    LabelName,
+    NonNegative,
+    Pair,
+    Part,
+    Positive,
+    PositiveValue,
+    Value,
+    Vector,
+    Weighing,
+)
 from jld_core.scene.search import Labels, Search
 
 
@@ -94,8 +108,8 @@ class Element(Part):
         None
     )
     faces: Annotated[list[Annotated[list[int], Field(min_length=3)]], Field(min_length=4)] | None = None
-    weight: NonNegative | None = None
-    density: NonNegative | None = None
+    weight: Weighing | None = None
+    density: Weighing | None = None
     volume: Positive | None = None
     centroid: Vector | None = None
     block: str | None = None
@@ -171,7 +185,7 @@ class Contact(Part):
         return self
 
 
-class Scene(Part):
+class Scene(Part, Showable):
     """Validated scene file; geometry is given as either "grid" or "elements".
 
     Attributes
@@ -198,6 +212,8 @@ class Scene(Part):
         Dead and live loads, or load cases.
     members : list of Member
         Ties, tendons and pins.
+    fill : Fill or None
+        Soil on a planar structure.
     settlements : list of Settling
         Movements of supports.
     labels : Labels
@@ -208,6 +224,8 @@ class Scene(Part):
         Crack model of the blocks.
     move : Move or None
         Joints that `jld move` moves, and their limits.
+    design : Design or None
+        Partial factors of the design check; None for the default set.
     """
 
     name: Annotated[str, Field(min_length=1)] = "scene"
@@ -223,11 +241,13 @@ class Scene(Part):
     materials: Annotated[Materials, Field(description='an object with "dry", "inner" or both')]
     loads: Annotated[Loads, Field(description='an object with "live"')]
     members: list[Member] = []
+    fill: Fill | None = None
     settlements: list[Settling] = []
     labels: Labels = Labels()
     search: Search = Search()
     cracks: Annotated[CrackModel, Field(description=FORMS)] = "faces"
     move: Move | None = None
+    design: Design | None = None
 
     _crack_model = field_validator("cracks", mode="before")(cracks_by_kind)
 
@@ -276,11 +296,15 @@ class Scene(Part):
     def fingerprint(self) -> str:
         """Return the hex digest of all keys that results depend on.
 
-        Records of a search are found by it. Name, source, notes, expected and move are left out.
+        Records of a search are found by it. Name, source, notes, expected, move and design are left out.
         """
-        content = self.model_dump(mode="json", exclude={"name", "source", "notes", "expected", "move"})
+        content = self.model_dump(mode="json", exclude={"name", "source", "notes", "expected", "move", "design"})
         if not self.members:  # scenes without members keep the digest that they had before there were any
             del content["members"]
+        if self.fill is None:
+            del content["fill"]
+        if self.loads.pushes is None:
+            del content["loads"]["pushes"]
         dry = [content["materials"]["dry"], *(one["dry"] for one in content["materials"]["faces"])]
         for one in dry:  # the same for joints without bond
             if one is not None and not one["tensile_strength"]:

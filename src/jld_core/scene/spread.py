@@ -9,6 +9,7 @@ from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, ValidatorFuncti
 from pydantic_core import CoreSchema, core_schema
 
 from jld_core.errors import InputError
+from jld_core.scene import uncertain
 
 _KEYS = ("nominal", "low")
 """Keys of a value with a nominal and a low value."""
@@ -32,7 +33,7 @@ class Spread(float):
 
 @dataclass(frozen=True)
 class MaySpread:
-    """Annotation of a pydantic field whose number may be given as nominal and low value."""
+    """Annotation of a field whose number may have a nominal and a low value, or uncertainty."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         written = core_schema.plain_serializer_function_ser_schema(_written)
@@ -46,16 +47,20 @@ class MaySpread:
             "required": list(_KEYS),
             "additionalProperties": False,
         }
-        return {"anyOf": [number, both]}
+        return {"anyOf": [number, both, uncertain.object_schema(number)]}
 
 
 def _read(value: Any, number: ValidatorFunctionWrapHandler) -> Any:
-    """Validate a number, or an object {"nominal", "low"}, which becomes a `Spread`.
+    """Validate a number, or an object {"nominal", "low"}, which becomes a `Spread`, or one with uncertainty.
 
     number: validator of the number. Raises InputError for other keys, or a low value above the nominal one.
     """
-    if isinstance(value, Spread) or not isinstance(value, dict):
-        return value if isinstance(value, Spread) else number(value)
+    if isinstance(value, Spread | uncertain.Uncertain):
+        return value
+    if not isinstance(value, dict):
+        return number(value)
+    if uncertain.is_uncertain(value):
+        return uncertain.read_uncertain(value, number)
     if set(value) != set(_KEYS):
         odd = next((key for key in value if key not in _KEYS), None)
         problem = f'"{odd}" stands there' if odd is not None else "one of two values is missing"
@@ -67,8 +72,8 @@ def _read(value: Any, number: ValidatorFunctionWrapHandler) -> Any:
 
 
 def _written(value: Any) -> Any:
-    """Return a value for JSON: an object {"nominal", "low"} for a `Spread`, else unchanged."""
-    return {"nominal": float(value), "low": value.low} if isinstance(value, Spread) else value
+    """Return a value for JSON: an object for a `Spread` or a value with uncertainty, else unchanged."""
+    return {"nominal": float(value), "low": value.low} if isinstance(value, Spread) else uncertain.written(value)
 
 
 def lowered(document: Any) -> Any:

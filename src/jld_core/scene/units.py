@@ -44,13 +44,15 @@ _EXAMPLES: Final = {_FORCE: "10 kN", _LENGTH: "1.2 m", _MOMENT: "3 kN·m", _STRE
 
 QUANTITIES: Final[dict[str, _Powers]] = {
     **dict.fromkeys(("force", "weight", "tension", "compression", "prestress", "shear"), _FORCE),
-    **dict.fromkeys(("at", "width", "path", "distance", "along", "thickness"), _LENGTH),
+    **dict.fromkeys(("at", "width", "path", "distance", "along", "thickness", "level"), _LENGTH),
     "moment": _MOMENT,
-    **dict.fromkeys(("pressure", "tensile_strength", "shear_strength", "compressive_strength", "cohesion"), _STRESS),
+    **dict.fromkeys(
+        ("pressure", "surcharge", "tensile_strength", "shear_strength", "compressive_strength", "cohesion"), _STRESS
+    ),
 }
 """Keys of a scene whose numbers may be texts, and powers of force and length of what they hold."""
 
-_SPREAD: Final = ("nominal", "low")
+_SPREAD: Final = ("nominal", "low", "mean")
 """Keys of an object that stands for one number."""
 
 _TEXT: Final = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.].*?)?\s*")

@@ -49,7 +49,8 @@ def facts_of_assembly(assembly: Assembly) -> dict[str, str]:
     length = assembly.units[0]
     structure = Template(assembly.by_case[0]).structure
     dry = int(np.count_nonzero(assembly.labels))
-    kinds = [f"{members.kinds.count(kind)} {kind}s" for kind in ("tie", "tendon", "pin") if kind in members.kinds]
+    names = {"tie": "ties", "tendon": "tendons", "pin": "pins", "fill": "pressures of fill"}
+    kinds = [f"{members.kinds.count(kind)} {words}" for kind, words in names.items() if kind in members.kinds]
     kind = "second-order cone program" if structure.cones else "linear program"
     return {
         "dimension": "planar" if assembly.dimension == 2 else "spatial",
@@ -248,18 +249,20 @@ register_repr(Assembly, AssemblyView())
 register_repr(LimitAnalysisResult, ResultView())
 
 
-def page(title: str, facts: Mapping[str, str], drawing: str | None, *tables: str) -> str:
+def page(title: str, facts: Mapping[str, str], drawing: str | bytes | None, *tables: str) -> str:
     """Return HTML that shows one object in a notebook: title, facts, drawing, further tables.
 
-    facts: texts by name. drawing: SVG text, or None where it is too large. tables: HTML, appended unchanged.
+    facts: texts by name. drawing: SVG text or the content of a PNG file, None where it is too large. tables: HTML,
+    appended unchanged.
     """
     cell = 'style="text-align: left; vertical-align: top"'
     rows = "".join(f"<tr><th {cell}>{escape(k)}</th><td {cell}>{escape(v)}</td></tr>" for k, v in facts.items())
     picture = f"<p>more than {LARGEST} elements: drawn only by <code>jld_core.views.figures</code></p>"
     if drawing is not None:
         # a separate image, since ids inside the drawing would collide with those of other drawings on the page
-        data = base64.b64encode(drawing.encode()).decode("ascii")
-        picture = f'<img alt="{escape(title)}" style="max-width: 100%" src="data:image/svg+xml;base64,{data}">'
+        kind, content = ("svg+xml", drawing.encode()) if isinstance(drawing, str) else ("png", drawing)
+        data = base64.b64encode(content).decode("ascii")
+        picture = f'<img alt="{escape(title)}" style="max-width: 100%" src="data:image/{kind};base64,{data}">'
     return f"<div><p><strong>{escape(title)}</strong></p><table>{rows}</table>{picture}{''.join(tables)}</div>"
 
 

@@ -79,7 +79,7 @@ def extent(assembly: Assembly, projection: Projection, move: Move | None = None)
     move: displacement function (element, points) → points, if any.
     """
     shapes = [shape if move is None else move(k, shape) for k, shape in enumerate(assembly.elements.shape)]
-    points = projection(np.vstack(shapes))
+    points = projection(np.vstack([*shapes, *assembly.fill]))
     return points.min(axis=0), points.max(axis=0)
 
 

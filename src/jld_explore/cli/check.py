@@ -40,12 +40,14 @@ def load(path: Path, strict: bool = False) -> tuple[Scene, Assembly]:
 
 
 def warn_of(path: Path, assembly: Assembly) -> None:
-    """Write the plausibility warnings of an assembly to stderr, each with the file's name.
+    """Write the plausibility warnings and the notes of an assembly to stderr, each with the file's name.
 
     Call it after all checks that may refuse the scene.
     """
     for warning in assembly.warnings:
         warn(f"jld: warning: {path}: {warning}")
+    for note in assembly.notes:
+        warn(f"jld: note: {path}: {note}")
 
 
 def check_search(path: Path, scene: Scene, assembly: Assembly) -> SearchSpace:

@@ -18,6 +18,7 @@ from jld_explore.cli.streams import say
 _FUNCTIONS: Final = {
     "assembly": ("assembly", "assembly"),
     "check": ("check", "check"),
+    "check-design": ("check_design", "check_design"),
     "design": ("designing", "design"),
     "experiment": ("experiment", "experiment"),
     "explore": ("explore", "explore_command"),
@@ -26,6 +27,7 @@ _FUNCTIONS: Final = {
     "move": ("moving", "move"),
     "plot": ("plot", "plot_command"),
     "refine": ("exchange", "refine_command"),
+    "reliability": ("reliability", "reliability"),
     "report": ("printing", "report"),
     "settlement": ("settlement", "settlement"),
     "solve": ("solve", "solve"),

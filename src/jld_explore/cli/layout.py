@@ -12,6 +12,7 @@ from jld_core.errors import ParameterError, error_context
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.scene import Scene, load_scene
 from jld_core.scene.cracks import FieldCracks
+from jld_explore.cli.streams import warn
 from jld_explore.report import Exploration, read_folder
 
 if TYPE_CHECKING:
@@ -28,6 +29,14 @@ def layout_of(source: Path, rank: int | None) -> tuple[Scene, Assembly, Bits]:
     of a scene file is its own labelling. Raises InputError for a rank with a scene file, or a rank that the folder does
     not have.
     """
+    found = layout_with_distributions(source, rank)
+    for note in found[1].notes:
+        warn(f"jld: note: {source}: {note}")
+    return found
+
+
+def layout_with_distributions(source: Path, rank: int | None) -> tuple[Scene, Assembly, Bits]:
+    """Return what `layout_of` does, without a note on values with uncertainty, for commands that use them."""
     if not source.is_dir():
         if rank is not None:
             raise ParameterError("rank", f"{source} is a scene, which has no ranks", "a folder written by jld explore")

@@ -168,6 +168,12 @@ def _write_result(result: LimitAnalysisResult, out: Path) -> None:
     out.mkdir(parents=True, exist_ok=True)
     write_text(out / "result.json", json.dumps(result.to_json(), indent=1))
     draw_rates(result, out)
+    if any(case.place is not None for case in result.assembly.cases):
+        from jld_core.views.path import figure_of_path
+
+        path = figure_of_path(result)
+        for ending in ("png", "svg"):
+            figures.save_figure(path, out / f"path.{ending}")
     drawn = {"": result} if not result.cases else {f"-{k}": one for k, one in enumerate(result.cases.values(), 1)}
     for after, one in drawn.items():
         figure = figures.figure_of_result(one)

@@ -135,8 +135,8 @@ def _begin_experiment(work: Design, until: Deadline) -> tuple[subprocess.Popen[s
     is left.
     """
     winner = _winner(work)
-    result = solve(built(winner))
-    names = [case.name for case in winner.scene.loads.cases or []]
+    assembly = built(winner)
+    result, names = solve(assembly), [case.name for case in assembly.cases]
     number = names.index(str(result.governing)) if result.governing in names else 0
     place = work.folder / "experiment.json"
     scene = one_case(winner.scene, number)

@@ -187,9 +187,12 @@ def _page(work: Design, pictured: bool) -> str:
 def _loads(work: Design) -> str:
     """Describe the load cases of a design in one phrase."""
     scene = next((one.scene for one in work.tessellations if one.scene is not None), work.outline.scene)
-    cases = [case.name for case in scene.loads.cases or []]
+    loads = scene.loads
+    cases = [case.name for case in loads.cases or []] + [vehicle.name for vehicle in loads.moving or []]
+    if loads.pushes is not None:
+        cases.append(loads.pushes.name)
     if cases:
-        return f"{len(cases)} cases, of which the worst counts ({', '.join(cases)})"
+        return f"several cases, of which the worst counts ({', '.join(cases)})"
     return "one live load, times λ"
 
 

@@ -10,6 +10,7 @@ from typing import Any
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
+from jld_core.build.assemble import cases_of_scene
 from jld_core.errors import InputError
 from jld_core.fields.governing import governing_bounds
 from jld_core.fields.requirements import require_fields
@@ -232,11 +233,11 @@ def one_case(scene: Scene, number: int) -> Scene:
     number: index of the case, from 0. The common dead load stays. A scene without load cases keeps its loads.
     """
     document = scene.model_dump(mode="json", exclude_defaults=True)
-    cases = document["loads"].pop("cases", None)
-    if cases:
-        case = cases[number]
-        document["loads"]["live"] = case.get("live", [])
-        document["loads"]["dead"] = [*document["loads"].get("dead", []), *case.get("dead", [])]
+    if scene.loads.has_cases:
+        case = cases_of_scene(scene, build_assembly(scene).elements)[number].case
+        own = case.model_dump(mode="json", exclude_defaults=True)
+        dead = [*document["loads"].get("dead", []), *own.get("dead", [])]
+        document["loads"] = {"live": own["live"], "dead": dead}
     return parse_scene(document, scene.name)
 
 

@@ -145,7 +145,7 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
     found = tables.summary(results, study, reason, complete=complete)
     if study.assembly.nominal is not None:
         found |= {"robust": True, "best_nominal": tables.nominal_of_best(results)}
-    found["warnings"] = [*study.assembly.warnings, *study.complaints, *_uncounted(results)]
+    found["warnings"] = [*study.assembly.warnings, *study.assembly.notes, *study.complaints, *_uncounted(results)]
     model = study.settings.model
     found["model"] = model.facts()
     if model.effective_area:

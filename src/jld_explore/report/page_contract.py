@@ -95,15 +95,17 @@ class Structure(TypedDict):
     touching: list[Pair]
     """Pairs of supports that share a face: they are of one block."""
     members: list[Member]
-    """Ties, tendons and pins."""
+    """Ties, tendons, pins and pressures of fill."""
+    fill: list[list[Point]]
+    """Planar: outlines of fill above the elements."""
 
 
 @with_config(_EXACT)
 class Member(TypedDict):
-    """Tie, tendon or pin: a line through points of elements."""
+    """Tie, tendon, pin or pressure of fill: a line through points of elements."""
 
     name: str
-    kind: Literal["tie", "tendon", "pin"]
+    kind: Literal["tie", "tendon", "pin", "fill"]
     elements: Annotated[list[int], Field(min_length=2)]
     """Number of the element of each point."""
     points: Annotated[list[Point], Field(min_length=2)]
@@ -271,6 +273,18 @@ class Picture(TypedDict):
 
 
 @with_config(_EXACT)
+class Notebook(TypedDict):
+    """What a page in a notebook has beside a report: materials that the kernel solves again with."""
+
+    materials: dict[str, Any]
+    """Materials of the scene, which the sliders begin with."""
+    why: str
+    """Why the sliders do nothing without a kernel."""
+    fixed: bool
+    """True if the sliders do nothing with a kernel either."""
+
+
+@with_config(_EXACT)
 class PageData(TypedDict):
     """All data of a page, for a report of a search, a single scene or the studio."""
 
@@ -299,6 +313,8 @@ class PageData(TypedDict):
     """Content of summary.json, or empty."""
     studio: dict[str, Any] | None
     """Data that only the studio has."""
+    notebook: Notebook | None
+    """Data that only a page in a notebook has."""
 
 
 def page_schema() -> dict[str, Any]:

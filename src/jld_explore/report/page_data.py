@@ -48,7 +48,7 @@ DIGITS: Final = 6
 def page_data(
     *,
     kind: Literal["report", "studio"],
-    scene: Scene,
+    scene: Scene | None,
     assembly: Assembly,
     candidates: Bools,
     facts: Mapping[str, str],
@@ -67,8 +67,8 @@ def page_data(
     ----------
     kind : str
         "report" or "studio".
-    scene : Scene
-        Scene.
+    scene : Scene or None
+        Scene; None where only its assembly is known.
     assembly : Assembly
         Structure with m faces.
     candidates : (m,) bool array
@@ -101,7 +101,7 @@ def page_data(
         "format": FORMAT,
         "version": VERSION,
         "kind": kind,
-        "title": scene.name,
+        "title": assembly.name if scene is None else scene.name,
         "facts": [{"name": name, "value": value} for name, value in facts.items()],
         "warnings": list(warnings),
         "how": how,
@@ -113,9 +113,10 @@ def page_data(
         "solutions": {str(row): solution for row, solution in (solutions or {}).items()},
         "convergence": list(convergence),
         "pictures": list(pictures),
-        "scene": scene.model_dump(mode="json", exclude_defaults=True),
+        "scene": {} if scene is None else scene.model_dump(mode="json", exclude_defaults=True),
         "summary": dict(summary or {}),
         "studio": None if studio is None else dict(studio),
+        "notebook": None,
     }
 
 
@@ -159,9 +160,15 @@ def structure_of(assembly: Assembly, candidates: Bools) -> Structure:
         "resultants": list(assembly.resultants),
         "touching": [list(pair) for pair in assembly.touching],
         "members": [
-            {"name": name, "kind": cast(MemberKind, kind), "elements": held.tolist(), "points": rounded(points)}
+            {
+                "name": name,
+                "kind": cast(MemberKind | Literal["fill"], kind),
+                "elements": held.tolist(),
+                "points": rounded(points),
+            }
             for name, kind, held, points in zip(bars.names, bars.kinds, bars.elements, bars.points, strict=True)
         ],
+        "fill": [rounded(outline) for outline in assembly.fill],
     }
 
 

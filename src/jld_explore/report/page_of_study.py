@@ -14,6 +14,7 @@ import numpy as np
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.files import write_text
+from jld_core.limit import LimitAnalysisResult
 from jld_core.models.case_analysis import CaseAnalysis
 from jld_core.scene import Scene
 from jld_core.scene.cracks import FieldCracks
@@ -23,7 +24,7 @@ from jld_explore.report.exploration import Exploration
 from jld_explore.report.page import page
 from jld_explore.report.page_contract import PageData, Picture, Solution
 from jld_explore.report.page_data import page_data, solution_of, within
-from jld_explore.report.page_table import chosen_rows, curve_of, facts_of_summary, table_of
+from jld_explore.report.page_table import MOST, chosen_rows, curve_of, facts_of_summary, table_of
 from jld_explore.report.reading import history_of
 from jld_explore.space import search_space
 from jld_explore.space.void import cut
@@ -82,18 +83,32 @@ def scene_page(scene: Scene, assembly: Assembly) -> str:
     str
         Self-contained HTML.
     """
-    found = CaseAnalysis(assembly).solve(assembly.labels, stands=True)
-    facts = {**facts_of_assembly(assembly), **facts_of_result(found)}
-    candidates = assembly.free_faces
-    return page(
-        page_data(
-            kind="report",
-            scene=scene,
-            assembly=assembly,
-            candidates=candidates,
-            facts=facts,
-            solutions={0: solution_of(found)},
-        )
+    return page(result_data(scene, CaseAnalysis(assembly).solve(assembly.labels, stands=True)))
+
+
+def result_data(scene: Scene | None, found: LimitAnalysisResult) -> PageData:
+    """Assemble the data of the page of one layout (see `page_data`).
+
+    Parameters
+    ----------
+    scene : Scene or None
+        Scene; None where only its assembly is known.
+    found : LimitAnalysisResult
+        Result of the layout.
+
+    Returns
+    -------
+    PageData
+        Data that can be written as JSON.
+    """
+    assembly = found.assembly
+    return page_data(
+        kind="report",
+        scene=scene,
+        assembly=assembly,
+        candidates=assembly.free_faces,
+        facts={**facts_of_assembly(assembly), **facts_of_result(found)},
+        solutions={0: solution_of(found)},
     )
 
 
@@ -103,6 +118,8 @@ def study_data(
     kind: Literal["report", "studio"] = "report",
     studio: Mapping[str, Any] | None = None,
     dear: float = math.inf,
+    most: int = MOST,
+    solved: int = SOLVED,
 ) -> PageData:
     """Assemble the data of the page of a search (see `page_data`).
 
@@ -118,13 +135,17 @@ def study_data(
         Additional data of the studio.
     dear : float
         Solve time, s, above which no layout is solved, not even the first; estimated by the time of its evaluation.
+    most : int
+        Number of strongest rows of the table; the front is added.
+    solved : int
+        Number of best rows whose forces and mechanism are solved, besides those of the front.
 
     Returns
     -------
     dict
         Data that can be written as JSON.
     """
-    rows = chosen_rows(done.results, done.front)
+    rows = chosen_rows(done.results, done.front, most)
     axes = done.scene.search.front.axes
     history = history_of(done.folder)
     curves = [] if history is None else [curve_of(str(done.summary.driver), history)]
@@ -139,7 +160,7 @@ def study_data(
         how=HOW,
         table=table_of(rows, done.front, done.assembly, axes=axes, left_out=left_out),
         # rigid elements of the joint grid have other forces than what cracks elsewhere
-        solutions=_solutions(rows, done, patience, dear) if done.scene.cracks == "faces" else {},
+        solutions=_solutions(rows, done, patience, dear, solved) if done.scene.cracks == "faces" else {},
         convergence=curves,
         pictures=_pictures(done),
         summary=done.summary.facts,
@@ -156,7 +177,7 @@ def _pictures(done: Exploration) -> list[Picture]:
     return [{"title": title, "png": base64.b64encode(path.read_bytes()).decode("ascii")}]
 
 
-def _solutions(rows: pd.DataFrame, done: Exploration, patience: float, dear: float) -> dict[int, Solution]:
+def _solutions(rows: pd.DataFrame, done: Exploration, patience: float, dear: float, solved: int) -> dict[int, Solution]:
     """Solve rows in order of importance until time runs out; return solutions by position.
 
     The most important row is solved even after `patience` seconds. Solving ends at the first row whose evaluation took
@@ -165,7 +186,7 @@ def _solutions(rows: pd.DataFrame, done: Exploration, patience: float, dear: flo
     start, latest = time.perf_counter(), Deadline(dear)
     found: dict[int, Solution] = {}
     solver = CaseAnalysis(done.assembly, done.model)
-    for place in _worth(rows, done.front):
+    for place in _worth(rows, done.front, solved):
         if (found and time.perf_counter() - start > patience) or float(rows["seconds"].iloc[place]) > dear:
             break
         text = str(rows["labelling"].iloc[place])
@@ -180,12 +201,12 @@ def _solutions(rows: pd.DataFrame, done: Exploration, patience: float, dear: flo
     return dict(sorted(found.items()))
 
 
-def _worth(rows: pd.DataFrame, front: pd.DataFrame) -> Sequence[int]:
+def _worth(rows: pd.DataFrame, front: pd.DataFrame, solved: int) -> Sequence[int]:
     """Return the positions of rows in the order in which they are solved.
 
     The best row comes first, then the rows on the front, then the next ranks.
     """
-    ranked = np.flatnonzero(rows["rank"].notna())[:SOLVED].tolist()
+    ranked = np.flatnonzero(rows["rank"].notna())[:solved].tolist()
     edge = np.flatnonzero(rows.index.isin(front.index)).tolist()
     return list(dict.fromkeys([*ranked[:1], *edge, *ranked]))
 

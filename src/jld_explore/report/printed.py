@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 
 from jld_core._version import __version__
 from jld_core.assembly_sequence import Laying
+from jld_core.build.assemble import cases_of_scene
 from jld_core.exchange import Layout
 from jld_core.files import whole_file
 from jld_core.scene import Scene
@@ -190,8 +191,8 @@ def _loads(book: _Book) -> list[list[str]]:
     """Return the rows of the table of loads: case, load, and λ times it."""
     scene, factor, words = book.scene, book.content.load_factor, book.words
     rows = []
-    cases: list[tuple[str, Any]] = [(case.name, case.live) for case in scene.loads.cases or []]
-    for name, live in cases or [("", scene.loads.live)]:
+    cases = cases_of_scene(scene, book.content.layout.assembly.elements)
+    for name, live in [(one.case.name, one.case.live) for one in cases] or [("", scene.loads.live or [])]:
         for entry in live:
             told, times = _load(book, entry.model_dump(mode="json", exclude_defaults=True), factor, words)
             rows.append([textwrap.shorten(name, 24, placeholder="…"), told, times])
@@ -333,7 +334,7 @@ def _laying(book: _Book) -> None:
         top = _laying_table(book, figure, top)
         top = book.text(figure, top - 0.012, [words["assumptions"]], 12.0)
     top = book.text(figure, top, [f"– {line}" for line in _assumptions(book)], 8.0)
-    warnings = list(book.content.layout.assembly.warnings)
+    warnings = [*book.content.layout.assembly.warnings, *book.content.layout.assembly.notes]
     if warnings:
         top = book.text(figure, top - 0.012, [words["warnings"]], 12.0)
         book.text(figure, top, [f"– {line}" for line in warnings[:6]], 8.0)

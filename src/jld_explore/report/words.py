@@ -106,7 +106,8 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
     if "race" in facts and facts["stop_reason"] == "proven" and not facts["proven"]:
         ended = "proven to the gap" if facts["race"]["decided"] else "nothing left to refine"
     # those of the assembly were printed when the search began
-    complaints = [line for line in facts.get("warnings", []) if line not in done.assembly.warnings]
+    said = (*done.assembly.warnings, *done.assembly.notes)
+    complaints = [line for line in facts.get("warnings", []) if line not in said]
     once = f"those alike by symmetry once ({facts['labellings']} labellings)"
     return {
         "classes": f"{facts['evaluated']} layouts, {once}: {counted or 'nothing was evaluated'}",

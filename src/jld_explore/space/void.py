@@ -185,6 +185,8 @@ def void_of(scene: Scene, assembly: Assembly) -> Void | None:
     assembly.members.refuse("a search that leaves cells out")
     cases = scene.loads.cases or []
     lists = [scene.loads.dead, scene.loads.live or [], *(part for case in cases for part in (case.dead, case.live))]
+    if scene.fill is not None:
+        raise InputError("search.void", "fill rests on all elements", "a scene without fill, or no void cells")
     if scene.loads.moving or any(isinstance(entry, FaceLoad) for part in lists for entry in part):
         raise InputError("search.void", "a load moves or acts on faces", "loads on elements, or no void cells")
     loaded = {entry.element for part in lists for entry in part if isinstance(entry, PointLoad)}

@@ -251,8 +251,9 @@ def _require_known(scene: Scene) -> None:
     """Raise InputError for a scene with content that certificates of a box do not cover."""
     if scene.dimension != 2 or scene.grid is not None or scene.interfaces is None:
         raise InputError("elements", "they are no polygons with stated interfaces", "a planar scene that states them")
-    if scene.loads.moving or scene.settlements:
-        raise InputError("loads", "moving loads and settlements are not checked", "a scene without them")
+    if scene.loads.moving or scene.loads.pushes or scene.settlements:
+        problem = "moving loads, pushes and settlements are not checked"
+        raise InputError("loads", problem, '"cases" in the place of the former, and no settlements')
     for entry in scene.elements or []:
         if entry.volume is not None or entry.centroid is not None:
             raise InputError("elements", f"{entry.id!r} states its volume or centroid", "those of its polygon")

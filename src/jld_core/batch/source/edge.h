@@ -38,7 +38,7 @@ struct Edge {
         if (problem.drops_shear) lanes.loosen(LOOSE);
         Factor<3, Lane>::factor(problem.pattern, lanes.diagonal.data(), lanes.off.data());
         Lane* reach = lanes.rhs.data();
-        for (int k = 0; k < 3 * problem.elements; ++k) reach[k] = splat(problem.live[k]);
+        for (int k = 0; k < 3 * problem.elements; ++k) reach[k] = lanes.live[k];
         Factor<3, Lane>::template solve<1>(problem.pattern, lanes.diagonal.data(), lanes.off.data(), reach, 0);
     }
 
@@ -53,9 +53,9 @@ struct Edge {
     void project(Lane& load) {
         const int n = 3 * problem.elements;
         Lane *reach = lanes.rhs.data(), *left = lanes.left.data();
-        Lane corner = lanes.dot(problem.live, reach) + 1.0;
+        Lane corner = lanes.dot(lanes.live, reach) + 1.0;
         for (int pass = 0; pass < 4; ++pass) {
-            for (int k = 0; k < n; ++k) left[k] = problem.dead[k] + problem.live[k] * load;
+            for (int k = 0; k < n; ++k) left[k] = lanes.dead[k] + lanes.live[k] * load;
             for (int f = 0; f < problem.faces; ++f) {
                 Face& o = lanes.face[f];
                 Lane t[ROWS], x[3];
@@ -66,7 +66,7 @@ struct Edge {
                 sides.add(f, x, o.keep, left);
             }
             Factor<3, Lane>::template solve<1>(problem.pattern, lanes.diagonal.data(), lanes.off.data(), left, 0);
-            Lane dl = -lanes.dot(problem.live, left) / corner;
+            Lane dl = -lanes.dot(lanes.live, left) / corner;
             for (int k = 0; k < n; ++k) left[k] += reach[k] * dl;
             load += dl;
             for (int f = 0; f < problem.faces; ++f) {
@@ -86,8 +86,8 @@ struct Edge {
         const int n = 3 * problem.elements;
         Lane *left = lanes.left.data(), *met = lanes.held.data(), largest = splat(1.0);
         for (int k = 0; k < n; ++k) {
-            left[k] = problem.dead[k] + problem.live[k] * load;
-            met[k] = std::fabs(problem.dead[k]) + absolute(problem.live[k] * load);
+            left[k] = lanes.dead[k] + lanes.live[k] * load;
+            met[k] = absolute(lanes.dead[k]) + absolute(lanes.live[k] * load);
         }
         for (int f = 0; f < problem.faces; ++f) {
             Face& o = lanes.face[f];

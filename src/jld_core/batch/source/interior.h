@@ -33,6 +33,7 @@ struct Workspace {
     static constexpr int FREEDOMS = Face::FREEDOMS;
     Store<Face> face;
     Store<Lane> velocity, velocity_step, rhs, left, held, diagonal, off;
+    Store<Lane> dead, live;  // loads of each lane: of its label where labels have their own
     Lane load, load_slack, load_multiplier, lag, delta, press;
 
     explicit Workspace(const JldProblem& p)
@@ -43,7 +44,9 @@ struct Workspace {
           left(FREEDOMS * p.elements),
           held(FREEDOMS * p.elements),
           diagonal(TRIANGLE<FREEDOMS> * p.elements),
-          off(FREEDOMS * FREEDOMS * p.pattern.column_start[p.elements]) {
+          off(FREEDOMS * FREEDOMS * p.pattern.column_start[p.elements]),
+          dead(FREEDOMS * p.elements),
+          live(FREEDOMS * p.elements) {
         load = load_slack = load_multiplier = lag = delta = press = splat(1.0);
         for (int i = 0; i < LANES; ++i) put(p, i, nullptr, JldTry{});
     }
@@ -57,7 +60,11 @@ struct Workspace {
             if constexpr (Face::PARABOLIC)
                 face[f].bend(lane, p.parabolas + Face::PARABOLA_NUMBERS * at, p.least_slack, p.least_multiplier);
         }
-        for (size_t k = 0; k < velocity.size(); ++k) lanes_of(velocity[k])[lane] = p.velocity[k];
+        const size_t own = p.own_loads && labels ? labels[0] * velocity.size() : 0;
+        for (size_t k = 0; k < velocity.size(); ++k) {
+            lanes_of(velocity[k])[lane] = p.velocity[k];
+            lanes_of(dead[k])[lane] = p.dead[own + k], lanes_of(live[k])[lane] = p.live[own + k];
+        }
         lanes_of(load)[lane] = p.load, lanes_of(load_slack)[lane] = p.load + p.floor > 1.0 ? p.load + p.floor : 1.0;
         lanes_of(load_multiplier)[lane] = 1.0, lanes_of(lag)[lane] = 1.0, lanes_of(delta)[lane] = how.proximal;
         lanes_of(press)[lane] = how.press > how.margin ? how.press : how.margin;
@@ -91,7 +98,11 @@ struct Workspace {
     // Copy one lane of another workspace.
     void copy(Workspace& from, int source, int lane) {
         for (size_t f = 0; f < face.size(); ++f) face[f].copy(from.face[f], source, lane);
-        for (size_t k = 0; k < velocity.size(); ++k) lanes_of(velocity[k])[lane] = lanes_of(from.velocity[k])[source];
+        for (size_t k = 0; k < velocity.size(); ++k) {
+            lanes_of(velocity[k])[lane] = lanes_of(from.velocity[k])[source];
+            lanes_of(dead[k])[lane] = lanes_of(from.dead[k])[source];
+            lanes_of(live[k])[lane] = lanes_of(from.live[k])[source];
+        }
         lanes_of(load)[lane] = lanes_of(from.load)[source];
     }
 
@@ -106,7 +117,8 @@ struct Workspace {
             for (int k = 0; k < FREEDOMS; ++k) diagonal[TRIANGLE<FREEDOMS> * e + at(k, k)] += rho;
     }
 
-    Lane dot(const double* a, const Lane* x) const {
+    // Return the sum of a load times velocities of the same lane.
+    Lane dot(const Store<Lane>& a, const Lane* x) const {
         Lane sum = splat(0.0);
         for (size_t k = 0; k < velocity.size(); ++k) sum += a[k] * x[k];
         return sum;
@@ -158,7 +170,7 @@ struct Interior {
         o.room = splat(1e300), o.gap = lanes.load_slack * lanes.load_multiplier,
         o.worst = o.next_gap = o.value = o.moved = o.parabola_error = none;
         for (int k = 0; k < n; ++k)
-            left[k] = problem.dead[k] + problem.live[k] * lanes.load, rhs[k] = none, reach[k] = splat(problem.live[k]);
+            left[k] = lanes.dead[k] + lanes.live[k] * lanes.load, rhs[k] = none, reach[k] = lanes.live[k];
         lanes.clear();
         for (int f = 0; f < problem.faces; ++f) {
             Face& face = lanes.face[f];
@@ -182,10 +194,10 @@ struct Interior {
 
         // Predictor step, (8.4) with S of (8.5).
         Lane weight0 = lanes.load_multiplier / lanes.load_slack, lack0 = lanes.load_slack - lanes.load - problem.floor;
-        Lane work = lanes.dot(problem.live, u) - how.aim - lanes.load_multiplier;
-        Lane corner = lanes.dot(problem.live, reach) + weight0;
+        Lane work = lanes.dot(lanes.live, u) - how.aim - lanes.load_multiplier;
+        Lane corner = lanes.dot(lanes.live, reach) + weight0;
         Lane side0 = -lanes.load_multiplier + weight0 * lack0 - work;
-        Lane dl = (side0 - lanes.dot(problem.live, rhs)) / corner;
+        Lane dl = (side0 - lanes.dot(lanes.live, rhs)) / corner;
         for (int k = 0; k < n; ++k) du[k] = rhs[k] + reach[k] * dl;
         Lane ds0 = dl - lack0, dz0 = -lanes.load_multiplier - weight0 * ds0, cross0 = ds0 * dz0;
         o.primal_blocking = larger(splat(1e-10), -ds0 / lanes.load_slack),
@@ -215,15 +227,15 @@ struct Interior {
         }
         Solver::template solve<1>(problem.pattern, diagonal, off, rhs, n);
         side0 += (o.centre - cross0) / lanes.load_slack;
-        dl = (side0 - lanes.dot(problem.live, rhs)) / corner;
+        dl = (side0 - lanes.dot(lanes.live, rhs)) / corner;
         for (int k = 0; k < n; ++k) du[k] = rhs[k] + reach[k] * dl;
 
         if (refined) {
             // Correct the rounding error of equilibrium once more.
-            for (int k = 0; k < n; ++k) rhs[k] = left[k] + problem.live[k] * dl;
+            for (int k = 0; k < n; ++k) rhs[k] = left[k] + lanes.live[k] * dl;
             faces(du, rhs, [&](Face& face, const Lane* jump, Lane* x) { face.move(jump, x); });
             Solver::template solve<1>(problem.pattern, diagonal, off, rhs, n);
-            Lane more = -lanes.dot(problem.live, rhs) / corner;
+            Lane more = -lanes.dot(lanes.live, rhs) / corner;
             for (int k = 0; k < n; ++k) du[k] += rhs[k] + reach[k] * more;
             dl += more;
         }
@@ -262,7 +274,7 @@ struct Interior {
         lanes.delta = select(drifts, larger(lanes.delta * 0.3, splat(small)), lanes.delta);
         lanes.delta = select(loses, smaller(lanes.delta * 10.0, splat(large)), lanes.delta);
         // Upper bound (3.3) that the multipliers would give if their jumps were exact.
-        out.dual = (o.value - lanes.dot(problem.dead, u)) / lanes.dot(problem.live, u);
+        out.dual = (o.value - lanes.dot(lanes.dead, u)) / lanes.dot(lanes.live, u);
     }
 
     // Reference of relative gaps; without an aim there is no lambda to refer to.

@@ -51,16 +51,16 @@ struct Proof {
         Lane *left = lanes.left.data(), *reach = lanes.rhs.data(), corner = splat(1.0);
         const int passes = problem.drops_shear ? 5 : 3;
         if (problem.drops_shear) {
-            for (int k = 0; k < n; ++k) reach[k] = splat(problem.live[k]);
+            for (int k = 0; k < n; ++k) reach[k] = lanes.live[k];
             solve(reach);
-            corner += lanes.dot(problem.live, reach);
+            corner += lanes.dot(lanes.live, reach);
         }
         // The sum detects NaN, which a maximum may ignore.
         Lane unbalanced = splat(0.0), largest = splat(1.0), sum = lanes.load;
         error = splat(0.0), slack = splat(1e300);
         for (int pass = 0; pass < passes; ++pass) {
             const bool last = pass == passes - 1;
-            for (int k = 0; k < n; ++k) left[k] = problem.dead[k] + problem.live[k] * lanes.load;
+            for (int k = 0; k < n; ++k) left[k] = lanes.dead[k] + lanes.live[k] * lanes.load;
             for (int f = 0; f < problem.faces; ++f) sides.add(f, lanes.face[f].force, lanes.face[f].keep, left);
             // Residual that no force can balance; the correction does not show it.
             unbalanced = splat(0.0);
@@ -68,7 +68,7 @@ struct Proof {
                 unbalanced = select(absolute(left[k]) <= unbalanced, unbalanced, absolute(left[k]));
             solve(left);
             if (problem.drops_shear) {
-                Lane dl = lanes.dot(problem.live, left) / corner;
+                Lane dl = lanes.dot(lanes.live, left) / corner;
                 for (int k = 0; k < n; ++k) left[k] -= reach[k] * dl;
                 if (!last) lanes.load -= dl;
                 else error = select(absolute(dl) <= error, error, absolute(dl));
@@ -173,7 +173,7 @@ struct Proof {
             least = select(m >= least, least, m);
             total += d;
         }
-        bound = total - lanes.dot(problem.dead, u);
+        bound = total - lanes.dot(lanes.dead, u);
         return least;
     }
 
@@ -208,7 +208,7 @@ struct Proof {
     JLD_NOINLINE void motion() {
         const int n = FREEDOMS * problem.elements;
         Lane* u = lanes.velocity.data();
-        Lane work = lanes.dot(problem.live, u), fastest = splat(0.0);
+        Lane work = lanes.dot(lanes.live, u), fastest = splat(0.0);
         for (int k = 0; k < n; ++k) fastest = larger(fastest, absolute(u[k]));
         speed = fastest;
         // Normalise by the speed where the live load does hardly any work.
@@ -227,7 +227,7 @@ struct Proof {
     void again(Lane* u) {
         const int n = FREEDOMS * problem.elements;
         polished(u);
-        Lane unit = lanes.dot(problem.live, u);
+        Lane unit = lanes.dot(lanes.live, u);
         Mask works = unit > 1e-9;
         Lane once = select(works, 1.0 / select(works, unit, splat(1.0)), splat(1.0));
         for (int k = 0; k < n; ++k) u[k] *= once;
@@ -253,14 +253,13 @@ struct Proof {
                 missing = measure(u, total);
             }
         }
-        Lane work = lanes.dot(problem.live, u), sum = splat(0.0), heavy = splat(0.0);
-        double weight = 0.0, strongest = 0.0;
+        Lane work = lanes.dot(lanes.live, u), sum = splat(0.0), heavy = splat(0.0);
+        Lane weight = splat(0.0), strongest = splat(0.0);
         fastest = splat(0.0);
         for (int k = 0; k < n; ++k) {
-            Lane speed = absolute(u[k]);
-            double dead = std::fabs(problem.dead[k]);
-            heavy += dead * speed, sum += std::fabs(problem.live[k]) * speed, weight += dead;
-            strongest = std::fabs(problem.live[k]) > strongest ? std::fabs(problem.live[k]) : strongest;
+            const Lane speed = absolute(u[k]), dead = absolute(lanes.dead[k]), live = absolute(lanes.live[k]);
+            heavy += dead * speed, sum += live * speed, weight += dead;
+            strongest = larger(strongest, live);
             fastest = larger(fastest, speed);
         }
         Lane noise = problem.noise * (heavy + absolute(total) + 1e-3 * weight * fastest);

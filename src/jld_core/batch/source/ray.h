@@ -11,12 +11,17 @@ struct Recession {
     JldProblem problem;
     std::vector<double> rows, keep, dead, live, nothing;
 
+    // Return how many numbers all live loads have.
+    static size_t loads(const JldProblem& p) {
+        return size_t(p.own_loads ? p.labels : 1) * Face::FREEDOMS * p.elements;
+    }
+
     explicit Recession(const JldProblem& from)
         : problem(from),
           rows(from.rows, from.rows + size_t(from.labels) * from.faces * Face::NUMBERS),
           keep(from.keep, from.keep + size_t(from.labels) * from.faces),
-          dead(Face::FREEDOMS * from.elements, 0.0),
-          live(from.live, from.live + Face::FREEDOMS * from.elements),
+          dead(loads(from), 0.0),
+          live(from.live, from.live + loads(from)),
           nothing(Face::FREEDOMS * (from.faces > from.elements ? from.faces : from.elements), 0.0) {
         for (double& x : live) x = -x;
         for (size_t face = 0; face < keep.size(); ++face)
@@ -60,7 +65,7 @@ struct Ray {
         Lane unbalanced = splat(0.0), largest = splat(1.0), error = splat(0.0), sum = by;
         for (int pass = 0; pass < 5; ++pass) {
             const bool last = pass == 4;
-            for (int k = 0; k < n; ++k) left[k] = splat(-problem.live[k]);
+            for (int k = 0; k < n; ++k) left[k] = -lanes.live[k];
             for (int f = 0; f < problem.faces; ++f) sides.add(f, lanes.face[f].force, lanes.face[f].keep, left);
             if (last)
                 for (int k = 0; k < n; ++k)
@@ -88,7 +93,7 @@ struct Ray {
     Mask holds(Lane largest) {
         const int n = FREEDOMS * problem.elements;
         Lane *left = lanes.left.data(), *met = lanes.held.data(), lacks = splat(-1.0);
-        for (int k = 0; k < n; ++k) left[k] = splat(-problem.live[k]);
+        for (int k = 0; k < n; ++k) left[k] = -lanes.live[k];
         for (int e = 0; e < problem.elements; ++e) {
             met[e] = splat(0.0);
             for (int k = 0; k < FREEDOMS; ++k) met[e] = larger(met[e], absolute(left[FREEDOMS * e + k]));

@@ -124,11 +124,18 @@ export const VERSION = 1;
  */
 
 /**
- * @typedef {object} Member Tie, tendon or pin: a line through points of elements.
+ * @typedef {object} Member Tie, tendon, pin or pressure of fill: a line through points of elements.
  * @property {string} name
- * @property {"tie" | "tendon" | "pin"} kind
+ * @property {"tie" | "tendon" | "pin" | "fill"} kind
  * @property {number[]} elements Number of the element of each point.
  * @property {Point[]} points
+ */
+
+/**
+ * @typedef {object} Notebook What a page in a notebook has beside a report: materials that the kernel solves again with.
+ * @property {Record<string, unknown>} materials Materials of the scene, which the sliders begin with.
+ * @property {string} why Why the sliders do nothing without a kernel.
+ * @property {boolean} fixed True if the sliders do nothing with a kernel either.
  */
 
 /**
@@ -160,7 +167,8 @@ export const VERSION = 1;
  * @property {Edge[]} edges Planar: pieces of outline that touch no other element.
  * @property {string[]} resultants Names of the numbers in a row of forces.
  * @property {([number, number])[]} touching Pairs of supports that share a face: they are of one block.
- * @property {Member[]} members Ties, tendons and pins.
+ * @property {Member[]} members Ties, tendons, pins and pressures of fill.
+ * @property {Point[][]} fill Planar: outlines of fill above the elements.
  */
 
 /**
@@ -203,6 +211,7 @@ export const VERSION = 1;
  * @property {Record<string, unknown>} scene The scene file.
  * @property {Record<string, unknown>} summary Content of summary.json, or empty.
  * @property {Record<string, unknown> | null} studio Data that only the studio has.
+ * @property {Notebook | null} notebook Data that only a page in a notebook has.
  */
 
 /** Keys that each object must have, by the name of its type. */
@@ -218,12 +227,13 @@ export const REQUIRED = Object.freeze({
   Look: ["tints", "plain", "support", "hatch", "ink", "soft", "rest", "load", "press", "member", "used", "thrust", "thrust_dash", "inner_dash", "movements", "yielding", "evidence", "front", "small", "yields", "eye"],
   Mark: ["shape", "fill", "edge", "meaning"],
   Member: ["name", "kind", "elements", "points"],
+  Notebook: ["materials", "why", "fixed"],
   Picture: ["title", "png"],
   Solution: ["labelling", "load_factor", "bracket", "status", "governing", "cases"],
-  Structure: ["dimension", "units", "size", "typical", "elements", "faces", "edges", "resultants", "touching", "members"],
+  Structure: ["dimension", "units", "size", "typical", "elements", "faces", "edges", "resultants", "touching", "members", "fill"],
   Table: ["rows", "columns", "labellings", "beside", "evidence", "count", "sense", "line", "counts", "left_out"],
   Units: ["length", "force"],
-  PageData: ["format", "version", "kind", "title", "facts", "warnings", "how", "look", "structure", "cases", "loads", "table", "solutions", "convergence", "pictures", "scene", "summary", "studio"],
+  PageData: ["format", "version", "kind", "title", "facts", "warnings", "how", "look", "structure", "cases", "loads", "table", "solutions", "convergence", "pictures", "scene", "summary", "studio", "notebook"],
 });
 
 // End of what is generated.

@@ -22,7 +22,7 @@ export function downloads(host, data) {
     type: "button", "data-file": file, onclick: () => save(file, file.endsWith("json") ? "application/json" : "text/csv", content()),
   }, name);
   host.replaceChildren(...[
-    button("scene (JSON)", "scene.json", () => JSON.stringify(data.scene, null, 1)),
+    Object.keys(data.scene).length ? button("scene (JSON)", "scene.json", () => JSON.stringify(data.scene, null, 1)) : null,
     button("summary (JSON)", "summary.json", () => JSON.stringify(data.summary, null, 1)),
     data.table ? button("table (CSV)", "layouts.csv", () => csv(/** @type {any} */ (data.table))) : null,
   ].filter(Boolean));

@@ -31,7 +31,7 @@ export class PlanarFigure {
     this.host = host;
     this.data = data;
     const { structure } = data;
-    const points = structure.elements.flatMap((element) => element.shape);
+    const points = [...structure.elements.flatMap((element) => element.shape), ...structure.fill.flat()];
     const reach = 0.15 * structure.size;
     const tips = data.loads.flatMap((load) => (load.kind === "live" ? [load.at, back(load, reach)] : load.kind === "body" ? [beside(structure, load, 0.19).foot] : []));
     const all = [...points, ...tips];
@@ -129,6 +129,7 @@ export class PlanarFigure {
       groups[face.elements[1]].append(this.#segment(face.polygon[0], face.polygon[1], { class: "touch", "data-face": k, "stroke-width": clamp(0.3 * this.typical, 7, 16) }));
     });
     // whatever lies on a face shall not be hidden by a neighbour's fill
+    const soil = structure.fill.map((outline) => svg("polygon", { points: this.#line(outline), fill: `url(#${this.hatch}-fill)`, class: "fill" }, svg("title", {}, "fill")));
     const fills = groups.map((group, k) => {
       const own = svg("g", {}, group.firstChild);
       return own;
@@ -144,8 +145,9 @@ export class PlanarFigure {
     this.root.replaceChildren(
       svg("title", {}, title(this.data.title, view)),
       svg("defs", {}, svg("pattern", { id: this.hatch, width: 7, height: 7, patternUnits: "userSpaceOnUse", patternTransform: "rotate(45)" },
-        svg("rect", { width: 7, height: 7, fill: look.support }), svg("line", { x1: 0, y1: 0, x2: 0, y2: 7, stroke: look.hatch, "stroke-width": 1.4 }))),
-      ...[...fills, rest, ...groups, this.members, over, this.movements].filter(Boolean),
+        svg("rect", { width: 7, height: 7, fill: look.support }), svg("line", { x1: 0, y1: 0, x2: 0, y2: 7, stroke: look.hatch, "stroke-width": 1.4 })),
+        svg("pattern", { id: `${this.hatch}-fill`, width: 7, height: 7, patternUnits: "userSpaceOnUse" }, svg("circle", { cx: 2, cy: 2, r: 1, fill: look.hatch }))),
+      ...[...soil, ...fills, rest, ...groups, this.members, over, this.movements].filter(Boolean),
     );
     if (show.ids) this.#ids(over);
     for (const { vertex, place } of what.handles ?? []) {
@@ -200,7 +202,8 @@ export class PlanarFigure {
       const width = clamp(0.05 * this.typical, 1.2, 3) * (values ? 1 + Math.abs(values[k]) / largest : 1);
       const text = values ? `${member.name}: ${shown(values[k], 4)} ${structure.units.force}` : member.name;
       const line = svg("polyline", { points: places.map((p) => p.map((v) => v.toFixed(2)).join(",")).join(" "), fill: "none", stroke: look.member, "stroke-width": width, class: "member" }, svg("title", {}, text));
-      const ends = places.map(([x, y]) => svg("circle", { cx: x, cy: y, r: 0.9 * width + 1.2, fill: look.member }));
+      const held = member.kind === "fill" ? places.slice(0, 1) : places; // the other end stands for soil
+      const ends = held.map(([x, y]) => svg("circle", { cx: x, cy: y, r: 0.9 * width + 1.2, fill: look.member }));
       const [[x, y], [u, v]] = [places[(places.length - 1) >> 1], places[places.length >> 1]];
       return [line, ...ends, ...(values && show.values ? [label(0.5 * (x + u) + 5, 0.5 * (y + v) - 5, shown(values[k], 3))] : [])];
     });

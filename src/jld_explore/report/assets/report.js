@@ -6,6 +6,7 @@ import { convergence } from "./curves.js";
 import { embedded } from "./data.js";
 import { byId, el, say, shown } from "./dom.js";
 import { downloads, facts, pictures } from "./facts.js";
+import { Kernel } from "./kernel.js";
 import { Scatter } from "./scatter.js";
 import { LayoutTable } from "./table.js";
 import { Viewer } from "./viewer.js";
@@ -25,11 +26,17 @@ function start(data) {
   convergence(byId("convergence"), data.convergence, data.look.front, ranked);
   let remember = () => {};
   const viewer = new Viewer(byId("viewer"), data, { changed: () => remember() });
+  let redraw = () => {};
+  byId("materials-card").hidden = !data.notebook;
+  const kernel = data.notebook ? new Kernel(byId("materials"), data, () => redraw()) : null;
+  if (kernel) alone();
+  const put = (/** @type {import("./viewer.js").Layout[]} */ layouts) => viewer.set(kernel ? kernel.now(layouts) : layouts);
   const given = read();
   if (!table) {
     const own = data.solutions["0"];
     for (const id of ["picture", "layouts", "history"]) byId(id).hidden = true;
-    viewer.set([{ name: "the labels of the scene", labelling: own?.labelling ?? "", solution: own ?? null }]);
+    redraw = () => put([{ name: "the labels of the scene", labelling: own?.labelling ?? "", solution: own ?? null }]);
+    redraw();
     if (given.view) viewer.setView(given.view);
     return viewer;
   }
@@ -71,8 +78,9 @@ function start(data) {
       x: scatter.count === table.count ? null : scatter.count,
     });
   };
+  redraw = () => put([selected, compared].filter((row) => row >= 0).map(layout));
   const show = () => {
-    viewer.set([selected, compared].filter((row) => row >= 0).map(layout));
+    redraw();
     grid?.select(selected, compared);
     scatter.select(selected, compared);
     byId("uncompare").hidden = compared < 0;
@@ -125,6 +133,13 @@ function start(data) {
   goTo();
   window.addEventListener("hashchange", goTo);
   return viewer;
+}
+
+/** In a notebook, facts, picture and table beside the frame are for where no script runs. */
+function alone() {
+  document.body.classList.add("notebook");
+  const beside = /** @type {HTMLElement | null | undefined} */ (window.frameElement?.parentElement?.querySelector("[data-plain]"));
+  if (beside) beside.style.display = "none";
 }
 
 /** @param {unknown} error */

@@ -2,12 +2,14 @@
 /** The studio: a layout that is changed by hand, and λ that follows. */
 import { bytesOf, differing, lettersOf, slitsOf } from "./blocks.js";
 import { Candidates } from "./candidates.js";
-import { loadList, materialSliders } from "./controls.js";
+import { loadList } from "./controls.js";
 import { checked } from "./data.js";
 import { byId, el, save, say, shown, shownBracket } from "./dom.js";
 import { liveOf, nextFace, painted, toggled } from "./editing.js";
 import { dragged, handlesOf, placed, verticesOf } from "./joints.js";
-import { Live, ask } from "./live.js";
+import { ask } from "./live.js";
+import { materialSliders } from "./materials.js";
+import { Live } from "./newest.js";
 import { Searches } from "./searches.js";
 import { Steps } from "./steps.js";
 import { Viewer } from "./viewer.js";
@@ -36,7 +38,7 @@ class Studio {
     this.solution = null;
     /** @type {any} */
     this.act = null;
-    this.live = new Live((answer, ms) => this.answered(answer, ms), (message) => this.failed(message));
+    this.live = new Live((state) => ask("solve", state), (answer, ms) => this.answered(answer, ms), (message) => this.failed(message), crypto.randomUUID());
     byId("title").textContent = data.title;
     document.title = `${data.title} – jld studio`;
     byId("folder").textContent = given.folder;

@@ -1,0 +1,377 @@
+"""Conversion of fill to loads and bounded horizontal pressures on a planar structure.
+
+Source: docs/method.md (1.12)–(1.14), after W. J. M. Rankine, "On the stability of loose earth", Philosophical
+Transactions of the Royal Society 147 (1857), pages 9–27.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+
+from jld_core import tolerances
+from jld_core.arrays import Floats, Ints
+from jld_core.assembly import Elements
+from jld_core.errors import InputError
+from jld_core.members import Members
+from jld_core.scene import PointLoad
+from jld_core.scene.fill import Fill, FillLoad
+
+_DRAWN: Final = 0.025
+"""Length of the line that stands for a horizontal pressure in pictures, in sizes of the structure."""
+
+
+@dataclass(frozen=True)
+class CoveredEdge:
+    """Straight piece of the upper boundary of an element, under fill.
+
+    Attributes
+    ----------
+    element : int
+        Index of the element.
+    place : (2,) array
+        Horizontal positions of both ends, ascending or equal.
+    height : (2,) array
+        Heights of both ends.
+    side : float
+        Horizontal direction in which the outward normal leans: 1, −1, or 0 for a level edge.
+    """
+
+    element: int
+    place: Floats
+    height: Floats
+    side: float
+
+    def between(self, low: float, high: float) -> CoveredEdge:
+        """Return the piece of the edge between two shares of its length, from 0 to 1."""
+        share = np.array([low, high])
+        place = self.place[0] + share * (self.place[1] - self.place[0])
+        height = self.height[0] + share * (self.height[1] - self.height[0])
+        return CoveredEdge(self.element, place, height, self.side)
+
+
+@dataclass(frozen=True)
+class Backing:
+    """Fill of a scene on the upper boundary of its elements.
+
+    A position is measured along `right`, a height against gravity.
+
+    Attributes
+    ----------
+    fill : Fill
+        Entry of the scene.
+    elements : Elements
+        Elements of the structure.
+    down : (2,) array
+        Direction of gravity, a unit vector.
+    gravity : float
+        Magnitude of its acceleration.
+    thickness : float
+        Thickness of the structure, length.
+    """
+
+    fill: Fill
+    elements: Elements
+    down: Floats
+    gravity: float
+    thickness: float
+
+    @cached_property
+    def edges(self) -> tuple[CoveredEdge, ...]:
+        """Return the covered edges from left to right, those of supports too.
+
+        Raises
+        ------
+        InputError
+            No part of the structure lies below the surface of the fill.
+        """
+        top = list(self._top())
+        found = [part for edge in [*top, *self._walls(top)] for part in self._below(edge, self.fill.level)]
+        if not found:
+            highest = max(float(edge.height.max()) for edge in top) if top else 0.0
+            problem = f"nothing lies below a surface at {self.fill.level:g}"
+            raise InputError("fill.level", problem, f"a height above the structure, which reaches {highest:g}")
+        return tuple(sorted(found, key=lambda edge: float(edge.place.mean())))
+
+    def permanent(self) -> list[PointLoad]:
+        """Return the weight of fill and surcharge, and the active pressure, as forces on free elements.
+
+        Each covered edge has one vertical force, and one horizontal force unless it is level.
+        """
+        found: list[PointLoad] = []
+        for edge in self._free:
+            depth = self.fill.level - edge.height
+            width = float(edge.place[1] - edge.place[0])
+            found += self._resultant(edge, self._vertical(depth) * width, self.down)
+            # Cohesion leaves no active pressure above a certain depth; below it the pressure is linear.
+            for part in self._below(edge, self.fill.level - self._free_depth):
+                found += self._resultant(part, self._active(part) * self._rise(part), -part.side * self._right)
+        return found
+
+    def spread(self, load: FillLoad, where: str) -> list[PointLoad]:
+        """Return a load on the surface as vertical forces on the free elements below.
+
+        The load is uniform over a width that grows with the depth of the structure below the middle of the load. What
+        falls beside free elements is left out: supports and ground carry it.
+
+        Parameters
+        ----------
+        load : FillLoad
+            Load on a strip of the surface.
+        where : str
+            Key of the load in the scene, for the message.
+
+        Returns
+        -------
+        list of PointLoad
+            One force for each covered edge.
+
+        Raises
+        ------
+        InputError
+            No element lies below the middle of the load.
+        """
+        at, edges = load.on_fill.at, [edge for edge in self.edges if edge.place[1] > edge.place[0]]
+        below = [edge for edge in edges if edge.place[0] <= at <= edge.place[1]]
+        if not below:
+            low, high = edges[0].place[0], max(float(edge.place[1]) for edge in edges)
+            problem = f"no element lies below the fill at {at:g}"
+            raise InputError(f"{where}.on_fill.at", problem, f"a position from {low:g} to {high:g}")
+        depth = self.fill.level - float(np.interp(at, below[0].place, below[0].height))
+        width = load.on_fill.width + 2.0 * depth * math.tan(math.radians(self.fill.dispersal))
+        if width <= tolerances.ON_OUTLINE * self.elements.size:
+            owner = below[0]
+            return [] if self.elements.support[owner.element] else [self._force(owner, at, load.weight * self.down)]
+        found: list[PointLoad] = []
+        for edge in self._free:
+            length = float(edge.place[1] - edge.place[0])
+            low = max(float(edge.place[0]), at - 0.5 * width)
+            high = min(float(edge.place[1]), at + 0.5 * width)
+            if high > low:
+                force = load.weight * (high - low) / width * self.down
+                share = ((low - edge.place[0]) / length, (high - edge.place[0]) / length)
+                found.append(self._force(edge.between(*share), 0.5 * (low + high), force))
+        return found
+
+    def outlines(self) -> tuple[Floats, ...]:
+        """Return the outline (4, 2) of the fill above each covered edge that is not vertical."""
+        found = []
+        for edge in self.edges:
+            if edge.place[1] > edge.place[0]:
+                ends = [(edge.place[0], edge.height[0]), (edge.place[1], edge.height[1])]
+                ends += [(edge.place[1], self.fill.level), (edge.place[0], self.fill.level)]
+                found.append(np.array([self._point(*end) for end in ends]))
+        return tuple(found)
+
+    def carries(self, point: Floats) -> bool:
+        """Return True if a point (2,) lies on the surface of the fill."""
+        height = float(-(point @ self.down))
+        return abs(height - self.fill.level) <= tolerances.ON_OUTLINE * self.elements.size
+
+    def covers(self, place: float) -> bool:
+        """Return True if some element lies below the fill at a horizontal position."""
+        return any(edge.place[0] <= place <= edge.place[1] for edge in self.edges)
+
+    def position(self, point: Floats) -> float:
+        """Return the horizontal position of a point (2,), length."""
+        return float(point @ self._right)
+
+    def pressures(self) -> Members:
+        """Return the pressure beyond the active one as bars in compression, from free elements to supports.
+
+        A bar pushes an element horizontally with a force between 0 and the difference of passive and active pressure.
+        """
+        supports = np.flatnonzero(self.elements.support)
+        across = self.elements.centroid[supports] @ self._right
+        names: list[str] = []
+        held: list[Ints] = []
+        points: list[Floats] = []
+        most: list[float] = []
+        seen: dict[str, int] = {}
+        for edge in self._free:
+            shares = [0.0, 1.0]
+            kink = self.fill.level - self._free_depth  # the difference is linear on both sides of this height
+            if edge.height.min() < kink < edge.height.max():
+                shares.insert(1, float((kink - edge.height[0]) / (edge.height[1] - edge.height[0])))
+            parts = [edge.between(*pair) for pair in pairwise(shares)]
+            forces = [self.thickness * self._rise(part) * (self._passive(part) - self._active(part)) for part in parts]
+            total = sum(float(ends.sum()) / 2.0 for ends in forces)
+            if total <= 0.0:
+                continue
+            middle = sum(self._centre(part, ends) * ends.sum() / 2.0 for part, ends in zip(parts, forces, strict=True))
+            point = middle / total
+            name = f"fill on {self.elements.ids[edge.element]}"
+            seen[name] = seen.get(name, 0) + 1
+            names.append(name if seen[name] == 1 else f"{name} ({seen[name]})")
+            ground = supports[np.argmax(edge.side * across)]
+            held.append(np.array([edge.element, ground]))
+            points.append(np.array([point, point + edge.side * _DRAWN * self.elements.size * self._right]))
+            most.append(total)
+        none = np.zeros(len(names))
+        axis = [(one[1] - one[0]) / np.linalg.norm(one[1] - one[0]) for one in points]
+        return Members(
+            names=tuple(names),
+            kinds=("fill",) * len(names),
+            elements=tuple(held),
+            points=tuple(points),
+            axis=np.array(axis).reshape(-1, 2),
+            tension=none,
+            compression=np.array(most),
+            shear=none,
+            prestress=none,
+        )
+
+    @property
+    def _right(self) -> Floats:
+        """Return the horizontal unit vector (2,): gravity turned by +90°."""
+        return np.array([-self.down[1], self.down[0]])
+
+    @property
+    def _free(self) -> list[CoveredEdge]:
+        """Return the covered edges of free elements."""
+        return [edge for edge in self.edges if not self.elements.support[edge.element]]
+
+    @property
+    def _free_depth(self) -> float:
+        """Return the depth down to which cohesion leaves no active pressure, length; at least 0."""
+        weight = self.fill.density * self.gravity
+        upright = 2.0 * self.fill.cohesion * math.sqrt(self.fill.passive_coefficient) - self.fill.surcharge
+        return max(0.0, upright / weight) if weight else 0.0
+
+    def _vertical(self, depth: Floats) -> Floats:
+        """Return the vertical stress at depths (k,) below the surface."""
+        return self.fill.surcharge + self.fill.density * self.gravity * depth
+
+    def _active(self, edge: CoveredEdge) -> Floats:
+        """Return the active pressure (2,) at the ends of an edge, at least 0."""
+        coefficient = 1.0 / self.fill.passive_coefficient
+        stress = self._vertical(self.fill.level - edge.height)
+        full = coefficient * stress - 2.0 * self.fill.cohesion * math.sqrt(coefficient)
+        return np.asarray(self.fill.active * np.maximum(full, 0.0))
+
+    def _passive(self, edge: CoveredEdge) -> Floats:
+        """Return the largest pressure (2,) at the ends of an edge."""
+        coefficient = self.fill.passive_coefficient
+        stress = self._vertical(self.fill.level - edge.height)
+        cohesion = self.fill.passive_cohesion * 2.0 * self.fill.cohesion * math.sqrt(coefficient)
+        return np.asarray(self.fill.passive * coefficient * stress + cohesion)
+
+    def _rise(self, edge: CoveredEdge) -> float:
+        """Return the vertical length of an edge, 0 for a level one."""
+        return float(abs(edge.height[1] - edge.height[0])) if edge.side else 0.0
+
+    def _point(self, place: float, height: float) -> Floats:
+        """Return the point (2,) of the scene at a position and a height."""
+        return place * self._right - height * self.down
+
+    def _force(self, edge: CoveredEdge, place: float, force: Floats) -> PointLoad:
+        """Return a force (2,) on an edge at a horizontal position."""
+        height = float(np.interp(place, edge.place, edge.height))
+        length = math.hypot(*(edge.place[1] - edge.place[0], edge.height[1] - edge.height[0]))
+        return PointLoad(
+            element=self.elements.ids[edge.element],
+            force=force.tolist(),
+            at=self._point(place, height).tolist(),
+            width=length or None,
+        )
+
+    def _centre(self, edge: CoveredEdge, ends: Floats) -> Floats:
+        """Return the point (2,) at which the resultant of a linear pressure acts.
+
+        ends: pressures (2,) at both ends of the edge, not both 0.
+        """
+        share = (ends[0] + 2.0 * ends[1]) / (3.0 * (ends[0] + ends[1])) if ends.any() else 0.5
+        middle = edge.between(share, share)
+        return self._point(float(middle.place[0]), float(middle.height[0]))
+
+    def _resultant(self, edge: CoveredEdge, ends: Floats, direction: Floats) -> list[PointLoad]:
+        """Return the resultant of a linear pressure, as a list that is empty if there is none.
+
+        ends: pressure times projected length (2,) at both ends of the edge. direction: (2,) of the force.
+        """
+        if not ends.any():
+            return []
+        force = 0.5 * float(ends.sum()) * self.thickness * direction
+        length = math.hypot(*(edge.place[1] - edge.place[0], edge.height[1] - edge.height[0]))
+        at = self._centre(edge, ends).tolist()
+        return [PointLoad(element=self.elements.ids[edge.element], force=force.tolist(), at=at, width=length)]
+
+    def _below(self, edge: CoveredEdge, level: float) -> Iterator[CoveredEdge]:
+        """Yield the piece of an edge below a height; nothing if there is none longer than rounding."""
+        first, last = edge.height.tolist()
+        low, high = 0.0, 1.0
+        if first > level and last > level:
+            return
+        if first > level:
+            low = (level - first) / (last - first)
+        if last > level:
+            high = (level - first) / (last - first)
+        part = edge.between(low, high)
+        if math.hypot(part.place[1] - part.place[0], part.height[1] - part.height[0]) > self._reach:
+            yield part
+
+    @property
+    def _reach(self) -> float:
+        """Return the length up to which places count as equal."""
+        return tolerances.ON_OUTLINE * self.elements.size
+
+    def _outlines(self) -> Iterator[tuple[int, Floats, Floats]]:
+        """Yield the element, the start and the end (position, height) of each edge, counter-clockwise."""
+        turn = np.column_stack([self._right, -self.down])
+        for index, shape in enumerate(self.elements.shape):
+            corners = shape @ turn
+            for first, last in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+                yield index, first, last
+
+    def _top(self) -> Iterator[CoveredEdge]:
+        """Yield the pieces of the highest boundary from left to right, one for each edge that appears there."""
+        upper = [  # outlines are counter-clockwise, so that edges of the upper side run to the left
+            (index, last, first) for index, first, last in self._outlines() if first[0] - last[0] > self._reach
+        ]
+        owner = np.array([index for index, _, _ in upper])
+        left = np.array([one for _, one, _ in upper]).reshape(-1, 2)
+        right = np.array([two for _, _, two in upper]).reshape(-1, 2)
+        stops = np.unique(np.concatenate([left[:, 0], right[:, 0]]))
+        low = -np.inf if self.fill.start is None else self.fill.start
+        high = np.inf if self.fill.end is None else self.fill.end
+        stops = np.unique(np.clip(stops, low, high))
+        slope = (right[:, 1] - left[:, 1]) / (right[:, 0] - left[:, 0])
+        chosen: list[tuple[int, float, float]] = []
+        for start, end in pairwise(stops.tolist()):
+            middle = 0.5 * (start + end)
+            here = np.flatnonzero((left[:, 0] <= middle) & (middle <= right[:, 0]))
+            if end - start <= self._reach or not here.size:
+                continue
+            best = int(here[np.argmax(left[here, 1] + slope[here] * (middle - left[here, 0]))])
+            if chosen and chosen[-1][0] == best and start - chosen[-1][2] <= 2.0 * self._reach:
+                chosen[-1] = (best, chosen[-1][1], end)
+            else:
+                chosen.append((best, start, end))
+        for best, start, end in chosen:
+            place = np.array([start, end])
+            height = left[best, 1] + slope[best] * (place - left[best, 0])
+            level = abs(height[1] - height[0]) <= self._reach
+            yield CoveredEdge(int(owner[best]), place, height, 0.0 if level else float(-np.sign(slope[best])))
+
+    def _walls(self, top: list[CoveredEdge]) -> Iterator[CoveredEdge]:
+        """Yield the vertical edges between successive pieces of the highest boundary."""
+        upright = [
+            (index, first, last) for index, first, last in self._outlines() if abs(last[0] - first[0]) <= self._reach
+        ]
+        for one, two in pairwise(top):
+            if two.place[0] - one.place[1] > 2.0 * self._reach:
+                continue
+            low, high = sorted((float(one.height[1]), float(two.height[0])))
+            side = 1.0 if one.height[1] > two.height[0] else -1.0
+            for index, first, last in upright:
+                if abs(first[0] - two.place[0]) > 2.0 * self._reach or (last[1] - first[1]) * side <= 0.0:
+                    continue
+                least, most = max(low, min(first[1], last[1])), min(high, max(first[1], last[1]))
+                if most - least > self._reach:
+                    yield CoveredEdge(index, np.full(2, two.place[0]), np.array([least, most]), side)

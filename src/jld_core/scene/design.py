@@ -1,0 +1,208 @@
+"""Keys of the design check, and named sets of partial factors with the clauses that they come from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Annotated, Any, Final, Literal, Self
+
+from pydantic import Field, model_validator
+
+from jld_core.errors import InputError, ParameterError
+from jld_core.scene.part import Part, Positive
+
+FactorPair = Annotated[list[Positive], Field(min_length=2, max_length=2)]
+"""Partial factors of one kind of permanent action: favourable, unfavourable."""
+
+DEFAULT_SET: Final = "EN 1996-1-1"
+"""Set of partial factors where neither the scene nor the caller names one."""
+
+
+class DesignFactors(Part):
+    """Partial factors that a scene states itself; absent ones are those of its set.
+
+    Attributes
+    ----------
+    self_weight, dead, prestressing : list of float or None
+        Factors of permanent actions where they are favourable and where they are unfavourable.
+    live : float or None
+        Factor of the live load.
+    strength, friction, members : float or None
+        Divisors of strengths and cohesion, of friction coefficients, and of capacities of members.
+    """
+
+    self_weight: Annotated[FactorPair | None, Field(description="[favourable, unfavourable]")] = None
+    dead: Annotated[FactorPair | None, Field(description="[favourable, unfavourable]")] = None
+    prestressing: Annotated[FactorPair | None, Field(description="[favourable, unfavourable]")] = None
+    live: Positive | None = None
+    strength: Positive | None = None
+    friction: Positive | None = None
+    members: Positive | None = None
+
+
+class Design(Part):
+    """Partial factors of the design check.
+
+    Attributes
+    ----------
+    set : str
+        Name of a set of partial factors, or of an own one whose factors stand in `factors`.
+    units : {"I", "II"}
+        Category of masonry units by EN 1996-1-1.
+    mortar : {"designed", "prescribed"}
+        Kind of mortar by EN 1996-1-1.
+    execution : int
+        Class of execution control by EN 1996-1-1, 1 to 5.
+    factors : DesignFactors
+        Factors that replace those of the set.
+    """
+
+    set: Annotated[str, Field(min_length=1, description="the name of a set of partial factors")] = DEFAULT_SET
+    units: Literal["I", "II"] = "II"
+    mortar: Literal["designed", "prescribed"] = "prescribed"
+    execution: Annotated[int, Field(ge=1, le=5, description="a whole number from 1 to 5")] = 5
+    factors: DesignFactors = DesignFactors()
+
+    @model_validator(mode="after")
+    def _known_or_complete(self) -> Self:
+        """Check that an own set states its actions, and that favourable factors are not larger."""
+        given = self.factors
+        if self.set not in _NAMED and (given.self_weight is None or given.live is None):
+            known = ", ".join(_NAMED)
+            problem = f"no set is named {self.set!r}, and no own one is stated"
+            raise InputError(".set", problem, f'one of {known}, or "factors" with "self_weight" and "live"')
+        for name in ("self_weight", "dead", "prestressing"):
+            pair = getattr(given, name)
+            if pair is not None and pair[0] > pair[1]:
+                raise InputError(f".factors.{name}", f"{pair[0]:g} exceeds {pair[1]:g}", "[favourable, unfavourable]")
+        return self
+
+
+@dataclass(frozen=True)
+class PartialFactors:
+    """Partial factors of a design check.
+
+    Attributes
+    ----------
+    name : str
+        Name of the set.
+    self_weight, dead, prestressing : (float, float)
+        Factors of self-weight, of stated dead loads and of prestress: favourable, unfavourable.
+    live : float
+        Factor of the live load.
+    strength, friction, members : float
+        Divisors of strengths and cohesion, of friction coefficients, and of capacities of members.
+    clauses : dict of str to str
+        Source of each factor, by the name of its attribute.
+    """
+
+    name: str
+    self_weight: tuple[float, float]
+    dead: tuple[float, float]
+    prestressing: tuple[float, float]
+    live: float
+    strength: float
+    friction: float
+    members: float
+    clauses: Mapping[str, str]
+
+    def to_json(self) -> dict[str, object]:
+        """Return the factors and their sources as plain values."""
+        found: dict[str, object] = {"set": self.name}
+        for one in fields(self)[1:-1]:
+            value = getattr(self, one.name)
+            numbers = list(value) if isinstance(value, tuple) else value
+            found[one.name] = {"factor": numbers, "source": self.clauses[one.name]}
+        return found
+
+
+STATED: Final = "stated in the scene"
+"""Source of a factor that the scene states."""
+
+UNREDUCED: Final = "not in this set"
+"""Source of a factor of 1 of a kind that a set does not state."""
+
+_ACTIONS: Final = ("self_weight", "dead", "live")
+"""Factors that EN 1990 states."""
+
+
+def _of_actions(name: str, table: str, permanent: tuple[float, float], live: float) -> PartialFactors:
+    """Return the set of one table of EN 1990, with material values unreduced.
+
+    table: its name, as source. permanent: favourable and unfavourable factors. live: factor of variable actions.
+    """
+    clauses = dict.fromkeys(_ACTIONS, table)
+    clauses["prestressing"] = "EN 1992-1-1, 2.4.2.2(1) and (2)"
+    clauses |= dict.fromkeys(("strength", "friction", "members"), UNREDUCED)
+    return PartialFactors(name, permanent, permanent, (1.0, 1.3), live, 1.0, 1.0, 1.0, clauses)
+
+
+_NAMED: Final[dict[str, PartialFactors]] = {
+    one.name: one
+    for one in (
+        # EN 1990:2002 + A1:2005, recommended values for persistent situations: STR by eq. (6.10), and EQU
+        _of_actions("EN 1990", "EN 1990, Table A1.2(B), eq. (6.10)", (1.0, 1.35), 1.5),
+        _of_actions("EN 1990 EQU", "EN 1990, Table A1.2(A), eq. (6.10)", (0.9, 1.1), 1.5),
+        _of_actions("EN 1996-1-1", "EN 1990, Table A1.2(B), eq. (6.10)", (1.0, 1.35), 1.5),
+    )
+}
+"""Sets of partial factors by name; those of EN 1996-1-1 for materials are added by `partial_factors`."""
+
+_MASONRY: Final = {
+    ("I", "designed"): (1.5, 1.7, 2.0, 2.2, 2.5),
+    ("I", "prescribed"): (1.7, 2.0, 2.2, 2.5, 2.7),
+    ("II", "designed"): (2.0, 2.2, 2.5, 2.7, 3.0),
+    ("II", "prescribed"): (2.0, 2.2, 2.5, 2.7, 3.0),
+}
+"""γM of masonry by category of units and mortar, for classes 1 to 5: EN 1996-1-1:2005, 2.4.3(1), note, rows A to C."""
+
+_STEEL: Final = 1.15
+"""γM of reinforcing and prestressing steel: EN 1996-1-1:2005, 2.4.3(1), note, row E."""
+
+
+def partial_factors(design: Design | None, name: str | None = None) -> PartialFactors:
+    """Return the partial factors of a design check.
+
+    Parameters
+    ----------
+    design : Design or None
+        Key "design" of a scene; None for its defaults.
+    name : str, optional
+        Name of the set to use in the place of the scene's. Factors that the scene states stay.
+
+    Returns
+    -------
+    PartialFactors
+        Factors with their sources.
+
+    Raises
+    ------
+    ParameterError
+        No set has this name; the parameter is `set`.
+    """
+    own = design or Design()
+    chosen = own.set if name is None else name
+    if chosen not in _NAMED and chosen != own.set:
+        raise ParameterError("set", f"no set of partial factors is named {chosen!r}", "one of " + ", ".join(_NAMED))
+    found = _NAMED.get(chosen) or replace(_of_actions(chosen, STATED, (1.0, 1.0), 1.0), prestressing=(1.0, 1.0))
+    if chosen not in _NAMED:
+        found = replace(found, clauses={**found.clauses, "prestressing": UNREDUCED})
+    if chosen == "EN 1996-1-1":
+        found = _with_masonry(found, own)
+    given = {key: value for key, value in own.factors.model_dump().items() if value is not None}
+    if chosen not in _NAMED and "dead" not in given:
+        given["dead"] = given["self_weight"]
+    numbers: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in given.items()}
+    return replace(found, **numbers, clauses={**found.clauses, **dict.fromkeys(given, STATED)})
+
+
+def _with_masonry(found: PartialFactors, design: Design) -> PartialFactors:
+    """Return a set with γM of masonry and of steel by EN 1996-1-1.
+
+    design: supplies category of units, kind of mortar and class of execution control.
+    """
+    value = _MASONRY[design.units, design.mortar][design.execution - 1]
+    table = "EN 1996-1-1, 2.4.3(1)"
+    clauses = {**found.clauses, "strength": table, "friction": f"{table} and 3.6.2(3), fv as a whole"}
+    clauses["members"] = f"{table}, row E"
+    return replace(found, strength=value, friction=value, members=_STEEL, clauses=clauses)

@@ -1,0 +1,95 @@
+"""Keys of fill: soil on a planar structure, such as the backing of an arch."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Self
+
+from pydantic import ConfigDict, Field, model_validator
+
+from jld_core.errors import InputError
+from jld_core.scene.part import NonNegative, Part, Positive
+
+Share = Annotated[float, Field(ge=0, le=1)]
+"""Number from 0 to 1."""
+
+
+class Fill(Part):
+    """Soil with a level surface on the upper boundary of a planar structure.
+
+    Attributes
+    ----------
+    level : float
+        Height of the surface, measured against gravity, length.
+    density : float
+        Density of the soil.
+    friction_angle : float
+        Angle of internal friction, degrees.
+    cohesion : float
+        Cohesion, stress.
+    surcharge : float
+        Permanent vertical pressure on the surface, such as a road.
+    dispersal : float
+        Angle from the vertical at which a load on the surface spreads with depth, degrees.
+    active : float
+        Share of Rankine's active pressure that always acts.
+    passive, passive_cohesion : float
+        Shares of the two terms of Rankine's passive pressure, weight and cohesion, that the soil can reach.
+    start, end : float or None
+        Horizontal range of the soil, length; None for the ends of the structure. The keys are "from" and "to".
+    """
+
+    model_config = ConfigDict(serialize_by_alias=True)
+
+    level: float
+    density: Positive
+    friction_angle: Annotated[float, Field(ge=0, lt=90)]
+    cohesion: NonNegative = 0.0
+    surcharge: NonNegative = 0.0
+    dispersal: Annotated[float, Field(ge=0, le=60)] = 30.0
+    active: Share = 1.0
+    passive: Share = 0.33
+    passive_cohesion: Share = 0.01
+    start: float | None = Field(None, alias="from")
+    end: float | None = Field(None, alias="to")
+
+    @model_validator(mode="after")
+    def _least_below_most(self) -> Self:
+        """Check that the passive pressure is never below the active one, and that the range is not empty."""
+        if self.passive * self.passive_coefficient < self.active / self.passive_coefficient:
+            problem = f"{self.passive:g} of the passive pressure is below {self.active:g} of the active one"
+            least = self.active / self.passive_coefficient**2
+            raise InputError(".passive", problem, f"at least {least:.4g}, or a smaller share of the active pressure")
+        if self.start is not None and self.end is not None and self.end <= self.start:
+            raise InputError(".to", f"{self.end:g} does not lie beyond {self.start:g}", 'more than "from"')
+        return self
+
+    @property
+    def passive_coefficient(self) -> float:
+        """Return Rankine's coefficient of passive pressure; that of active pressure is its reciprocal."""
+        return math.tan(math.pi / 4.0 + math.radians(self.friction_angle) / 2.0) ** 2
+
+
+class Strip(Part):
+    """Strip on the surface of the fill.
+
+    at: horizontal position of its middle, length. width: length.
+    """
+
+    at: float
+    width: NonNegative = 0.0
+
+
+class FillLoad(Part):
+    """Vertical load on the surface of the fill, spread over the structure below.
+
+    Attributes
+    ----------
+    on_fill : Strip
+        Strip of the surface that carries it.
+    weight : float
+        Force along gravity.
+    """
+
+    on_fill: Strip
+    weight: Positive

@@ -1,0 +1,206 @@
+"""Values with uncertainty, such as `{"mean": 0.6, "cov": 0.1, "kind": "lognormal"}`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Final
+
+from pydantic import BaseModel, GetCoreSchemaHandler, GetJsonSchemaHandler, ValidatorFunctionWrapHandler
+from pydantic_core import CoreSchema, core_schema
+
+from jld_core.errors import InputError
+from jld_core.scene.complaints import shown
+
+KINDS: Final = ("normal", "lognormal")
+"""Kinds of distributions."""
+
+KEYS: Final = ("mean", "cov", "kind")
+"""Keys that a value with uncertainty must have."""
+
+EACH: Final = "each"
+"""Optional key: true where each face or element has an independent value of its own."""
+
+_FORM: Final = '"mean", "cov" and "kind"'
+
+
+class Uncertain(float):
+    """Mean of an uncertain value, used as a float, with its distribution in the attributes.
+
+    cov: coefficient of variation, standard deviation over |mean|. kind: one of `KINDS`. each: True where each face or
+    element has an independent value.
+    """
+
+    __slots__ = ("cov", "each", "kind")
+    cov: float
+    kind: str
+    each: bool
+
+    def __new__(cls, mean: float, cov: float, kind: str, each: bool = False) -> Uncertain:
+        """Make an uncertain value from its mean and its distribution."""
+        self = super().__new__(cls, mean)
+        self.cov, self.kind, self.each = cov, kind, each
+        return self
+
+    def __getnewargs__(self) -> tuple[float, float, str, bool]:  # type: ignore[override]
+        return float(self), self.cov, self.kind, self.each
+
+
+class UncertainVector(list[float]):
+    """Mean of a load of certain direction and uncertain size, used as a list of numbers.
+
+    size: 1 with the distribution of the size, by which the vector is multiplied.
+    """
+
+    def __init__(self, mean: list[float], size: Uncertain) -> None:
+        super().__init__(mean)
+        self.size = size
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (list(self), self.size)
+
+
+def is_uncertain(value: Any) -> bool:
+    """Return True for an object that has a key of a value with uncertainty."""
+    return isinstance(value, dict) and not value.keys().isdisjoint(KEYS)
+
+
+def read_uncertain(value: dict[str, Any], number: ValidatorFunctionWrapHandler, *, each: bool = True) -> Uncertain:
+    """Validate an object {"mean", "cov", "kind"}.
+
+    number: validator of the mean. each: whether the key "each" is allowed. Raises InputError for missing, unknown or
+    wrong keys, a negative coefficient of variation, and a mean of zero, of which it says nothing.
+    """
+    cov, kind, own = _distribution(value, each=each)
+    mean = number(value["mean"])
+    if mean == 0.0:
+        problem = f"a {kind} value of mean 0 has no coefficient of variation"
+        raise InputError(".mean", problem, "a mean other than 0, or a number alone")
+    return Uncertain(mean, cov, kind, own)
+
+
+def _distribution(value: dict[str, Any], *, each: bool) -> tuple[float, str, bool]:
+    """Return the coefficient of variation, the kind and "each" of an object; raise InputError if one is wrong."""
+    form = f"a number, or {_FORM}"
+    odd = next((key for key in value if key not in (*KEYS, *([EACH] if each else []))), None)
+    if odd is not None:
+        raise InputError(f".{odd}", "unknown key of a value with uncertainty", form)
+    lacking = next((key for key in KEYS if key not in value), None)
+    if lacking is not None:
+        raise InputError("", f'"{lacking}" of its distribution is missing', form)
+    cov, kind, own = value["cov"], value["kind"], value.get(EACH, False)
+    if isinstance(cov, bool) or not isinstance(cov, int | float) or not math.isfinite(cov) or cov < 0.0:
+        raise InputError(".cov", f"{shown(cov)} is wrong", "a coefficient of variation of at least 0")
+    if kind not in KINDS:
+        raise InputError(".kind", f"{shown(kind)} is wrong", " or ".join(f'"{one}"' for one in KINDS))
+    if not isinstance(own, bool):
+        raise InputError(f".{EACH}", f"{shown(own)} is wrong", "true or false")
+    return float(cov), str(kind), own
+
+
+def written(value: Any) -> Any:
+    """Return a value for JSON: an object for one with uncertainty, else unchanged."""
+    if isinstance(value, Uncertain):
+        own = {EACH: True} if value.each else {}
+        return {"mean": float(value), "cov": value.cov, "kind": value.kind, **own}
+    return value
+
+
+def object_schema(mean: dict[str, Any], *, each: bool = True) -> dict[str, Any]:
+    """Return the JSON schema of a value with uncertainty.
+
+    mean: schema of its mean. each: whether the key "each" is allowed.
+    """
+    keys: dict[str, Any] = {"mean": mean, "cov": {"type": "number", "minimum": 0}, "kind": {"enum": list(KINDS)}}
+    return {
+        "type": "object",
+        "properties": keys | ({EACH: {"type": "boolean"}} if each else {}),
+        "required": list(KEYS),
+        "additionalProperties": False,
+    }
+
+
+@dataclass(frozen=True)
+class MayVary:
+    """Annotation of a pydantic field whose number may have uncertainty.
+
+    each: whether each face or element may have a value of its own.
+    """
+
+    each: bool = True
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        serializer = core_schema.plain_serializer_function_ser_schema(written)
+        return core_schema.no_info_wrap_validator_function(self._read, handler(source), serialization=serializer)
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        number = handler(schema["schema"])
+        return {"anyOf": [number, object_schema(number, each=self.each)]}
+
+    def _read(self, value: Any, number: ValidatorFunctionWrapHandler) -> Any:
+        """Validate a number, or an object that becomes an `Uncertain`."""
+        if isinstance(value, Uncertain):
+            return value
+        return read_uncertain(value, number, each=self.each) if is_uncertain(value) else number(value)
+
+
+@dataclass(frozen=True)
+class MayVaryInSize:
+    """Annotation of a pydantic field whose vector may have an uncertain size."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        serializer = core_schema.plain_serializer_function_ser_schema(_written_vector)
+        return core_schema.no_info_wrap_validator_function(_read_vector, handler(source), serialization=serializer)
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        vector = handler(schema["schema"])
+        mean = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 3}
+        return {"anyOf": [vector, object_schema(mean, each=False)]}
+
+
+def _read_vector(value: Any, vector: ValidatorFunctionWrapHandler) -> Any:
+    """Validate a vector, or an object with the mean vector, which becomes an `UncertainVector`."""
+    if isinstance(value, UncertainVector) or not is_uncertain(value):
+        return value if isinstance(value, UncertainVector) else vector(value)
+    cov, kind, _ = _distribution(value, each=False)
+    mean = vector(value["mean"])
+    if any(isinstance(one, Uncertain) for one in mean):
+        raise InputError(".mean", "its components have distributions too", "one distribution, of size or components")
+    if not any(mean):
+        problem = f"a {kind} value of mean 0 has no coefficient of variation"
+        raise InputError(".mean", problem, "a mean other than 0, or a vector alone")
+    return UncertainVector(mean, Uncertain(1.0, cov, kind))
+
+
+def _written_vector(value: Any) -> Any:
+    """Return a vector for JSON, as it stood in the scene."""
+    if isinstance(value, UncertainVector):
+        return {"mean": list(value), "cov": value.size.cov, "kind": value.size.kind}
+    return None if value is None else [written(one) for one in value]
+
+
+Path = tuple[str | int, ...]
+"""Keys and positions that lead to a value of a scene."""
+
+
+def uncertain_values(part: Any, path: Path = ()) -> Iterator[tuple[Path, Uncertain | UncertainVector]]:
+    """Yield the path and the value of everything in a scene that has uncertainty, in its order.
+
+    part: a scene, or a part of one. path: where it stands. Values with a coefficient of variation of 0 are left out.
+    """
+    if isinstance(part, Uncertain | UncertainVector):
+        if (part if isinstance(part, Uncertain) else part.size).cov > 0.0:
+            yield path, part
+    elif isinstance(part, BaseModel):
+        for name, field in type(part).model_fields.items():
+            yield from uncertain_values(getattr(part, name), (*path, field.alias or name))
+    elif isinstance(part, list):
+        for position, one in enumerate(part):
+            if isinstance(one, BaseModel | Uncertain):  # lists of lists hold coordinates: most of a large scene
+                yield from uncertain_values(one, (*path, position))
+
+
+def in_words(path: Path) -> str:
+    """Return the path of a value as messages write it: `loads.live[0].force[1]`."""
+    return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in path).lstrip(".")

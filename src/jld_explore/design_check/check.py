@@ -1,0 +1,312 @@
+"""Design check of one layout: utilisation of every load case under the worst combination of partial factors."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+from jld_core.arrays import Bits
+from jld_core.assembly import Assembly
+from jld_core.build import build_assembly
+from jld_core.errors import InputError
+from jld_core.limit import CaseBounds, LimitAnalysisResult, Status, number
+from jld_core.limit.force_range import extreme_value
+from jld_core.limit.reserve import Reserve, least_share
+from jld_core.limit.thrust import ResultantRange, reactions_of_supports
+from jld_core.mechanics import require_materials
+from jld_core.models import solve, solve_by_fields
+from jld_core.models.by_fields import FieldResult, case_bounds_of
+from jld_core.models.crack_models import FIELD_SECONDS, require_cracks
+from jld_core.refinement.cells import crack_cells
+from jld_core.scene import Scene
+from jld_core.scene.cracks import CellCracks, FieldCracks
+from jld_core.scene.design import PartialFactors
+from jld_core.scene.design_values import at_design_values
+from jld_explore.design_check.combinations import Combination, at_design_loads, combinations_of
+
+LISTED: Final = 8
+"""Number of joints and of blocks that a check lists, those nearest to their limit."""
+
+_COARSE: Final = 0.9
+"""Gap of fields with the live load reversed, which only have to carry some of it."""
+
+Solution = LimitAnalysisResult | FieldResult
+"""Solution of a structure under all its load cases."""
+
+
+@dataclass(frozen=True)
+class CaseCheck:
+    """Utilisation of one load case under one combination.
+
+    Attributes
+    ----------
+    name : str
+        Name of the load case; "" for a single load.
+    required : float
+        Required factor of the case, 1 if the scene states none.
+    combination : Combination
+        The combination.
+    structure : Assembly
+        The structure under the design loads of the case and the combination.
+    bounds : CaseBounds
+        Status and bounds of λ, the factor of the design live load.
+    stands : bool or None
+        True if the structure stands without live load, which may be absent; None if undecided.
+    place : (str, float) or None
+        Path of a moving load and distance of its first axle along it; None for other cases.
+    """
+
+    name: str
+    required: float
+    combination: Combination
+    structure: Assembly
+    bounds: CaseBounds
+    stands: bool | None
+    place: tuple[str, float] | None = None
+
+    @property
+    def utilisation(self) -> float:
+        """Return required factor over λ; 0 for a locked case, inf where permanent loads cannot stand."""
+        least, most = self.range
+        if least == most or not math.isfinite(self.bounds.load_factor):
+            return most
+        return self._over(self.bounds.load_factor)
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Return the proven bounds of the utilisation: 0 and inf where nothing is proven."""
+        if self.bounds.status in (Status.UNSTABLE, Status.FAILED) or self.stands is False:
+            return (math.inf if self.bounds.status is not Status.FAILED else 0.0), math.inf
+        if self.bounds.status is Status.LOCKED:
+            return 0.0, 0.0
+        low, high = self.bounds.low, self.bounds.high
+        return (self._over(high) if math.isfinite(high) else 0.0), (self._over(low) if math.isfinite(low) else math.inf)
+
+    @property
+    def verified(self) -> bool | None:
+        """Return True if utilisation ≤ 1 is proven, False if it is refuted, None if neither is."""
+        least, most = self.range
+        if self.stands is True and most <= 1.0:
+            return True
+        return False if least > 1.0 else None
+
+    def _over(self, load_factor: float) -> float:
+        """Return the required factor over a load factor; inf for one that is not positive."""
+        return self.required / load_factor if load_factor > 0.0 else math.inf
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the check of the case as plain values; None stands for infinite and unknown numbers."""
+        return {
+            "utilisation": number(self.utilisation),
+            "utilisation_bracket": [number(end) for end in self.range],
+            "verified": self.verified,
+            "load_factor": number(self.bounds.load_factor),
+            "bracket": [number(self.bounds.low), number(self.bounds.high)],
+            "required": self.required,
+            "status": str(self.bounds.status),
+            "stands_without_live_load": self.stands,
+            "combination": vars(self.combination),
+        }
+
+
+@dataclass(frozen=True)
+class DesignCheck:
+    """Design check of one layout.
+
+    Attributes
+    ----------
+    scene : Scene
+        Scene with characteristic values.
+    assembly : Assembly
+        Structure at characteristic values.
+    labels : (m,) bool array
+        Labels of the structure that is solved, True = dry.
+    factors : PartialFactors
+        Partial factors.
+    cases : tuple of CaseCheck
+        Every load case under its worst combination.
+    tried : tuple of tuple of CaseCheck
+        Every load case under each combination.
+    solved : LimitAnalysisResult or None
+        Solution of the governing case under its worst combination; None for fields.
+    reactions : tuple of ResultantRange
+        Ranges of the reactions of supports under the design loads of the governing case.
+    reserve : Reserve or None
+        State under these loads in which faces use the least share of their capacity.
+    """
+
+    scene: Scene
+    assembly: Assembly
+    labels: Bits
+    factors: PartialFactors
+    cases: tuple[CaseCheck, ...]
+    tried: tuple[tuple[CaseCheck, ...], ...]
+    solved: LimitAnalysisResult | None
+    reactions: tuple[ResultantRange, ...]
+    reserve: Reserve | None
+
+    @property
+    def governing(self) -> CaseCheck:
+        """Return the load case of largest utilisation, the first of several that are equal."""
+        return _worst(self.cases)
+
+    @property
+    def verified(self) -> bool | None:
+        """Return True if all cases are verified, False if one is refuted, else None."""
+        found = [one.verified for one in self.cases]
+        return False if False in found else None if None in found else True
+
+
+def design_check(
+    scene: Scene,
+    labels: Bits | None,
+    factors: PartialFactors,
+    *,
+    seconds: float = FIELD_SECONDS,
+    states: bool = True,
+) -> DesignCheck:
+    """Check one layout with partial factors.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene with characteristic values, planar or spatial.
+    labels : (m,) bool array or None
+        Labels, True = dry; None for those of the scene.
+    factors : PartialFactors
+        Partial factors.
+    seconds : float
+        Time for the bounds of each load case where blocks crack by fields.
+    states : bool
+        Also compute reactions and the reserves of joints and blocks.
+
+    Returns
+    -------
+    DesignCheck
+        Utilisation of every load case under its worst combination, reactions and reserves.
+
+    Raises
+    ------
+    InputError
+        If the scene cannot be solved, or its design values contradict one another.
+    """
+    assembly = build_assembly(scene)
+    own = assembly.labels if labels is None else labels
+    require_materials(assembly, own, ~own)
+    combinations = combinations_of(assembly, factors)
+    structures = _structures(scene, own, factors, combinations)
+    tried: list[list[CaseCheck]] = []
+    solutions: list[Solution] = []
+    for combination, (structure, cells) in zip(combinations, structures, strict=True):
+        solution = _solved(scene, structure, cells, seconds)
+        solutions.append(solution)
+        tried.append(_cases(structure, cells, combination, solution, seconds))
+    by_case = tuple(zip(*tried, strict=True))
+    cases = tuple(_worst(one) for one in by_case)
+    first = _worst(cases)
+    chosen = combinations.index(first.combination)
+    cells = structures[chosen][1]
+    checked = DesignCheck(scene, assembly, cells, factors, cases, by_case, _of_case(solutions[chosen], first), (), None)
+    if not states or isinstance(scene.cracks, FieldCracks) or first.verified is not True:
+        return checked
+    loaded = replace(first.structure, dead=first.structure.dead + first.required * first.structure.live)
+    ranges = tuple(
+        ResultantRange(
+            one, *(extreme_value(loaded, one.function, cells, greatest=greatest) for greatest in (False, True))
+        )
+        for one in reactions_of_supports(loaded)
+    )
+    return replace(checked, reactions=ranges, reserve=least_share(loaded, cells))
+
+
+def _structures(
+    scene: Scene,
+    labels: Bits,
+    factors: PartialFactors,
+    combinations: list[Combination],
+) -> list[tuple[Assembly, Bits]]:
+    """Return the structure and its labels under each combination, at design values.
+
+    labels: (m,) True = dry. Where blocks crack by cells, these are the finer cells. Raises InputError for contradictory
+    design values.
+    """
+    found: dict[float, tuple[Assembly, Bits]] = {}
+    structures = []
+    for combination in combinations:
+        prestress = combination.factors(factors)["prestressing"]
+        if prestress not in found:
+            design = at_design_values(scene, factors, prestress)
+            built = build_assembly(design)
+            if len(built.interfaces) != len(labels):
+                problem = "the design tension equals the design prestress of a member"
+                raise InputError("members", problem, "a larger tension, or other factors")
+            require_cracks(design, built)
+            found[prestress] = built, labels
+            if isinstance(scene.cracks, CellCracks):
+                cells = crack_cells(design, built, scene.cracks.cell)
+                found[prestress] = cells.fine, cells.labels(labels)
+        structure, own = found[prestress]
+        structures.append((at_design_loads(structure, factors, combination), own))
+    return structures
+
+
+def _solved(scene: Scene, structure: Assembly, labels: Bits, seconds: float) -> Solution:
+    """Solve a structure under all its load cases, by fields where the scene says so."""
+    if isinstance(scene.cracks, FieldCracks):
+        return solve_by_fields(structure, labels, gap=scene.cracks.gap, seconds=seconds)
+    return solve(structure, labels)
+
+
+def _cases(
+    structure: Assembly, labels: Bits, combination: Combination, solution: Solution, seconds: float
+) -> list[CaseCheck]:
+    """Return the check of every load case under one combination."""
+    names = [case.name for case in structure.cases] or [""]
+    places = [case.place for case in structure.cases] or [None]
+    found = []
+    for k, (name, alone, required) in enumerate(zip(names, structure.by_case, structure.required, strict=True)):
+        if isinstance(solution, FieldResult):
+            bounds = case_bounds_of(list(solution.cases.values())[k])
+            stands = _stands_by_fields(alone, labels, bounds, seconds)
+        else:
+            one = solution.cases[name] if solution.cases else solution
+            bounds, stands = CaseBounds(one.status, *one.bracket, one.load_factor), one.stands_at_zero
+        found.append(CaseCheck(name, float(required), combination, alone, bounds, stands, places[k]))
+    return found
+
+
+def _stands_by_fields(alone: Assembly, labels: Bits, bounds: CaseBounds, seconds: float) -> bool | None:
+    """Decide whether a structure of crackable blocks stands without live load; None if undecided.
+
+    It does if it carries some live load and some of the reversed one, since the states between both are admissible.
+    """
+    if bounds.status is Status.UNSTABLE:
+        return False
+    if not bounds.low >= 0.0:
+        return None
+    points = tuple((at, tuple(-part for part in force)) for at, force in alone.live_points)
+    back = replace(alone, live=-alone.live, live_points=points)
+    other = case_bounds_of(next(iter(solve_by_fields(back, labels, gap=_COARSE, seconds=seconds).cases.values())))
+    return True if other.low >= 0.0 else None
+
+
+def _worst(cases: tuple[CaseCheck, ...]) -> CaseCheck:
+    """Return the case that counts: a refuted one, else an undecided one, else one of largest utilisation.
+
+    Of several with overlapping bounds it is the first.
+    """
+    for verdict in (False, None):
+        if group := [one for one in cases if one.verified is verdict]:
+            break
+    else:
+        group = list(cases)
+    least = max(one.range[0] for one in group)
+    return next(one for one in group if one.range[1] >= least)
+
+
+def _of_case(solution: Solution, case: CaseCheck) -> LimitAnalysisResult | None:
+    """Return the solution of one load case, None for fields."""
+    if isinstance(solution, FieldResult):
+        return None
+    return solution.cases[case.name] if solution.cases else solution

@@ -1,0 +1,162 @@
+"""Texts of the page of a design check in English, German and Italian."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from jld_core.scene.design import STATED, UNREDUCED
+from jld_explore.report.languages import LANGUAGES
+
+_WORDS: Final[dict[str, tuple[str, str, str]]] = {
+    "title": ("Design check", "Nachweis", "Verifica di progetto"),
+    "verified": (
+        "Verified: utilisation {use} ≤ 1, proven for every load case and combination.",
+        "Nachgewiesen: Ausnutzung {use} ≤ 1, bewiesen für jeden Lastfall und jede Kombination.",
+        "Verificato: utilizzo {use} ≤ 1, dimostrato per ogni caso di carico e combinazione.",
+    ),
+    "refuted": (
+        "Not verified: utilisation {use} > 1, proven.",
+        "Nicht nachgewiesen: Ausnutzung {use} > 1, bewiesen.",
+        "Non verificato: utilizzo {use} > 1, dimostrato.",
+    ),
+    "fallen": (
+        "Not verified: the design permanent loads alone have no equilibrium, proven.",
+        "Nicht nachgewiesen: die Bemessungswerte der ständigen Lasten allein haben kein Gleichgewicht, bewiesen.",
+        "Non verificato: i soli carichi permanenti di progetto non hanno equilibrio, dimostrato.",
+    ),
+    "undecided": (
+        "Not proven: utilisation lies between {low} and {high}.",
+        "Nicht bewiesen: die Ausnutzung liegt zwischen {low} und {high}.",
+        "Non dimostrato: l'utilizzo è compreso tra {low} e {high}.",
+    ),
+    "worst": (
+        "Governing: {case}; {combination}.",
+        "Maßgebend: {case}; {combination}.",
+        "Determinante: {case}; {combination}.",
+    ),
+    "only": ("the live load", "die Nutzlast", "il carico variabile"),
+    "factors": ("Partial factors: {name}", "Teilsicherheitsbeiwerte: {name}", "Coefficienti parziali: {name}"),
+    "factor": ("factor", "Beiwert", "coefficiente"),
+    "value": ("favourable / unfavourable", "günstig / ungünstig", "favorevole / sfavorevole"),
+    "source": ("source", "Quelle", "fonte"),
+    "self_weight": ("γG, self-weight", "γG, Eigengewicht", "γG, peso proprio"),
+    "dead": ("γG, other permanent loads", "γG, andere ständige Lasten", "γG, altri carichi permanenti"),
+    "prestressing": ("γP, prestress", "γP, Vorspannung", "γP, precompressione"),
+    "live": ("γQ, live loads", "γQ, veränderliche Lasten", "γQ, carichi variabili"),
+    "strength": ("γM, strengths, cohesion", "γM, Festigkeiten, Kohäsion", "γM, resistenze, coesione"),
+    "friction": ("γM, friction tan φ", "γM, Reibung tan φ", "γM, attrito tan φ"),
+    "members": ("γM, members", "γM, Zugglieder, Bolzen", "γM, tiranti, perni"),
+    STATED: (STATED, "in der Szene angegeben", "indicato nella scena"),
+    UNREDUCED: (UNREDUCED, "nicht in diesem Satz", "non in questa serie"),
+    "masonry": (
+        "Masonry units of category {units}, {mortar} mortar, class {execution} of execution control.",
+        "Mauersteine der Kategorie {units}, {mortar}, Ausführungsklasse {execution}.",
+        "Elementi di categoria {units}, {mortar}, classe di esecuzione {execution}.",
+    ),
+    "designed": ("designed", "Mörtel nach Eignungsprüfung", "malta a prestazione garantita"),
+    "prescribed": ("prescribed", "Rezeptmörtel", "malta a composizione prescritta"),
+    "largest": (
+        "Units, mortar and execution are not stated: the largest γM is taken.",
+        "Steine, Mörtel und Ausführung sind nicht angegeben: der größte Wert γM gilt.",
+        "Elementi, malta ed esecuzione non sono indicati: vale il γM maggiore.",
+    ),
+    "cases": ("Utilisation", "Ausnutzung", "Utilizzo"),
+    "case": ("load case", "Lastfall", "caso di carico"),
+    "required": ("required", "verlangt", "richiesto"),
+    "combination": ("permanent loads", "ständige Lasten", "carichi permanenti"),
+    "use": ("required / λ", "verlangt / λ", "richiesto / λ"),
+    "verdict": ("result", "Ergebnis", "esito"),
+    "yes": ("verified", "erfüllt", "verificato"),
+    "no": ("not verified", "nicht erfüllt", "non verificato"),
+    "open": ("not proven", "nicht bewiesen", "non dimostrato"),
+    "weight": ("self-weight", "Eigengewicht", "peso proprio"),
+    "stated": ("others", "andere", "altri"),
+    "prestress": ("prestress", "Vorspannung", "precompressione"),
+    "reactions": (
+        "Reactions under the governing design loads, in {force} and {length}: least … greatest, proven",
+        "Auflagerkräfte unter den maßgebenden Bemessungslasten in {force} und {length}: kleinste … größte, bewiesen",
+        "Reazioni sotto i carichi di progetto determinanti, in {force} e {length}: minima … massima, dimostrate",
+    ),
+    "support": ("support", "Auflager", "appoggio"),
+    "joints": (
+        "Joints nearest to their limit: a state exists in which no face uses more than {share} of its capacity",
+        "Fugen nahe der Grenze: es gibt einen Zustand, in dem keine Fläche mehr als {share} ihrer Grenze nutzt",
+        "Giunti più vicini al limite: esiste uno stato in cui nessuna faccia usa più di {share} della sua capacità",
+    ),
+    "joint": ("joint", "Fuge", "giunto"),
+    "eccentricity": ("eccentricity", "Ausmitte", "eccentricità"),
+    "of_limit": ("of its limit", "der Grenze", "del limite"),
+    "slip": ("slip reserve", "Gleitreserve", "riserva a scorrimento"),
+    "share": ("share used", "genutzt", "quota usata"),
+    "blocks": ("Blocks nearest to cracking", "Blöcke nahe am Riss", "Blocchi più vicini alla fessurazione"),
+    "block": ("block", "Block", "blocco"),
+    "face": ("face", "Fläche", "faccia"),
+    "bars": ("Members in this state", "Zugglieder und Bolzen in diesem Zustand", "Tiranti e perni in questo stato"),
+    "member": ("member", "Bauteil", "elemento"),
+    "force": ("force", "Kraft", "forza"),
+    "notes": (
+        "Assumptions, and what the check does not cover",
+        "Annahmen, und was der Nachweis nicht enthält",
+        "Ipotesi, e che cosa la verifica non comprende",
+    ),
+    "psi": (
+        "All live loads of a case have the factor γQ; ψ of accompanying actions belongs into the loads of the scene.",
+        "Alle veränderlichen Lasten eines Falls haben γQ; ψ von Begleitlasten gehört in die Lasten der Szene.",
+        "Tutti i carichi variabili di un caso hanno γQ; ψ delle azioni concomitanti va nei carichi della scena.",
+    ),
+    "parts": (
+        "Self-weight is one action: its parts are not factored apart (EN 1990, Table A1.2(A), note 1).",
+        "Das Eigengewicht ist eine Einwirkung: seine Teile haben denselben Beiwert (EN 1990, Tab. A1.2(A), Anm. 1).",
+        "Il peso proprio è una sola azione: le sue parti hanno lo stesso coefficiente (EN 1990, tab. A1.2(A), nota 1).",
+    ),
+    "nothing_else": (
+        "Recommended values, no national annex. No serviceability, fatigue, fire, accidental or seismic situation, "
+        "settlement, second order, slenderness or soil.",
+        "Empfohlene Werte, kein nationaler Anhang. Keine Gebrauchstauglichkeit, Ermüdung, Brand, außergewöhnliche oder "
+        "Erdbebensituation, Setzung, Theorie II. Ordnung, Schlankheit, kein Boden.",
+        "Valori raccomandati, nessun annesso nazionale. Nessuno stato di esercizio, fatica, incendio, situazione "
+        "eccezionale o sismica, cedimento, secondo ordine, snellezza o terreno.",
+    ),
+    "model": (
+        "Rigid blocks that crack {cracks}; plastic joints, associative friction. Without dilation λ may be smaller.",
+        "Starre Blöcke, Risse {cracks}; plastische Fugen mit assoziierter Reibung. Ohne Dilatanz kann λ kleiner sein.",
+        "Blocchi rigidi con fessure {cracks}; giunti plastici, attrito associato. Senza dilatanza λ può essere minore.",
+    ),
+    "faces": ("along stated faces", "entlang gegebener Flächen", "lungo facce date"),
+    "cells": ("along the faces of cells", "entlang von Zellflächen", "lungo le facce delle celle"),
+    "fields": ("anywhere (fields)", "überall (Felder)", "ovunque (campi)"),
+    "by_fields": (
+        "Fields give no reactions and no reserves of joints.",
+        "Felder liefern keine Auflagerkräfte und keine Reserven von Fugen.",
+        "I campi non danno reazioni né riserve dei giunti.",
+    ),
+    "no_state": (
+        "Reactions and reserves are those of a structure that is verified; there are none here.",
+        "Auflagerkräfte und Reserven gibt es nur, wenn der Nachweis gelingt; hier fehlen sie.",
+        "Reazioni e riserve esistono solo se la verifica riesce; qui mancano.",
+    ),
+    "with_members": (
+        "Reactions are those of the faces of supports; forces of members anchored there add to them. A member without "
+        "stated tension keeps its design prestress.",
+        "Auflagerkräfte sind die der Auflagerflächen, Kräfte dort verankerter Bauteile kommen hinzu. Ein Spannglied "
+        "ohne angegebene Zugkraft behält den Bemessungswert der Vorspannung.",
+        "Le reazioni sono quelle delle facce; si aggiungono le forze degli elementi ancorati. Un elemento senza "
+        "trazione indicata mantiene la precompressione di progetto.",
+    ),
+    "more": (
+        "and {count} more, in design_check.json",
+        "und {count} weitere, in design_check.json",
+        "e altri {count}, in design_check.json",
+    ),
+    "structure": ("structure, governing load", "Tragwerk, maßgebende Last", "struttura, carico determinante"),
+    "mechanism": ("collapse at λ = {load}", "Versagen bei λ = {load}", "collasso a λ = {load}"),
+    "path": ("λ along the path", "λ entlang des Weges", "λ lungo il percorso"),
+    "distance": ("first axle along the path", "erste Achse entlang des Weges", "primo asse lungo il percorso"),
+}
+"""Texts by key, in the order of LANGUAGES."""
+
+
+def words_in(language: str) -> dict[str, str]:
+    """Return all texts in one language, by key."""
+    place = LANGUAGES.index(language)
+    return {key: texts[place] for key, texts in _WORDS.items()}

@@ -1,0 +1,271 @@
+"""Monte Carlo simulation of a layout: every sample decided by proven bounds, rare failures by importance sampling."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, Final, TypeVar
+
+import numpy as np
+from scipy.stats import beta as beta_distribution
+from scipy.stats import norm
+
+from jld_core.arrays import Bools, Floats
+from jld_core.batch.batch_solver import SAMPLES_OF_A_CALL
+from jld_explore.reliability.bounds import GoverningBounds, SampleBounds
+
+_FEW: Final = 1000
+"""Failures expected of plain sampling below which samples are drawn around the design point."""
+
+_PLAIN: Final = 10
+"""One of so many samples of importance sampling is drawn around the means, so that no weight exceeds this number."""
+
+CONFIDENCE: Final = 0.95
+"""Confidence of intervals."""
+
+_Result = TypeVar("_Result")
+
+
+@dataclass(frozen=True)
+class MonteCarlo:
+    """Result of a simulation.
+
+    Attributes
+    ----------
+    samples, failures, resolved, undecided : int
+        Samples; those that surely fail; those that the batch solver left open and another route solved; those that
+        stay open, which count as failures.
+    probability : float
+        Estimated probability of failure.
+    interval : (float, float)
+        Confidence interval of it; its lower end counts undecided samples as safe.
+    importance : bool
+        True for importance sampling.
+    nearest : (v,) array or None
+        Failing sample nearest to the means, in standard normal space; None where none fails.
+    """
+
+    samples: int
+    failures: int
+    resolved: int
+    undecided: int
+    probability: float
+    interval: tuple[float, float]
+    importance: bool
+    nearest: Floats | None
+
+    @property
+    def beta(self) -> float | None:
+        """Return the reliability index −Φ⁻¹(p); None where no sample or every sample fails."""
+        return index_of(self.probability)
+
+    @property
+    def beta_interval(self) -> tuple[float | None, float | None]:
+        """Return the confidence interval of the reliability index; None for an end that is unbounded."""
+        return index_of(self.interval[1]), index_of(self.interval[0])
+
+
+def index_of(probability: float) -> float | None:
+    """Return the reliability index of a probability of failure; None for 0 and 1, which have none."""
+    return -float(norm.ppf(probability)) if 0.0 < probability < 1.0 else None
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Counts of a portion of the samples.
+
+    weights, squares: sums over failing, then over undecided samples. nearest: see `MonteCarlo`.
+    """
+
+    failures: int
+    resolved: int
+    undecided: int
+    weights: Floats
+    squares: Floats
+    nearest: Floats | None
+
+
+def simulate(
+    bounds: SampleBounds, required: float, samples: int, seed: int, jobs: int = 1, design: Floats | None = None
+) -> MonteCarlo:
+    """Estimate the probability that a layout carries less than `required`.
+
+    bounds: of the layout. samples: their number. seed: of the random numbers; the result does not depend on `jobs`, the
+    number of threads. design: (v,) design point in standard normal space. Samples are stratified along it; where
+    failures are rare, they are drawn around it. Source: docs/method.md (13.6) to (13.8).
+    """
+    rare = design is not None and samples * float(norm.cdf(-np.linalg.norm(design))) < _FEW
+    drawing = _Drawing(samples, seed, len(bounds.structure.variables), design, design if rare else None)
+
+    def one(part: int) -> _Part:
+        return _counted(bounds, required, *drawing.part(part))
+
+    parts = in_threads(one, -(-samples // SAMPLES_OF_A_CALL), jobs)
+    failures, resolved, undecided = (
+        sum(getattr(p, key) for p in parts) for key in ("failures", "resolved", "undecided")
+    )
+    weights, squares = np.sum([p.weights for p in parts], axis=0), np.sum([p.squares for p in parts], axis=0)
+    near = [p.nearest for p in parts if p.nearest is not None]
+    nearest = min(near, key=lambda point: float(point @ point)) if near else None
+    if not rare:
+        interval = _exact_interval(failures, undecided, samples)
+        probability = (failures + undecided) / samples
+    else:
+        probability = min(1.0, float(weights.sum()) / samples)
+        low, high = (_normal_interval(weights[:n].sum(), squares[:n].sum(), samples) for n in (1, 2))
+        interval = low[0], high[1]
+    return MonteCarlo(samples, failures, resolved, undecided, probability, interval, rare, nearest)
+
+
+def in_threads(one: Callable[[int], _Result], parts: int, jobs: int) -> list[_Result]:
+    """Call a function for each portion of the samples in `jobs` threads; return the results in order."""
+    if jobs == 1 or parts == 1:
+        return [one(part) for part in range(parts)]
+    with ThreadPoolExecutor(min(jobs, parts)) as pool:
+        return list(pool.map(one, range(parts)))
+
+
+@dataclass(frozen=True)
+class _Drawing:
+    """Samples in standard normal space, portion by portion.
+
+    A portion has random numbers of its own, so that neither threads nor their number change them.
+
+    Attributes
+    ----------
+    samples, seed, variables : int
+        Number of samples; seed; number v of variables.
+    along : (v,) array or None
+        Direction in which the samples are stratified, one in each of `samples` strata of equal probability; None for
+        independent samples.
+    shift : (v,) array or None
+        Point around which all but every `_PLAIN`-th sample is drawn; None to draw all around the means.
+    """
+
+    samples: int
+    seed: int
+    variables: int
+    along: Floats | None = None
+    shift: Floats | None = None
+
+    def part(self, number: int) -> tuple[Floats, Floats]:
+        """Return the points (k, v) of a portion and their weights (k,)."""
+        index = np.arange(number * SAMPLES_OF_A_CALL, min((number + 1) * SAMPLES_OF_A_CALL, self.samples))
+        dice = np.random.default_rng([self.seed, number])
+        points = dice.standard_normal((len(index), self.variables))
+        if self.along is not None and self.along.any():
+            unit = self.along / np.linalg.norm(self.along)
+            place = (index + dice.uniform(0.0, 1.0, len(index))) / self.samples
+            # 0 has no quantile; half of the smallest share that numbers of a generator can have stands for it
+            level = norm.ppf(np.maximum(place, 0.5 * 2.0**-53 / self.samples))
+            points += np.outer(level - points @ unit, unit)
+        if self.shift is None:
+            return points, np.ones(len(index))
+        points[index % _PLAIN != 0] += self.shift
+        share = 1.0 / _PLAIN
+        with np.errstate(over="ignore"):
+            ratio = np.exp(points @ self.shift - 0.5 * self.shift @ self.shift)
+        return points, 1.0 / (share + (1.0 - share) * ratio)
+
+
+def decided(bounds: SampleBounds, required: float, values: Floats) -> tuple[Bools, Bools, int]:
+    """Decide samples (k, v) by proven bounds, those that the batch solver leaves open by the route of `jld solve`.
+
+    Returns masks (k,) of those that surely fail and of those that stay open, and how many were solved again.
+    """
+    found = bounds.of(values, required)
+    fails, open_ = found.fails(required), ~(found.fails(required) | found.holds(required))
+    again = np.flatnonzero(open_) if bounds.batched else np.zeros(0, dtype=np.int64)
+    if len(again):
+        proven = bounds.proven(values[again])
+        fails[again], open_[again] = proven.fails(required), ~(proven.fails(required) | proven.holds(required))
+    return fails, open_, len(again)
+
+
+def _counted(bounds: SampleBounds, required: float, points: Floats, weights: Floats) -> _Part:
+    """Decide the samples of a portion and count them."""
+    fails, open_, again = decided(bounds, required, bounds.structure.variables.values(points))
+    masks = (fails, open_)
+    sums = np.array([weights[mask].sum() for mask in masks])
+    squares = np.array([(weights[mask] ** 2).sum() for mask in masks])
+    nearest = points[fails][np.argmin((points[fails] ** 2).sum(axis=1))] if fails.any() else None
+    return _Part(int(fails.sum()), again, int(open_.sum()), sums, squares, nearest)
+
+
+def _exact_interval(failures: int, undecided: int, samples: int) -> tuple[float, float]:
+    """Return the interval of Clopper and Pearson; undecided samples are safe at its lower end and fail at the upper."""
+    tail = 0.5 * (1.0 - CONFIDENCE)
+    most = failures + undecided
+    low = 0.0 if failures == 0 else float(beta_distribution.ppf(tail, failures, samples - failures + 1))
+    high = 1.0 if most == samples else float(beta_distribution.ppf(1.0 - tail, most + 1, samples - most))
+    return low, high
+
+
+def _normal_interval(weight: Any, square: Any, samples: int) -> tuple[float, float]:
+    """Return the interval of a mean of weights by its standard error, within 0 and 1."""
+    mean = float(weight) / samples
+    error = float(np.sqrt(max(float(square) / samples - mean * mean, 0.0) / samples))
+    reach = float(norm.ppf(0.5 + 0.5 * CONFIDENCE)) * error
+    return max(0.0, mean - reach), min(1.0, mean + reach)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Which of two layouts of a structure carries more, over samples of their common values.
+
+    Attributes
+    ----------
+    samples, stronger, weaker, undecided : int
+        Samples; those in which the first layout surely carries more; surely less; and all others, in which both carry
+        alike or bounds overlap.
+    """
+
+    samples: int
+    stronger: int
+    weaker: int
+    undecided: int
+
+    @property
+    def probability(self) -> float:
+        """Return the share of samples in which the first layout surely carries more."""
+        return self.stronger / self.samples
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Return the confidence interval of the probability that the first layout carries more.
+
+        Its upper end counts undecided samples as such.
+        """
+        return _exact_interval(self.stronger, self.undecided, self.samples)
+
+
+def compare(one: SampleBounds, other: SampleBounds, samples: int, seed: int, jobs: int = 1) -> Comparison:
+    """Compare two layouts of the same structure on the same samples, by proven bounds on their load factors.
+
+    samples, seed, jobs: as in `simulate`.
+    """
+    drawing = _Drawing(samples, seed, len(one.structure.variables))
+
+    def count(part: int) -> tuple[int, int]:
+        points, _ = drawing.part(part)
+        values = one.structure.variables.values(points)
+        first, second = one.of(values), other.of(values)
+        for bounds, found in ((one, first), (other, second)):
+            _prove_open(bounds, found, values)
+        stronger = (first.low > second.high) | (np.isposinf(first.low) & ~np.isposinf(second.high))
+        weaker = (second.low > first.high) | (np.isposinf(second.low) & ~np.isposinf(first.high))
+        return int(stronger.sum()), int(weaker.sum())
+
+    parts = in_threads(count, -(-samples // SAMPLES_OF_A_CALL), jobs)
+    stronger, weaker = (sum(part[k] for part in parts) for k in (0, 1))
+    return Comparison(samples, stronger, weaker, samples - stronger - weaker)
+
+
+def _prove_open(bounds: SampleBounds, found: GoverningBounds, values: Floats) -> None:
+    """Replace bounds of samples (k, v) without one of two bounds by those of the route of `jld solve`."""
+    again = np.flatnonzero(np.isneginf(found.low) != np.isneginf(found.high))
+    again = np.union1d(again, np.flatnonzero(np.isposinf(found.low) != np.isposinf(found.high)))
+    if len(again) and bounds.batched:
+        proven = bounds.proven(values[again])
+        found.low[again], found.high[again] = proven.low, proven.high

@@ -1,0 +1,52 @@
+"""Random variables of a scene, and their transformation to independent standard normal ones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jld_core.arrays import Bools, Floats
+
+
+@dataclass(frozen=True)
+class Variables:
+    """Independent normal and lognormal random variables.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Key of each in the scene, with the face or element where each has its own.
+    mean, deviation : (v,) arrays
+        Means and standard deviations, in the units of the scene.
+    lognormal : (v,) bool array
+        True where |x| is lognormal, else x is normal.
+
+    Notes
+    -----
+    docs/method.md (13.1), (13.2): a normal variable is x = m + s u, a lognormal one |x| = exp(ν + ζ u) with
+    ζ² = ln(1 + s²/m²) and ν = ln |m| − ζ²/2.
+    """
+
+    names: tuple[str, ...]
+    mean: Floats
+    deviation: Floats
+    lognormal: Bools
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def _spread(self) -> Floats:
+        """Return ζ of the lognormal variables (v,), with the formula also for the others."""
+        return np.sqrt(np.log1p((self.deviation / self.mean) ** 2))
+
+    def values(self, normal: Floats) -> Floats:
+        """Return the values (..., v) that belong to independent standard normal ones (..., v)."""
+        spread = self._spread()
+        with np.errstate(over="ignore"):
+            scaled = self.mean * np.exp(spread * normal - 0.5 * spread * spread)
+        return np.where(self.lognormal, scaled, self.mean + self.deviation * normal)
+
+    def slopes(self, normal: Floats) -> Floats:
+        """Return the derivatives (..., v) of `values` by the standard normal variables."""
+        return np.where(self.lognormal, self._spread() * self.values(normal), self.deviation)

@@ -1,0 +1,361 @@
+"""Reliability of layouts: closed forms, samples beside rebuilt scenes, the same numbers whatever the jobs."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from cases import grid_document
+from command import Command
+from jld_core import InputError, build_assembly, parse_scene, solve
+from jld_core.arrays import Floats
+from jld_core.scene.uncertain import uncertain_values
+from jld_explore.reliability.analysis import ReliabilityOptions, analyse, structure_of
+from jld_explore.reliability.bounds import GoverningBounds, SampleBounds
+from jld_explore.reliability.form import Limit, LimitFunction, design_point
+from jld_explore.reliability.monte_carlo import compare, simulate
+from jld_explore.reliability.structure import RandomStructure, random_structure
+
+WEIGHT = 2000.0 * 9.81
+"""Weight of the sliding block, N."""
+
+
+def vary(mean: Any, cov: float = 0.1, kind: str = "normal", **more: Any) -> dict[str, Any]:
+    return {"mean": mean, "cov": cov, "kind": kind, **more}
+
+
+def block(friction: Any, force: Any, scale: float = 1.0, **loads: Any) -> dict[str, Any]:
+    """A block of 1 × 2 on a support, pushed near its base so that it slides. scale: unit of length, in metres."""
+    s = 1.0 / scale
+
+    def box(low: float, high: float) -> list[list[float]]:
+        return [[0, low * s], [2 * s, low * s], [2 * s, high * s], [0, high * s]]
+
+    elements = [
+        {"id": "ground", "polygon": box(-1, 0), "support": True, "weight": 0.0},
+        {"id": "block", "polygon": box(0, 1), "weight": WEIGHT},
+    ]
+    live = [{"element": "block", "force": force, "at": [s, 0.1 * s]}]
+    return {
+        "elements": elements,
+        "materials": {"dry": {"friction_coefficient": friction}},
+        "loads": {"live": live, **loads},
+    }
+
+
+def structure(document: dict[str, Any]) -> RandomStructure:
+    return random_structure(parse_scene(document))
+
+
+def sample_bounds(document: dict[str, Any]) -> SampleBounds:
+    found = structure(document)
+    return SampleBounds(found, found.assembly.labels)
+
+
+def normal_index(mean: float) -> float:
+    """β = (μR − μS)/√(σR² + σS²), R = μ W with cov 0.1, S with cov 0.2 (Hasofer and Lind 1974, linear limit state)."""
+    resistance = 0.6 * WEIGHT
+    return (resistance - mean) / math.hypot(0.1 * resistance, 0.2 * mean)
+
+
+def lognormal_index(mean: float) -> float:
+    """β = ln(mR/mS)/√(ζR² + ζS²) with the medians m = μ/√(1 + v²) (Rackwitz and Fiessler 1978, product form)."""
+    squares = math.log(1.01), math.log(1.04)
+    medians = 0.6 * WEIGHT / math.exp(0.5 * squares[0]), mean / math.exp(0.5 * squares[1])
+    return math.log(medians[0] / medians[1]) / math.sqrt(sum(squares))
+
+
+@pytest.mark.parametrize("load", [6000.0, 9000.0])
+@pytest.mark.parametrize(("kind", "exact"), [("normal", normal_index), ("lognormal", lognormal_index)])
+def test_both_methods_give_the_index_of_a_sliding_block(kind: str, exact: Any, load: float) -> None:
+    found = structure(block(vary(0.6, 0.1, kind), [vary(load, 0.2, kind), 0.0]))
+    result = analyse(found, found.assembly.labels, ReliabilityOptions(samples=8_000))
+    assert result.form.beta == pytest.approx(exact(load), rel=1e-6)
+    assert result.simulation.beta == pytest.approx(exact(load), rel=0.01)
+    low, high = result.simulation.interval
+    assert low < norm.cdf(-exact(load)) < high
+    assert result.simulation.undecided == 0
+
+
+def test_the_index_is_negative_where_the_means_fail() -> None:
+    found = sample_bounds(block(vary(0.6), [vary(14000.0, 0.2), 0.0]))
+    form = design_point(LimitFunction(found, 1.0))
+    assert form.beta == pytest.approx(normal_index(14000.0), rel=1e-6)
+    assert form.beta < 0.0
+
+
+def test_the_index_does_not_depend_on_units() -> None:
+    forms = []
+    for scale in (1.0, 1e-3):
+        document = block(vary(0.6), [vary(7000.0, 0.2), 0.0], scale)
+        forms.append(design_point(LimitFunction(sample_bounds(document), 1.0)).beta)
+    assert forms[0] == pytest.approx(forms[1], rel=1e-9)
+
+
+def test_a_force_of_certain_direction_is_one_variable() -> None:
+    one = sample_bounds(block(vary(0.6), vary([6000.0, -300.0], 0.2)))
+    assert one.structure.variables.names == ("materials.dry.friction_coefficient", "loads.live[0].force")
+    values = np.array([[0.6, 1.5]])
+    assert np.array_equal(one.structure.loads(values, 0)[1][0, 1, :2], [9000.0, -450.0])
+
+
+def wall(**changes: Any) -> dict[str, Any]:
+    """A wall of which everything is uncertain: two courses of bricks, a body load and a pressure."""
+    document = grid_document(["aabb", "cddc", "####"], tension=4e3, shear=5e3, cohesion=500.0, inner_friction=0.3)
+    document["materials"] |= {
+        "density": vary(1400.0, 0.1),
+        "dry": {"friction_angle": vary(35.0, 0.1, each=True), "cohesion": vary(500.0, 0.2, "lognormal")},
+        "inner": {
+            "tensile_strength": vary(4e3, 0.2, "lognormal", each=True),
+            "shear_strength": vary(5e3, 0.2),
+            "friction_coefficient": vary(0.3, 0.1),
+        },
+    }
+    document["loads"] = {
+        "dead": [{"element": "c0r0", "force": [0.0, vary(-5.0)]}],
+        "live": [
+            {"body": vary([1.0, 0.0], 0.2)},
+            {"face": {"between": ["c0r1", "outside"]}, "pressure": vary(20.0, 0.3, "lognormal")},
+            {"element": "c1r0", "moment": vary(0.1)},
+        ],
+    }
+    document["materials"] |= changes
+    return document
+
+
+def crushing() -> dict[str, Any]:
+    document = grid_document(["aabb", "cddc", "####"], tension=4e3, shear=5e3, crush_dry=1e5, crush_inner=2e5)
+    document["materials"]["dry"]["compressive_strength"] = vary(1e5, 0.2, "lognormal")
+    document["materials"]["inner"]["compressive_strength"] = vary(2e5, 0.2, "lognormal", each=True)
+    document["materials"]["density"] = vary(1400.0)
+    return document
+
+
+def cubes() -> dict[str, Any]:
+    """Two cubes on a support, in space: pushed across, both labels, a load case each."""
+
+    def box(name: str, low: float, support: bool = False) -> dict[str, Any]:
+        corners = [[x, y, z] for z in (low, low + 1.0) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
+        faces = [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]
+        return {"id": name, "vertices": corners, "faces": faces, "support": support}
+
+    return {
+        "elements": [box("g", -1.0, True), box("a", 0.0), box("b", 1.0)],
+        "materials": {
+            "density": vary(2000.0, 0.1, each=True),
+            "dry": {"friction_coefficient": vary(0.5, 0.1, "lognormal")},
+            "inner": {"tensile_strength": vary(4e3, 0.2), "shear_strength": vary(3e3, 0.2, "lognormal")},
+        },
+        "labels": {"inner": [["a", "b"]]},
+        "loads": {
+            "cases": [
+                {"name": "push", "live": [{"element": "b", "force": [vary(3000.0, 0.2), 500.0, 0.0]}]},
+                {"name": "twist", "live": [{"element": "b", "moment": [0.0, 0.0, vary(2000.0)]}], "required": 1.5},
+            ]
+        },
+    }
+
+
+def tied() -> dict[str, Any]:
+    document = grid_document(["aabb", "cddc", "####"], tension=4e3, shear=5e3, friction=3.0)
+    document["members"] = [
+        {
+            "kind": "tie",
+            "from": {"element": "c0r0", "at": [0.05, 0.25]},
+            "to": {"element": "c0r2", "at": [0.05, 0.05]},
+            "tension": vary(15.0, 0.2),
+            "prestress": 5.0,
+        }
+    ]
+    return document
+
+
+def put(document: Any, path: tuple[str | int, ...], value: Any) -> None:
+    for key in path[:-1]:
+        document = document[key]
+    document[path[-1]] = value
+
+
+SCENES = {"wall": wall, "crushing": crushing, "cubes": cubes, "tied": tied}
+
+
+@pytest.mark.parametrize("name", list(SCENES))
+def test_samples_are_the_scene_with_other_numbers(name: str) -> None:
+    """The structure at a sample is what `build_assembly` makes of the scene with the same numbers (each off)."""
+    document = json.loads(json.dumps(SCENES[name]()).replace('"each": true', '"each": false'))
+    scene = parse_scene(document)
+    found = random_structure(scene)
+    values = found.variables.values(np.random.default_rng(5).standard_normal(len(found.variables)))
+    plain = scene.model_dump(mode="json", exclude_defaults=True)
+    for (path, value), number in zip(uncertain_values(scene), values.tolist(), strict=True):
+        put(plain, path, [number * one for one in value] if isinstance(value, list) else number)
+    rebuilt = build_assembly(parse_scene(plain))
+    for case, expected in enumerate(rebuilt.by_case):
+        own = found.at(values, case)
+        for field, numbers in vars(expected.strengths).items():
+            assert getattr(own.strengths, field) == pytest.approx(numbers, rel=1e-12, nan_ok=True), field
+        scale = abs(expected.dead).max()
+        assert own.dead == pytest.approx(expected.dead, rel=1e-9, abs=1e-12 * scale)
+        assert own.live == pytest.approx(expected.live, rel=1e-9, abs=1e-12 * scale)
+
+
+@pytest.mark.parametrize("name", list(SCENES))
+def test_the_batch_solver_bounds_what_solve_finds(name: str) -> None:
+    """Bounds of samples in the batch solver agree with `solve` on the same structure, to the width of both brackets."""
+    found = sample_bounds(SCENES[name]())
+    assert found.batched
+    points = np.random.default_rng(2).standard_normal((5, len(found.structure.variables)))
+    values = found.structure.variables.values(points)
+    bounds, proven = found.of(values), found.proven(values)
+    assert bounds.low == pytest.approx(proven.low, rel=3e-6)
+    assert bounds.high == pytest.approx(proven.high, rel=3e-6)
+    one = found.structure.at(values[0], 0)
+    asked = float(found.structure.assembly.required[0])
+    assert solve(one, found.labels).load_factor / asked >= bounds.low[0] * (1.0 - 1e-9)
+
+
+@pytest.mark.parametrize("name", list(SCENES))
+def test_gradients_are_rates_of_the_load_factor(name: str) -> None:
+    """Rates by mechanism and forces, (13.4), against central differences of λ."""
+    found = sample_bounds(SCENES[name]())
+    function = LimitFunction(found, 1.0)
+    count = len(found.structure.variables)
+    point = 0.3 * np.random.default_rng(7).standard_normal(count)
+    here = function.at(point)
+    assert here.gradient is not None
+    largest = np.argsort(-abs(here.gradient))[:4]
+    for k in largest:
+        step = np.zeros(count)
+        step[k] = 1e-3
+        rate = (function.at(point + step).value - function.at(point - step).value) / 2e-3
+        assert here.gradient[k] == pytest.approx(rate, rel=2e-3, abs=1e-4 * abs(here.gradient).max())
+
+
+def test_results_do_not_depend_on_jobs_and_follow_the_seed() -> None:
+    found = sample_bounds(wall())
+    runs = [simulate(found, 0.8, 600, seed, jobs) for seed, jobs in ((1, 1), (1, 3), (2, 1))]
+    assert runs[0].failures == runs[1].failures
+    assert runs[0].nearest is not None
+    assert np.array_equal(runs[0].nearest, runs[1].nearest)  # type: ignore[arg-type]
+    assert runs[0].failures != runs[2].failures
+    assert 0 < runs[0].failures < 600
+
+
+def test_importance_sampling_agrees_with_plain_sampling() -> None:
+    found = sample_bounds(block(vary(0.6), [vary(9500.0, 0.2), 0.0]))
+    form = design_point(LimitFunction(found, 1.0))
+    plain = simulate(found, 1.0, 4000, 3)
+    weighted = simulate(found, 1.0, 4000, 3, design=form.point)
+    assert weighted.importance
+    assert not plain.importance
+    exact = norm.cdf(-normal_index(9500.0))
+    assert weighted.probability == pytest.approx(exact, rel=0.06)
+    assert plain.probability == pytest.approx(exact, rel=0.2)
+    assert weighted.interval[1] - weighted.interval[0] < plain.interval[1] - plain.interval[0]
+
+
+def test_what_the_batch_solver_leaves_open_is_solved_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = sample_bounds(block(vary(0.6), [vary(9500.0, 0.2), 0.0]))
+    before = simulate(found, 1.0, 40, 0)
+    nothing = GoverningBounds(np.full(40, -np.inf), np.full(40, np.inf))
+    monkeypatch.setattr(found, "of", lambda values, required=None: nothing)
+    again = simulate(found, 1.0, 40, 0)
+    assert again.resolved == 40
+    assert again.failures == before.failures
+    monkeypatch.setattr(found, "proven", lambda values: nothing)
+    left = simulate(found, 1.0, 40, 0)
+    assert (left.undecided, left.failures, left.interval[0]) == (40, 0, 0.0)
+
+
+@dataclass(frozen=True)
+class Planes:
+    """Limit function of linear mechanisms: the least (a series system) or the largest (a parallel one) of them."""
+
+    slopes: Floats
+    sides: Floats
+    series: bool
+    variables: tuple[str, str] = ("one", "two")
+
+    def at(self, point: Floats) -> Limit:
+        values = self.sides - self.slopes @ point
+        chosen = int(np.argmin(values) if self.series else np.argmax(values))
+        return Limit(float(values[chosen]), -self.slopes[chosen])
+
+
+@pytest.mark.parametrize(("series", "point"), [(True, (0.0, 1.5)), (False, (2.0, 1.5))])
+def test_a_kink_of_the_failure_surface_has_a_design_point(series: bool, point: tuple[float, float]) -> None:
+    """u₁ ≥ 2 or u₂ ≥ 1.5 fails at (0, 1.5); u₁ ≥ 2 and u₂ ≥ 1.5 at the corner (2, 1.5)."""
+    function: Any = Planes(np.eye(2), np.array([2.0, 1.5]), series)
+    form = design_point(function)
+    assert form.found
+    assert form.kink is not series
+    assert form.point == pytest.approx(point, abs=1e-6)
+    assert form.beta == pytest.approx(math.hypot(*point), rel=1e-9)
+
+
+def test_a_stronger_layout_wins_every_sample_and_none_against_itself() -> None:
+    found = structure(wall())
+    labels = found.assembly.labels
+    strong, weak = SampleBounds(found, labels & ~found.assembly.free_faces), SampleBounds(found, labels)
+    better = compare(strong, weak, 300, 0, jobs=2)
+    assert better.stronger > 0.9 * 300
+    assert (better.weaker, better.stronger + better.undecided) == (0, 300)
+    alike = compare(weak, weak, 40, 0)
+    assert (alike.stronger, alike.weaker, alike.undecided) == (0, 0, 40)
+
+
+def bonded() -> dict[str, Any]:
+    document = grid_document(["aabb", "####"])
+    document["materials"]["dry"] = {"friction_coefficient": vary(0.5), "cohesion": 2e3, "tensile_strength": 1e3}
+    return document
+
+
+def without_distribution() -> dict[str, Any]:
+    return grid_document(["aabb", "####"])
+
+
+def by_fields() -> dict[str, Any]:
+    return wall() | {"cracks": {"kind": "fields"}}
+
+
+@pytest.mark.parametrize(
+    ("scene", "said"),
+    [
+        (bonded, "materials.dry.friction_coefficient: it acts on a bond"),
+        (without_distribution, "no value of the scene has uncertainty"),
+        (by_fields, "cracks: samples know cracks by faces alone"),
+    ],
+)
+def test_what_samples_cannot_have_is_refused_in_one_line(scene: Any, said: str) -> None:
+    parsed = parse_scene(scene())
+    assembly = build_assembly(parsed)
+    with pytest.raises(InputError, match=said):
+        structure_of(parsed, assembly, assembly.labels)
+
+
+def test_the_command_prints_the_keys_and_refuses_wrong_options(jld: Command, tmp_path: Path) -> None:
+    path = tmp_path / "block.json"
+    path.write_text(json.dumps(block(vary(0.6), [vary(9500.0, 0.2), 0.0])))
+    done = jld("reliability", path, "--json", "--samples", 500, "--jobs", 2)
+    assert (done.code, done.err) == (0, "")
+    told = json.loads(done.out)
+    assert told["beta_form"] == pytest.approx(normal_index(9500.0), rel=1e-6)
+    assert abs(told["beta_monte_carlo"] - told["beta_form"]) < 0.2
+    assert told["samples"] == 500
+    assert 0 < told["failures"] < 500
+    assert sum(one**2 for one in told["importance"].values()) == pytest.approx(1.0)
+    design = told["design_point"]
+    assert design["materials.dry.friction_coefficient"] * WEIGHT == pytest.approx(design["loads.live[0].force[0]"])
+    assert "design point" in jld("reliability", path, "--samples", 10).out
+    for option, value in (("--required", "-1"), ("--against", "1"), ("--rank", "1")):
+        wrong = jld("reliability", path, option, value)
+        assert (wrong.code, wrong.out) == (2, "")
+        assert option in wrong.err
+        assert wrong.err.count("\n") == 1
