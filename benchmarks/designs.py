@@ -11,6 +11,7 @@ run has found, the gain when refined over the refined one.
 from __future__ import annotations
 
 import math
+import os
 import sys
 import tempfile
 import time
@@ -123,7 +124,10 @@ def main() -> None:
     about = " ".join((__doc__ or "").split("\n\n", 1)[1].split())
     head = ["outline", "usual bond, λ by fields, refined", "best", "by faces", "by fields in the run", "proven gain"]
     head += ["by fields, refined", "proven gain, refined", "s"]
-    words = f"Written by `python -m benchmarks.designs`, here with {seconds:.0f} s for each. "
+    load = os.getloadavg()[0]
+    words = (
+        f"Written by `python -m benchmarks.designs`, here with {seconds:.0f} s for each, beside a load of {load:.0f}. "
+    )
     write("designs", f"# Designs from outlines\n\n{words}{about}\n\n" + table(rows=rows, head=head))
 
 
