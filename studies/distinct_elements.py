@@ -289,8 +289,8 @@ def _report(
             f"Why: in {used} of the {len(looked)} largest gains inner faces are used more with dilation at the same "
             f"load, and in {earlier} the first crack comes at a smaller load. Joints that open as they slide wedge the "
             "blocks apart and press where nothing gives way; the crack that follows ends the run, as it does in "
-            f"{at_once} of {len(cracked)} brittle runs. The others end above λ, where no face cracks or late, and the "
-            "rate of the push decides.",
+            f"{at_once} of {len(cracked)} brittle runs. The others end above λ; why was not "
+            "found out.",
             f"Plastic with dilation ends more than 1 % below λ in "
             f"{int((ratio[('plastic', 'friction')] < 0.99).sum())} and more than 1 % above it in "
             f"{_share(ratio[('plastic', 'friction')], 1.01)} layouts. Below: gaps that close without resistance slide "

@@ -369,7 +369,6 @@ def _numbers(book: _Book, laying: Laying, blocks: Sequence[int]) -> list[str]:
     """Return the numbers of the stones that are the given blocks of an order of laying."""
     layout = book.content.layout
     names = {stone.name: str(stone.number) for stone in book.stones}
-    # blocks of an order of laying are named by their first elements, those of a layout also by the scene
     own = [layout.blocks[int(layout.block_of[laying.blocks.elements(block)[0]])].name for block in blocks]
     return [names.get(name, name) for name in own]
 
