@@ -32,7 +32,7 @@ of the tests.
 - *inside*: reactions are not one number, as rigid blocks have many states of equilibrium. The published one lies in
   the interval that `jld thrust` proves, or a known pressure lies in its bracket by fields.
 - *falls*: what fell does not stand under its weight here either, with proof.
-- *above*: a test carries more than its scene, which states neither bond nor fill; the ratio is given, and the reason.
+- *above*: a test carries more than its scene, which leaves out bond or the strength of fill; with the ratio and why.
 """
 END: Final = """
 Reactions of distinct-element programs that are not in these tables, and why:

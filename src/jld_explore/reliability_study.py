@@ -23,6 +23,12 @@ from jld_explore.space import from_string
 FILE: Final = "reliability.csv"
 """Name of the table of reliability indices in a results folder."""
 
+_KEPT: Final = ("beta_form", "beta_monte_carlo", "probability", "failures", "samples", "undecided")
+"""Keys of an analysis that become columns of the table."""
+
+COLUMNS: Final = ("row", "labelling", "load_factor", *_KEPT)
+"""Columns of the table."""
+
 SAMPLES: Final = 10_000
 """Samples of each layout: less than `jld reliability` draws, since it ranks alone."""
 
@@ -78,10 +84,8 @@ def add_reliability(done: Exploration, settings: ExploreSettings, deadline: Dead
         if rows and deadline.passed():
             break
         told = analyse(structure, from_string(str(labelling)), options).to_json()
-        kept = ("beta_form", "beta_monte_carlo", "probability", "failures", "samples", "undecided")
-        rows.append(
-            {"row": number, "labelling": str(labelling), "load_factor": float(load)} | {k: told[k] for k in kept}
-        )
+        own = (number, str(labelling), float(load), *(told[key] for key in _KEPT))
+        rows.append(dict(zip(COLUMNS, own, strict=True)))
     rows.sort(key=lambda row: (-_index(row), row["row"]))
     return _written(done, rows, len(ranked))
 

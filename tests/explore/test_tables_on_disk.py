@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 
 from jld_core import parse_scene
-from jld_explore import ExploreSettings, experiments, explore
+from jld_explore import ExploreSettings, experiments, explore, reliability_study
 from jld_explore.report import csv_of, result_files, tables
 from jld_explore.report.result_files import write_results
 from jld_explore.space.labelling import to_strings
@@ -63,7 +63,7 @@ def test_every_file_is_in_the_contract(settings: ExploreSettings, tmp_path: Path
     written = {path.name for path in (tmp_path / "out").iterdir()}
     assert written <= LISTED, written - LISTED
     always = {file for file in LISTED if file.endswith((*ENDINGS, "scene.json", "summary.json", "columns.json"))}
-    assert always - {experiments.FILE} <= written
+    assert always - {experiments.FILE, reliability_study.FILE} <= written
 
 
 @pytest.mark.parametrize("name", ["=1+1", "@SUM(1)", "+1", "-1"])
@@ -87,8 +87,9 @@ def test_every_column_has_its_unit(tmp_path: Path) -> None:
     columns = json.loads((tmp_path / "out" / "columns.json").read_text("utf-8"))
     for file, known in columns.items():
         assert file in LISTED
-        if file == "experiments.csv":
-            assert list(known) == list(experiments.COLUMNS)
+        if file in (experiments.FILE, reliability_study.FILE):
+            own = experiments.COLUMNS if file == experiments.FILE else reliability_study.COLUMNS
+            assert list(known) == list(own)
             continue
         assert set(pd.read_csv(tmp_path / "out" / file).columns) <= set(known), file
         assert all(set(column) == {"unit", "meaning"} and column["meaning"] for column in known.values())

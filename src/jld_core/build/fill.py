@@ -1,6 +1,6 @@
 """Conversion of fill to loads and bounded horizontal pressures on a planar structure.
 
-Source: docs/method.md (1.12)–(1.14), after W. J. M. Rankine, "On the stability of loose earth", Philosophical
+Source: docs/method.md (1.14)–(1.16), after W. J. M. Rankine, "On the stability of loose earth", Philosophical
 Transactions of the Royal Society 147 (1857), pages 9–27.
 """
 
