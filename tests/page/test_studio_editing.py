@@ -258,9 +258,17 @@ def test_cases_have_loads_at_collapse_of_their_own(local: Local) -> None:
         assert value == pytest.approx(case["load_factor"] * weight, rel=1e-3)
 
 
-def test_a_running_search_tells_its_best_layout(local: Local) -> None:
+def test_a_running_search_tells_its_best_layout(tmp_path: Path) -> None:
     """The layout that it names has the λ that it tells; its results go back to the scene of the page."""
-    document = small_scene(rows=["abcdef", "ghijkl", "abcdef", "######"])
+    local = Local(tmp_path / "studio", small_scene())
+    try:
+        _search_tells_its_best_layout(local)
+    finally:
+        local.close()
+
+
+def _search_tells_its_best_layout(local: Local) -> None:
+    document = small_scene(rows=[*["abcdefgh", "ijklmnop"] * 3, "########"])
     opened = local.api("open", {"name": "w.json", "content": base64.b64encode(json.dumps(document).encode()).decode()})
     changes = {"materials": document["materials"] | {"density": 1500.0}}
     state = {"scene": opened[1]["scene"], "labelling": letters(document), "changes": changes}

@@ -277,11 +277,12 @@ def test_the_page_names_no_script_but_files_of_its_own(local: Local) -> None:
     ],
 )
 def test_wrong_questions_get_one_clear_line(local: Local, name: str, body: Any, words: str) -> None:
+    before = sorted(local.root.rglob("*"))
     status, found = local.api(name, body)
     assert status == 400
     assert words in found["error"]
     assert "\n" not in found["error"]
-    assert not local.root.exists()
+    assert sorted(local.root.rglob("*")) == before
 
 
 @pytest.mark.parametrize(
