@@ -185,8 +185,11 @@ def test_materials_and_loads_move_the_factor(visit: Open, address: str, scene: P
     assert moved[0]["at"][0] < 0.6
     assert third == pytest.approx(proven(found, scene), rel=1e-8)
     field = found.page.locator("#loads input[data-load='0']").first
+    before = found.page.evaluate("() => JSON.stringify(studio.steps.now)")
     field.fill("2")
     field.press("Enter")
+    # the server checks the value first; the state changes after that
+    found.page.wait_for_function("before => JSON.stringify(studio.steps.now) !== before", arg=before)
     assert answered(found)["load_factor"] == pytest.approx(proven(found, scene), rel=1e-8)
     for _ in range(3):
         found.page.locator("#undo").click()

@@ -225,7 +225,9 @@ def test_time(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     assert len(study.records) == 30
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "name", [*NAMES[:-2], *(pytest.param(one, marks=pytest.mark.long) for one in NAMES[-2:-1]), NAMES[-1]]
+)
 def test_interrupted_anywhere_and_resumed(name: str, tmp_path: Path) -> None:
     """A run stopped after any number of solves, and again, ends in the table of an uninterrupted one."""
     found = case("sizes")

@@ -254,7 +254,7 @@ def test_random_kills(scene: Path, tmp_path: Path, jld: Command) -> None:
 @pytest.mark.usefixtures("without_pictures")
 @pytest.mark.parametrize(
     ("number", "jobs"),
-    [(signal.SIGTERM, 1), pytest.param(signal.SIGHUP, 1, marks=pytest.mark.long), (signal.SIGINT, 2)],
+    [*(pytest.param(one, 1, marks=pytest.mark.long) for one in (signal.SIGTERM, signal.SIGHUP)), (signal.SIGINT, 2)],
     ids=["SIGTERM-1", "SIGHUP-1", "SIGINT-2"],
 )
 def test_signals(

@@ -182,6 +182,7 @@ def test_the_first_step_of_large_scenes_excludes_a_part_of_the_way(times: float)
 OPENED = opened_wall(0, 1)
 
 
+@pytest.mark.long
 def test_walls_with_openings_have_a_floor() -> None:
     """Three bricks and one opening, 19 faces: without what loops say of slides the root of the relaxation is zero, and
     what is found here was met by branches alone."""

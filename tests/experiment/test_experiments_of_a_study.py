@@ -60,6 +60,7 @@ def test_a_column_for_the_best(tmp_path: Path, monkeypatch: Patch, capsys: Captu
     assert pd.read_csv(out / "results.csv", dtype={"labelling": str})["experiment"].notna().sum() == 3
 
 
+@pytest.mark.long
 def test_search_by_experiment(tmp_path: Path) -> None:
     """The genetic driver by experiments finds what experiments on all layouts whose λ is above it cannot better."""
     settings = ExploreSettings(by_experiment=True, experiment=30, pictures=False)

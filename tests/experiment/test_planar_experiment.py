@@ -54,7 +54,7 @@ def test_two_cubes(joints: Joints, friction: float, tension: float, shear: float
     assert found.load_factor.max() == pytest.approx(expected, rel=3e-3)
 
 
-@pytest.mark.parametrize("tension", [0.2, 0.4])
+@pytest.mark.parametrize("tension", [0.2, pytest.param(0.4, marks=pytest.mark.long)])
 def test_first_crack_of_an_elastic_face(tension: float) -> None:
     """Elastic edge stress of a rectangle, σ = N/A − 6M/(lA): two cubes crack at (1 + σtA/W)/3, with a slope of 1/reach
     before. Simpson's points integrate the linear stress exactly."""
@@ -124,9 +124,9 @@ def test_walls_without_dilation(number: int, expected: float, length: float) -> 
 
 FLAT_ARCH = [
     ("plastic", "friction", 2094.0),
-    ("plastic", 0.0, 1444.8),
+    pytest.param("plastic", 0.0, 1444.8, marks=pytest.mark.long),
     ("brittle", "friction", 1588.0),
-    ("brittle", 0.0, 1443.0),
+    pytest.param("brittle", 0.0, 1443.0, marks=pytest.mark.long),
 ]
 """An earlier engine, five points a face, geometry at rest, kn = ks; N per force."""
 
@@ -171,6 +171,7 @@ def outside(assembly: Assembly, labels: Bits, forces: Floats) -> float:
     return float(np.where(labels, dry, inner).max())
 
 
+@pytest.mark.long
 def test_layouts_of_the_beam_arch() -> None:
     """Method's own laws give λ (70 of 70 layouts within 1e-3 in benchmarks/experiment.py), and nothing that is proven
     unstable settles under its own weight."""

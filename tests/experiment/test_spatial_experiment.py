@@ -53,7 +53,7 @@ def prism(sides: int, live: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-@pytest.mark.parametrize("sides", [4, 6])
+@pytest.mark.parametrize("sides", [4, pytest.param(6, marks=pytest.mark.long)])
 def test_torsion_of_a_prism(sides: int) -> None:
     """MT = μ N c_T under a pressure that stays even; polygons by a fan of triangles, rectangles by a product."""
     document = prism(sides, {"force": [0, 0, 0], "moment": [0, 0, 1]})

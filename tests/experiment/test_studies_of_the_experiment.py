@@ -36,6 +36,7 @@ def test_bricks_that_crack() -> None:
     assert found[-1] == pytest.approx(rigid, rel=1e-6)
 
 
+@pytest.mark.long
 def test_abeilles_vault_punches_through_its_cracks() -> None:
     """Rigid blocks in a fixed frame are locked. Crackable ones give way by shear of eight half middle planes: with
     every 1e5 Pa λ grows by the same, no more than τ times their area."""

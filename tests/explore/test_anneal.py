@@ -55,6 +55,7 @@ def test_a_face_that_moves_is_joined() -> None:
     assert joined > 20
 
 
+@pytest.mark.long
 def test_it_reaches_what_is_proven(tmp_path: Path) -> None:
     scene = parse_scene(grid_document(WALL, **OPTIONS))
     proven = explore(scene, tmp_path / "exact", ExploreSettings(driver="exact", pictures=False)).summary.facts

@@ -219,7 +219,9 @@ def test_several_faces_between_two_elements(segmentation: bool) -> None:
     assert check(space) == (2 if segmentation else 4)
 
 
-@pytest.mark.parametrize(("side", "number"), [(1, 1), (2, 12), (3, 1434), (4, 1691690)])
+@pytest.mark.parametrize(
+    ("side", "number"), [(1, 1), (2, 12), (3, 1434), pytest.param(4, 1691690, marks=pytest.mark.long)]
+)
 def test_connected_partitions_of_square_grids(side: int, number: int) -> None:
     space = grid_space(["a" * side] * side + ["#" * side], DOWN)
     tally = Enumeration(space).count()
@@ -230,7 +232,12 @@ def test_connected_partitions_of_square_grids(side: int, number: int) -> None:
 
 @pytest.mark.parametrize(
     ("rows", "cells", "number"),
-    [(["a" * 4] * 6, 2, 281), (["a" * 6] * 6, 2, 6728), (["a" * 5] * 5, 5, 4006), (["a" * 6] * 6, 3, 80092)],
+    [
+        (["a" * 4] * 6, 2, 281),
+        (["a" * 6] * 6, 2, 6728),
+        (["a" * 5] * 5, 5, 4006),
+        pytest.param(["a" * 6] * 6, 3, 80092, marks=pytest.mark.long),
+    ],
 )
 def test_known_partitions_into_equal_blocks(rows: list[str], cells: int, number: int) -> None:
     space = grid_space([*rows, "#" * len(rows[0])], block_cells=[cells, cells])

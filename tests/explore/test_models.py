@@ -83,7 +83,11 @@ def plain(tmp_path_factory: pytest.TempPathFactory) -> Exploration:
     return explore(table(), tmp_path_factory.mktemp("plain") / "out", ExploreSettings(pictures=False, check_fields=0))
 
 
-@pytest.mark.parametrize("model", SPATIAL, ids=["concave", "kern", "effective area", "concave without dilation"])
+@pytest.mark.parametrize(
+    "model",
+    [SPATIAL[0], *(pytest.param(one, marks=pytest.mark.long) for one in SPATIAL[1:3]), SPATIAL[3]],
+    ids=["concave", "kern", "effective area", "concave without dilation"],
+)
 def test_a_search_finds_what_solving_finds(
     model: SolveOptions, tmp_path: Path, drawn: list[LimitAnalysisResult], plain: Exploration
 ) -> None:

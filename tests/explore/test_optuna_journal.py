@@ -51,7 +51,7 @@ def test_a_torn_line_and_a_lock_left_behind_are_made_good(tmp_path: Path) -> Non
     assert trials(torn) == trials(tmp_path / "whole")
 
 
-@pytest.mark.parametrize("content", [b"\x00\xffnot json\n{}\n", b"{}\n"])
+@pytest.mark.parametrize("content", [b"\x00\xffnot json\n{}\n", pytest.param(b"{}\n", marks=pytest.mark.long)])
 def test_a_damaged_journal_is_written_again(content: bytes, tmp_path: Path) -> None:
     """It is a copy of what is on record, and does not stand in the way of going on."""
     searched(tmp_path / "whole", 20)

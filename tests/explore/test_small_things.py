@@ -175,6 +175,7 @@ def test_progress_shows_incumbent_bound_and_gap(tmp_path: Path) -> None:
     assert 0.0 <= seen[-1].gap <= seen[0].gap or np.isnan(seen[0].gap)
 
 
+@pytest.mark.long
 def test_past_solves_settle_nothing_any_more(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

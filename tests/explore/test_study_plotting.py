@@ -200,6 +200,7 @@ def test_best_is_the_full_picture(assembly: Assembly) -> None:
     assert len(figure.axes) == 3
 
 
+@pytest.mark.long
 def test_pictures_are_drawn_again_as_vectors(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -130,7 +130,7 @@ def upper_by_cvxpy(assembly: Assembly, mesh: Mesh, loads: Any, labels: Bits, mat
 
 
 # the 24th has what the 13th has, and the third and the 20th what the others have between them, with more elements
-@pytest.mark.parametrize("seed", [7, 13, 16, *(pytest.param(seed, marks=pytest.mark.long) for seed in (3, 20, 24))])
+@pytest.mark.parametrize("seed", [13, 16, *(pytest.param(seed, marks=pytest.mark.long) for seed in (3, 7, 20, 24))])
 def test_both_programs_by_a_modelling_language(seed: int) -> None:
     """Random structures with and without friction of the material, cohesion and crushing, to 1e-5."""
     scenes = fields.random_scenes(np.random.default_rng([seed, 2026]), [Move(np.eye(2), 1.0, np.zeros(2))])

@@ -135,6 +135,7 @@ def test_more_weight_than_any_live_load_can_hold() -> None:
     assert found.upper < 0.0
 
 
+@pytest.mark.long
 def test_planar_fields_bound_extruded_blocks_from_both_sides() -> None:
     """λ by planar fields with σc ≤ 2τ ≤ λ in space ≤ λ by planar fields, docs/method.md (10.7)."""
     planar = [

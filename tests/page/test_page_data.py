@@ -172,6 +172,7 @@ def test_names_in_a_scene_stay_text() -> None:
     check(embedded(html))
 
 
+@pytest.mark.long
 def test_twenty_thousand_layouts_stay_below_five_megabytes() -> None:
     """Rows as long as those of a wall of 100 cells, with brackets that share no digits."""
     rng = np.random.default_rng(1)

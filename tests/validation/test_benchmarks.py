@@ -37,6 +37,7 @@ def test_field_says_what_is_missing(monkeypatch: pytest.MonkeyPatch, capsys: pyt
     assert capsys.readouterr().out == field.MISSING + "\n"
 
 
+@pytest.mark.long
 def test_exchange(tmp_path: Path) -> None:
     """The area of a face that is not convex is what decides between libraries."""
     pytest.importorskip("trimesh")

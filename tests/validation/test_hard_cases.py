@@ -63,6 +63,7 @@ def test_hard_case(case: HardCase) -> None:
         assert math.isnan(result.load_factor)
 
 
+@pytest.mark.long
 def test_a_large_wall_in_bad_units() -> None:
     """420 bricks, which the solver for large structures takes; `benchmarks.hard_cases` solves 1 640."""
     bad, good = (solve(bricks(20, 10, *UNITS[units])) for units in ("µN, mm", "kN, m"))

@@ -30,6 +30,7 @@ def least_thickness(voussoirs: int, friction: float, low: float, high: float, to
     return high
 
 
+@pytest.mark.long
 def test_rotation_regime_converges() -> None:
     """The error is that of the nearest joint's angle to the true hinge, squared: fitted slope 2, hence n⁻² at the most.
 

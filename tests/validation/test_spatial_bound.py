@@ -179,6 +179,7 @@ def test_a_brick_may_stand_on_one_of_two_halves(live: tuple[float, float, float]
     assert extra["highest_found"] > 1.15 * extra["lowest_found"]
 
 
+@pytest.mark.long
 def test_the_lowest_of_a_wall_pushed_askew_is_proven() -> None:
     extra = ends(extruded(1, 2, live=(0.6, 0.8, 0.0), depth=1.0), seconds=60.0)
     assert extra["closed"]

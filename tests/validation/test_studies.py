@@ -89,6 +89,7 @@ def test_semicircular_arch(tmp_path: Path) -> None:
     assert freed["proven"].all()
 
 
+@pytest.mark.long
 def test_settlement(tmp_path: Path) -> None:
     """Least and greatest thrust of the semicircular arch against the closed form of the endless ring."""
     table = settlement.run(tmp_path, quick=True)
@@ -121,6 +122,7 @@ def test_left_out(tmp_path: Path) -> None:
     assert table["per_kg"].is_monotonic_increasing
 
 
+@pytest.mark.long
 def test_t_block(tmp_path: Path) -> None:
     """Statics by hand of a tree of five cells; the rigid block is reached where nothing cracks."""
     table = t_block.run(tmp_path, quick=True)
@@ -185,6 +187,7 @@ def test_drivers(tmp_path: Path) -> None:
     assert set(table["driver"]) == {*drivers.BUDGETS, "exact"}
 
 
+@pytest.mark.long
 def test_joints_that_move(tmp_path: Path) -> None:
     """With either flank the best key is neither the shallowest nor the deepest, and carries 20 % more than none."""
     table = joints_that_move.run(tmp_path, quick=True)

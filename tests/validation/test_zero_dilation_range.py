@@ -218,6 +218,7 @@ def search_by(scene: Scene, tmp_path: Path, floor_seconds: float) -> pd.DataFram
     return explore(scene, tmp_path / f"{floor_seconds:g}", settings).results
 
 
+@pytest.mark.long
 def test_a_search_ranks_by_the_lowest_found_or_by_the_floor(tmp_path: Path) -> None:
     found, proven = search_by(beam(), tmp_path, 0.0), search_by(beam(), tmp_path, 2.0)
     first = found[found["settled"] == "solve"].set_index("labelling")["load_factor"].dropna()
