@@ -106,7 +106,10 @@ def test_pushes_equal_stated_cases_beside_moving_loads() -> None:
     ("pushes", "message"),
     [
         ({"directions": 3}, "loads.pushes.directions: 3 horizontal directions in a planar scene; expected 1 or 2"),
-        ({"directions": 0}, "loads.pushes.directions"),
+        ({"directions": 0}, "loads.pushes.directions: 0 is wrong; expected a number of at least 1"),
+        ({"directions": 400}, "loads.pushes.directions: 400 is wrong; expected a number of at most 360"),
+        ({"directions": True}, "loads.pushes.directions: true is wrong; expected a number of directions, or a list"),
+        ({"directions": [[1, 0], [1, 1e-20]]}, r"loads.pushes.directions\[1\]: it is a direction that stands before"),
         ({"directions": []}, "loads.pushes.directions"),
         ({"directions": [[1, 0], [2, 0]]}, r"loads.pushes.directions\[1\]: it is a direction that stands before"),
         ({"directions": [[0, 0]]}, r"loads.pushes.directions\[0\]: it is zero"),

@@ -91,7 +91,8 @@ def test_the_command_writes_where_stones_lie(jld: Command, tmp_path: Path) -> No
         (["--pdf", "--kerf", "3"], "--kerf: it stands without"),
         (["--pdf", "--stock", "1,1,1"], "--stock: stone"),
         (["--pdf", "--stock=-1,1,1"], "--stock: a side is not above 0"),
-        (["--pdf", "--stock", "9000,9000,9000", "--kerf=-1"], "--kerf: "),
+        (["--pdf", "--stock", "9000,9000,9000", "--kerf=-1"], "--kerf: it is no width of a cut"),
+        (["--pdf", "--stock", "1e300,1e300,1e300"], "--stock: the volume of a cuboid is out of range"),
     ],
 )
 def test_bad_stock_is_one_line(jld: Command, tmp_path: Path, flags: list[str], words: str) -> None:

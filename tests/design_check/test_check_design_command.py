@@ -175,6 +175,8 @@ def test_layouts_of_a_search_are_checked(jld: Command, tmp_path: Path) -> None:
     [
         (["--set", "EN 1992"], {}, "--set: no set of partial factors is named 'EN 1992'"),
         (["--rank", "1"], {}, "--rank: "),
+        (["--seconds=-1"], {}, "--seconds: "),
+        (["--seconds", "nan"], {}, "--seconds: "),
         ([], {"design": {"set": "EN 1996"}}, "design.set: no set is named 'EN 1996'"),
         ([], {"materials": {"inner": {"tensile_strength": 1, "shear_strength": 1}}}, "materials.dry: missing"),
     ],

@@ -105,4 +105,4 @@ def _angles(unit: Floats, first: Floats, downwards: Floats) -> str:
 def _degrees(rise: float, run: float) -> str:
     """Return an angle as text, from 0 up to below 360 degrees."""
     angle = math.degrees(math.atan2(rise, run)) % 360.0
-    return f"{0.0 if angle > 360.0 - 1e-9 else angle:.6g}"
+    return f"{0.0 if min(angle, 360.0 - angle) < 1e-9 else angle:.6g}"

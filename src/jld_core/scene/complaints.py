@@ -67,7 +67,8 @@ def first_complaint(error: ValidationError, model: type[BaseModel], known: Itera
         plural, singular = ("letters", "letter") if kind.startswith("string") else ("entries", "entry")
         what = singular if number == 1 else plural
         return InputError(where, f"it has {number} {what}", size + (f": {meaning}" if meaning else ""))
-    forms = [c for c in complaints if _keys(c) == keys and _is_of_form(c["type"])] or [chosen]
+    # a value of a form that is allowed, but out of its bounds, is told the bounds, not the other forms
+    forms = [c for c in complaints if _keys(c) == keys and _is_of_form(c["type"])] if _is_of_form(kind) else [chosen]
     expected = " or ".join(dict.fromkeys(_wanted(c) for c in forms))
     return InputError(where, f"{shown(value)} is wrong", expected)
 
@@ -84,6 +85,7 @@ def _wanted(complaint: ErrorDetails) -> str:
         "greater_than": ("a number above", "gt"),
         "greater_than_equal": ("a number of at least", "ge"),
         "less_than": ("a number below", "lt"),
+        "less_than_equal": ("a number of at most", "le"),
     }
     if kind in bounds:
         words, bound = bounds[kind]
@@ -95,7 +97,7 @@ def _wanted(complaint: ErrorDetails) -> str:
 
 def _keys(complaint: ErrorDetails) -> list[int | str]:
     """Return the key path of a pydantic error, without the names of alternative types in it."""
-    forms = re.compile(r"[\[\(]|^(float|str|int|bool|list|dict)$")
+    forms = re.compile(r"[\[\(]|^(constrained-)?(float|str|int|bool|list|dict)$")
     loc = complaint["loc"]
     last = len(loc) - 1 if complaint["type"] == "extra_forbidden" else len(loc)
     # an unknown key may have any name, also that of a form

@@ -31,7 +31,7 @@ Cracks = Annotated[
     ),
 ]
 FieldSeconds = Annotated[
-    float, typer.Option("--seconds", help="With --cracks fields: time for the bounds of each load case.")
+    float, typer.Option("--seconds", min=0.0, help="With --cracks fields: time for the bounds of each load case, s.")
 ]
 
 _OPTION = "--cracks"

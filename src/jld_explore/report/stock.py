@@ -85,8 +85,12 @@ def stock_of(stones: list[Stone], size: tuple[float, float, float], kerf: float 
     """
     if not all(0.0 < side < math.inf for side in size):
         raise ParameterError("stock", "a side is not above 0", "three sides above 0, as 1.2,0.8,0.3")
+    if not math.isfinite(math.prod(size)):
+        raise ParameterError("stock", "the volume of a cuboid is out of range", "shorter sides")
     if not 0.0 <= kerf < min(size):
-        raise ParameterError("kerf", f"{kerf:g} is wrong", "a width from 0 to below the sides of the stock")
+        raise ParameterError(
+            "kerf", "it is no width of a cut in this stock", "a width from 0 to below the sides of the stock"
+        )
     free: list[tuple[int, tuple[float, ...], tuple[float, ...]]] = []
     placed, count = [], 0
     for stone in sorted(stones, key=lambda one: (-one.stock, one.number)):
