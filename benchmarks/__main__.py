@@ -37,6 +37,7 @@ BENCHMARKS: Final = (
     "million",
     "start_up",
     "two_jobs",
+    "local_change",
     "experiment",
     "studio",
     "exchange",
