@@ -83,6 +83,7 @@ def test_the_balance_sees_a_missing_part() -> None:
     assert replace(energy, friction=0.0).error > 0.4
 
 
+@pytest.mark.long
 def test_the_balance_of_moving_geometry() -> None:
     """Gaps and normals that follow the elements: the same balance, with contacts of corners as a part."""
     assembly = build_assembly(stacked_cubes(2, friction=0.9, tension=0.2, shear=9.0))

@@ -273,6 +273,7 @@ prove(load_scene(Path(sys.argv[1]) / "scene.json"), Path(sys.argv[1]) / "out")
 """
 
 
+@pytest.mark.long
 def test_a_kill_loses_nothing_proven(tmp_path: Path) -> None:
     """A worker is killed, and when another is at work in its place the search itself."""
     scene = scene_of([*["aaaa"] * 5, "####"], {"tension": 5e3, "shear": 5e3, "block_cells": [1, 3]})

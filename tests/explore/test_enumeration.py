@@ -279,6 +279,7 @@ def test_order_depends_on_the_space_alone() -> None:
     assert len(driver.ask(0)) == 0
 
 
+@pytest.mark.long
 def test_large_spaces_are_called_large_at_once() -> None:
     space = grid_space(["a" * 7] * 7 + ["#" * 7], block_cells=[2, 3])
     assert Enumeration(space).size_up_to(2000) is None

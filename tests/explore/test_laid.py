@@ -149,6 +149,7 @@ def test_building_up_agrees_with_taking_apart(rows: list[str], sizes: list[int])
     assert asked.possible(labellings).tolist() == [bool(order.possible and order.stands) for order in orders]
 
 
+@pytest.mark.long
 def test_an_arch_that_needs_centring_is_refused_at_once(tmp_path: Path) -> None:
     """No voussoir past the springing stands before the arch is closed: 1 490 segmentations, none of them laid."""
     scene = samples.arch()

@@ -81,6 +81,7 @@ def test_all_rows_are_in_the_space(search: dict[str, Any]) -> None:
     assert sum(map(len, read)) >= 40
 
 
+@pytest.mark.long
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(st.data())
 def test_random_shapes_limits_and_parents(data: st.DataObject) -> None:

@@ -39,6 +39,7 @@ def trials(folder: Path) -> list[tuple[int, str | None, dict[str, float]]]:
     return [(trial.number, trial.user_attrs.get("labelling"), trial.params) for trial in study.trials]
 
 
+@pytest.mark.long
 def test_a_torn_line_and_a_lock_left_behind_are_made_good(tmp_path: Path) -> None:
     searched(tmp_path / "whole", 40)
     torn = tmp_path / "torn"

@@ -40,6 +40,7 @@ def box(name: str, x0: float, y0: float, x1: float, y1: float, **more: Any) -> d
     return {"id": name, "polygon": [[x0, y0], [x1, y0], [x1, y1], [x0, y1]], **more}
 
 
+@pytest.mark.long
 def test_prandtl() -> None:
     """A strip load on a weightless half-space of cohesion c: (2 + π) c, Prandtl 1920.
 

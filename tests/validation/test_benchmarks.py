@@ -79,6 +79,7 @@ def test_throughput() -> None:
 
 
 # in space more routes do the same
+@pytest.mark.long
 @pytest.mark.parametrize(
     "scene",
     [

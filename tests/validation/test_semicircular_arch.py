@@ -54,6 +54,7 @@ def test_friction_just_above_the_transition_changes_nothing() -> None:
     assert near == pytest.approx(far, abs=2e-5)
 
 
+@pytest.mark.long
 def test_mixed_regime_lies_between() -> None:
     values = [least_thickness(120, friction, 0.10, 0.25, 1e-5) for friction in (0.315, 0.33, 0.36, 0.39)]
     assert np.all(np.diff(values) < 0.0)
