@@ -156,6 +156,7 @@ def test_load_cases_are_proven_by_the_governing_factor(tmp_path: Path) -> None:
     assert single.summary.best <= 2.0 * done.summary.bound * (1 + 1e-9)
 
 
+@pytest.mark.long
 def test_a_required_factor_counts_by_the_lower_bound(tmp_path: Path) -> None:
     """Layouts meet what their lower bound reaches; the best count among them is the least of all that meet it."""
     plain = searched(tmp_path / "plain", WIDE)

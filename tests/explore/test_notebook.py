@@ -41,6 +41,7 @@ def drawing(html: str) -> str:
     return base64.b64decode(data).decode()
 
 
+@pytest.mark.long
 def test_each_shows_a_table_and_its_drawing(tmp_path: Path) -> None:
     """What the last three cells show, by media type; in one test, since the batch solver is what takes time."""
     book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(source) for source in CELLS])
