@@ -236,5 +236,6 @@ def _error(program: ConicProgram, point: Floats, dual: Floats) -> float:
         for part in (slack[start : start + size], dual[start : start + size]):
             worst = max(worst, float(np.linalg.norm(part[1:]) - part[0]))
         start += size
-    worst = max(worst, float(abs(program.objective + program.matrix.T @ dual).max(initial=0.0)))
+    error = program.objective + program.matrix.T @ dual
+    worst = max(worst, float(abs(error).max(initial=0.0)))
     return max(worst, abs(float(program.objective @ point + program.rhs @ dual)))
