@@ -65,7 +65,7 @@ def test_every_tessellation_carries_the_same_loads_and_keeps_the_limit(opening: 
     outline = read_outline(opening, options)
     whole = build_assembly(with_loads(outline.scene, options))
     found = [one for one in tessellations.tessellations(outline.scene, options) if one.scene is not None]
-    assert [one.name for one in found] == ["bond", "stones", "voussoirs", "voronoi"]
+    assert [one.name for one in found] == ["bond", "stones", "voussoirs", "thrust", "voronoi"]
     for one in found:
         assert one.scene is not None
         assembly = build_assembly(one.scene)
