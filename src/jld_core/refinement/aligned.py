@@ -146,7 +146,7 @@ def _matrix(triangles: Ints, blocks: Floats, count: int) -> csr_matrix:
 
 def _lumped(triangles: Ints, values: Floats, count: int) -> Floats:
     """Return the sum (count,) at each node of a third of the values (t,) of its triangles."""
-    return np.bincount(triangles.ravel(), np.repeat(values / 3.0, 3), count)
+    return np.asarray(np.bincount(triangles.ravel(), np.repeat(values / 3.0, 3), count), dtype=float)
 
 
 def _smoothed(field: TriangleStresses, gradient: Floats, area: Floats, length: float) -> Floats:
@@ -174,10 +174,10 @@ def _oriented(triangles: Ints, direction: Floats, weight: Floats) -> Ints:
         for pair in ((a, b), (b, c), (c, a)):
             edges.setdefault((min(pair), max(pair)), []).append(number)
     beside: list[list[int]] = [[] for _ in triangles]
-    for pair in edges.values():
-        if len(pair) == 2:
-            beside[pair[0]].append(pair[1])
-            beside[pair[1]].append(pair[0])
+    for both in edges.values():
+        if len(both) == 2:
+            beside[both[0]].append(both[1])
+            beside[both[1]].append(both[0])
     part = np.full(len(triangles), -1, dtype=np.int64)
     number = 0
     for root in np.argsort(-weight, kind="stable").tolist():
