@@ -32,6 +32,7 @@ from jld_explore.report import Exploration
 from jld_explore.settings import ExploreSettings
 from jld_explore.space import from_string, search_space
 from jld_explore.space.search_space import feasible
+from jld_explore.study_state import Interrupted
 
 _GAIN: Final = 0.01
 """Relative increase of the lower bound by fields below which a further round is no improvement."""
@@ -186,6 +187,8 @@ def explore_and_move(
     ------
     InputError
         If the scene or a setting does not fit, or no layout stands by fields.
+    Interrupted
+        After a signal; once layouts were moved, `done` is the result so far.
 
     Notes
     -----
@@ -200,6 +203,33 @@ def explore_and_move(
     say = announce or (lambda _: None)
     rounds: list[Exploration] = []
     found: list[MovedLayout] = []
+    try:
+        stop = _in_rounds(scene, folder, layouts, settings, deadline, gap, rounds, found, say, announce, keep)
+    except Interrupted as signal:
+        if rounds and found:
+            signal.done = MovedSearch(rounds[0], rounds, sorted(found, key=_order), "interrupted")
+        raise
+    return MovedSearch(rounds[0], rounds, found, stop)
+
+
+def _in_rounds(
+    scene: Scene,
+    folder: Path,
+    layouts: int,
+    settings: ExploreSettings,
+    deadline: Deadline,
+    gap: float,
+    rounds: list[Exploration],
+    found: list[MovedLayout],
+    say: Callable[[str], None],
+    announce: Callable[[str], None] | None,
+    keep: Callable[[list[MovedLayout]], None] | None,
+) -> str:
+    """Search labels and move joints in rounds until a deadline; return the reason of the end.
+
+    rounds, found: receive the searches and the moved layouts, ranked. say: called with messages. The other parameters
+    are those of `explore_and_move`, whose errors are raised.
+    """
     while True:
         number = len(rounds) + 1
         share = deadline.remaining() * _ROUND
@@ -212,7 +242,7 @@ def explore_and_move(
         except InputError as error:
             if not rounds:
                 raise
-            return MovedSearch(rounds[0], rounds, found, f"the moved grid cannot be searched: {error}")
+            return f"the moved grid cannot be searched: {error}"
         rounds.append(done)
         tasks = _chosen(done, layouts, own=number == 1)
         say(f"round {number}: the joints of {len(tasks)} layouts move")
@@ -225,9 +255,9 @@ def explore_and_move(
         if keep is not None:
             keep(sorted(found, key=_order))
         left = share * (1.0 - _SEARCH - _TASKS) if deadline.limited else math.inf
-        found = _refined(found, workers, settings.jobs, min(left, deadline.remaining()), gap)
+        found[:] = _refined(found, workers, settings.jobs, min(left, deadline.remaining()), gap)
         if found and found[0].low == -math.inf:  # bounds on coarse meshes may be none: spend what time is left
-            found = _refined(found, workers, settings.jobs, deadline.remaining(), gap)
+            found[:] = _refined(found, workers, settings.jobs, deadline.remaining(), gap)
         if not found or found[0].low == -math.inf:
             raise InputError("move", "no layout of the search stands by fields", "a scene that stands, or more time")
         if keep is not None:
@@ -236,10 +266,10 @@ def explore_and_move(
         if found[0].low > before + _GAIN * abs(before) or number == 1:
             if deadline.remaining() > _LEAST:
                 continue
-            return MovedSearch(rounds[0], rounds, found, "time limit")
+            return "time limit"
         if deadline.limited and deadline.remaining() > _LEAST:
-            found = _refined(found, workers, settings.jobs, deadline.remaining(), gap)
-        return MovedSearch(rounds[0], rounds, found, "nothing improves")
+            found[:] = _refined(found, workers, settings.jobs, deadline.remaining(), gap)
+        return "nothing improves"
 
 
 def _refined(

@@ -12,6 +12,7 @@ import pytest
 from command import Command
 from jld_core import InputError, Scene, build_assembly, load_scene, solve
 from jld_core.deadline import Deadline
+from jld_core.refinement import refine
 from jld_explore.design import run, tessellations
 from jld_explore.design.loads import with_loads
 from jld_explore.design.options import DesignOptions
@@ -65,7 +66,7 @@ def test_every_tessellation_carries_the_same_loads_and_keeps_the_limit(opening: 
     outline = read_outline(opening, options)
     whole = build_assembly(with_loads(outline.scene, options))
     found = [one for one in tessellations.tessellations(outline.scene, options) if one.scene is not None]
-    assert [one.name for one in found] == ["bond", "stones", "voussoirs", "voronoi"]
+    assert [one.name for one in found] == ["bond", "stones", "voussoirs", "thrust", "voronoi"]
     for one in found:
         assert one.scene is not None
         assembly = build_assembly(one.scene)
@@ -96,6 +97,43 @@ def test_places_are_shares_of_the_top(wall: Path) -> None:
     options = DesignOptions(load="10 kN", places="3", thickness=0.3)
     scene = with_loads(read_outline(wall, options).scene, options)
     assert [case.name for case in scene.loads.cases or []] == ["load at 0.2", "load at 0.6", "load at 1"]
+
+
+@pytest.mark.parametrize(
+    ("along", "places", "at"),
+    [
+        # chords of the intrados below 22.5° face sidewards: from x = 1 − 0.7 cos 22.5° on
+        ("bottom", "0.25", (0.6766, 0.6171)),
+        ("left", "0.25", (0.0, 0.3)),
+        ("right", "0.75", (2.0, 0.9)),
+        ("2,0,2,1.2", "0.25", (2.0, 0.3)),
+        ("0.5,1.2,1.5,1.2", "0.25", (0.75, 1.2)),
+    ],
+)
+def test_loads_act_along_any_edge(opening: Path, along: str, places: str, at: tuple[float, float]) -> None:
+    """Force and moment about the origin are those of the place; cells carry what the whole outline does."""
+    options = DesignOptions(load="10 kN", along=along, places=places, thickness=0.3, width=0.04)
+    outline = read_outline(opening, options)
+    for scene in (outline.scene, refine(outline.scene, (0.3, 0.22)).scene):
+        found = [one.model_dump() for one in with_loads(scene, options).loads.live or []]
+        force = np.array([one["force"] for one in found])
+        place = np.array([one["at"] for one in found])
+        assert force.sum(axis=0) == pytest.approx([0.0, -1e4])
+        assert (force[:, 1] @ place) / -1e4 == pytest.approx(at, abs=2e-3)
+
+
+def test_loads_act_along_the_extrados(tmp_path: Path) -> None:
+    """Places are lengths along the arc from the left: a quarter of a half circle lies at 135°."""
+    angles = np.radians(np.linspace(0.0, 180.0, 25))
+    arc = np.column_stack([np.cos(angles), np.sin(angles)])
+    file = tmp_path / "ring.csv"
+    file.write_text("id,x,y\n" + "".join(f"r,{x:.9f},{y:.9f}\n" for x, y in [*(2.4 * arc), *(2.0 * arc[::-1])]))
+    options = DesignOptions(load="10 kN", along="extrados", places="0.25,0.5", thickness=0.3, width=0.01)
+    outline = read_outline(file, options)
+    for scene in (outline.scene, refine(outline.scene, voussoirs=7).scene):
+        cases = with_loads(scene, options).loads.cases or []
+        places = [np.mean([one.at for one in case.live], axis=0) for case in cases]
+        assert places == pytest.approx(np.array([[-2.4, 2.4], [0.0, 2.4]]) * [[0.5**0.5] * 2, [1.0, 1.0]], abs=6e-3)
 
 
 def test_a_layout_becomes_the_labels_of_its_scene(wall: Path) -> None:
@@ -226,6 +264,12 @@ def test_a_signal_leaves_the_best_so_far(
         (["--places", "0"], "--places"),
         (["--places", "0.5,1.5"], "--places"),
         (["--load", "1 kN", "--width", "5"], "--width"),
+        (["--load", "1 kN", "--along", "front"], "--along: 'front' is no part of an outline"),
+        (["--load", "1 kN", "--along", "bottom"], "--along: no free edge of the outline faces downwards"),
+        (["--load", "1 kN", "--along", "extrados"], "--along: no arc of the outline is round upwards"),
+        (["--load", "1 kN", "--along", "0,0.1,1.2,0.8"], "--along: no free straight edge"),
+        (["--load", "1 kN", "--along", "0,1,2"], "--along: '0,1,2' is no part"),
+        (["--along", "left"], "--along: no force acts there"),
         (["--friction-low", "0.5"], "--friction-low"),
         (["--friction", "0.5", "--friction-low", "0.6"], "--friction-low: 0.6 is above"),
     ],

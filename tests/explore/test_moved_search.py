@@ -18,6 +18,7 @@ from jld_core.models import solve_by_fields
 from jld_explore import ExploreSettings
 from jld_explore.moved_search import MovedSearch, explore_and_move
 from jld_explore.moved_tables import write_moved
+from jld_explore.study_state import Interrupted
 
 FRICTION = 0.9
 
@@ -76,6 +77,26 @@ def test_the_command_keeps_one_clock(tmp_path: Path, jld: Command, without_pictu
     assert facts["fields_lo"] > 0.0
     assert "moved.png" in (folder / "moved.html").read_text()
     assert (folder / "moved.png").stat().st_size > 1000
+
+
+def test_a_signal_leaves_the_best_moved_layout(
+    tmp_path: Path, jld: Command, without_pictures: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Stopped while bounds are refined, the search writes table, scene and page of the layouts moved so far."""
+
+    def stop(*_: object) -> None:
+        raise Interrupted
+
+    monkeypatch.setattr("jld_explore.moved_search._refined", stop)
+    file, folder = tmp_path / "wall.json", tmp_path / "out"
+    file.write_text(json.dumps(wall()))
+    found = jld("explore", file, "--out", folder, "--move", "1", "--seconds", "4", "--jobs", "1")
+    assert (found.code, found.err) == (3, f"stopped; the best so far is in {folder}\n")
+    facts = json.loads((folder / "summary.json").read_text())
+    assert facts["moved"]["stop"] == "interrupted"
+    assert facts["best"] > 0.0
+    assert (folder / "moved.json").exists()
+    assert "moved.png" in (folder / "moved.html").read_text()
 
 
 @pytest.mark.parametrize(

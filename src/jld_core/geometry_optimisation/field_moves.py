@@ -73,6 +73,8 @@ def move_by_fields(
     search = GeometrySearch(scene, assembly, labels, trust)
     fields, deadline, points = FieldSearch(search), began + seconds, list[Point]()
     best: tuple[FieldPoint, str] | None = None
+    # the last point accepted: finer meshes refute what coarser ones found, so that it is the one to keep
+    last: FieldPoint | None = None
     for number in range(starts):
         if number and time.perf_counter() > deadline:
             break
@@ -82,7 +84,8 @@ def move_by_fields(
 
         def report(point: FieldPoint, predicted: float, radius: float, number: int = number) -> None:
             """Record an accepted point of start `number`, with predicted objective and trust radius."""
-            nonlocal taken
+            nonlocal taken, last
+            last = point
             bracket = (math.nan, math.nan) if progress is None else fields.bracket(point)
             spent = time.perf_counter() - began
             points.append(Point(number, taken, point.objective, bracket, predicted, radius, fields.solves, spent))
@@ -90,7 +93,14 @@ def move_by_fields(
             if progress is not None:
                 progress(points[-1])
 
-        end = None if values is None else _climb(fields, search, values, deadline, report)
+        try:
+            end = None if values is None else _climb(fields, search, values, deadline, report)
+        except KeyboardInterrupt:
+            point = best[0] if best is not None else last
+            if point is None:
+                raise
+            best = point, "interrupted"
+            break
         if end is not None and (best is None or end[0].objective > best[0].objective):
             best = end
     if best is None:

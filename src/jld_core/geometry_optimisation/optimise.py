@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
@@ -13,6 +12,7 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly, build_robust
+from jld_core.deadline import Deadline
 from jld_core.errors import InputError
 from jld_core.geometry_optimisation.evaluation import Evaluated
 from jld_core.geometry_optimisation.search import GeometrySearch, TrustRegion
@@ -71,7 +71,7 @@ class MovedJoints:
     start, value : float
         Objective at start and end; NaN for a start that does not stand, inf for a locked end.
     end : str
-        Why the best search ended: "stationary", "locked", "time" or "points".
+        Why the best search ended: "stationary", "locked", "time", "points", or "interrupted" by KeyboardInterrupt.
     points : list of Point
         All accepted points of all starts.
     places : (v, d) array
@@ -139,24 +139,52 @@ def move_joints(
     ------
     InputError
         The key "move" does not fit the structure, or neither it nor any position tried stands.
+    KeyboardInterrupt
+        An interrupt before the first accepted point; a later one ends the search with the best so far.
 
     Notes
     -----
     docs/method.md (11.6).
     """
-    began = time.perf_counter()
+    clock = Deadline(seconds)
     search = GeometrySearch(scene, assembly, labels, trust)
-    deadline, points = began + seconds, []
+    points: list[Point] = []
     before = search.first()
+    # the strongest point so far, for an interrupt
+    kept: list[Evaluated] = []
+    try:
+        best = _best_of_starts(search, before, starts, clock, points, kept, progress)
+    except KeyboardInterrupt:
+        if not kept:
+            raise
+        best = kept[0], "interrupted"
+    return moved_result(search, before, best, points)
+
+
+def _best_of_starts(
+    search: GeometrySearch,
+    before: Evaluated | None,
+    starts: int,
+    clock: Deadline,
+    points: list[Point],
+    kept: list[Evaluated],
+    progress: Callable[[Point], None] | None,
+) -> tuple[Evaluated, str]:
+    """Climb from every start, and on from the best end; return the best point and why its search ended.
+
+    before: the scene itself, None where it does not stand. starts, progress: as in `move_joints`. clock: deadline.
+    points: receives every accepted point. kept: receives the strongest one alone. Raises InputError where no position
+    stands.
+    """
     best: tuple[Evaluated, str] | None = None
     for number in range(starts):
-        if number and time.perf_counter() > deadline:
+        if number and clock.passed():
             break
         near = None if best is None else best[0].values
         start = np.zeros(search.variables.count) if number == 0 else search.shaken(number, near)
         first = before if number == 0 else None if start is None else search.evaluate(start, before)
         if first is None and start is not None:
-            first = search.standing(start, deadline)
+            first = search.standing(start, clock.end)
         if first is None:
             continue
         taken = 0
@@ -167,8 +195,10 @@ def move_joints(
             bracket = (math.nan, math.nan) if point.result is None else point.result.bracket
             if search.goal != "load_factor":
                 bracket = (math.nan, math.nan)
+            if not kept or point.objective > kept[0].objective:
+                kept[:] = [point]
             promised = search.value_of(replace(point, objective=predicted))
-            solves, spent = search.evaluator.solves, time.perf_counter() - began
+            solves, spent = search.evaluator.solves, clock.elapsed()
             found = Point(number, taken, search.value_of(point), bracket, promised, radius, solves, spent)
             taken += 1
             points.append(found)
@@ -176,7 +206,7 @@ def move_joints(
                 progress(found)
 
         report(first, first.objective, search.trust.first * search.unit)
-        end = search.climb(first, deadline, report, search.trust.coarse)
+        end = search.climb(first, clock.end, report, search.trust.coarse)
         # a geometry as strong as one before, up to the width of brackets, is no reason to move farther
         least = -math.inf if best is None else best[0].objective + tolerances.GAP * abs(best[0].objective)
         if best is None or end[0].objective > least:
@@ -185,8 +215,8 @@ def move_joints(
         problem = "it does not stand under its dead load, nor does any position of its joints that was tried"
         raise InputError("move", problem, "a scene that stands, more vertices that move, or more `starts`")
     if best[1] == "stationary":
-        best = search.climb(best[0], deadline, polish, search.trust.gain)
-    return moved_result(search, before, best, points)
+        return search.climb(best[0], clock.end, polish, search.trust.gain)
+    return best
 
 
 def moved_result(

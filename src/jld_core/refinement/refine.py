@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -69,6 +69,7 @@ def refine(
     rings: int = 1,
     courses: int = 1,
     snap: float = 0.0,
+    cells: Sequence[shapely.Polygon] | None = None,
 ) -> Refined:
     """Split every free element of a scene into cells; supports stay whole.
 
@@ -106,6 +107,8 @@ def refine(
     snap : float
         Distance, relative to the shortest side of a cell, within which corners of cells move to a corner of the outline
         or to one another (planar). Cells without short edges have narrower bounds by fields. 0: corners stay.
+    cells : sequence of shapely.Polygon, optional
+        Own cells of about the size `cell`, which cover the structure (planar), instead of a kind.
 
     Returns
     -------
@@ -118,7 +121,7 @@ def refine(
         If sizes or kinds do not fit the scene, an element cannot be cut, the inner material is missing, or a pressure
         acts on the whole free boundary of an element that is split.
     """
-    grid = _Grid(cell, kind, centre, seed, bond, voussoirs, rings, courses, snap)
+    grid = _Grid(cell, kind, centre, seed, bond, voussoirs, rings, courses, snap, cells)
     _check(scene, grid, by)
     assembly = build_assembly(scene)
     down = direction_of_weight(scene)
@@ -153,6 +156,7 @@ class _Grid:
     rings: int
     courses: int
     snap: float
+    own: Sequence[shapely.Polygon] | None
 
 
 def _check(scene: Scene, grid: _Grid, by: str | None) -> None:
@@ -164,7 +168,7 @@ def _check(scene: Scene, grid: _Grid, by: str | None) -> None:
         raise ParameterError("by", f"{by!r} is unknown", "one of " + ", ".join(BY))
     if grid.voussoirs is None:
         _check_sizes(scene, grid)
-    elif grid.cell or grid.kind != "grid":
+    elif grid.cell or grid.kind != "grid" or grid.own is not None:
         raise ParameterError("voussoirs", "it does not go with `cell` or `kind`", "one or the other")
     elif grid.bond not in ("running", "stack"):
         raise ParameterError("bond", f"{grid.bond!r} is no bond of voussoirs", "running or stack")
@@ -191,6 +195,8 @@ def _check(scene: Scene, grid: _Grid, by: str | None) -> None:
 def _check_sizes(scene: Scene, grid: _Grid) -> None:
     """Raise ParameterError for options of a grid that are invalid or contradict each other."""
     cell, kind = grid.cell, grid.kind
+    if grid.own is not None and (kind != "grid" or scene.dimension == 3):
+        raise ParameterError("cells", "own cells are planar and of no kind", "a planar scene, without `kind`")
     if kind not in KINDS:
         raise ParameterError("kind", f"no cells are named {kind!r}", "one of " + ", ".join(KINDS))
     if not cell:
@@ -244,6 +250,8 @@ def _cells(
         return found.cells, min(found.width, found.depth), _LEAST * found.width * found.depth
     lower, upper = elements.lower[free].min(axis=0), elements.upper[free].max(axis=0)
     sizes = (grid.cell[0], grid.cell[-1])
+    if grid.own is not None:
+        return list(grid.own), min(sizes), _LEAST * sizes[0] * sizes[1]
     if grid.kind == "radial":
         if grid.centre is None:
             raise ValueError("radial cells need a centre")

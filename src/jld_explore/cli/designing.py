@@ -27,7 +27,10 @@ def design(
     block_mass: Annotated[float | None, typer.Option(help="Largest mass of a block, kg.")] = None,
     shapes: Annotated[int | None, typer.Option(help="Largest number of different blocks (moulds).")] = None,
     load: Annotated[str | None, typer.Option(help='Force downwards with its unit, as "10 kN".')] = None,
-    along: Annotated[Literal["top"], typer.Option(help="Where the places of the load lie.")] = "top",
+    along: Annotated[
+        str,
+        typer.Option(help="Where the load acts: top, bottom, left, right, extrados, or an edge by its ends X,Y,X,Y."),
+    ] = "top",
     places: Annotated[
         str, typer.Option(help="Number of places of the load, or shares of the length, as 0.25,0.5.")
     ] = "1",

@@ -6,6 +6,7 @@ import itertools
 import re
 import signal
 import sys
+import threading
 from typing import Any, Final, NoReturn
 
 import typer
@@ -23,6 +24,12 @@ _UsageError: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__na
 _SIGNALS: Final = ("SIGINT", "SIGTERM", "SIGHUP")
 """Signals that stop a search; SIGHUP (closed terminal) does not exist on every system."""
 
+
+_INTERRUPTED: Final = 130
+"""Exit code that typer returns for KeyboardInterrupt."""
+
+_STOPPED_WORDS: Final = "stopped; nothing more is written"
+"""Message of a command that a signal ended, where the command has nothing to say itself."""
 
 _PARAMETER: Final = re.compile(r"`(?P<name>[a-z_]+)(?:=(?P<value>[^`]*))?`")
 """A parameter, with or without a value, in the message of an error: `friction="zero-dilation"`."""
@@ -42,6 +49,19 @@ def raise_on_signals() -> None:
         number = getattr(signal, name, None)
         if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, stop)
+
+
+def interrupt_on_signals() -> None:
+    """Make SIGTERM and SIGHUP raise KeyboardInterrupt as SIGINT does, so that commands end with one line.
+
+    Signals that the process ignores stay ignored, and other threads than the main one change nothing.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        return
+    for name in _SIGNALS:
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, signal.default_int_handler)
 
 
 def usage_of(message: str) -> str:
@@ -92,6 +112,7 @@ def run(app: typer.Typer, started: float) -> None:
     started: start of the process on the clock `time.perf_counter`, s; commands find it as `context.obj`. The function
     always raises SystemExit.
     """
+    interrupt_on_signals()
     try:
         code = app(standalone_mode=False, obj=started)
     except InputError as error:
@@ -108,6 +129,9 @@ def run(app: typer.Typer, started: float) -> None:
         most, lacking = memory_limit() / 1e9, " ".join(str(error).split()) or "no more can be had"
         complain(f"memory ran out: {lacking}; expected a scene that {most:.1f} GB suffice for, or fewer --jobs")
     except (Interrupted, KeyboardInterrupt, typer.Abort) as error:
-        warn(error.words if isinstance(error, Interrupted) else Interrupted.words)
+        warn(error.words if isinstance(error, Interrupted) else _STOPPED_WORDS)
+        sys.exit(STOPPED)
+    if code == _INTERRUPTED:
+        warn(_STOPPED_WORDS)
         sys.exit(STOPPED)
     sys.exit(code if isinstance(code, int) else 0)

@@ -143,11 +143,17 @@ def _move(
     parsed: Scene, source: Path, out: Path, layouts: int, settings: ExploreSettings, as_json: bool, started: float
 ) -> None:
     """Search labels and geometry together, write all files and print what was found."""
-    from jld_explore.moved_search import explore_and_move  # slow to import and needed here only
+    from jld_explore.moved_search import MovedSearch, explore_and_move  # slow to import and needed here only
     from jld_explore.moved_tables import words_of_move, write_moved
 
     with error_context(source, str(out)):
-        done = explore_and_move(parsed, out, layouts, settings, None if as_json else say, started=started)
+        try:
+            done = explore_and_move(parsed, out, layouts, settings, None if as_json else say, started=started)
+        except Interrupted as stop:
+            if isinstance(stop.done, MovedSearch):
+                write_moved(stop.done, out, pictures=settings.pictures)
+                stop.words = f"stopped; the best so far is in {out}"
+            raise
         facts = write_moved(done, out, pictures=settings.pictures)
     if as_json:
         say(json.dumps({**done.first.summary.to_json(), "moved": facts}, indent=1))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import time
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -13,6 +14,7 @@ import typer
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.build import build_robust
+from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.geometry_optimisation.field_moves import move_by_fields
 from jld_core.geometry_optimisation.optimise import MovedJoints, Point, move_joints
@@ -25,15 +27,28 @@ from jld_explore.cli.layout import layout_of
 from jld_explore.cli.move_output import json_number, value_text, write_move
 from jld_explore.cli.options import AsJson, Rank, Source, refuse_itself
 from jld_explore.cli.proving_boxes import prove_positions
-from jld_explore.cli.samples import Out
+from jld_explore.cli.samples import Out, write_scene
 from jld_explore.cli.shaping import move_shape
 from jld_explore.cli.streams import say, warn
+from jld_explore.study_state import Interrupted
 
 _FIELD_GAP: Final = 0.1
 """Relative width of brackets by fields, which check a gain where blocks may crack."""
 
 _FIELD_SECONDS: Final = 10.0
 """Time for each of them, s."""
+
+_CHECKING: Final = 0.2
+"""Share of a time limit for the check by fields."""
+
+_LEAST_CHECK: Final = 0.5
+"""Shortest time in which the check by fields is begun, s."""
+
+_WRITING: Final = 1.0
+"""Processor time for table and picture, kept back from a time limit, s."""
+
+_BUSY: Final = 3.0
+"""Largest factor by which a busy machine prolongs it."""
 
 _GAP: Final = 1e-3
 """Default of the relative distance of both bounds at which a proof ends."""
@@ -49,6 +64,7 @@ def require_movable(scene: Scene, assembly: Assembly) -> None:
 
 
 def move(
+    context: typer.Context,
     source: Source,
     out: Out,
     rank: Rank = None,
@@ -79,9 +95,10 @@ def move(
 ) -> None:
     """Move the joints of a layout to raise its load factor, with each step proven.
 
-    Write the moved scene to --out, with a table and a picture of the same name beside it. --prove bounds λ over a box
-    of positions instead.
+    Write the moved scene to --out, with a table and a picture of the same name beside it. After a signal they hold the
+    best so far. --prove bounds λ over a box of positions instead.
     """
+    deadline = Deadline(None if seconds == math.inf else seconds, context.obj)
     _check_out(source, out)
     if certificate is not None:
         _check_certificate(source, out, certificate, prove)
@@ -107,18 +124,50 @@ def move(
 
     with error_context(source, str(out)):
         if prove is not None:
-            prove_positions(scene, assembly, labels, prove, gap, seconds, out, certificate, as_json)
+            prove_positions(scene, assembly, labels, prove, gap, deadline.remaining(), out, certificate, as_json)
             return
         if joint is not None:
-            move_shape(scene, assembly, labels, joint, seconds, out, as_json)
+            move_shape(scene, assembly, labels, joint, deadline.remaining(), out, as_json)
             return
         mover = move_by_fields if by_fields else move_joints
-        done = mover(scene, assembly, labels, seconds=seconds, starts=starts, progress=progress)
+        # writing takes longer on a busy machine, by the ratio of wall-clock to processor time so far
+        busy = min(max(1.0, deadline.elapsed() / time.process_time()), _BUSY)
+        until = deadline.earlier(busy * _WRITING)
+        time_to_move = (1.0 - _CHECKING) * until.remaining()
+        done = mover(scene, assembly, labels, seconds=time_to_move, starts=starts, progress=progress)
+    # a signal in the checks leaves the scene
+    write_scene(done.scene, out)
+    stopped = done.end == "interrupted"
+    try:
+        _finish(done, assembly, labels, until, out, as_json, by_fields=by_fields)
+    except KeyboardInterrupt:
+        stopped = True
+    if stopped:
+        stop = Interrupted()
+        stop.words = f"stopped; the best so far is in {out}"
+        raise stop
+
+
+def _finish(
+    done: MovedJoints,
+    assembly: Assembly,
+    labels: Bits,
+    until: Deadline,
+    out: Path,
+    as_json: bool,
+    *,
+    by_fields: bool,
+) -> None:
+    """Check a move by fields, write table and picture, and print the result.
+
+    assembly: before the move. labels: (m,) True = dry. until: deadline of the checks. out: file of the scene.
+    """
     facts = _facts(done)
     if assembly.nominal is not None and done.after is not None:
         nominal = solve(done.after.assembly.at_nominal, labels).load_factor
         facts["load_factor_nominal"] = json_number(nominal)
-    checked = _bounded(facts, assembly, done, labels) if by_fields else _check_by_fields(assembly, done, labels)
+    check = _bounded if by_fields else _check_by_fields
+    checked = check(facts, assembly, done, labels, until)
     facts["fields"], facts["warnings"] = checked, [*done.warnings, *_doubts(checked)]
     table = [vars(point) | {"bracket_lo": point.bracket[0], "bracket_hi": point.bracket[1]} for point in done.points]
     after = None if done.after is None else done.after.assembly
@@ -157,32 +206,41 @@ def _check_certificate(source: Path, out: Path, certificate: Path, prove: str | 
         raise ParameterError("certificate", f"{certificate.name!r} is written already", "another file")
 
 
-def _check_by_fields(assembly: Assembly, done: MovedJoints, labels: Bits) -> dict[str, Any] | None:
+def _check_by_fields(
+    facts: dict[str, Any], assembly: Assembly, done: MovedJoints, labels: Bits, until: Deadline
+) -> dict[str, Any] | None:
     """Return lower bounds on λ by fields before and after, with blocks that crack anywhere.
 
-    labels: (m,) True = dry. The result is None without inner faces, and if nothing moved. λ by faces may be false if
-    blocks moved away from their crack planes.
+    facts: not changed. labels: (m,) True = dry. until: deadline. The result is None without inner faces, and if nothing
+    moved. λ by faces may be false if blocks moved away from their crack planes.
     """
     if labels.all() or done.after is None or not done.moved.any():
         return None
     found: dict[str, Any] = {"before": None, "after": None, "skipped": None}
+    if done.end == "interrupted" or until.remaining() < _LEAST_CHECK:
+        return found | {"skipped": "no time was left"}
     try:
-        for name, one in (("before", assembly), ("after", done.after.assembly)):
-            low = solve_by_fields(one, labels, gap=_FIELD_GAP, seconds=_FIELD_SECONDS).governing.low
+        for left, name, one in ((2, "before", assembly), (1, "after", done.after.assembly)):
+            seconds = min(_FIELD_SECONDS, until.remaining() / left)
+            low = solve_by_fields(one, labels, gap=_FIELD_GAP, seconds=seconds).governing.low
             found[name] = json_number(low)
     except InputError as error:
         found["skipped"] = f"{error.where}: {error.problem}"
     return found
 
 
-def _bounded(facts: dict[str, Any], assembly: Assembly, done: MovedJoints, labels: Bits) -> dict[str, Any]:
+def _bounded(
+    facts: dict[str, Any], assembly: Assembly, done: MovedJoints, labels: Bits, until: Deadline
+) -> dict[str, Any]:
     """Put bounds by fields into the facts of a move by fields; return the lower ones before and after.
 
-    facts: changed in place; λ, bracket and status become those by fields. labels: (m,) True = dry.
+    facts: changed in place; λ, bracket and status become those by fields. labels: (m,) True = dry. until: deadline,
+    after which each bound is that of one mesh.
     """
-    before = solve_by_fields(assembly, labels, gap=_FIELD_GAP, seconds=_FIELD_SECONDS).governing
+    seconds = min(_FIELD_SECONDS, until.remaining() / 2.0)
+    before = solve_by_fields(assembly, labels, gap=_FIELD_GAP, seconds=seconds).governing
     moved = assembly if done.after is None else done.after.assembly
-    after = solve_by_fields(moved, labels, gap=_FIELD_GAP, seconds=_FIELD_SECONDS)
+    after = solve_by_fields(moved, labels, gap=_FIELD_GAP, seconds=seconds)
     low, high = json_number(after.governing.low), json_number(after.governing.high)
     facts |= {"start": json_number(before.low), "value": low, "load_factor": low, "bracket": [low, high]}
     facts |= {"status": str(after.status), "start_bracket": [json_number(before.low), json_number(before.high)]}
@@ -239,6 +297,7 @@ def _words(facts: dict[str, Any], out: Path) -> str:
         "locked": 'locked: no live load is too large; limit "block_mass", "angle" or "box"',
         "time": "time limit",
         "points": "limit on points",
+        "interrupted": "a signal: the best so far",
     }
     lines = {
         "objective": facts["objective"].replace("_", " "),

@@ -1,8 +1,7 @@
-"""Loads of a design: forces at places along the top of a structure, and a push to either side."""
+"""Loads of a design: forces at places along the outline of a structure, and a push to either side."""
 
 from __future__ import annotations
 
-import itertools
 from typing import Any, Final
 
 import numpy as np
@@ -14,16 +13,11 @@ from jld_core.build import build_assembly
 from jld_core.errors import ParameterError
 from jld_core.refinement.prisms import prism_of
 from jld_core.scene import Scene, parse_scene
+from jld_explore.design.loaded_edges import loaded_line
 from jld_explore.design.options import DesignOptions
-
-_FACING: Final = 0.3
-"""Least upward component of the normal of an edge or a face that carries a load."""
 
 _SPREAD: Final = 0.1
 """Default length over which a load is spread, relative to the length that it acts along."""
-
-_SLIVER: Final = 0.1
-"""Share of a load below which its part on a piece is left to the neighbours; meshes would be fine around it."""
 
 
 def has_own_loads(options: DesignOptions) -> bool:
@@ -92,93 +86,43 @@ def _forces(
     """Compute the point loads that carry the force at each place of the load.
 
     size: total force at a place. side: (d,) horizontal unit vector along which places lie. Returns (horizontal
-    coordinate, load entries) for each place. In the plane the force is spread on the edges below it, by their
-    horizontal lengths. Raises ParameterError if no edge faces upwards, the width is not below the length of the top, or
-    nothing lies below a place.
+    coordinate, load entries) for each place. In the plane places lie along the edges that the options name, and the
+    force is spread on the outermost of them, by their lengths. Raises ParameterError if there is no such edge, the
+    width is not below their length, or none lies at a place.
     """
     if assembly.dimension == 3:
+        if options.along != "top":
+            raise ParameterError("along", "loads in space act from above", "top, or a planar outline")
         return _forces_in_space(assembly, size, options, side)
     down = _down(assembly)
-    edges = _top_edges(assembly, down)
-    if not edges:
-        raise ParameterError("along", "no edge of the outline faces upwards", "an outline with a top")
-    low, high = min(edge[1] for edge in edges), max(edge[2] for edge in edges)
+    line = loaded_line(assembly, options.along, down)
+    low, high = line.ends
     width = options.width if options.width is not None else _SPREAD * (high - low)
     if not width < high - low:
-        raise ParameterError("width", f"{width:g} is not below the top's length, {high - low:g}", "a shorter length")
+        raise ParameterError("width", f"{width:g} is not below the loaded length, {high - low:g}", "a shorter length")
     found = []
     for share in options.shares():
         middle = min(max(low + share * (high - low), low + 0.5 * width), high - 0.5 * width)
-        parts = _spread(edges, middle - 0.5 * width, middle + 0.5 * width, down)
+        parts = line.spread(middle - 0.5 * width, middle + 0.5 * width)
         total = sum(right - left for _, left, right in parts)
         if not total > 0.0:
-            raise ParameterError("places", f"nothing lies below the place {middle:.4g}", "a place above the structure")
+            problem = f"no free edge lies at the place {middle:.4g}"
+            raise ParameterError("places", problem, "a place at the structure, away from its supports")
         live = []
-        for (element, left, right, p, q), a, b in parts:
-            along = (0.5 * (a + b) - left) / (right - left)
-            reach = float(np.hypot(*(q - p))) * (b - a) / (right - left)
+        for edge, a, b in parts:
+            along = (0.5 * (a + b) - edge.low) / (edge.high - edge.low)
+            reach = float(np.hypot(*(edge.q - edge.p))) * (b - a) / (edge.high - edge.low)
             live.append(
                 {
-                    "element": assembly.elements.ids[element],
+                    "element": assembly.elements.ids[edge.element],
                     "force": ((b - a) / total * size * down).tolist(),
-                    "at": (p + along * (q - p)).tolist(),
+                    "at": (edge.p + along * (edge.q - edge.p)).tolist(),
                     # a patch that ends at a corner must not pass it by rounding
                     "width": (1.0 - 1e-9) * reach,
                 }
             )
         found.append((middle, live))
     return found
-
-
-_Edge = tuple[int, float, float, Floats, Floats]
-"""Edge that faces upwards: element, ends along the horizontal, and its corners (2,) in the same order."""
-
-
-def _top_edges(assembly: Assembly, down: Floats) -> list[_Edge]:
-    """Return the edges of free planar elements that face upwards, element by element.
-
-    down: (2,) unit vector of weight.
-    """
-    right = np.array([-down[1], down[0]])
-    found = []
-    for element in assembly.elements.free.tolist():
-        ring = assembly.elements.shape[element]
-        for p, q in zip(ring, np.roll(ring, -1, axis=0), strict=True):
-            length = float(np.hypot(*(q - p)))
-            # counter-clockwise, edges on top run to the left
-            if float((p - q) @ right) > _FACING * length:
-                found.append((int(element), float(q @ right), float(p @ right), q, p))
-    return found
-
-
-def _spread(edges: list[_Edge], low: float, high: float, down: Floats) -> list[tuple[_Edge, float, float]]:
-    """Return the uppermost edges between two horizontal coordinates, each with its interval.
-
-    edges: upward edges. low, high: ends of the interval to cover. down: (2,) unit vector of weight. An entry is the
-    edge and both ends along the horizontal. Slivers, and stretches without an edge, are left out.
-    """
-    stops = sorted({low, high, *(end for edge in edges for end in edge[1:3] if low < end < high)})
-    parts: list[tuple[_Edge, float, float]] = []
-    for a, b in itertools.pairwise(stops):
-        if b - a <= _SLIVER * (high - low):
-            continue
-        middle = 0.5 * (a + b)
-        over = [edge for edge in edges if edge[1] <= middle <= edge[2]]
-        if not over:
-            continue
-        edge = max(over, key=lambda one: _level(one, middle, down))
-        if parts and parts[-1][0] is edge and parts[-1][2] == a:
-            parts[-1] = (edge, parts[-1][1], b)
-        else:
-            parts.append((edge, a, b))
-    return parts
-
-
-def _level(edge: _Edge, place: float, down: Floats) -> float:
-    """Return the height of an edge at one horizontal coordinate, against `down` (2,)."""
-    _, left, right, p, q = edge
-    point = p + (place - left) / (right - left) * (q - p)
-    return -float(point @ down)
 
 
 def _forces_in_space(

@@ -10,6 +10,7 @@ from typing import Any, Final
 from jld_core.assembly_sequence.start import LayingStart
 from jld_core.errors import InputError, ParameterError
 from jld_core.exchange.forces import parse_force
+from jld_explore.design.loaded_edges import EXTRADOS, SIDES, points_of
 
 LAID: Final[dict[str, tuple[str, LayingStart]]] = {
     "translation": ("translation", "ground"),
@@ -44,8 +45,9 @@ class DesignOptions:
         Largest number of different blocks, that is, of moulds.
     load : str or None
         Force that acts downwards, as "10 kN"; each place is a load case.
-    along : {"top"}
-        Part of the outline on which the load acts.
+    along : str
+        Part of the outline on which the load acts: "top", "bottom", "left", "right", "extrados" (the largest arc that
+        is round upwards), or two points of an edge as "X,Y,X,Y".
     places : str
         Number of places of the load at equal distances, or their shares of the length, as "0.25,0.5".
     width : float or None
@@ -105,8 +107,11 @@ class DesignOptions:
             raise ParameterError("seconds", problem, f"at least {LEAST_SECONDS:g}; a wall takes some minutes")
         if self.jobs < 1:
             raise ParameterError("jobs", f"{self.jobs} processes evaluate nothing", "a whole number from 1")
-        if self.along != "top":
-            raise ParameterError("along", f"{self.along!r} is no place", "top")
+        if self.along not in (*SIDES, EXTRADOS) and points_of(self.along) is None:
+            wish = f"{', '.join(SIDES)}, {EXTRADOS}, or two points X,Y,X,Y of an edge"
+            raise ParameterError("along", f"{self.along!r} is no part of an outline", wish)
+        if self.along != "top" and self.load is None:
+            raise ParameterError("along", "no force acts there", "`load` with a force as well")
         if self.laid is not None and self.laid not in LAID:
             raise ParameterError("laid", f"{self.laid!r} is no order", "one of " + ", ".join(LAID))
         self._check_friction()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Final
 
 import numpy as np
@@ -18,10 +19,12 @@ from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError
 from jld_core.geometry.unions import region_of, union_outlines
 from jld_core.refinement import refine
+from jld_core.refinement.aligned import TriangleStresses, aligned_cells
 from jld_core.refinement.arcs import Arc, find_arcs
 from jld_core.scene import Scene, parse_scene
 from jld_explore.design.loads import side_of, with_loads
 from jld_explore.design.options import DesignOptions
+from jld_explore.design.thrust import stresses_of_body
 
 _CELLS: Final = 45
 """Number of cells that a tessellation is to have: its search and its moves take seconds, not minutes."""
@@ -70,7 +73,8 @@ def tessellations(outline: Scene, options: DesignOptions, until: Deadline | None
     """
     with_loads(outline, options)  # refuses loads that no tessellation can carry
     assembly = build_assembly(outline)
-    kinds = _planar(outline, assembly, options) if assembly.dimension == 2 else _spatial(outline, assembly, options)
+    planar = assembly.dimension == 2
+    kinds = _planar(outline, assembly, options, until) if planar else _spatial(outline, assembly, options)
     side = side_of(assembly)
     found: list[Tessellation] = []
     for name, words, make in kinds:
@@ -111,10 +115,12 @@ def _made(name: str, words: str, make: _Make, options: DesignOptions, side: Floa
     return Tessellation(name, words, None, problem)
 
 
-def _planar(outline: Scene, assembly: Assembly, options: DesignOptions) -> list[tuple[str, str, _Make]]:
+def _planar(
+    outline: Scene, assembly: Assembly, options: DesignOptions, until: Deadline | None
+) -> list[tuple[str, str, _Make]]:
     """List name, description and cutting function of each tessellation of a planar outline.
 
-    outline: scene. assembly: of this scene.
+    outline: scene. assembly: of this scene. until: deadline of the stresses of its uncut body.
     """
     elements, free = assembly.elements, assembly.elements.free
     lower, upper = elements.lower[free].min(axis=0), elements.upper[free].max(axis=0)
@@ -143,10 +149,21 @@ def _planar(outline: Scene, assembly: Assembly, options: DesignOptions) -> list[
         """Cut into Voronoi cells."""
         return _ready(refine(outline, (size * cell,), kind="voronoi", seed=options.seed, snap=_SNAP).scene, arcs)
 
+    @cache
+    def stresses() -> TriangleStresses:
+        """Return the stresses of the uncut body, computed once for all sizes."""
+        return stresses_of_body(build_assembly(with_loads(outline, options)), until)
+
+    def aligned(size: float) -> Scene:
+        """Cut along the principal stresses of the uncut body."""
+        cells = aligned_cells(stresses(), size * cell).cells
+        return _ready(refine(outline, (size * cell,), snap=_SNAP, cells=cells).scene, arcs)
+
     return [
         ("bond", "half bricks in running bond", half_bricks),
         ("stones", "courses of flat stones", stones),
         ("voussoirs", "voussoirs from the outline's own arcs", voussoirs),
+        ("thrust", "stones whose head joints are normal to the thrust of the uncut body", aligned),
         ("voronoi", "irregular stones", irregular),
     ]
 
