@@ -52,7 +52,7 @@ def report(
     ] = None,
     rank: Rank = None,
     language: Annotated[Literal["en", "de", "it"], typer.Option(help="Language of the pages.")] = "en",
-    unit: Annotated[str, typer.Option(help="Unit of lengths: mm, cm, m, in, ft.")] = "mm",
+    unit: Annotated[str, typer.Option(help=f"Unit of lengths: {', '.join(METRES)}.")] = "mm",
     stock: Annotated[
         str | None, typer.Option(help="Place stones in stock cuboids with these sides, in --unit: A,B,C.")
     ] = None,

@@ -112,7 +112,7 @@ def results_table(
     load_factor = load_factors(rows)
     axes = {name for name, _ in space.search.front.axes}
     deadline = deadline or Deadline()
-    late = [count for count in registered() if deadline.limited and count.kinds and count.name not in axes]
+    late = [count for count in registered() if deadline.limited and count.outlines and count.name not in axes]
     # Texts are added in the order of the table: as columns of a million rows they take most of the memory.
     # mypy takes seconds for the types of so many columns
     columns: dict[str, Any] = {
