@@ -118,7 +118,7 @@ def _placed(layout: Layout, sides: tuple[float, float, float] | None, kerf: floa
         return None
     factor = 1.0 / factor_to(unit, layout.scene.units.length)
     a, b, c = (factor * side for side in sides)
-    return stock_of(stones_of(layout), (a, b, c), factor * kerf)
+    return stock_of(stones_of(layout), (a, b, c), factor * kerf, (1.0 / factor, f" {unit}"))
 
 
 def _content(source: Path, rank: int | None) -> Printed:
