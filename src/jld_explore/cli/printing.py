@@ -77,7 +77,7 @@ def report(
     refuse_itself(source, target)
     require_writable(target)
     if pdf:
-        content = _content(source, rank)
+        content = content_of(source, rank)
         placed = _placed(content.layout, sides, kerf, unit)
         count = write_printed(content, target, language=language, unit=unit)
         say(f"{target}: {count} page{'s' * (count != 1)}")
@@ -121,7 +121,7 @@ def _placed(layout: Layout, sides: tuple[float, float, float] | None, kerf: floa
     return stock_of(stones_of(layout), (a, b, c), factor * kerf, (1.0 / factor, f" {unit}"))
 
 
-def _content(source: Path, rank: int | None) -> Printed:
+def content_of(source: Path, rank: int | None) -> Printed:
     """Return the content of the report of a scene or a results folder."""
     design = source / "best.json"
     if source.is_dir() and design.exists():

@@ -6,7 +6,7 @@ It is also a limit if "search" has a key of its name. `register` adds a count.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -127,6 +127,8 @@ class Count:
         True if the count is the number of different shapes among the blocks.
     outlines : bool
         True if the count needs the outlines of blocks; tables leave it blank where time ends.
+    least_of_block, least_of_shape : mapping of int to int, or None
+        By dimension, what each block (each different shape) adds at least; None where unknown.
     """
 
     name: str
@@ -139,6 +141,8 @@ class Count:
     terms: Callable[[Assembly], Terms] | None = None
     kinds: bool = False
     outlines: bool = False
+    least_of_block: Mapping[int, int] | None = None
+    least_of_shape: Mapping[int, int] | None = None
 
     @property
     def title(self) -> str:
@@ -263,6 +267,8 @@ _COUNTS: Final[dict[str, Count]] = {
             axis="sawn faces of all blocks",
             noun="cut",
             outlines=True,
+            # a triangle, a tetrahedron
+            least_of_block={2: 3, 3: 4},
         ),
         Count(
             "saw_set_ups",
@@ -270,6 +276,8 @@ _COUNTS: Final[dict[str, Count]] = {
             axis="set-ups of the saw",
             noun="set-up",
             outlines=True,
+            # a parallelogram, a parallelepiped
+            least_of_shape={2: 2, 3: 3},
         ),
         Count(
             "largest_block_mass",
