@@ -11,9 +11,10 @@ import numpy as np
 from scipy.stats import beta as beta_distribution
 from scipy.stats import norm
 
-from jld_core.arrays import Bools, Floats
+from jld_core.arrays import Bools, Floats, Ints
 from jld_core.batch.batch_solver import SAMPLES_OF_A_CALL
 from jld_explore.reliability.bounds import GoverningBounds, SampleBounds
+from jld_explore.reliability.form import Form
 
 _FEW: Final = 1000
 """Failures expected of plain sampling below which samples are drawn around the design point."""
@@ -87,16 +88,17 @@ class _Part:
 
 
 def simulate(
-    bounds: SampleBounds, required: float, samples: int, seed: int, jobs: int = 1, design: Floats | None = None
+    bounds: SampleBounds, required: float, samples: int, seed: int, jobs: int = 1, design: Form | None = None
 ) -> MonteCarlo:
     """Estimate the probability that a layout carries less than `required`.
 
     bounds: of the layout. samples: their number. seed: of the random numbers; the result does not depend on `jobs`, the
-    number of threads. design: (v,) design point in standard normal space. Samples are stratified along it; where
-    failures are rare, they are drawn around it. Source: docs/method.md (12.6) to (12.8).
+    number of threads. design: result of the first-order method; None without a design point. Samples are stratified
+    along its point; where failures are rare, they are drawn around it. Source: docs/method.md (12.6) to (12.8).
     """
-    rare = design is not None and samples * float(norm.cdf(-np.linalg.norm(design))) < _FEW
-    drawing = _Drawing(samples, seed, len(bounds.structure.variables), design, design if rare else None)
+    point = None if design is None else design.point
+    rare = design is not None and samples * design.probability < _FEW
+    drawing = _Drawing(samples, seed, len(bounds.structure.variables), point, point if rare else None)
 
     def one(part: int) -> _Part:
         return _counted(bounds, required, *drawing.part(part))
@@ -114,7 +116,9 @@ def simulate(
     else:
         probability = min(1.0, float(weights.sum()) / samples)
         low, high = (_normal_interval(weights[:n].sum(), squares[:n].sum(), samples) for n in (1, 2))
-        interval = low[0], high[1]
+        # without any failure, those drawn around the means alone say how rare failures are
+        unseen = _exact_interval(0, 0, drawing.plain)[1] if failures + undecided == 0 else 0.0
+        interval = low[0], max(high[1], unseen)
     return MonteCarlo(samples, failures, resolved, undecided, probability, interval, rare, nearest)
 
 
@@ -137,8 +141,8 @@ class _Drawing:
     samples, seed, variables : int
         Number of samples; seed; number v of variables.
     along : (v,) array or None
-        Direction in which the samples are stratified, one in each of `samples` strata of equal probability; None for
-        independent samples.
+        Direction in which the samples are stratified, one in each of as many strata of equal probability; those around
+        the means and those around `shift` apart. None for independent samples.
     shift : (v,) array or None
         Point around which all but every `_PLAIN`-th sample is drawn; None to draw all around the means.
     """
@@ -149,6 +153,11 @@ class _Drawing:
     along: Floats | None = None
     shift: Floats | None = None
 
+    @property
+    def plain(self) -> int:
+        """Return how many samples are drawn around the means."""
+        return self.samples if self.shift is None else -(-self.samples // _PLAIN)
+
     def part(self, number: int) -> tuple[Floats, Floats]:
         """Return the points (k, v) of a portion and their weights (k,)."""
         index = np.arange(number * SAMPLES_OF_A_CALL, min((number + 1) * SAMPLES_OF_A_CALL, self.samples))
@@ -156,7 +165,7 @@ class _Drawing:
         points = dice.standard_normal((len(index), self.variables))
         if self.along is not None and self.along.any():
             unit = self.along / np.linalg.norm(self.along)
-            place = (index + dice.uniform(0.0, 1.0, len(index))) / self.samples
+            place = self._strata(index, dice.uniform(0.0, 1.0, len(index)))
             # 0 has no quantile; half of the smallest share that numbers of a generator can have stands for it
             level = norm.ppf(np.maximum(place, 0.5 * 2.0**-53 / self.samples))
             points += np.outer(level - points @ unit, unit)
@@ -167,6 +176,20 @@ class _Drawing:
         with np.errstate(over="ignore"):
             ratio = np.exp(points @ self.shift - 0.5 * self.shift @ self.shift)
         return points, 1.0 / (share + (1.0 - share) * ratio)
+
+    def _strata(self, index: Ints, within: Floats) -> Floats:
+        """Return the probabilities (k,) up to the places of samples, which lie at shares `within` (k,) of their strata.
+
+        Samples around the means and those around `shift` each have strata of their own, since either alone has to fill
+        the whole distribution.
+        """
+        if self.shift is None:
+            return (index + within) / self.samples
+        before = -(-index // _PLAIN)
+        around = index % _PLAIN == 0
+        return np.where(
+            around, (before + within) / self.plain, (index - before + within) / max(self.samples - self.plain, 1)
+        )
 
 
 def decided(bounds: SampleBounds, required: float, values: Floats) -> tuple[Bools, Bools, int]:
