@@ -68,8 +68,15 @@ def move(
     joint: Annotated[
         str | None,
         typer.Option(
-            help="Give joints a shape and search its best, in shares of a face: key:DEPTH,WIDTH,FLANK or "
-            "sine:AMPLITUDE,WAVES.",
+            help="Give joints a shape and search its best: key:DEPTH,WIDTH,FLANK or sine:AMPLITUDE,WAVES in shares "
+            "of a face, or incline:SLOPE, the tangent of the angle by which joints turn.",
+            show_default=False,
+        ),
+    ] = None,
+    direction: Annotated[
+        str | None,
+        typer.Option(
+            help="With --joint in space: X,Y,Z of the direction along which shapes run unchanged, in any unit.",
             show_default=False,
         ),
     ] = None,
@@ -88,6 +95,8 @@ def move(
     if joint is not None and (prove is not None or starts > 1):
         given = "prove" if prove is not None else "starts"
         raise ParameterError(given, "it moves vertices, not the shape of joints", "one without the other")
+    if direction is not None and joint is None:
+        raise ParameterError("direction", "it is that of shaped joints, and none are asked for", "it with `joint`")
     if robust and (joint is not None or prove is not None):
         given = "joint" if joint is not None else "prove"
         raise ParameterError(given, "it knows nominal values of materials alone", "one without `robust`")
@@ -110,7 +119,7 @@ def move(
             prove_positions(scene, assembly, labels, prove, gap, seconds, out, certificate, as_json)
             return
         if joint is not None:
-            move_shape(scene, assembly, labels, joint, seconds, out, as_json)
+            move_shape(scene, assembly, labels, joint, direction, seconds, out, as_json)
             return
         mover = move_by_fields if by_fields else move_joints
         done = mover(scene, assembly, labels, seconds=seconds, starts=starts, progress=progress)
