@@ -15,7 +15,8 @@ from jld_core.assembly import Assembly
 from jld_core.build import build_robust
 from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.geometry_optimisation.field_moves import move_by_fields
-from jld_core.geometry_optimisation.optimise import MovedJoints, Point, move_joints
+from jld_core.geometry_optimisation.move_run import Point
+from jld_core.geometry_optimisation.optimise import MovedJoints, move_joints
 from jld_core.geometry_optimisation.search import GeometrySearch
 from jld_core.models import solve, solve_by_fields
 from jld_core.scene import Scene
