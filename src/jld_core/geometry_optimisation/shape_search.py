@@ -1,4 +1,4 @@
-"""Best shape of keyed or wavy joints: compass search over its parameters, every value proven."""
+"""Best shape of keyed, wavy or inclined joints: compass search over its parameters, every value proven."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ from collections.abc import Callable
 from dataclasses import astuple, dataclass, fields
 from typing import Final
 
-from jld_core.arrays import Bits
+from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
-from jld_core.geometry_optimisation.joint_shapes import Shape, shaped_scene
+from jld_core.geometry_optimisation.joint_profiles import Shape
+from jld_core.geometry_optimisation.joint_shapes import shaped_scene
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.models import solve
 from jld_core.scene import Scene
@@ -59,6 +60,7 @@ def shape_joints(
     assembly: Assembly,
     labels: Bits,
     shape: Shape,
+    direction: Floats | None = None,
     *,
     seconds: float = math.inf,
     progress: Callable[[Shape, float], None] | None = None,
@@ -71,13 +73,15 @@ def shape_joints(
     Parameters
     ----------
     scene : Scene
-        Planar scene.
+        Scene, as for `shaped_scene`.
     assembly : Assembly
         Its assembly.
     labels : (m,) bool array
         Labels, True = dry.
-    shape : Key or Sine
+    shape : Key, Sine or Incline
         Shape from which the search begins.
+    direction : (3,) array, optional
+        In space, direction along which shapes run, as for `shaped_scene`.
     seconds : float
         Time limit, s; the first shape is always analysed.
     progress : callable, optional
@@ -101,7 +105,7 @@ def shape_joints(
         """Return the proven lower bound on λ with a shape, NaN without one."""
         key: tuple[float, ...] = astuple(one)
         if key not in known:
-            result = solve(shaped_scene(scene, assembly, labels, one))
+            result = solve(shaped_scene(scene, assembly, labels, one, direction))
             locked = result.status is Status.LOCKED
             known[key] = math.inf if locked else result.bracket[0]
             if result.status not in (Status.COLLAPSE, Status.LOCKED):
@@ -134,5 +138,5 @@ def shape_joints(
                     break
         if best == start:
             step *= 0.5
-    shaped = shaped_scene(scene, assembly, labels, best)
+    shaped = shaped_scene(scene, assembly, labels, best, direction)
     return ShapedJoints(shaped, best, solve(assembly, labels), solve(shaped), trials, end)

@@ -91,7 +91,8 @@ class StudioSession:
         self._geometry = build_geometry(scene)
         self._spaces: OrderedDict[tuple[str, bytes], SearchSpace | InputError] = OrderedDict()
         found = _joints(scene, self.setup({}).assembly)
-        self.joints, self._fixed = (None, found) if isinstance(found, InputError) else (found, None)
+        self.joints = found if isinstance(found, JointVertices) else None
+        self._fixed = found if isinstance(found, InputError) else None
         self._mover: tuple[str, MovedScene] | None = None
 
     def setup(self, changes: Mapping[str, Any]) -> ScenarioCache:
