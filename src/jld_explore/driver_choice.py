@@ -15,7 +15,7 @@ from jld_core.memory import memory_limit
 from jld_core.models import require_memory
 from jld_core.scene.cracks import FieldCracks
 from jld_explore.drivers import DRIVERS, Driver, make_driver
-from jld_explore.drivers.choice import driver_for
+from jld_explore.drivers.choice import REACH, driver_for
 from jld_explore.drivers.enumeration import Enumeration, size_up_to
 from jld_explore.drivers.field_exact import FieldExact
 from jld_explore.settings import ExploreSettings
@@ -24,8 +24,11 @@ from jld_explore.space import SearchSpace
 CLASSES: Final = "classes (layouts, those alike by symmetry once)"
 """Term "classes" with its explanation, used where it first appears."""
 
-COUNTING: Final = 0.2
-"""Share of the remaining time for counting the classes of a space; a slower count means that the space is large."""
+COUNTING: Final = (0.06, 0.03)
+"""Shares of the remaining time for counting the classes of a space; a slower count means that the space is large.
+
+The first is for spaces within reach of a proof, the second for larger ones, which are hardly ever small.
+"""
 
 
 def choose_driver(
@@ -70,7 +73,8 @@ def choose_driver(
     quick = isinstance(wanted, str) and wanted != Enumeration.name
     deadline = Deadline() if deadline is None else deadline
     known = None
-    with suppress(DeadlinePassed), deadline.within(COUNTING * deadline.remaining()).enforced():
+    share = COUNTING[int(space.candidates.sum()) > REACH]
+    with suppress(DeadlinePassed), deadline.within(share * deadline.remaining()).enforced():
         known = size_up_to(space, settings.small, quick=quick) if settings.small else None
     if known == 0:
         raise nothing_found(space)

@@ -139,6 +139,20 @@ def test_a_flat_arch_converges_where_its_sides_meet() -> None:
         assert np.sort(new.elements.volume[~new.elements.support]) == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.parametrize("skew", [20.0, 45.0])
+def test_the_skew_of_a_flat_arch_is_that_of_its_outer_joints(skew: float) -> None:
+    """A lintel of 2 × 0.4 m: the outer joints leave the soffit's ends at the angle, the middle stone is upright."""
+    own = scene(np.array(box(-1.0, 0.0, 2.0, 0.4)), [box(-1.0, -0.1, 2.0, 0.1)])
+    elements = build_assembly(refine(own, voussoirs=3, skew=skew).scene).elements
+    assert elements.volume[elements.free].sum() == pytest.approx(2.0 * 0.4 * 0.3, rel=1e-9)
+    # joints from x = ±1/3 of the soffit meet the outer ones at half of the span over tan θ below it
+    below = 1.0 / np.tan(np.radians(skew))
+    top = (below + 0.4) / below / 3.0
+    corners = np.concatenate([elements.shape[k] for k in elements.free])
+    assert np.hypot(*(corners - [top, 0.4]).T).min() < 1e-9
+    assert np.hypot(*(corners - [1.0 / 3.0, 0.0]).T).min() < 1e-9
+
+
 def test_a_vault_is_cut_by_voussoirs_and_courses() -> None:
     """Volume is kept to 1e-9; every second voussoir of running courses is cut at its middle."""
     ring = RING.tolist()
@@ -200,6 +214,8 @@ def test_courses_of_a_bond_shift_their_head_joints() -> None:
         (["--voussoirs", "3", "--courses", "2"], "the scene is planar"),
         (["--voussoirs", "3", "--bond", "english"], "no bond of voussoirs"),
         (["--voussoirs", "3"], "the outline has no arc"),
+        (["--voussoirs", "3", "--skew", "90"], "--skew: 90 is no inclination"),
+        (["--cell", "0.1", "--skew", "20"], "--skew: it is that of a flat arch"),
         (["--cell", "0.4,0.2", "--kind", "bond", "--bond", "herring"], "no bond is named"),
     ],
 )

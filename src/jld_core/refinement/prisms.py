@@ -101,13 +101,14 @@ def split_prism(
     rings: int,
     courses: int,
     running: bool,
+    skew: float | None = None,
 ) -> list[tuple[Floats, Faces]]:
     """Cut a prism into voussoirs, rings and courses along its axis.
 
     name: of the element, for messages. vertices: (k, 3). faces: outward loops of vertex indices. down: (3,) direction
-    of weight. voussoirs, rings: as in `voussoir_cells`. courses: number of equal lengths. running: True shifts every
-    second voussoir by half a course. Returns vertices and faces of each piece. Raises InputError if the solid is no
-    prism, its axis is upright, or its profile has neither an arc nor a soffit.
+    of weight. voussoirs, rings, skew: as in `voussoir_cells`. courses: number of equal lengths. running: True shifts
+    every second voussoir by half a course. Returns vertices and faces of each piece. Raises InputError if the solid is
+    no prism, its axis is upright, or its profile has neither an arc nor a soffit.
     """
     prism = prism_of(vertices, faces)
     if prism is None:
@@ -117,7 +118,7 @@ def split_prism(
     fall = prism.axes[:2] @ down
     if np.hypot(*fall) < 1e-6:
         raise InputError(f"element {name!r}", "the axis of the prism is upright", "a vault or arch whose axis lies")
-    found = voussoir_cells(prism.profile, fall / np.hypot(*fall), voussoirs, rings, None)
+    found = voussoir_cells(prism.profile, fall / np.hypot(*fall), voussoirs, rings, None, skew)
     outline = shapely.get_coordinates(prism.profile.exterior)[:-1]
     size = min(found.width, found.depth)
     parts = split_by_cells([name], [outline], [], found.cells, size)[0]

@@ -70,6 +70,7 @@ def refine(
     courses: int = 1,
     snap: float = 0.0,
     cells: Sequence[shapely.Polygon] | None = None,
+    skew: float | None = None,
 ) -> Refined:
     """Split every free element of a scene into cells; supports stay whole.
 
@@ -109,6 +110,8 @@ def refine(
         or to one another (planar). Cells without short edges have narrower bounds by fields. 0: corners stay.
     cells : sequence of shapely.Polygon, optional
         Own cells of about the size `cell`, which cover the structure (planar), instead of a kind.
+    skew : float, optional
+        Angle between the outer joints of a flat arch and the normal of its soffit, with `voussoirs`, degrees below 90.
 
     Returns
     -------
@@ -121,7 +124,7 @@ def refine(
         If sizes or kinds do not fit the scene, an element cannot be cut, the inner material is missing, or a pressure
         acts on the whole free boundary of an element that is split.
     """
-    grid = _Grid(cell, kind, centre, seed, bond, voussoirs, rings, courses, snap, cells)
+    grid = _Grid(cell, kind, centre, seed, bond, voussoirs, rings, courses, snap, cells, skew)
     _check(scene, grid, by)
     assembly = build_assembly(scene)
     down = direction_of_weight(scene)
@@ -157,6 +160,7 @@ class _Grid:
     courses: int
     snap: float
     own: Sequence[shapely.Polygon] | None
+    skew: float | None
 
 
 def _check(scene: Scene, grid: _Grid, by: str | None) -> None:
@@ -178,6 +182,10 @@ def _check(scene: Scene, grid: _Grid, by: str | None) -> None:
         raise ParameterError("courses", "the scene is planar and has no axis", "a spatial scene, or no `courses`")
     elif scene.dimension == 3 and grid.centre is not None:
         raise ParameterError("centre", "the scene is spatial", "a planar scene, or a vault with an arc")
+    if grid.skew is not None and (grid.voussoirs is None or grid.centre is not None):
+        raise ParameterError("skew", "it is that of a flat arch without a centre", "`voussoirs`, and no `centre`")
+    if grid.skew is not None and not 1.0 <= grid.skew < 90.0:
+        raise ParameterError("skew", f"{grid.skew:g} is no inclination of joints", "1 to 90 degrees")
     if grid.centre is not None and not np.isfinite(grid.centre).all():
         raise ParameterError("centre", f"{grid.centre[0]:g},{grid.centre[1]:g} is no point", "x,y")
     if not 0.0 <= grid.snap <= SNAP:
@@ -246,7 +254,7 @@ def _cells(
     if grid.voussoirs is not None:
         shapes = [elements.shape[k] for k in free]
         whole = shapely.MultiPolygon([shapely.Polygon(r.shell, r.holes) for r in union_outlines(shapes)])
-        found = voussoir_cells(whole, down, grid.voussoirs, grid.rings, grid.centre)
+        found = voussoir_cells(whole, down, grid.voussoirs, grid.rings, grid.centre, grid.skew)
         return found.cells, min(found.width, found.depth), _LEAST * found.width * found.depth
     lower, upper = elements.lower[free].min(axis=0), elements.upper[free].max(axis=0)
     sizes = (grid.cell[0], grid.cell[-1])
@@ -278,7 +286,9 @@ def _spatial(assembly: Assembly, grid: _Grid, down: Floats) -> list[list[Piece]]
                 whole = cut_up(k)
             elif grid.voussoirs is not None:
                 count = (grid.voussoirs, grid.rings, grid.courses)
-                whole = split_prism(elements.ids[k], vertices, faces, down, *count, running=grid.bond == "running")
+                whole = split_prism(
+                    elements.ids[k], vertices, faces, down, *count, running=grid.bond == "running", skew=grid.skew
+                )
         volumes = np.array([_volume(*part) for part in whole])
         found.append(
             [

@@ -82,7 +82,12 @@ class _Fan:
 
 
 def voussoir_cells(
-    region: shapely.Geometry, down: Floats, voussoirs: int, rings: int, centre: tuple[float, float] | None
+    region: shapely.Geometry,
+    down: Floats,
+    voussoirs: int,
+    rings: int,
+    centre: tuple[float, float] | None,
+    skew: float | None = None,
 ) -> VoussoirCells:
     """Return cells of voussoirs that cover a structure.
 
@@ -93,7 +98,9 @@ def voussoir_cells(
 
     region: union of all free elements. down: (2,) direction of weight. voussoirs: number for each opening. rings:
     number over the depth of the arch. centre: point where the joints of a flat arch meet, None if its sides define it;
-    with a centre arcs are not used. Raises InputError if there is neither an arc nor such a centre.
+    with a centre arcs are not used. skew: angle
+    between the joints at both ends of a flat arch and the normal of its soffit, degrees, which takes the place of a
+    centre. Raises InputError if there is neither an arc nor such a centre.
     """
     if voussoirs < 1 or rings < 1:
         name, value = ("voussoirs", voussoirs) if voussoirs < 1 else ("rings", rings)
@@ -102,7 +109,7 @@ def voussoir_cells(
         raise ParameterError("voussoirs", f"that makes {voussoirs * rings:.3g} cells", f"at most {MOST}")
     fans: list[_Fan] = []
     for part in shapely.get_parts(region):
-        fans += _fans(part, down, voussoirs, rings, centre, len(fans))
+        fans += _fans(part, down, voussoirs, rings, centre, skew, len(fans))
     if not fans:
         problem = "the outline has no arc, and no soffit between two sides that meet below it"
         raise ParameterError("voussoirs", problem, "an outline with an arc, or `centre` x,y where its joints meet")
@@ -127,18 +134,19 @@ def _fans(
     voussoirs: int,
     rings: int,
     centre: tuple[float, float] | None,
+    skew: float | None,
     number: int,
 ) -> list[_Fan]:
     """Make the rays of one connected part: a fan for each arc, or one for a flat arch.
 
-    down, voussoirs, rings, centre: as in `voussoir_cells`. number: number of the first opening. Without an arc and
-    without a flat arch the list is empty.
+    down, voussoirs, rings, centre, skew: as in `voussoir_cells`. number: number of the first opening. Without an arc
+    and without a flat arch the list is empty.
     """
     region = region_of(part)
     arcs = [arc for ring in (region.shell, *region.holes) for arc in find_arcs(ring)]
     hollow = [arc for arc in arcs if arc.hollow]
-    if not arcs or centre is not None:
-        flat = _flat(region.shell, part, down, voussoirs, rings, centre)
+    if not arcs or centre is not None or skew is not None:
+        flat = _flat(region.shell, part, down, voussoirs, rings, centre, skew)
         return [replace(flat, opening=number)] if flat is not None else []
     chosen = hollow or arcs
     found = []
@@ -272,10 +280,12 @@ def _flat(
     voussoirs: int,
     rings: int,
     centre: tuple[float, float] | None,
+    skew: float | None,
 ) -> _Fan | None:
     """Return the fan of a flat arch; None if its sides do not meet below the soffit.
 
-    ring: (k, 2) corners of the part, counter-clockwise. down, voussoirs, rings, centre: as in `voussoir_cells`.
+    ring: (k, 2) corners of the part, counter-clockwise. down, voussoirs, rings, centre, skew: as in
+    `voussoir_cells`.
     """
     edge = np.roll(ring, -1, axis=0) - ring
     length = np.hypot(*edge.T)
@@ -288,7 +298,10 @@ def _flat(
         return None
     k = int(candidates[np.lexsort((-length[candidates], -np.round(level[candidates], 9)))[0]])
     a, b = ring[k], ring[(k + 1) % len(ring)]
-    if centre is None:
+    if skew is not None:
+        # tan θ is half of the span over the depth of the centre below the soffit
+        meeting = 0.5 * (a + b) + 0.5 * float(length[k]) / math.tan(math.radians(skew)) * outward[k]
+    elif centre is None:
         before, after = ring[k - 1] - a, ring[(k + 2) % len(ring)] - b
         cross = float(before[0] * after[1] - before[1] * after[0])
         if abs(cross) <= _PARALLEL * float(np.hypot(*before) * np.hypot(*after)):

@@ -130,6 +130,10 @@ def refine_command(
     ] = None,
     rings: Annotated[int, typer.Option(min=1, help="Rings of voussoirs over the depth.")] = 1,
     courses: Annotated[int, typer.Option(min=1, help="Voussoirs along the axis of a vault (spatial).")] = 1,
+    skew: Annotated[
+        float | None,
+        typer.Option(help="Angle of the outer joints of a flat arch to its soffit's normal, degrees."),
+    ] = None,
     snap: Annotated[
         float, typer.Option(help="Share of a cell by which its corners move to those of the outline (planar).")
     ] = 0.0,
@@ -157,6 +161,7 @@ def refine_command(
             rings=rings,
             courses=courses,
             snap=snap,
+            skew=skew,
         )
     write_scene(found.scene, out)
     before, after = len(set(found.parent.values())), len(found.parent)

@@ -3,7 +3,8 @@
 A space that is known to hold few classes is enumerated. A space of at most `REACH` faces that may be dry or inner is
 given to the exact driver. It proves such spaces within seconds, whatever the size of blocks and the strength of the
 material. Of somewhat larger spaces it proves most, but not those of weak material or of beams (`benchmarks/reach.py`
-measures this). Larger spaces are searched by the genetic driver, which proves nothing.
+measures this). It begins with labellings of the genetic driver. Larger spaces are searched by the genetic driver
+alone, which proves nothing.
 """
 
 from __future__ import annotations
@@ -16,11 +17,19 @@ from typing import Any, Final
 from jld_core.limit import FLOOR_SECONDS, SolveOptions
 from jld_core.limit.case_relaxation import relaxation_of
 from jld_explore.drivers.base import Driver
+from jld_explore.drivers.exact.driver import Exact
+from jld_explore.drivers.genetic import Genetic
 from jld_explore.drivers.registry import DRIVERS, make_driver, owners
 from jld_explore.space import SearchSpace
 
 REACH: Final = 50
 """Largest number of faces, dry or inner, for which the exact driver is the default."""
+
+STARTED: Final = 60
+"""Labellings of the genetic driver, per face that may be dry or inner, which a proof by default begins with.
+
+A search that ends before the proof is then as good as that of the genetic driver (`benchmarks/default_driver.py`).
+"""
 
 BOUNDED: Final = 1500
 """Largest number of faces of a structure for which a bound on all labellings is computed.
@@ -71,7 +80,9 @@ def driver_for(
         and int(space.candidates.sum()) <= REACH
     ):
         exact = make_driver("exact", space, seed, **options)
-        if not exact.exhaustive:  # otherwise it has no bounds for this scene and would enumerate
+        if isinstance(exact, Exact) and not exact.exhaustive:  # otherwise it would enumerate
+            if exact.aim == "best":
+                exact.begin_with(Genetic(space, seed), STARTED * int(space.candidates.sum()))
             return exact
     return make_driver("genetic", space, seed, **options)
 

@@ -109,6 +109,8 @@ class Exact(ConflictDriver):
             self._tightening = BlockBoundTightening(self._context, wanted=by_blocks != "off")
         self._heuristic = Genetic(space, seed, aim=aim) if aim == "front" else Anneal(space, seed)
         self._labellings_to_anneal = search * int(space.candidates.sum())
+        self._starter: Genetic | None = None
+        self._labellings_to_start = 0
         self._incumbents = Incumbents(space, self._count)
         batched = self._context is not None and self._context.relaxation.batched
         self._conflicts_per_step = step_after or _CONFLICTS_PER_STEP[not batched]
@@ -193,6 +195,15 @@ class Exact(ConflictDriver):
             self._block_search.close()
         super().close()
 
+    def begin_with(self, starter: Genetic, labellings: int) -> None:
+        """Evaluate labellings of another driver before the proof, in place of the first annealing.
+
+        Call it before the search. starter: driver of the same space. labellings: their number.
+        """
+        if self._enumeration is None:
+            self._starter, self._labellings_to_start = starter, labellings
+            self._labellings_to_anneal = 0
+
     # --- ask and tell -----------------------------------------------------------------------------------
 
     def ask(self, limit: int | None = None) -> Bits:
@@ -205,7 +216,8 @@ class Exact(ConflictDriver):
         if self._sources is not None:
             self._sources.exchange()
         self._limit = limit
-        while not len(self._waiting) and self._targets_left and not self._time_is_up:
+        # the driver that begins needs no time after its last labelling: the study ends it
+        while not len(self._waiting) and self._targets_left and (self._labellings_to_start or not self._time_is_up):
             found = self._next_labellings()
             if found is None:
                 break
@@ -225,6 +237,8 @@ class Exact(ConflictDriver):
             self._enumeration.tell(labellings, evaluations)
             return
         self._heuristic.tell(labellings, evaluations)
+        if self._starter is not None:
+            self._starter.tell(labellings, evaluations)
         self._state.note_evaluated(labellings)
         self._learn(labellings, evaluations)
 
@@ -254,12 +268,22 @@ class Exact(ConflictDriver):
 
         After each item the caller checks the time. The evaluations of an item are known when the next one is sought.
         """
+        yield from self._start()
         yield from self._anneal()
         while self._targets_left:
             target = self._targets_left[0]
             yield from self._refute(target)
             self._settle(target)
             yield self._no_labellings
+
+    def _start(self) -> Iterator[Bits]:
+        """Yield labellings (k, m) of the driver that begins, until none is due."""
+        while self._starter is not None and self._labellings_to_start > 0:
+            due = self._labellings_to_start
+            found = self._starter.ask(due if self._limit is None else min(self._limit, due))
+            self._labellings_to_start = due - len(found) if len(found) else 0
+            yield found
+        self._starter = None
 
     def _anneal(self) -> Iterator[Bits]:
         """Yield labellings (k, m) that annealing proposes, until none is due."""

@@ -1,0 +1,60 @@
+"""The default driver: a proof begins with labellings of the genetic driver, and counting takes a small share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cases import grid_document
+from jld_core import build_assembly, parse_scene
+from jld_core.deadline import Deadline
+from jld_core.limit import SolveOptions
+from jld_explore import driver_choice
+from jld_explore.drivers.choice import driver_for
+from jld_explore.drivers.exact.driver import Exact
+from jld_explore.drivers.genetic import Genetic
+from jld_explore.explore import explore
+from jld_explore.settings import ExploreSettings
+from jld_explore.space import search_space
+
+ROWS = ["aaaa", "aaaa", "#..#"]
+
+
+def test_a_proof_begins_with_the_genetic_driver() -> None:
+    """The first labellings of the default are those of the genetic driver with the same seed."""
+    scene = parse_scene(grid_document(ROWS, block_cells=[2, 4]))
+    space = search_space(scene, build_assembly(scene))
+    chosen = driver_for(space, 3, SolveOptions(), None, {}, many=False)
+    assert isinstance(chosen, Exact)
+    np.testing.assert_array_equal(chosen.ask(48), Genetic(space, 3).ask(48))
+
+
+@pytest.mark.usefixtures("without_pictures", "without_field_check")
+def test_the_proof_is_that_of_the_exact_driver(tmp_path: Path) -> None:
+    """With and without the start the same λ is proven, that of enumeration."""
+    scene = parse_scene(grid_document(ROWS, block_cells=[2, 4]))
+    found = [
+        explore(scene, tmp_path / name, ExploreSettings(driver=driver, small=small)).summary.to_json()
+        for name, driver, small in (("default", None, 0), ("exact", "exact", 0), ("all", None, 20_000))
+    ]
+    assert [one["driver"] for one in found] == ["exact", "exact", "enumeration"]
+    assert all(one["proven"] for one in found)
+    assert [one["best"] for one in found] == pytest.approx([found[2]["best"]] * 3, rel=1e-6)
+
+
+def test_counting_takes_a_small_share_of_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 10 s a count has 0.6 s within reach of a proof, and 0.3 s beyond: the genetic driver needs the time."""
+    left: list[float] = []
+
+    def count(*_: object, **__: object) -> None:
+        from jld_core.deadline import time_left
+
+        left.append(time_left())
+
+    monkeypatch.setattr(driver_choice, "size_up_to", count)
+    for rows in (ROWS, ["a" * 8] * 6 + ["###..###"]):
+        scene = parse_scene(grid_document(rows, block_cells=[2, 4]))
+        driver_choice.choose_driver(search_space(scene, build_assembly(scene)), ExploreSettings(), Deadline(10.0))
+    assert left == pytest.approx([0.6, 0.3], rel=0.2)
