@@ -26,7 +26,8 @@ from jld_core.solvers.schur.nesterov_todd import NesterovTodd
 
 _SHIFT = 1e-14  # added to the diagonal of the Schur complement, which is scaled to ones
 _RETRIES = 5  # attempts to factor; each failure multiplies the shift by 100
-_PASSES = 3  # largest number of iterative refinements
+_ACCURACY = 1e-13  # residual, relative to the right-hand side, at which refinement ends by default
+_PASSES = 3
 
 
 class SchurSystem:
@@ -38,7 +39,8 @@ class SchurSystem:
         Eᵀu + Gᵀv = p,   E x = q,   G x − W²v = r.
 
     x are the columns of the program, u and v the multipliers of its equations and of its yield rows. The constructor
-    raises SolverError if the structure does not separate into faces.
+    raises SolverError if the structure does not separate into faces. `accuracy` is the residual, relative to the
+    right-hand side, at which refinement ends.
     """
 
     def __init__(self, structure: Structure) -> None:
@@ -48,6 +50,7 @@ class SchurSystem:
         self._inverse: list[Floats] = []
         self._half: list[Floats] = []
         self._side: list[Floats] = []
+        self.accuracy = _ACCURACY
 
     def _lay_out(self, size: int, places: Floats | None) -> None:
         """Analyse the pattern of the Schur complement, and where the entries of faces add up.
@@ -183,7 +186,7 @@ class SchurSystem:
         """
         scaling = self._scaling
         x, u, wv = self._once(p, q, r)
-        aim = 1e-13 * max(1e-3, *(float(abs(part).max(initial=0.0)) for part in (p, q, r)))
+        aim = self.accuracy * max(1e-3, *(float(abs(part).max(initial=0.0)) for part in (p, q, r)))
         least, best = np.inf, (x, u, wv)
         for _ in range(_PASSES):
             left_p = p - self.transposed(u, scaling.divide(wv))
