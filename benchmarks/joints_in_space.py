@@ -16,7 +16,8 @@ import numpy as np
 from benchmarks.common import about, table, write
 from jld_core import Scene, build_assembly, parse_scene, samples
 from jld_core.geometry_optimisation.optimise import move_joints
-from jld_core.samples.stone import Stone, scene_of, swept
+from jld_core.samples import Stone
+from jld_core.samples.stone import scene_of, swept
 from jld_experiment import Joints, run_experiment
 
 
