@@ -452,7 +452,7 @@ def test_a_studio_that_is_terminated_stops_its_searches(tmp_path: Path) -> None:
         time.sleep(0.05)
     time.sleep(0.5)
     studio.send_signal(signal.SIGTERM)
-    assert studio.wait(timeout=30.0) == 130  # as Ctrl-C ends it
+    assert studio.wait(timeout=30.0) == 3  # as Ctrl-C ends any command
     studio.stdout.close()
     assert json.loads((results / "summary.json").read_text())["stop_reason"] == "interrupted"
     assert (results / "report.html").exists()
