@@ -89,8 +89,8 @@ def main() -> None:
     ]
     head += ["steps", "solves", "s", "ended"]
     text = 'Loads are in N, pushes in weights. The experiment is accurate to 1 %; "none found": its λ goes on rising.'
-    text += " It resists torsion by friction at the corners of joints, as `contact: concave` does: where structures twist,"
-    text += " as the dome under the skew push, λ of contact at corners is what to compare it with."
+    text += " It resists torsion by friction at the corners of joints, as `contact: concave` does: where structures"
+    text += " twist, as the dome under the skew push, λ of contact at corners is what to compare it with."
     write("joints_in_space", f"# Joints that move in space\n\n{about(__doc__)}\n\n{text}\n\n{table(head, rows)}")
 
 

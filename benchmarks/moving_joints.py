@@ -351,12 +351,12 @@ def main() -> None:
         rows.append([name, f"{done.start:.5g}", f"{done.value:.6g}", wanted, *effort, stands])
         print(rows[-1], flush=True)
     head = ["what", "start", "end", "to reach", "starts", "steps", "solves", "s", "ended", "dead load stands"]
-    text = "# Joints that move\n\nWritten by `python -m benchmarks.moving_joints`; one thread, seconds are those of the processor.\n\n"
+    text = "# Joints that move\n\nWritten by `python -m benchmarks.moving_joints`; one thread, processor time.\n\n"
     text += table(head, rows) + "\n\n## Proofs over boxes\n\nFlat arch on piers at 15°, gap asked for 1e-3.\n\n"
     proven = ["parameters", "λ found", "bound", "gap", "boxes", "s", "checked in [s]", "best position"]
     text += table(proven, proofs())
-    text += "\n\n## Closed form\n\nThe flat arch with moved ends of its joints, λ in N, against (11.8) of docs/method.md. "
-    text += "The last row is in kN: the trial's flat arch, from 0.180 to 1.274 there; its geometry is not stated, and "
+    text += "\n\n## Closed form\n\nThe flat arch with moved ends of its joints, λ in N, against (11.8) of "
+    text += "docs/method.md. The last row is in kN: the trial's flat arch, from 0.180 to 1.274 there; its geometry is not stated, and "
     text += "this one is reconstructed (see `seven_wedges`).\n\n"
     head = ["friction", "parameters", "λ before", "λ moved", "(11.8)", "difference", "s"]
     text += table(head, closed_form())
