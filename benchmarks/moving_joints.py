@@ -356,8 +356,8 @@ def main() -> None:
     proven = ["parameters", "λ found", "bound", "gap", "boxes", "s", "checked in [s]", "best position"]
     text += table(proven, proofs())
     text += "\n\n## Closed form\n\nThe flat arch with moved ends of its joints, λ in N, against (11.8) of "
-    text += "docs/method.md. The last row is in kN: the trial's flat arch, from 0.180 to 1.274 there; its geometry is not stated, and "
-    text += "this one is reconstructed (see `seven_wedges`).\n\n"
+    text += "docs/method.md. The last row is in kN: the trial's flat arch, from 0.180 to 1.274 there; its geometry is "
+    text += "not stated, and this one is reconstructed (see `seven_wedges`).\n\n"
     head = ["friction", "parameters", "λ before", "λ moved", "(11.8)", "difference", "s"]
     text += table(head, closed_form())
     text += "\n\n## Steps\n\nProcessor time of one step: a program over forces and positions, and a proven solve.\n\n"
