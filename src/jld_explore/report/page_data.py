@@ -382,6 +382,8 @@ def rounded(values: Any, digits: int = PLACES) -> Any:
 
 def _plain(array: Floats) -> Any:
     """Return an array as nested lists, with None for values that are not finite."""
+    if np.all(np.isfinite(array)):
+        return array.tolist()
     if array.ndim > 1:
         return [_plain(row) for row in array]
     return [float(v) if np.isfinite(v) else None for v in array]
