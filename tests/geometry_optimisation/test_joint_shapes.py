@@ -118,6 +118,35 @@ def test_a_search_finds_a_better_key(monkeypatch: pytest.MonkeyPatch) -> None:
     assert done.after.load_factor > 1.5 * values[0]
 
 
+def test_a_stopped_search_writes_the_best_shape(tmp_path: Path, jld: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An interrupt in the third trial: the scene is that of the best before, and the exit code that of a stop."""
+    file, out = tmp_path / "key.json", tmp_path / "out.json"
+    file.write_text(two_blocks().model_dump_json(exclude_defaults=True))
+    told: list[str] = []
+
+    def tell(line: str) -> None:
+        told.append(line)
+        if len(told) == 3:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(shaping, "say", tell)
+    done = jld("move", file, "-o", out, "--joint", "key:0.025,0.35,0.05")
+    assert done.code == 3
+    assert f"the best so far is in {out}" in done.err
+    best = max(float(line.rpartition(" ")[2]) for line in told)
+    assert solve(parse_scene(json.loads(out.read_text()))).bracket[0] == pytest.approx(best, rel=1e-5)
+
+
+def test_a_search_changes_a_falling_slope(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shape_search, "_LAST", 0.3)
+    scene = two_blocks()
+    assembly = build_assembly(scene)
+    tried = shape_joints(scene, assembly, assembly.labels, Incline(-0.1)).trials
+    slopes = [shape.slope for shape, _ in tried if isinstance(shape, Incline)]
+    assert len(slopes) > 1
+    assert max(slopes) < 0.0
+
+
 def test_the_command(tmp_path: Path, jld: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     file, out = tmp_path / "key.json", tmp_path / "out.json"
     monkeypatch.setattr(shaping, "_GAP", 0.9)  # reached on a coarse mesh

@@ -27,6 +27,9 @@ _LAST: Final = 0.02
 _LEAST: Final = 0.005
 """First value of a parameter that is 0, as a share of the length of a face."""
 
+_NOTHING: Final = 1e-4
+"""Value of a parameter below which it is taken as 0, as a share of the length of a face."""
+
 
 @dataclass(frozen=True)
 class ShapedJoints:
@@ -43,7 +46,7 @@ class ShapedJoints:
     trials : list of (Shape, float)
         All shapes tried with their λ; NaN where a tooth does not fit or λ is not proven, inf where locked.
     end : str
-        Why the search ended: "stationary" or "time".
+        Why the search ended: "stationary", "time" or "interrupted".
     """
 
     scene: Scene
@@ -96,8 +99,9 @@ def shape_joints(
     ------
     InputError
         As `shaped_scene`, for the first shape.
+    KeyboardInterrupt
+        An interrupt before the first shape is analysed; a later one ends the search with the best so far.
     """
-    began = time.perf_counter()
     trials: list[tuple[Shape, float]] = []
     known: dict[tuple[float, ...], float] = {}
 
@@ -115,18 +119,37 @@ def shape_joints(
                 progress(one, known[key])
         return known[key]
 
-    best, most = shape, value(shape)
-    names = [one.name for one in fields(shape) if isinstance(getattr(shape, one.name), float)]
-    step, end = _FIRST, "stationary"
-    while step >= _LAST and most < math.inf and end != "time":
+    until = time.perf_counter() + seconds
+    kept = [(shape, value(shape))]
+    try:
+        end = _improve(kept, value, trials, until)
+    except KeyboardInterrupt:
+        end = "interrupted"
+    best = kept[0][0]
+    shaped = shaped_scene(scene, assembly, labels, best, direction)
+    return ShapedJoints(shaped, best, solve(assembly, labels), solve(shaped), trials, end)
+
+
+def _improve(
+    kept: list[tuple[Shape, float]], value: Callable[[Shape], float], trials: list[tuple[Shape, float]], until: float
+) -> str:
+    """Search from the shape in `kept`, replace it by each stronger one, and return why the search ended.
+
+    kept: one shape and its λ. value: returns λ of a shape, NaN where it is not proven. trials: receives shapes that do
+    not fit. until: end of the search, a time of `time.perf_counter`, s.
+    """
+    best, most = kept[0]
+    names = [one.name for one in fields(best) if isinstance(getattr(best, one.name), float)]
+    step = _FIRST
+    while step >= _LAST and most < math.inf:
         start = best
         for name in names:
             for sign in (1.0, -1.0):
-                if time.perf_counter() - began > seconds:
-                    end = "time"
-                    break
+                if time.perf_counter() > until:
+                    return "time"
                 now = getattr(best, name)
-                changed = now * (1.0 + step) ** sign if now > 0.0 else max(sign, 0.0) * _LEAST
+                changed = now * (1.0 + step) ** sign if now != 0.0 else max(sign, 0.0) * _LEAST
+                changed = changed if abs(changed) >= _NOTHING else 0.0
                 trial = type(best)(**{**vars(best), name: changed})
                 try:
                     found = value(trial)
@@ -134,9 +157,8 @@ def shape_joints(
                     trials.append((trial, math.nan))  # a tooth does not fit: a trial without a value
                     continue
                 if found > most or (math.isnan(most) and not math.isnan(found)):
-                    best, most = trial, found
+                    best, most = kept[0] = trial, found
                     break
         if best == start:
             step *= 0.5
-    shaped = shaped_scene(scene, assembly, labels, best, direction)
-    return ShapedJoints(shaped, best, solve(assembly, labels), solve(shaped), trials, end)
+    return "stationary"

@@ -21,6 +21,7 @@ from jld_core.scene import Scene
 from jld_explore.cli.samples import write_scene
 from jld_explore.cli.streams import say, warn
 from jld_explore.report import csv_of
+from jld_explore.study_state import Interrupted
 
 _FORMS: Final = "key:DEPTH,WIDTH,FLANK, sine:AMPLITUDE,WAVES (shares of the length of a face) or incline:SLOPE"
 """What `--joint` takes."""
@@ -84,6 +85,11 @@ def move_shape(
 
     shape, run = shape_of(text), direction_of(direction)
     done = shape_joints(scene, assembly, labels, shape, run, seconds=seconds, progress=progress)
+    if done.end == "interrupted":
+        _write(done, out)
+        stop = Interrupted()
+        stop.words = f"stopped; the best so far is in {out}: {_named(done.shape)}, λ {_said(done.after)}"
+        raise stop
     facts = _facts(done)
     facts["fields"] = _by_fields(assembly, labels, done)
     _write(done, out)
