@@ -31,6 +31,7 @@ BENCHMARKS: Final = (
     "growth",
     "large",
     "large_answers",
+    "large_search",
     "lanes",
     "lanes_hard",
     "lanes_single",

@@ -19,7 +19,7 @@ SETTLED = 1e-3  # κ/τ below which the program counts as solvable and iteration
 
 _EXACT = 1e-13  # relative residual of linear systems near the solution
 _COARSE = 1e-10  # relative residual of linear systems far from it, where later iterations remove what is left
-_PER_GAP = 1e-8  # residual of linear systems for each unit of the relative duality gap, between the two above
+_PER_GAP = 1e-9  # residual of linear systems for each unit of the relative duality gap, between the two above
 _WEIGHTS = 5  # weights of a corrector that are compared
 _LEAST_WEIGHT = 0.1  # smallest of them
 _CENTRAL = 0.1, 10.0  # range of complementarity products, in multiples of their target, that needs no correction
