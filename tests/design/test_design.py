@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +15,7 @@ from command import Command
 from jld_core import InputError, Scene, build_assembly, load_scene, solve
 from jld_core.deadline import Deadline
 from jld_core.refinement import refine
-from jld_explore.design import run, tessellations
+from jld_explore.design import checks, run, tessellations
 from jld_explore.design.loads import with_loads
 from jld_explore.design.options import DesignOptions
 from jld_explore.design.outline import read_outline
@@ -250,6 +252,25 @@ def test_a_signal_leaves_the_best_so_far(
     assert facts["stop_reason"] == "interrupted"
     assert facts["best"] is not None
     assert (out / "report.html").exists()
+
+
+def test_checks_that_fail_leave_no_pipe_open(monkeypatch: pytest.MonkeyPatch, wall: Path) -> None:
+    """An error in the checks, after the experiment beside them has ended: nobody has read its output."""
+    pipe = subprocess.PIPE
+    experiment = subprocess.Popen([sys.executable, "-c", "print(1)"], stdout=pipe, stderr=pipe, text=True)
+    experiment.wait(30.0)
+
+    def fail(*_: object) -> None:
+        raise Interrupted
+
+    monkeypatch.setattr(checks, "_laid", lambda *_: checks.Check("laying", "laid"))
+    monkeypatch.setattr(checks, "_begin_experiment", lambda *_: (experiment, "", ""))
+    monkeypatch.setattr(checks, "_by_fields", fail)
+    work = Design(DesignOptions(**ASKED), read_outline(wall, DesignOptions(**ASKED)), wall.parent)
+    with pytest.raises(Interrupted):
+        checks.check_winner(work, Deadline(60.0), lambda _: None)
+    assert experiment.stdout is not None
+    assert experiment.stdout.closed
 
 
 @pytest.mark.parametrize(

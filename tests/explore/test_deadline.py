@@ -20,7 +20,7 @@ import pytest
 from benchmarks.claims import time_limits
 
 from cases import grid_document
-from command import command, environment
+from command import running
 from jld_core import InputError, build_assembly, parse_scene, samples
 from jld_core.arrays import Bits
 from jld_core.deadline import Deadline, DeadlinePassed, checkpoint, time_left
@@ -169,15 +169,13 @@ def test_an_interrupted_search_leaves_its_page_and_says_the_best(tmp_path: Path)
     file = tmp_path / "scene.json"
     file.write_text(samples.grid(columns=8, rows=6).model_dump_json(exclude_defaults=True, by_alias=True))
     out = tmp_path / "out"
-    search = subprocess.Popen(
-        command("explore", file, "--out", out, "--driver", "random", "--jobs", "1"),
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment(),
-    )  # fmt: skip
-    until = time.monotonic() + 60.0
-    while not evaluated(out) and time.monotonic() < until:
-        time.sleep(0.05)
-    search.send_signal(signal.SIGINT)
-    said, warned = search.communicate(timeout=60.0)
+    arguments = ("explore", file, "--out", out, "--driver", "random", "--jobs", "1")
+    with running(*arguments, stderr=subprocess.PIPE) as search:
+        until = time.monotonic() + 60.0
+        while not evaluated(out) and time.monotonic() < until:
+            time.sleep(0.05)
+        search.send_signal(signal.SIGINT)
+        said, warned = search.communicate(timeout=60.0)
     assert search.returncode == 3
     best = json.loads((out / "summary.json").read_text())["best"]
     assert f"best λ       {best:.9g}" in said
