@@ -218,7 +218,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_design_leaves_page_scene_and_proven_load(jld: Command, tmp_path: Path, wall: Path) -> None:
     """The scene of the best layout has the load that the summary says is proven; the page names what is not."""
     out = tmp_path / "out"
-    asked = ["--push", "0.1", "--friction", "0.6", "--thickness", "0.3", "--seconds", "10", "--block-mass", "400"]
+    asked = ["--push", "0.1", "--friction", "0.6", "--thickness", "0.3", "--seconds", "40", "--block-mass", "400"]
     done = jld("design", wall, "-o", out, *asked, "--jobs", "1")
     assert done.code == 0, done.err
     facts = json.loads((out / "summary.json").read_text())
@@ -245,7 +245,7 @@ def test_a_signal_leaves_the_best_so_far(
 
     monkeypatch.setattr(run, "check_winner", stop)
     out = tmp_path / "out"
-    done = jld("design", wall, "-o", out, "--push", "0.1", "--thickness", "0.3", "--seconds", "10", "--jobs", "1")
+    done = jld("design", wall, "-o", out, "--push", "0.1", "--thickness", "0.3", "--seconds", "40", "--jobs", "1")
     assert done.code == 3
     assert "the best so far is in" in done.err
     facts = json.loads((out / "summary.json").read_text())
@@ -374,11 +374,11 @@ def test_without_time_for_a_search_the_usual_bond_is_the_best(
 ) -> None:
     """Where the limits allow it, the stated bond is what is left, with its proven λ; else the design says why not."""
     monkeypatch.setattr(run, "_search_all", lambda *_: None)
-    done = run.design_outline(wall, tmp_path / "out", DesignOptions(push=0.1, thickness=0.3, seconds=10.0, jobs=1))
+    done = run.design_outline(wall, tmp_path / "out", DesignOptions(push=0.1, thickness=0.3, seconds=40.0, jobs=1))
     assert done.winner is done.usual
     assert done.winner is not None
     assert done.winner.proven > 0.0
-    limited = DesignOptions(push=0.1, thickness=0.3, seconds=10.0, jobs=1, shapes=1)
+    limited = DesignOptions(push=0.1, thickness=0.3, seconds=40.0, jobs=1, shapes=1)
     with pytest.raises(InputError, match="no layout keeps the limits"):
         run.design_outline(wall, tmp_path / "none", limited)
     assert json.loads((tmp_path / "none" / "summary.json").read_text())["best"] is None
