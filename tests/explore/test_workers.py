@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ import psutil
 import pytest
 
 from cases import grid_document
+from fatal_labelling import FatalLabelling
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
@@ -121,7 +121,7 @@ def test_a_labelling_that_takes_its_worker_along_is_recorded_as_failed(
     """Its batch is tried twice and given up; all others are evaluated."""
     monkeypatch.setenv("JLD_KERNEL", "off")  # what dies is the evaluation of one labelling
     assembly, _, rows = wall()
-    recipe = WorkerSpec.of(Poison(assembly, rows[17], way), EvaluatorSettings())  # type: ignore[arg-type]
+    recipe = WorkerSpec.of(FatalLabelling(assembly, rows[17], way), EvaluatorSettings())  # type: ignore[arg-type]
     pool = Workers(recipe, 2, rows.shape[1], hang_seconds=60.0 if way == "dies" else 10.0)
     try:
         found = everything(pool, rows)
@@ -131,33 +131,6 @@ def test_a_labelling_that_takes_its_worker_along_is_recorded_as_failed(
     lost = [n for n, e in enumerate(found) if e.status is Status.FAILED]
     assert lost == list(range(17 // size * size, 17 // size * size + size))
     assert pool.deaths >= 2
-
-
-class Poison:
-    """Stands for an assembly in a recipe: unpickling it makes evaluations of one labelling fatal."""
-
-    def __init__(self, assembly: Assembly, labels: Bits, way: str) -> None:
-        self.content = assembly, labels.tolist(), way
-
-    def __reduce__(self) -> Any:
-        return poisoned, self.content
-
-
-def poisoned(assembly: Assembly, labels: list[bool], way: str) -> Assembly:
-    """Make evaluators of this process die or hang on a labelling."""
-    from jld_explore.evaluation.evaluator import Evaluator
-
-    healthy = Evaluator.evaluate
-
-    def evaluate(self: Evaluator, row: Bits, *more: Any) -> Evaluation:
-        if row.tolist() == labels:
-            if way == "dies":
-                os.kill(os.getpid(), signal.SIGKILL)
-            time.sleep(60.0)
-        return healthy(self, row, *more)
-
-    Evaluator.evaluate = evaluate  # type: ignore[method-assign]
-    return assembly
 
 
 @pytest.mark.filterwarnings("ignore")
