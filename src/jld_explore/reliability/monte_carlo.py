@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Final, TypeVar
 
 import numpy as np
-from scipy.stats import beta as beta_distribution
-from scipy.stats import norm
+from scipy.special import betaincinv, ndtri
 
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.batch.batch_solver import SAMPLES_OF_A_CALL
@@ -69,7 +68,7 @@ class MonteCarlo:
 
 def index_of(probability: float) -> float | None:
     """Return the reliability index of a probability of failure; None for 0 and 1, which have none."""
-    return -float(norm.ppf(probability)) if 0.0 < probability < 1.0 else None
+    return -float(ndtri(probability)) if 0.0 < probability < 1.0 else None
 
 
 @dataclass(frozen=True)
@@ -167,7 +166,7 @@ class _Drawing:
             unit = self.along / np.linalg.norm(self.along)
             place = self._strata(index, dice.uniform(0.0, 1.0, len(index)))
             # 0 has no quantile; half of the smallest share that numbers of a generator can have stands for it
-            level = norm.ppf(np.maximum(place, 0.5 * 2.0**-53 / self.samples))
+            level = ndtri(np.maximum(place, 0.5 * 2.0**-53 / self.samples))
             points += np.outer(level - points @ unit, unit)
         if self.shift is None:
             return points, np.ones(len(index))
@@ -220,8 +219,8 @@ def _exact_interval(failures: int, undecided: int, samples: int) -> tuple[float,
     """Return the interval of Clopper and Pearson; undecided samples are safe at its lower end and fail at the upper."""
     tail = 0.5 * (1.0 - CONFIDENCE)
     most = failures + undecided
-    low = 0.0 if failures == 0 else float(beta_distribution.ppf(tail, failures, samples - failures + 1))
-    high = 1.0 if most == samples else float(beta_distribution.ppf(1.0 - tail, most + 1, samples - most))
+    low = 0.0 if failures == 0 else float(betaincinv(failures, samples - failures + 1, tail))
+    high = 1.0 if most == samples else float(betaincinv(most + 1, samples - most, 1.0 - tail))
     return low, high
 
 
@@ -229,7 +228,7 @@ def _normal_interval(weight: Any, square: Any, samples: int) -> tuple[float, flo
     """Return the interval of a mean of weights by its standard error, within 0 and 1."""
     mean = float(weight) / samples
     error = float(np.sqrt(max(float(square) / samples - mean * mean, 0.0) / samples))
-    reach = float(norm.ppf(0.5 + 0.5 * CONFIDENCE)) * error
+    reach = float(ndtri(0.5 + 0.5 * CONFIDENCE)) * error
     return max(0.0, mean - reach), min(1.0, mean + reach)
 
 
