@@ -9,6 +9,9 @@ from functools import partial
 from typing import Final
 
 from jld_core.assembly import Assembly
+from jld_core.assembly_sequence import Laying
+from jld_core.assembly_sequence.constraint import SequenceConstraint
+from jld_core.assembly_sequence.order import words_of_fall
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import InputError, ParameterError
 from jld_core.memory import memory_limit
@@ -23,6 +26,9 @@ from jld_explore.space import SearchSpace
 
 CLASSES: Final = "classes (layouts, those alike by symmetry once)"
 """Term "classes" with its explanation, used where it first appears."""
+
+_SAYING: Final = 1.0
+"""Longest time to find out which stage of laying falls first, for a message, s."""
 
 COUNTING: Final = (0.06, 0.03)
 """Shares of the remaining time for counting the classes of a space; a slower count means that the space is large.
@@ -119,7 +125,19 @@ def nothing_found(space: SearchSpace, seconds: float | None = None) -> InputErro
         if seconds is None and space.laying.undecided:
             problem = f"no layout was found that {wish}"
             open_question = f", and for {space.laying.undecided} of them the search for an order stopped at its limit"
+        farthest = _farthest(space.laying) if standing else None
+        if farthest is not None and farthest.first_fall is not None:
+            open_question += f"; the one that gets farthest falls at {words_of_fall(farthest, *farthest.first_fall)}"
     return InputError(where, problem + open_question, remedy if seconds is None else f"{remedy}, or more seconds")
+
+
+def _farthest(laying: SequenceConstraint) -> Laying | None:
+    """Return the refused order that gets farthest, None if none is found within a second."""
+    try:
+        with Deadline(_SAYING).enforced():
+            return laying.farthest()
+    except DeadlinePassed:
+        return None
 
 
 def affordable_settings(assembly: Assembly, settings: ExploreSettings, said: list[str]) -> ExploreSettings:

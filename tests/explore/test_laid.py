@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from pathlib import Path
 from typing import Any
@@ -189,3 +190,22 @@ def test_a_search_for_an_order_that_stops_at_its_limit_proves_nothing(
         assert ("stopped at its limit" in problem) is not decided
     with pytest.raises(InputError, match=r"no layout was found that stands at every stage .* stopped at its limit"):
         explore(scene_of(ARCH, assemble="standing", block_cells=[1, 2]), tmp_path / "none", settings)
+
+
+def test_where_nothing_stands_the_first_stage_that_falls_is_named(tmp_path: Path) -> None:
+    """An arch of five stones: the first past the springing falls, and needs a prop of its own weight."""
+    scene = samples.arch(voussoirs=5)
+    search = scene.search.model_copy(update={"block_cells": [1, 1], "assemble": "standing"})
+    with pytest.raises(InputError) as caught:
+        explore(scene.model_copy(update={"search": search}), tmp_path / "out", ExploreSettings(pictures=False))
+    found = re.search(
+        r"no layout stands at every stage without props; the one that gets farthest falls at step (\d) of (\d), "
+        r"when (\S+) is laid: it needs props of (\S+) N below (\S+);",
+        str(caught.value),
+    )
+    assert found is not None
+    step, steps, stone, force, below = found.groups()
+    assert (step, steps, below) == ("3", "5", stone)
+    assembly = build_assembly(scene)
+    weight = float(np.linalg.norm(assembly.elements.weight[assembly.elements.ids.index(stone)]))
+    assert float(force) == pytest.approx(weight, rel=1e-3)

@@ -20,11 +20,22 @@ from jld_core.arrays import Bits, Bools, Ints
 from jld_core.assembly import Assembly
 from jld_core.assembly_sequence.blocks import blocks_of_labelling
 from jld_core.assembly_sequence.freedom import Bodies, Freedom
-from jld_core.assembly_sequence.order import GROUP, SequenceRule, assembly_order, built_up, emptied, locked_blocks
+from jld_core.assembly_sequence.order import (
+    GROUP,
+    Laying,
+    SequenceRule,
+    assembly_order,
+    built_up,
+    emptied,
+    locked_blocks,
+)
 from jld_core.assembly_sequence.standing import Parts, Standing
 
 COUNTED: Final = {"translation": 2000, "standing": 60}
 """Number of labellings that can be tested within seconds, by rule."""
+
+_COMPARED: Final = 8
+"""Largest number of refused labellings whose orders are compared for a message."""
 
 
 @dataclass(frozen=True)
@@ -106,6 +117,23 @@ class SequenceConstraint:
         An unlimited search might find a sequence for them.
         """
         return sum(lock is not None and not lock.proven for lock in self._known.values())
+
+    def farthest(self) -> Laying | None:
+        """Return, of some refused labellings, the order with the largest share of steps before a stage falls.
+
+        None if no stage of them is proven to fall. Up to eight labellings are compared, the first to be refused.
+        """
+        refused = [key for key, lock in self._known.items() if lock is not None][:_COMPARED]
+        best: tuple[float, Laying] | None = None
+        for key in refused:
+            packed = np.frombuffer(key, dtype=np.uint8)
+            labels = np.unpackbits(packed, count=len(self.assembly.interfaces)).astype(bool)
+            laying = assembly_order(self.assembly, labels, group=self.group, bodies=self._bodies, parts=self._parts)
+            if laying.first_fall is not None:
+                share = laying.first_fall[0] / len(laying.steps)
+                if best is None or share > best[0]:
+                    best = share, laying
+        return None if best is None else best[1]
 
     def lock(self, labels: Bits) -> Lock | None:
         """Return the conflict that refuses a labelling; None where an assembly sequence was found.

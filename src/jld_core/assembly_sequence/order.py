@@ -87,6 +87,23 @@ class Laying:
         verdicts = [step.stage.stands for step in self.steps]
         return False if False in verdicts else None if None in verdicts else True
 
+    @property
+    def first_fall(self) -> tuple[int, Step] | None:
+        """Return number, from 1, and step of the first stage proven to fall without props; None if none is."""
+        return next(((k, step) for k, step in enumerate(self.steps, 1) if step.stage.stands is False), None)
+
+
+def words_of_fall(laying: Laying, number: int, step: Step) -> str:
+    """Describe a stage that falls without props: what is laid, and the props that it needs.
+
+    laying: the order. number: of the step, from 1.
+    """
+    blocks = laying.blocks
+    laid = " + ".join(blocks.name(block) for block in step.blocks)
+    propped = " and ".join(blocks.name(block) for block in np.flatnonzero(step.stage.props > 0.0).tolist())
+    need = f"props of {step.stage.props.sum():.4g} {blocks.assembly.units[1]} below {propped}"
+    return f"step {number} of {len(laying.steps)}, when {laid} is laid: it needs {need}"
+
 
 def assembly_order(
     assembly: Assembly,

@@ -11,6 +11,7 @@ import numpy as np
 import typer
 
 from jld_core.assembly_sequence import Laying, assembly_order
+from jld_core.assembly_sequence.order import words_of_fall
 from jld_core.assembly_sequence.standing import Parts
 from jld_core.assembly_sequence.stations import Stations, stations_below
 from jld_core.deadline import Deadline, DeadlinePassed
@@ -211,12 +212,7 @@ def _centring(laying: Laying) -> list[str]:
 
 def _first_fall(laying: Laying) -> str:
     """Describe the first stage of an order that does not stand, and the props that it needs."""
-    blocks = laying.blocks
-    falls = [(number, step) for number, step in enumerate(laying.steps, 1) if step.stage.stands is False]
-    if not falls:
+    fall = laying.first_fall
+    if fall is None:
         return "stages       none is proven to fall, some are undecided"
-    number, step = falls[0]
-    laid = " + ".join(blocks.name(block) for block in step.blocks)
-    propped = " and ".join(blocks.name(block) for block in np.flatnonzero(step.stage.props > 0.0).tolist())
-    need = f"props of {step.stage.props.sum():.4g} {blocks.assembly.units[1]} below {propped}"
-    return f"stages       the first that falls is step {number}, when {laid} is laid: it needs {need}"
+    return f"stages       the first that falls is {words_of_fall(laying, *fall)}"
