@@ -83,7 +83,8 @@ def run(out: Path, quick: bool = False) -> pd.DataFrame:
     """Search, write table, picture and page into a folder; return the table."""
     scene = load_scene(SCENES / "flat_beam_arch.json")
     table = proven_front(scene, 2 if quick else 4)
-    best, least = table.loc[table["load_factor"].idxmax()], table.loc[table["sawn_length"].idxmin()]
+    best = table.iloc[int(table["load_factor"].to_numpy().argmax())]
+    least = table.iloc[int(table["sawn_length"].to_numpy().argmin())]
     report = Report(
         name=NAME,
         title="Few cuts",
@@ -130,7 +131,7 @@ def _picture(table: pd.DataFrame, scene: Scene) -> Figure:
     ax.yaxis.set_major_locator(MaxNLocator(nbins=7))
     ax.legend(frameon=False, fontsize=9)
     single = table[table["moulds"] == table["moulds"].min()]
-    chosen = (table.loc[table["load_factor"].idxmax()], single.loc[single["load_factor"].idxmax()])
+    chosen = [one.iloc[int(one["load_factor"].to_numpy().argmax())] for one in (table, single)]
     for row, one in enumerate(chosen):
         drawing = axes_at(figure, 6.6, 3.9 - 3.0 * row, 5.7, 2.3)
         draw_mechanism(drawing, solve(assembly, from_string(str(one.labelling))))
