@@ -37,6 +37,7 @@ BENCHMARKS: Final = (
     "lanes_hard",
     "lanes_single",
     "million",
+    "page_rows",
     "start_up",
     "two_jobs",
     "local_change",

@@ -7,12 +7,14 @@ import pytest
 import scipy.sparse as sp
 from benchmarks.growth import document
 
-from jld_core import Assembly, Status, build_assembly, parse_scene
-from jld_core.limit import SolveOptions
+from jld_core import Assembly, LimitAnalysis, Status, build_assembly, parse_scene
+from jld_core.limit import SolveOptions, repair
 from jld_core.linalg import projection
 from jld_core.linalg.projection import ConsistentProjector
 from jld_core.models import limit_analysis, solve_labelling
 from jld_core.solvers import LARGE
+from jld_explore.drivers import make_driver
+from jld_explore.space import search_space
 
 
 def wall(edge: int, *, friction: float = 0.75) -> tuple[Assembly, np.ndarray]:
@@ -67,6 +69,23 @@ def test_rays_of_large_programs_are_settled_by_repairs(
     assert proof.solve_log[0] == "schur (unbounded)"
     assert not any(entry.startswith("highs") for entry in proof.solve_log)
     assert sum(entry.startswith("schur") for entry in proof.solve_log) == 1
+
+
+def test_rays_of_walls_that_a_dead_load_pushes_sideways_need_no_simplex(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Weight alone fails, a load straight down carries any λ: simplex took over 100 s at 20 × 20 cells."""
+
+    def refused(*_: object) -> None:
+        raise AssertionError("simplex on a large program")
+
+    monkeypatch.setattr(repair, "polygonal_support", refused)
+    content = document("planar", 16) | {"loads": {"live": [{"body": [0, -1]}]}}
+    content["materials"]["gravity"] = [30.0, -9.81]
+    scene = parse_scene(content)
+    built = build_assembly(scene)
+    labels = make_driver("random", search_space(scene, built), 0).ask(1)[0]
+    proof = LimitAnalysis(built).prove(labels)
+    assert proof.status is Status.LOCKED
+    assert "ray inside" in proof.solve_log
 
 
 def test_large_crushable_walls_are_solved_with_less_margin_once() -> None:

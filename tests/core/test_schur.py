@@ -23,6 +23,8 @@ from jld_core.solvers import LARGE, ClarabelSolver, RawSolution, RawStatus, make
 from jld_core.solvers.schur.interior_point import SchurSolver
 from jld_core.solvers.schur.newton import Iterate, Newton
 from jld_core.solvers.schur.system import SchurSystem
+from jld_explore.drivers import make_driver
+from jld_explore.space import search_space
 
 SPATIAL = {
     "wall": lambda: assembly(wall(3, 2)),
@@ -238,3 +240,40 @@ def test_correctors_of_centrality_spare_iterations() -> None:
     raw = SchurSolver().solve(program)
     assert raw.status is RawStatus.OPTIMAL
     assert raw.iterations <= 16
+
+
+def test_an_iterate_jammed_at_the_boundary_of_its_cones_is_centred() -> None:
+    # Steps fell below 1e-8 at a gap of 2e-3 of this layout, which ended the iterations.
+    content = {
+        "grid": {"cell": [0.1, 0.1], "thickness": 0.1, "rows": [*["a" * 20] * 20, "#" * 20]},
+        "materials": {
+            "density": 1400,
+            "dry": {"friction_coefficient": 0.75},
+            "inner": {"tensile_strength": 2e6, "shear_strength": 2e6},
+        },
+        "loads": {"live": [{"body": [1, 0]}]},
+        "search": {"block_cells": [1, 4]},
+    }
+    scene = parse_scene(content)
+    built = build_assembly(scene)
+    labels = make_driver("random", search_space(scene, built), 1).ask(27)[26]
+    found = LimitAnalysis(built, solver="schur").prove(labels)
+    assert found.solve_log[0] == "schur"
+    assert 0.0 < found.high - found.low <= 1e-6 * found.high
+
+
+def test_a_centring_direction_takes_all_complementarity_products_near_their_mean() -> None:
+    # Equation (8.4) with nine tenths of μ as target, no corrector, and a tenth of the residuals removed.
+    built = grid_assembly(["aab", "ccd", "###"])
+    program = Template(built).program(built.labels)
+    edge, rng = program.structure.equalities, np.random.default_rng(3)
+    system = SchurSystem(program.structure)
+    system.load(program)
+    rows, columns = program.structure.shape
+    x, u, s, v = (rng.standard_normal(n) for n in (columns, edge, rows - edge, rows - edge))
+    s[:5], v[:5] = -25.0, -5.0
+    given = program.objective, program.rhs[:edge], program.rhs[edge:]
+    newton = Newton(system, given, Iterate(x, u, np.exp(s), np.exp(v), 1.0, 0.0))
+    way, lam = newton.corrected(), newton.scaling.point
+    assert np.allclose(lam * (lam + way.ws + way.wv), 0.9 * newton.mu)
+    assert np.allclose(program.matrix[:edge] @ way.x, -0.1 * newton.res_u, atol=1e-8)

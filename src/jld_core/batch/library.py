@@ -10,6 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 from numpy.typing import NDArray
 
 from jld_core.batch import build, interface
@@ -41,12 +42,10 @@ Fronts = interface.JldFronts
 Cones, ConeTask = interface.CONES["CLASSES"]
 
 _POINTERS: Final[dict[str, Any]] = {
-    "float64": ctypes.POINTER(ctypes.c_double),
-    "int32": ctypes.POINTER(ctypes.c_int32),
-    "int64": ctypes.POINTER(ctypes.c_int64),
-    "uint8": ctypes.POINTER(ctypes.c_uint8),
+    np.dtype(element).str: ctypes.POINTER(element)
+    for element in (ctypes.c_double, ctypes.c_int32, ctypes.c_int64, ctypes.c_uint8)
 }
-"""Pointer type of each element type of numpy."""
+"""Pointer type of each element type of numpy, by `dtype.str`: `dtype.name` took a third of the time of `pointers`."""
 
 
 def pointers(**arrays: NDArray[Any] | None) -> dict[str, Any]:
@@ -55,7 +54,7 @@ def pointers(**arrays: NDArray[Any] | None) -> dict[str, Any]:
     arrays: contiguous arrays of float64, int32, int64 or uint8. The pointers are valid while the arrays exist.
     """
     known = {name: array for name, array in arrays.items() if array is not None}
-    return {name: array.ctypes.data_as(_POINTERS[array.dtype.name]) for name, array in known.items()}
+    return {name: array.ctypes.data_as(_POINTERS[array.dtype.str]) for name, array in known.items()}
 
 
 def built() -> dict[str, Path]:

@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from jld_core.arrays import Bools, Floats, Ints
+from jld_core.linalg.projection import ConsistentProjector
 from jld_core.program import ConicProgram, Structure, beginnings, pack
 from jld_core.solvers import ClarabelSolver, HighsSolver, RawSolution, RawStatus, is_large, solve_auxiliary
 
@@ -257,12 +258,9 @@ def project_onto_faces(
             rows.append(own)
         else:
             rows.append(own[1:] - sp.csr_array(without_small_components(way, snap)[:, None]) @ own[:1])
-    equations = sp.vstack(rows).toarray()
-    wanted = np.concatenate([target, np.zeros(len(equations) - s.equalities)])
-    point = found.point
-    for _ in range(3):
-        point = point - np.linalg.lstsq(equations, equations @ point - wanted, rcond=1e-12)[0]
-    return np.asarray(point)
+    equations = sp.csr_array(sp.vstack(rows))
+    wanted = np.concatenate([target, np.zeros(equations.shape[0] - s.equalities)])
+    return ConsistentProjector(equations).project(found.point, wanted)
 
 
 def without_small_components(way: Floats, snap: float) -> Floats:

@@ -31,9 +31,10 @@ from jld_core.linalg.projection import ConsistentProjector
 from jld_core.program import Structure, Template
 from jld_core.solvers import RawSolution, is_large, solve_auxiliary
 
-_DENSE = 4000  # Number of velocities up to which equations are solved by dense algebra.
+_SIMPLEX = 800  # Number of columns up to which rays are sought by simplex first; its time grows by their cube.
 _LEAST_SLACK = 1e-5  # Slack, scaled, that every row can have at once if it can have any.
-# Bounds on the force of a ray, and slacks below which a row counts as tight, both scaled, in the order tried. Force 0:
+# Bounds on the force of a ray, and slacks below which a row counts as tight, both scaled, in the order tried; large
+# programs take the first two last. Force 0:
 # solve by simplex; slack 0: take the vertex without projection.
 _RAYS = ((0.0, 0.0), (0.0, 1e-5), (1e3, 1e-5), (1e2, 1e-4), (1e1, 1e-6))
 _SNAP = 1e-4  # Component of a direction on the boundary of a cone below which it is set to zero.
@@ -299,12 +300,10 @@ class Repair:
         columns = program.structure.shape[1] - 1
         # Rows that no ray leaves slack are equations, which a solver satisfies only to a residual. The size of that
         # residual depends on the bound on the ray.
-        for largest, least in _RAYS:
+        for largest, least in _RAYS if columns <= _SIMPLEX else (*_RAYS[2:], *_RAYS[:2]):
             found = polygonal_support(program, columns, target) if not largest else None
             found = found or largest_support(program, columns, target, largest or np.inf)
-            point = (
-                project_onto_faces(program, found, target, _SNAP, least) if least and columns <= _DENSE else found.point
-            )
+            point = project_onto_faces(program, found, target, _SNAP, least) if least else found.point
             whole = np.zeros(len(active))
             whole[active] = point[: int(active.sum())]
             ray = self.prover.ray(np.append(whole, 1.0), labels)

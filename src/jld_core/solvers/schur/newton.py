@@ -24,6 +24,8 @@ _WEIGHTS = 5  # weights of a corrector that are compared
 _LEAST_WEIGHT = 0.1  # smallest of them
 _CENTRAL = 0.1, 10.0  # range of complementarity products, in multiples of their target, that needs no correction
 _LONG = 0.9  # step from which no centrality corrector is worth its linear system
+_SHORT = 0.03  # step below which an iterate is jammed at the boundary of its cones and is centred instead
+_CENTRING = 0.9  # share of μ that is kept while an iterate is centred
 _LONGER = 1.5, 0.1  # step for which a centrality corrector aims: factor of the step at hand, and what is added
 
 
@@ -154,7 +156,18 @@ class Newton:
         if cones.count:
             return self.direction(1.0 - eta, ds - square, dk - it.tau * it.kappa)
         way, reached = self._weighted(way, self.direction(-eta, ds, dk), reached)
-        return way if min(reached) > _LONG else self._centred(way, reached, target)
+        if min(reached) > _LONG:
+            return way
+        way = self._centred(way, reached, target)
+        return way if min(self.lengths(way)) > _SHORT else self._centring_direction(square)
+
+    def _centring_direction(self, square: Floats) -> Direction:
+        """Return the direction to the central path at nearly the same μ, along which a jammed iterate can move again.
+
+        square: complementarity products of the iterate, scaled.
+        """
+        target, it = _CENTRING * self.mu, self.it
+        return self.direction(1.0 - _CENTRING, target * self.cones.unit() - square, target - it.tau * it.kappa)
 
     def _centring(self, way: Direction, reached: tuple[float, float]) -> float:
         """Return the share of μ to aim at. way, reached: affine direction and its steps."""
