@@ -41,6 +41,7 @@ BENCHMARKS: Final = (
     "two_jobs",
     "local_change",
     "experiment",
+    "experiment_digits",
     "studio",
     "exchange",
     "moving_joints",
