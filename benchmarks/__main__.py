@@ -42,6 +42,7 @@ BENCHMARKS: Final = (
     "two_jobs",
     "local_change",
     "experiment",
+    "experiment_digits",
     "studio",
     "exchange",
     "moving_joints",

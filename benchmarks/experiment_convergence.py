@@ -5,20 +5,15 @@
 
 from __future__ import annotations
 
-import hashlib
-import os
-import subprocess
-import sys
-import tempfile
 from typing import Any, Final
 
 import numpy as np
 from studies.distinct_runs import Case, cases
 from studies.scenes import leonardo_flat_arch
 
-from benchmarks.common import ROOT, scene, table, write
+from benchmarks.common import scene, table, write
 from jld_core import Assembly, build_assembly, solve
-from jld_experiment import Joints, Settings, Standing, push, run_experiment, specimen_of
+from jld_experiment import Joints, Settings, Standing, push, specimen_of
 from jld_experiment.driving import scout
 
 ASSOCIATIVE = Joints(dilation="friction", inner="plastic")
@@ -102,46 +97,16 @@ def convergence() -> str:
     return table(["changed", *head], rows)
 
 
-def digest() -> str:
-    """Return a hash of all digits of a brittle experiment on the flat arch, without dilation."""
-    curve = run_experiment(build_assembly(leonardo_flat_arch()), settings=Settings(periods=40.0))
-    arrays = (curve.distance, curve.load_factor, curve.at_end, curve.energy_error)
-    return hashlib.sha256(b"".join(array.tobytes() for array in arrays)).hexdigest()[:16]
-
-
-def digits() -> str:
-    """The same experiment in processes whose linear algebra and machine code are those of other machines."""
-    rows = []
-    for name, changed in (
-        ("this machine", {}),
-        ("one thread of BLAS", {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}),
-        ("two threads of BLAS", {"OPENBLAS_NUM_THREADS": "2", "OMP_NUM_THREADS": "2"}),
-        ("BLAS for a processor of 2013 (Haswell)", {"OPENBLAS_CORETYPE": "Haswell"}),
-        ("BLAS for a processor without AVX (Nehalem)", {"OPENBLAS_CORETYPE": "Nehalem"}),
-        ("machine code for any x86-64 processor", {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}),
-    ):
-        with tempfile.TemporaryDirectory() as cache:
-            environment = {**os.environ, **changed}
-            if "NUMBA_CPU_NAME" in changed:
-                environment["NUMBA_CACHE_DIR"] = cache
-            command = [sys.executable, "-c", "from benchmarks.experiment_convergence import digest; print(digest())"]
-            done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
-        rows.append([name, done.stdout.strip()])
-    same = "All are equal." if len({row[1] for row in rows}) == 1 else "They differ."
-    return table(["setting", "hash of all digits"], rows) + f"\n\n{same}"
-
-
 def main() -> None:
     """Run all parts and write the page."""
     parts = [
-        "# Convergence, energy and digits of the virtual experiment",
+        "# Convergence and energy of the virtual experiment",
         "## Why plastic associative runs leave λ\n\nHighest λ up to "
         + ", ".join(f"{far:g}" for far in FAR)
         + " elastic displacements, over λ of limit analysis; layouts of `studies/distinct_runs.py`.\n\n"
         + causes(cases()),
         "## Time step, contact points, rate, damping\n\nCollapse load without dilation of one push; in brackets the "
         "largest error of its energy.\n\n" + convergence(),
-        "## Digits\n\nFlat arch, brittle, no dilation: settled and pushed twice.\n\n" + digits(),
     ]
     write("experiment_convergence", "\n\n".join(parts), ("numba",))
 

@@ -79,6 +79,8 @@ class Value:
         Remark in the page; why it differs, where it does.
     kind : str
         One of `CLASSES` where it differs, else empty.
+    derived : bool
+        True if the closed form was derived here: it counts as no value of others.
     """
 
     source: Source
@@ -94,6 +96,7 @@ class Value:
     slow: bool = False
     why: str = ""
     kind: str = ""
+    derived: bool = False
 
     def ours(self) -> tuple[float, float]:
         """Compute our value as an interval; both ends are equal for a single number."""
@@ -139,6 +142,7 @@ def read() -> list[Value]:
                     entry.get("unit", ""), relation, float(entry["tolerance"]), entry["find"],
                     entry.get("arguments", {}), entry.get("spatial", False), entry.get("slow", False),
                     entry.get("why", document.get("why", "")), kind,
+                    entry.get("derived", document.get("derived", False)),
                 )
             )  # fmt: skip
     return found

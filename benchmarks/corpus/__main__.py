@@ -43,8 +43,8 @@ Reactions of distinct-element programs that are not in these tables, and why:
   repository was at hand, so they are not scenes of the corpus. Not published: resultants by joint or support. States
   after a support moved also need the moved geometry.
 - Cross vault M4: that repository holds a drawing and scripts, and no contact forces.
-- Two blocks, three blocks and the arch with a point load of compas_dem (LMGC90, CRA): its scripts build them, but it
-  stores no result. Numbers would be ours from running another program, and no publication.
+- Two blocks, and the arch with a point load or with a moved support, of compas_dem (LMGC90): its scripts build them,
+  but it stores no result. Numbers would be ours from running another program, and no publication.
 - Lemos: no static reaction of his with complete data is at hand.
 
 Tests that are not in these tables: tilt tests of dry walls (Restrepo-Vélez et al. 2014; Ceradini 1992; Santa-Cruz et
@@ -112,25 +112,33 @@ def classified(pairs: list[Pair]) -> str:
     )
 
 
+def of_others(values: list[Value]) -> str:
+    """Return the sentence that says how many values are by others, in space, and of experiments."""
+    others = [value for value in values if value.source.tier != "ours" and not value.derived]
+    spatial = sum(value.spatial for value in others)
+    tests = sum(value.source.tier == "experiment" for value in others)
+    return (
+        f"By others: {len(others)}, of these {spatial} of structures in space and {tests} of experiments; "
+        f"{len(values) - len(others)} closed forms were derived here."
+    )
+
+
 def page(pairs: list[Pair]) -> str:
     """Return the page, with one table for each source, the strongest evidence first."""
     count = {tier: sum(value.source.tier == tier for value, _ in pairs) for tier in TIERS}
-    spatial = sum(value.spatial for value, _ in pairs)
     parts = [
         HEAD,
         f"{len(pairs)} values: " + ", ".join(f"{count[tier]} {tier}" for tier in TIERS if count[tier])
-        + f"; {spatial} of structures in space.\n\n"
+        + f".\n{of_others([value for value, _ in pairs])}\n\n"
         "![Published values over ours: on the diagonal, or inside the proven interval drawn as a bar; "
-        "tests lie above or below](images/corpus.png)\n",
+        "tests lie above or below, those with bond furthest](images/corpus.png)\n",
     ]  # fmt: skip
     head = ["quantity", "place", "published", "ours", "difference", "allowed"]
     sources = {(value.source.key, value.source.tier): value.source for value, _ in pairs}
     for source in sorted(sources.values(), key=lambda one: TIERS.index(one.tier)):
         rows = [row(value, ours) for value, ours in pairs if value.source == source]
-        link = f" ({source.link})" if source.link else ""
-        parts.append(
-            f"## {source.tier.capitalize()}: {source.citation}\n\n{link.strip(' ()')}\n".replace("\n\n\n", "\n")
-        )
+        link = f"\n{source.link}\n" if source.link else ""
+        parts.append(f"## {source.tier.capitalize()}: {source.citation}\n{link}")
         parts.append(table(head, rows) + "\n")
     return "\n".join([*parts, classified(pairs)]) + END
 
@@ -146,7 +154,7 @@ def picture(pairs: list[Pair]) -> Figure:
         x, y, left, right = [], [], [], []
         for value, ours in shown:
             published = abs(value.published)
-            low, high = sorted(abs(end) for end in ours)
+            low, high = sorted(math.copysign(end, end * value.published) for end in ours)
             if value.relation == "inside":
                 # An end far away, or without bound, is drawn at 1/30 or 3 times the published value.
                 low, high = (min(max(end, published / 30.0), 3.0 * published) for end in (low, high))
@@ -159,6 +167,15 @@ def picture(pairs: list[Pair]) -> Figure:
             x, y, xerr=np.array([left, right]), fmt=MARKS[tier], markersize=6, markerfacecolor="none", capsize=2,
             linewidth=1.0, label=f"{tier} ({len(shown)})",
         )  # fmt: skip
+    far = [
+        (value, ours[1])
+        for value, ours in pairs
+        if value.relation in ("above", "below") and not 0.5 < value.published / ours[1] < 2.0
+    ]
+    for k, (value, own) in enumerate(sorted(far, key=lambda one: one[0].published)):
+        name = value.what.partition(":")[0].removeprefix("arch ")
+        # The lowest label stands below its mark, as marks of one series lie close together.
+        ax.annotate(name, (own, value.published), (6, 5 if k else -11), textcoords="offset points", fontsize=7)
     ends = np.array([1e-2, 1e6])
     ax.plot(ends, ends, color="#888888", linewidth=0.8, zorder=0)
     ax.set(
@@ -187,7 +204,7 @@ def main() -> None:
         print(
             f"{'agrees   ' if agrees else 'DISAGREES'} {value.source.key}: {' | '.join(row(value, ours))}", flush=True
         )
-    print(f"{len(pairs)} values, {wrong} disagree")
+    print(f"{len(pairs)} values, {wrong} disagree. {of_others([value for value, _ in pairs])}")
     if asked.write:
         PAGE.write_text(page(pairs), encoding="utf-8")
         save_figure(picture(pairs), PICTURE)
