@@ -109,7 +109,7 @@ def _improve(
     deadline: float,
     report: Callable[[FieldPoint, float, float], None],
 ) -> tuple[FieldPoint, str] | None:
-    """Climb from variables z (k,) on coarse, then on finer meshes; return the last point and why the search ended.
+    """Improve variables z (k,) on coarse, then on finer meshes; return the last point and why the search ended.
 
     Where blocks do not stand at z, joints first move by faces. deadline: time of `time.perf_counter`, s. None where
     blocks stand nowhere on the way.
