@@ -13,6 +13,7 @@ BENCHMARKS: Final = (
     "zero_dilation",
     "zero_dilation_floor",
     "exact",
+    "long_proof",
     "fields_search",
     "relaxing",
     "trust_trials",
