@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import pickle
 import re
@@ -25,7 +26,7 @@ from jld_core import InputError, build_assembly, parse_scene, samples
 from jld_core.arrays import Bits
 from jld_core.deadline import Deadline, DeadlinePassed, checkpoint, time_left
 from jld_core.limit import SolveOptions
-from jld_explore import Driver, ExploreSettings, explore
+from jld_explore import Driver, ExploreSettings, explore, field_check
 from jld_explore.cli.command import main
 from jld_explore.driver_choice import choose_driver
 from jld_explore.drivers import BufferedRandom, operators
@@ -42,6 +43,7 @@ from jld_explore.space import search_space
 from jld_explore.space.labelling import canonical
 from jld_explore.space.measures import Range
 from jld_explore.space.search_space import feasible
+from jld_explore.study_state import Interrupted
 
 
 def test_a_deadline_counts_from_its_start() -> None:
@@ -329,3 +331,29 @@ def test_the_exact_driver_lists_blocks_in_a_share_of_the_time() -> None:
         driver.close()
     assert [one[:2] for one in found] == [(True, True), (False, True)]
     assert found[1][2] == pytest.approx(found[0][2], rel=2e-6)
+
+
+def test_a_search_that_is_stopped_while_it_writes_has_its_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An interrupt in the check after the tables: the page is written, and the search is handed on."""
+    module = importlib.import_module("jld_explore.explore")
+
+    def stop(*_: object) -> None:
+        raise Interrupted
+
+    monkeypatch.setattr(module, "_draw", stop)
+    scene = parse_scene(grid_document(["ab", "cd", "##"]))
+    with pytest.raises(Interrupted) as caught:
+        explore(scene, tmp_path / "out", driver="enumeration")
+    assert caught.value.done.summary.best > 0.0
+    assert (tmp_path / "out" / "report.html").exists()
+
+
+def test_large_scenes_are_not_meshed_to_plan_a_check(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The number of corners alone says that fields would take too long."""
+    monkeypatch.setattr(field_check, "require_fields", lambda _: pytest.fail("it is meshed"))
+    scene = parse_scene(grid_document(["a" * 40] * 40 + ["#" * 40]))
+    assembly = build_assembly(scene)
+    plan = field_check.plan_check(scene, assembly, search_space(scene, assembly), ExploreSettings())
+    assert plan is not None
+    assert plan.count == 0
+    assert "triangles would take" in plan.skipped
