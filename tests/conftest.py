@@ -5,8 +5,10 @@ from __future__ import annotations
 import gc
 import os
 import signal
+import sqlite3
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -28,6 +30,27 @@ sys.dont_write_bytecode = False
 # most of what tests make stays or goes without the garbage collector, which took 3 s of 4 while all sources were parsed
 gc.set_threshold(10_000, 10, 10)
 sys.path.insert(0, str(Path(__file__).parent))
+
+
+class _Unsynced(sqlite3.Connection):
+    """A database that leaves to the system when the disk is written: tests kill processes, and never a machine.
+
+    The record of a search waited a tenth of a second for the disk, and that of optuna several times as long.
+    """
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        with suppress(sqlite3.DatabaseError):  # a damaged file, which is for whoever reads it to find
+            super().execute("PRAGMA synchronous=OFF")
+
+    def execute(self, statement: str, *more: Any) -> sqlite3.Cursor:
+        """Keep to it, whatever is asked later."""
+        return super().execute("PRAGMA synchronous=OFF" if "PRAGMA synchronous" in statement else statement, *more)
+
+
+os.fsync = lambda _: None  # optuna's journal, at every trial
+for module in (sqlite3, sqlite3.dbapi2):
+    module.connect = partial(module.connect, factory=_Unsynced)  # type: ignore[attr-defined]
 
 
 # files whose single tests take long: begun last, one would keep one core waiting for the other. Those of experiments

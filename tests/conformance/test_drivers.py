@@ -45,6 +45,8 @@ SCENES: dict[str, dict[str, Any]] = {
 FEW = ("one size", "weight", "loose")
 EVERY = [(name, scene) for name in NAMES for scene in SCENES if not name.startswith("optuna:") or scene in FEW]
 """Drivers and the spaces that they ask for to the end. Optuna draws the last of a large space many times over."""
+LOCAL, LARGE = ("random", "hillclimb", "anneal"), ("numbers", "extent")
+"""Drivers that take long to the end of spaces, and spaces that genetic and enumeration are asked for beside sizes."""
 
 
 @dataclass(frozen=True)
@@ -147,7 +149,10 @@ def talk(driver: Driver, found: Case, budget: int, portion: int | None = None) -
     return asked
 
 
-@pytest.mark.parametrize(("name", "scene"), EVERY)
+@pytest.mark.parametrize(
+    ("name", "scene"),
+    [pytest.param(*one, marks=pytest.mark.long) if one[0] in LOCAL and one[1] in LARGE else one for one in EVERY],
+)
 def test_all_of_a_small_space_and_nothing_else_or_twice(name: str, scene: str) -> None:
     found = case(scene)
     every = {key for rows, _ in Enumeration(found.space).batches() for key in keys(rows)}

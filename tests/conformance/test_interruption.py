@@ -320,13 +320,13 @@ def test_begun_and_nothing_more(scene: Path, tmp_path: Path, jld: Command) -> No
     assert json.loads(outcome.out)["solved"] == 5
 
 
-def test_a_second_process_is_refused(scene: Path, deferred_signals: Path, tmp_path: Path) -> None:
+def test_a_second_process_is_refused(scene: Path, deferred_signals: Path, tmp_path: Path, jld: Command) -> None:
     """While one is at work in a folder, another one is told so in one line; the first does not notice."""
     folder = tmp_path / "out"
     with started(*EXPLORE, scene, "--out", folder, "--jobs", "1", "--json") as run:
         wait_for_records(run, folder, 20)
         run.send_signal(signal.SIGSTOP)
-        second = process(*EXPLORE, scene, "--out", folder, "--jobs", "1", "--resume", "--json")
+        second = jld(*EXPLORE, scene, "--out", folder, "--jobs", "1", "--resume", "--json")
         run.send_signal(signal.SIGCONT)
         out, err = run.communicate(timeout=240)
     assert (second.code, second.out, second.err.count("\n")) == (2, "", 1)

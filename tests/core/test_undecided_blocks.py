@@ -99,7 +99,11 @@ class Case:
             self.load.append(low)
 
 
-@pytest.fixture(scope="module", params=CASES)
+# slabs that crush have what cubes and crushing have
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param(name, marks=pytest.mark.long) if name == "slabs that crush" else name for name in CASES],
+)
 def case(request: pytest.FixtureRequest) -> Case:
     return Case(*CASES[request.param])
 

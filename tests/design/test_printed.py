@@ -16,7 +16,7 @@ from command import Command
 from jld_core import build_assembly, parse_scene, samples, solve
 from jld_core.assembly_sequence import assembly_order
 from jld_core.exchange import Layout
-from jld_explore.report.languages import _WORDS, LANGUAGES, words_in
+from jld_explore.report.languages import LANGUAGES, WORDS, words_in
 from jld_explore.report.making import making_of, smallest_rectangle, stones_of, stones_table
 from jld_explore.report.printed import Printed, pages_of
 
@@ -80,7 +80,7 @@ def test_stones_are_counted_by_hand() -> None:
 
 def test_every_text_has_three_languages_with_the_same_places() -> None:
     """All languages have all keys, and fill in the same values."""
-    for key, found in _WORDS.items():
+    for key, found in WORDS.items():
         assert len(found) == len(LANGUAGES) == 3
         places = [sorted(re.findall(r"\{(\w+)\}", text)) for text in found]
         assert places[0] == places[1] == places[2], key

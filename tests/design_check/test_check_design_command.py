@@ -16,7 +16,7 @@ from jld_core import parse_scene, solve
 from jld_core.scene.design import partial_factors
 from jld_core.views.path import figure_of_path, path_values
 from jld_explore.design_check.check import design_check
-from jld_explore.design_check.languages import _WORDS
+from jld_explore.design_check.languages import WORDS
 from jld_explore.design_check.page import html_of, path_of, sheet_of
 from jld_explore.design_check.tables import content_of, in_words, to_json
 from jld_explore.report.languages import LANGUAGES
@@ -94,7 +94,7 @@ def test_pages_speak_three_languages() -> None:
             assert word in told[language]
     assert len(set(told.values())) == 3
     assert "Verified: utilisation 0.3" in in_words(check)
-    fields = [re.findall(r"{(\w+)}", text) for texts_ in _WORDS.values() for text in texts_]
+    fields = [re.findall(r"{(\w+)}", text) for texts_ in WORDS.values() for text in texts_]
     assert (
         [sorted(one) for one in fields[::3]]
         == [sorted(one) for one in fields[1::3]]

@@ -66,7 +66,7 @@ DOWN = [{"element": "c1r0", "force": [0, -1]}]
         (["aaa", "aaa", "###"], "translation", WIDE),
         (["#aa", "#aa", ".##"], "translation", {**WIDE, "live": [{"body": [0, 1]}]}),
         (["aaaa", "aaaa", "#..#"], "standing", {"live": DOWN, "block_cells": [2, 3]}),
-        (["aaaa", "a..a", "#..#"], "standing", {"block_cells": [1, 3]}),
+        pytest.param(["aaaa", "a..a", "#..#"], "standing", {"block_cells": [1, 3]}, marks=pytest.mark.long),
     ],
 )
 def test_exact_is_brute_force(rows: list[str], assemble: Any, search: dict[str, Any], tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -266,7 +267,7 @@ def _header(folder: Path) -> dict[str, Any]:
     import json
     import sqlite3
 
-    with sqlite3.connect(folder / "records.sqlite3") as file:
+    with closing(sqlite3.connect(folder / "records.sqlite3")) as file, file:
         found = {key: json.loads(value) for key, value in file.execute("SELECT key, value FROM meta")}
     return {
         key: value for key, value in found.items() if key not in ("jld", "format", "faces", "conflicts of", "bound")

@@ -8,6 +8,7 @@ import sqlite3
 import subprocess
 import sys
 import time
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -195,7 +196,8 @@ def test_an_empty_record_is_no_beginning(tmp_path: Path) -> None:
     filled(tmp_path)
     (tmp_path / "scene.json").write_text("{}")
     (tmp_path / RECORDS_FILE).unlink()
-    sqlite3.connect(tmp_path / RECORDS_FILE).execute("PRAGMA journal_mode=WAL")
+    with closing(sqlite3.connect(tmp_path / RECORDS_FILE)) as file:
+        file.execute("PRAGMA journal_mode=WAL")
     with pytest.raises(InputError, match="no tables"):
         Records(tmp_path, HEADER, FACES)
 

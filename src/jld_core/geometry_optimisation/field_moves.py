@@ -22,7 +22,7 @@ from jld_core.scene import Scene
 from jld_core.threads import one_thread
 
 _PARTS: Final = (1, 2)
-"""Parts of each edge of the coarsest meshes, in the order climbed: a coarse optimum begins the finer search."""
+"""Parts of each edge of the coarsest meshes, in the order of the search: a coarse optimum begins the finer search."""
 
 _FIRST: Final = 0.5
 """Share of a limited time after which the first mesh is left: the second lies nearer to λ."""
@@ -83,7 +83,7 @@ def move_by_fields(
         if values is None:
             continue
         try:
-            end = _climb(fields, search, values, run.deadline, partial(report, number))
+            end = _improve(fields, search, values, run.deadline, partial(report, number))
         except KeyboardInterrupt:
             point = best[0] if best is not None else last
             if point is None:
@@ -102,14 +102,14 @@ def move_by_fields(
     return moved_result(search, before, (Evaluated(best[0].values, value, result, []), best[1]), run.points)
 
 
-def _climb(
+def _improve(
     fields: FieldSearch,
     search: GeometrySearch,
     values: Floats,
     deadline: float,
     report: Callable[[FieldPoint, float, float], None],
 ) -> tuple[FieldPoint, str] | None:
-    """Climb from variables z (k,) on coarse, then on finer meshes; return the last point and why the search ended.
+    """Improve variables z (k,) on coarse, then on finer meshes; return the last point and why the search ended.
 
     Where blocks do not stand at z, joints first move by faces. deadline: time of `time.perf_counter`, s. None where
     blocks stand nowhere on the way.
@@ -123,7 +123,7 @@ def _climb(
     end, spent = "time", 0.0
     for parts in _PARTS:
         if time.perf_counter() + _FINER * spent > deadline:  # too late for the finer mesh: spend what is left on this
-            return (point, end) if end != "time" else fields.climb(point, deadline, report)
+            return (point, end) if end != "time" else fields.improve(point, deadline, report)
         began = time.perf_counter()
         finer = point if parts == _PARTS[0] else fields.start(point.values, parts)
         if finer is None:  # the finer mesh refutes this position: what the coarse one found stands for nothing
@@ -132,7 +132,7 @@ def _climb(
         now = time.perf_counter()
         until = now + _FIRST * (deadline - now) if parts == _PARTS[0] and deadline < math.inf else deadline
         solves = fields.solves
-        point, end = fields.climb(finer, until, report)
+        point, end = fields.improve(finer, until, report)
         spent = (time.perf_counter() - began) / max(fields.solves - solves, 1)
     return point, end
 
@@ -147,4 +147,4 @@ def _stood(search: GeometrySearch, values: Floats, deadline: float) -> Floats | 
     first = search.evaluate(values, None) or search.standing(values, until)
     if first is None:
         return None
-    return search.climb(first, until, lambda *_: None, search.trust.coarse)[0].values
+    return search.improve(first, until, lambda *_: None, search.trust.coarse)[0].values

@@ -120,7 +120,10 @@ class FieldSearch:
         return self._solved(values, assembly, known) if len(known) == len(meshes) else None
 
     def bracket(self, point: FieldPoint) -> tuple[float, float]:
-        """Return certified bounds on the governing λ / required by the meshes of a point, infinite without one."""
+        """Return certified bounds on the least ratio of λ to required λ over all load cases, by the meshes of a point.
+
+        A bound that the fields do not give is infinite.
+        """
         low, high = [], []
         for mesh, required in zip(point.meshes, self._search.required.tolist(), strict=True):
             bounds = Fields.on(mesh.setting, mesh.mesh, self._labels).bounds
@@ -140,7 +143,7 @@ class FieldSearch:
         answer = program.solve()
         return (answer.point[first:-1] * unit, float(answer.point[-1]) * scale) if answer.usable else None
 
-    def climb(
+    def improve(
         self, point: FieldPoint, deadline: float, report: Callable[[FieldPoint, float, float], None] | None = None
     ) -> tuple[FieldPoint, str]:
         """Improve a point until it is stationary; return the last point and why the search ended.

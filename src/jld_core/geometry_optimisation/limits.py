@@ -141,7 +141,8 @@ class Limits:
     def at(self, places: Floats, *, drafted: bool = False) -> LimitValues:
         """Return the values of all limits and their derivatives at positions (v, 2).
 
-        drafted: take the sides of joints, by which their draft is measured, from these positions, and keep them.
+        drafted: choose anew, at these positions, the side of each joint on which its draft angle is measured; later
+        calls keep this choice.
         """
         rates = area_rates(VertexMesh(places, self._mesh.loops, self._mesh.ends))
         parts = [self._of_straight(places), self._of_angles(places), self._of_edges(places), self._of_areas(rates)]

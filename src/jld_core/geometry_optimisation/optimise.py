@@ -143,7 +143,7 @@ def _best_of_starts(
             continue
         own = partial(report, number)
         own(first, first.objective, search.trust.first * search.unit)
-        end = search.climb(first, run.deadline, own, search.trust.coarse)
+        end = search.improve(first, run.deadline, own, search.trust.coarse)
         # a geometry as strong as one before, up to the width of brackets, is no reason to move farther
         least = -math.inf if best is None else best[0].objective + tolerances.GAP * abs(best[0].objective)
         if best is None or end[0].objective > least:
@@ -152,7 +152,7 @@ def _best_of_starts(
         problem = "it does not stand under its dead load, nor does any position of its joints that was tried"
         raise InputError("move", problem, "a scene that stands, more vertices that move, or more `starts`")
     if best[1] == "stationary":
-        return search.climb(best[0], run.deadline, polish, search.trust.gain)
+        return search.improve(best[0], run.deadline, polish, search.trust.gain)
     return best
 
 

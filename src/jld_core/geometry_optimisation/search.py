@@ -77,7 +77,7 @@ _SHAKE: Final = 0.15
 class GeometrySearch:
     """Search for the best positions of the joints of one structure.
 
-    Start from `first`, or from `standing` where the structure does not stand, and improve the point by `climb`.
+    Start from `first`, or from `standing` where the structure does not stand, and improve the point by `improve`.
 
     Parameters
     ----------
@@ -214,7 +214,7 @@ class GeometrySearch:
                     return found
         return None
 
-    def climb(
+    def improve(
         self, point: Evaluated, deadline: float, report: Callable[[Evaluated, float, float], None], gain: float
     ) -> tuple[Evaluated, str]:
         """Improve a point until it is stationary; return the last accepted point and why it ended.

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 from jld_core.scene.design import STATED, UNREDUCED
-from jld_explore.report.languages import LANGUAGES
 
-_WORDS: Final[dict[str, tuple[str, str, str]]] = {
+WORDS: Final[dict[str, tuple[str, str, str]]] = {
     "title": ("Design check", "Nachweis", "Verifica di progetto"),
     "verified": (
         "Verified: utilisation {use} ≤ 1, proven for every load case and combination.",
@@ -175,10 +174,4 @@ _WORDS: Final[dict[str, tuple[str, str, str]]] = {
     "path": ("λ along the path", "λ entlang des Weges", "λ lungo il percorso"),
     "distance": ("first axle along the path", "erste Achse entlang des Weges", "primo asse lungo il percorso"),
 }
-"""Texts by key, in the order of LANGUAGES."""
-
-
-def words_in(language: str) -> dict[str, str]:
-    """Return all texts in one language, by key."""
-    place = LANGUAGES.index(language)
-    return {key: texts[place] for key, texts in _WORDS.items()}
+"""Texts by key, in the order of `report.languages.LANGUAGES`."""

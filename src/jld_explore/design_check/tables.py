@@ -21,7 +21,8 @@ from jld_core.scene.design_values import at_design_values
 from jld_core.scene.uncertain import uncertain_values
 from jld_core.tolerances import GAP
 from jld_explore.design_check.check import LISTED, CaseCheck, DesignCheck
-from jld_explore.design_check.languages import words_in
+from jld_explore.design_check.languages import WORDS
+from jld_explore.report.languages import words_in
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class Content:
 
 def content_of(check: DesignCheck, language: str = "en") -> Content:
     """Return the content of the page of a design check; language: "en", "de" or "it"."""
-    words = words_in(language)
+    words = words_in(language, WORDS)
     tables = [_factors(check, words), _materials(check, words), _cases(check, words)]
     if check.reactions:
         tables.append(_reactions(check, words))
@@ -311,7 +312,7 @@ def to_json(check: DesignCheck) -> dict[str, Any]:
         "joints": joints_of(check),
         "blocks": blocks_near_cracking(check),
         "members": members_of(check),
-        "not_covered": notes_of(check, words_in("en")),
+        "not_covered": notes_of(check, words_in("en", WORDS)),
         "warnings": list(check.assembly.warnings),
     }
 

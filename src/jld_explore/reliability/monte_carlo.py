@@ -177,10 +177,10 @@ class _Drawing:
         return points, 1.0 / (share + (1.0 - share) * ratio)
 
     def _strata(self, index: Ints, within: Floats) -> Floats:
-        """Return the probabilities (k,) up to the places of samples, which lie at shares `within` (k,) of their strata.
+        """Return a probability (k,) for each sample, stratified: each lies in an interval of its own.
 
-        Samples around the means and those around `shift` each have strata of their own, since either alone has to fill
-        the whole distribution.
+        index: (k,) numbers of the samples. within: (k,) position of each in its interval, 0 to 1. Samples around the
+        means and samples around `shift` are stratified apart, since each group has to cover the whole distribution.
         """
         if self.shift is None:
             return (index + within) / self.samples

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Final
 
 LANGUAGES: Final = ("en", "de", "it")
 """Languages of a printed report."""
 
-_WORDS: Final[dict[str, tuple[str, str, str]]] = {
+WORDS: Final[dict[str, tuple[str, str, str]]] = {
     "title": ("Layout of stones", "Steinschnitt", "Disposizione dei conci"),
     "loads": ("Loads", "Lasten", "Carichi"),
     "case": ("load case", "Lastfall", "caso di carico"),
@@ -109,10 +110,13 @@ _WORDS: Final[dict[str, tuple[str, str, str]]] = {
     "warnings": ("Warnings", "Warnungen", "Avvertenze"),
     "page": ("page", "Seite", "pagina"),
 }
-"""Texts by key, in the order of LANGUAGES."""
+"""Texts of the printed report by key, in the order of LANGUAGES."""
 
 
-def words_in(language: str) -> dict[str, str]:
-    """Return all texts in one language, by key."""
+def words_in(language: str, words: Mapping[str, tuple[str, str, str]] = WORDS) -> dict[str, str]:
+    """Return texts in one language, by key.
+
+    language: one of LANGUAGES. words: texts in each of them, by key; by default those of the printed report.
+    """
     place = LANGUAGES.index(language)
-    return {key: texts[place] for key, texts in _WORDS.items()}
+    return {key: texts[place] for key, texts in words.items()}

@@ -119,9 +119,9 @@ def _refuse_sizes(
 
 
 def _refuse_counts(limits: Limits, candidates: Bools, fixed: Bits, numbers: _Numbers) -> None:
-    """Raise InputError if a limit on a count that is a sum of ones leaves no value.
+    """Raise InputError if no layout can keep a limit on a count of faces or blocks.
 
-    candidates, fixed: (m,) as in `SearchSpace`. numbers: of blocks that other limits leave.
+    candidates, fixed: (m,) as in `SearchSpace`. numbers: smallest and largest number of blocks under the other limits.
     """
     assembly = limits.assembly
     for count, bounds in limits.on_counts:

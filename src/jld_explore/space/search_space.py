@@ -250,7 +250,8 @@ def _pair(assembly: Assembly, mask: Bools) -> str:
 def _require_materials(limits: Limits, candidates: Bools, fixed: Bits, least: Ints, graph: Connectivity) -> None:
     """Raise InputError if a label that can occur has no material.
 
-    candidates, fixed: (m,) as in `SearchSpace`. least: (n,) blocks through fixed inner faces.
+    candidates, fixed: (m,) as in `SearchSpace`. least: (n,) number of the block of each element where only faces that
+    are always inner join elements.
     """
     may_be_dry = least[graph.a] != least[graph.b] if limits.search.segmentation else candidates
     may_be_inner = may_join(limits, least, graph)

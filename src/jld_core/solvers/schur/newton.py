@@ -145,7 +145,10 @@ class Newton:
         return alpha, alpha
 
     def corrected(self) -> Direction:
-        """Return the direction of Mehrotra's predictor and corrector, in linear programs with one of centrality."""
+        """Return the predictor-corrector direction of Mehrotra.
+
+        In linear programs the corrector is scaled for the longest step, and centred where that step is still short.
+        """
         it, lam, cones = self.it, self.scaling.point, self.cones
         square = cones.product(lam, lam)
         way = self.direction(1.0, -square, -it.tau * it.kappa)
