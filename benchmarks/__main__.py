@@ -28,6 +28,7 @@ BENCHMARKS: Final = (
     "crack_fields",
     "crack_models",
     "scale",
+    "scale_pair",
     "growth",
     "large",
     "large_answers",
