@@ -29,6 +29,7 @@ BENCHMARKS: Final = (
     "crack_fields",
     "crack_models",
     "scale",
+    "scale_pair",
     "growth",
     "large",
     "large_answers",

@@ -36,30 +36,39 @@ BEFORE: Final = {
 }
 """Contacts, first layout and λ in seconds, and the highest memory in MB, of version 0.2."""
 
-COMMANDS: Final = (
-    ("contacts of 103 823 cubes, s of the processor", "103", "40", "growth (all sizes)"),
-    (
-        "3 025 cells: crushing, load cases, locked, unstable, without friction, s",
-        "–",
-        "12, 7, 7, 1, 9",
-        "large_answers",
-    ),
-    ("time a layout of 24 to 2 016 faces, batch solver", "", "", "lanes, throughput"),
-    ("genetic and random search with two jobs", "", "", "two_jobs"),
-    ("start of the commands, demo", "", "", "start_up"),
-    ("a million rows: memory, tables, page", "", "", "million"),
-    ("gap of the 8 × 10 wall", "", "", "exact"),
-    ("flagship by fields, in place of halved cells", "", "", "fields_search"),
+NUMBERS: Final = (
+    ("1", "10 000 planar cells, one layout, s", "15", "188, uncertified", "12.7", "large"),
+    ("1", "31 684 planar cells, s", "80", "over 120", "33.9", "large"),
+    ("1", "1 000 cubes, s and MB", "6, 400", "85.9, 3 177", "4.9, 328", "large"),
+    ("1", "4 096 cubes, s and MB", "60, 1 500", "over 150", "56.8, 941", "large"),
+    ("1", "10 648 cubes, s and MB", "400, 4 000", "over 150", "325.8, 3 190", "large"),
+    ("1", "walls of scale.md, time after for time before", "1.03", "1", "0.74 to 0.91", "scale_pair CHECKOUT"),
+    ("1", "3 025 cells: crushing, load cases, locked, unstable, λ = 0, s", "–", "–", "12, 7, 7, 1, 9", "large_answers"),
+    ("2", "2 500 cells, s of the processor a layout", "1.2", "1.45 to 1.9", "1.31 busy, 1.10 in turns", "large_search"),
+    ("2", "the same, two load cases; supported beside", "1.2", "–", "2.57, 1.46 busy, not reached", "large_search"),
+    ("2", "10 000 cells, first layout, s", "1", "2.5", "0.18", "large"),
+    ("2", "contacts of 103 823 cubes, s", "60", "103", "40", "growth"),
+    ("2", "solved again after a local change", "measured", "–", "in its table", "local_change"),
+    ("3", "946 faces, ms a layout by the batch solver", "half of before", "37.7", "11.8", "lanes"),
+    ("3", "2 016 faces, ms a layout by the batch solver", "fifth of before", "130.1", "57.6, not reached", "lanes"),
+    ("4", "genetic, 88 faces, two jobs, times by the model", "1.5", "–", "1.21, not reached", "two_jobs"),
+    ("4", "random, 88 faces, two jobs, times by the model", "as before", "–", "1.85", "two_jobs"),
+    ("5", "jld solve on a small scene, s", "0.8", "1.27", "0.79", "start_up"),
+    ("5", "jld --help, s", "0.3", "0.03", "0.03", "start_up"),
+    ("5", "make demo in a fresh clone, s", "60", "–", "not recorded", "start_up --demo"),
+    ("6", "gap of the 8 × 10 wall, blocks of three, after 240 s, %", "2", "3.4", "in its table", "exact"),
+    ("6", "flagship by fields, in place of halved cells", "replaced", "halved", "in its table", "fields_search"),
+    ("7", "a million rows, GB", "1.2", "1.50", "0.95", "million"),
+    ("7", "their tables, s", "12", "25.5", "9.5", "million"),
+    ("7", "page of 20 000 rows opens, s", "2", "–", "1.15", "page_rows"),
 )
-"""Other numbers of large scenes: what, before and after as recorded once, modules of benchmarks that measure them."""
+"""Numbers asked for: part, what, asked, before and now as last measured, and the module that measures the last."""
 
 
 def others() -> str:
-    """Return the table of `COMMANDS`."""
-    head = ["number", "version 0.2", "now", "`python -m benchmarks.NAME`, and its table"]
-    return "## Other numbers, by one command each\n\n" + table(
-        head, [[old or "in its table" for old in row] for row in COMMANDS]
-    )
+    """Return the table of `NUMBERS`."""
+    head = ["part", "number", "asked", "before", "now", "`python -m benchmarks.NAME`"]
+    return "## All numbers, each by one command\n\n" + table(head, NUMBERS)
 
 
 def row(kind: str, edge: int, found: Found) -> list[str]:
