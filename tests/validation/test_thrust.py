@@ -205,6 +205,7 @@ def test_the_command(tmp_path: Path, jld: Command) -> None:
         (("--section", "0,1"), "--section: '0,1' is not a line"),
         (("--section", "0,0,nan,1"), "is not a line"),
         (("--section", "5,5,6,6"), "--section: no face lies on the line"),
+        (("--load-factor", "nan"), "--load-factor: nan is wrong; expected a finite number"),
         (("--section", "1,1,1,1"), "--section: both ends of the line are the same point"),
     ],
 )

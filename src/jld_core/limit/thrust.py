@@ -184,8 +184,12 @@ def thrust_ranges(
     ------
     InputError
         If a material that the labelling needs is missing, or the assembly has members.
+    ParameterError
+        If the load factor is not finite; the parameter is `load_factor`.
     """
     assembly.members.refuse("the range of reactions and joint forces")
+    if not np.isfinite(load_factor):
+        raise ParameterError("load_factor", f"{load_factor} is wrong", "a finite number")
     start = time.perf_counter()
     own = assembly.labels if labels is None else np.asarray(labels, dtype=bool)
     require_materials(assembly, own, ~own)

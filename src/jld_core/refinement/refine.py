@@ -185,7 +185,7 @@ def _check(scene: Scene, grid: _Grid, by: str | None) -> None:
     if grid.skew is not None and (grid.voussoirs is None or grid.centre is not None):
         raise ParameterError("skew", "it is that of a flat arch without a centre", "`voussoirs`, and no `centre`")
     if grid.skew is not None and not 1.0 <= grid.skew < 90.0:
-        raise ParameterError("skew", f"{grid.skew:g} is no inclination of joints", "1 to 90 degrees")
+        raise ParameterError("skew", f"{grid.skew:g} is no inclination of joints", "from 1 to below 90 degrees")
     if grid.centre is not None and not np.isfinite(grid.centre).all():
         raise ParameterError("centre", f"{grid.centre[0]:g},{grid.centre[1]:g} is no point", "x,y")
     if not 0.0 <= grid.snap <= SNAP:

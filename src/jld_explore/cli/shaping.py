@@ -18,6 +18,7 @@ from jld_core.geometry_optimisation.shape_search import ShapedJoints, shape_join
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.models import solve_by_fields
 from jld_core.scene import Scene
+from jld_explore.cli.move_output import value_text
 from jld_explore.cli.samples import write_scene
 from jld_explore.cli.streams import say, warn
 from jld_explore.report import csv_of
@@ -106,7 +107,7 @@ def move_shape(
     values = f"λ {_said(done.before)} to {_said(done.after)}"
     say(f"best: {_named(done.shape)}, {values}, {len(done.trials)} shapes, {done.end}")
     if facts["fields"]["skipped"] is None:
-        say(f"by fields: λ ≥ {before} before, λ ≥ {after} after")
+        say(f"by fields: λ ≥ {value_text(before)} before, λ ≥ {value_text(after)} after")
     say(f"written to {out}, {out.with_suffix('.csv').name}, {out.with_suffix('.png').name}")
 
 
