@@ -2,25 +2,31 @@
 
 Three structures pushed to either side, the worse counts: a block on a base, two courses of bricks on a base, and an
 arch of nine voussoirs. Blocks of 2000 kg/m³ with σt = 0.3 MPa and τ = 0.5 MPa crack anywhere: λ is the lower bound by
-fields. Straight joints are those drawn, and those that `jld move` finds. Then a key in space: a block on another, each
-0.4 × 0.2 × 0.2 m, under 4 kN, with a tooth across its whole depth.
+fields. Straight joints are those drawn, and those that `jld move` finds, free or with the masses drawn. A wave gives
+to each block what it takes; a key changes the masses at the ends of a row. Then a key in space through the command: a
+block of 0.4 × 0.2 × 0.2 m on a longer one, under 4 kN, with a tooth across its whole depth.
 """
 
 from __future__ import annotations
 
 import itertools
 import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from benchmarks.common import table, write
-from benchmarks.moving_joints import key
-from jld_core import build_assembly, parse_scene, samples, solve
+from jld_core import build_assembly, parse_scene, samples
+from jld_core.arrays import Bits
+from jld_core.assembly import Assembly, blocks_of
 from jld_core.errors import InputError
-from jld_core.geometry_optimisation.joint_shapes import Key, Shape, Sine
+from jld_core.geometry_optimisation.joint_profiles import Key, Shape, Sine
 from jld_core.geometry_optimisation.optimise import move_joints
-from jld_core.geometry_optimisation.shape_search import shape_joints
+from jld_core.geometry_optimisation.shape_search import ShapedJoints, shape_joints
 from jld_core.limit import LimitAnalysisResult
 from jld_core.models import solve_by_fields
 
@@ -33,11 +39,14 @@ FIELDS: Final = 8.0
 """Time for the bounds by fields of each load case, s."""
 
 SPACE: Final = (
-    "\n\n## A key in space\n\nForce in kN that shears a key of 0.14 m at its root, with flanks of 0.01 m, by faces: "
-    "crack planes at the roots of tooth and shoulders. Shallow keys are climbed, deep ones break, the best lies "
-    "between.\n\n"
+    "\n\n## A key in space\n\nλ in kN by `jld move --joint key:DEPTH,0.35,0.05 --direction 0,1,0`, by faces: cracks at "
+    "the roots of tooth and shoulders. Climbed is N tan(φ + α), up the flank; broken is μ N + (τ + μ σt) w t, the root "
+    "sheared while the block slides with dilation, an upper bound. Both alone ignore that the block rocks.\n\n"
 )
 """Text of the second table."""
+
+DEPTHS: Final = (0.0125, 0.025, 0.05, 0.075, 0.1, 0.15, 0.2)
+"""Depths of the key in space, shares of the length of its joint."""
 
 _MATERIALS: Final[Document] = {
     "density": 2000.0,
@@ -67,7 +76,11 @@ def structures() -> list[tuple[Document, Document, list[Shape]]]:
     common = {"thickness": 0.2, "materials": _MATERIALS, "loads": _pushed()}
     turning = {"along": [{"circle": [0.0, 0.0]}]}
     return [
-        ({"name": "block", "elements": [base, _brick("up", 0.4, 0.8, 0.0, 0.2)], **common}, {}, [Key(0.1, 0.5, 0.05)]),
+        (
+            {"name": "block", "elements": [base, _brick("up", 0.4, 0.8, 0.0, 0.2)], **common},
+            {},
+            [Key(0.1, 0.5, 0.05), Sine(0.06, 1)],
+        ),
         (
             {"name": "two courses", "elements": [base, *lower, *upper], **common},
             {},
@@ -83,40 +96,93 @@ def bounds(result: LimitAnalysisResult) -> tuple[str, str]:
     return f"{found.low:.4g}", f"{found.high:.4g}"
 
 
-def _corners(outline: Any) -> np.ndarray[Any, Any]:
-    """Return the corners (k, 2) of an outline, counter-clockwise, without those on straight edges."""
-    ring = np.array(outline, dtype=float)
-    before, after = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
-    turn = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
-    ring = ring[abs(turn) > 1e-12]
-    return np.asarray(ring if turn.sum() > 0.0 else ring[::-1])
+def mass_change(done: ShapedJoints, before: Assembly, labels: Bits) -> float:
+    """Return the largest change of the mass of a block by a shape, relative to it; labels: (m,) of straight joints."""
+    after = done.after.assembly
+    found = [
+        {
+            one.elements.ids[k]: float(one.elements.mass[blocks == blocks[k]].sum())
+            for k in one.elements.free.tolist()
+            if blocks[k] not in set(blocks[one.elements.support].tolist())
+        }
+        for one, blocks in ((before, blocks_of(before, labels)), (after, blocks_of(after, done.after.labels)))
+    ]
+    return max(abs(found[1][name] / mass - 1.0) for name, mass in found[0].items())
 
 
-def in_space(document: Document, aside: float) -> Document:
-    """Return the scene of `moving_joints.key` as solids, its force turned by `aside` degrees about the vertical."""
-    thickness, elements = document["thickness"], []
-    for entry in document["elements"]:
-        ring = _corners(entry["polygon"])
-        count = len(ring)
-        vertices = [[float(x), y, float(z)] for y in (0.0, thickness) for x, z in ring]
-        sides = [[(k + 1) % count, k, count + k, count + (k + 1) % count] for k in range(count)]
-        faces = [list(range(count)), [2 * count - 1 - k for k in range(count)], *sides]
-        elements.append({"id": entry["id"], "vertices": vertices, "faces": faces, "support": entry["support"]})
-    angle, place = np.radians(aside), [0.0, 0.5 * thickness, 0.0]
-    live = [{"element": "top", "force": [float(np.cos(angle)), float(np.sin(angle)), 0.0], "at": place}]
-    loads = {"dead": [{"element": "top", "force": [0.0, 0.0, -4.0]}], "live": live}
-    kept = {name: part for name, part in document.items() if name not in ("thickness", "move")}
-    return {**kept, "elements": elements, "loads": loads}
+def blocks_in_space(aside: float) -> Document:
+    """Return a block on another in space, pressed by 4 kN, pushed at `aside` degrees from the x axis at the joint."""
+    document: Document = {
+        "name": "key in space",
+        "elements": [
+            {"id": "ground", **_cuboid((-0.5, 0.9), (-0.3, -0.2)), "support": True},
+            {"id": "low", **_cuboid((-0.4, 0.8), (-0.2, 0.0))},
+            {"id": "up", **_cuboid((0.0, 0.4), (0.0, 0.2))},
+        ],
+        "materials": {
+            "density": 0.0,
+            "dry": {"friction_coefficient": 0.4},
+            "inner": {"tensile_strength": 2e5, "shear_strength": 4e5},
+        },
+        "labels": {"inner": [["ground", "low"]]},
+    }
+    angle = np.radians(aside)
+    push = {"element": "up", "force": [float(np.cos(angle)), float(np.sin(angle)), 0.0], "at": [0.0, 0.1, 0.0]}
+    dead = {"element": "up", "force": [0.0, 0.0, -4000.0], "at": [0.2, 0.1, 0.1]}
+    return {**document, "loads": {"dead": [dead], "live": [push]}}
+
+
+def _cuboid(across: tuple[float, float], up: tuple[float, float]) -> Document:
+    """Return vertices and faces of a cuboid of 0.2 m along y by its ends along x and z."""
+    corners = [[x, y, z] for x in across for y in (0.0, 0.2) for z in up]
+    loops = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    return {"vertices": corners, "faces": loops}
+
+
+def command(document: Document, joint: str, seconds: float) -> Document:
+    """Return what `jld move --joint` prints as JSON for a scene and a time limit, s."""
+    with tempfile.TemporaryDirectory() as folder:
+        source, out = Path(folder) / "scene.json", Path(folder) / "out.json"
+        source.write_text(json.dumps(document))
+        flags = ["--joint", joint, "--direction", "0,1,0", "--seconds", f"{seconds:g}", "--json"]
+        line = [sys.executable, "-m", "jld_explore", "move", str(source), "-o", str(out), *flags]
+        done = subprocess.run(line, check=True, capture_output=True, text=True)
+    found: Document = json.loads(done.stdout)
+    return found
 
 
 def keys_in_space() -> list[list[str]]:
-    """Return the rows of the table of keys of growing depth: λ in kN in the plane, in space, and pushed aside."""
-    rows = []
-    for depth in (0.01, 0.02, 0.03, 0.04, 0.06, 0.08):
-        document = key(0.14, depth, 0.01)
-        found = [solve(parse_scene(one)) for one in (document, *(in_space(document, angle) for angle in (0.0, 45.0)))]
-        rows.append([f"{depth:g}", *(f"{one.load_factor:.6g}" for one in found)])
-    return rows
+    """Return the rows of the table of keys of growing depth: λ in kN pushed along x and aside, and its limits."""
+    rows, press, friction = [], 4.0, 0.4
+    for depth in DEPTHS:
+        found = [
+            command(blocks_in_space(angle), f"key:{depth:g},0.35,0.05", 0.0)["load_factor"] for angle in (0.0, 45.0)
+        ]
+        slope = depth / 0.05
+        climbed = press * (friction + slope) / (1.0 - friction * slope) if friction * slope < 1.0 else np.inf
+        broken = friction * press + (400.0 + friction * 200.0) * 0.35 * 0.4 * 0.2
+        values = [f"{0.4 * depth:g}", *(f"{0.001 * one:.5g}" for one in found)]
+        rows.append([*values, f"{climbed:.5g}" if climbed < np.inf else "∞", f"{broken:.5g}"])
+        print(rows[-1], flush=True)
+    best = command(blocks_in_space(0.0), "key:0.05,0.35,0.05", SECONDS)
+    words = ", ".join(f"{name} {best['joint'][name]:.3g}" for name in ("depth", "width", "flank"))
+    return [*rows, [f"searched ({words})", f"{0.001 * best['load_factor']:.5g}", "–", "–", "–"]]
+
+
+def straight(document: Document, move: Document, mass: bool) -> tuple[str, ...]:
+    """Return λ by faces and both bounds by fields of straight joints that `jld move` finds, in words.
+
+    mass: True keeps each block within 0.1 % of the range of the masses drawn.
+    """
+    assembly = build_assembly(parse_scene(document))
+    free = assembly.elements.mass[assembly.elements.free]
+    limits = {"block_mass": [float(0.999 * free.min()), float(1.001 * free.max())]} if mass else {}
+    scene = parse_scene({**document, "move": {**move, **limits}})
+    try:
+        found = move_joints(scene, assembly, assembly.labels, seconds=SECONDS)
+    except InputError:
+        return "no vertex moves", "–", "–"
+    return ("–", "–", "–") if found.after is None else (f"{found.value:.4g}", *bounds(found.after))
 
 
 def main() -> None:
@@ -125,28 +191,23 @@ def main() -> None:
     for document, move, shapes in structures():
         scene = parse_scene(document)
         assembly = build_assembly(scene)
-        try:
-            straight = move_joints(parse_scene({**document, "move": move}), assembly, assembly.labels, seconds=SECONDS)
-            after = straight.after
-            words = (f"{straight.value:.4g}", *bounds(after)) if after is not None else ("–", "–", "–")
-        except InputError:
-            words = ("no vertex moves", "–", "–")
         for k, shape in enumerate(shapes):
             done = shape_joints(scene, assembly, assembly.labels, shape, seconds=SECONDS)
             if k == 0:
-                rows.append([scene.name, "as drawn", f"{done.before.load_factor:.4g}", *bounds(done.before)])
-                rows.append([scene.name, "straight, moved", *words])
+                rows.append([scene.name, "as drawn", f"{done.before.load_factor:.4g}", *bounds(done.before), "0"])
+                rows.append([scene.name, "straight, moved", *straight(document, move, mass=False), "free"])
+                rows.append([scene.name, "straight, moved", *straight(document, move, mass=True), "< 0.1 %"])
             values = ", ".join(f"{name} {value:.3g}" for name, value in vars(done.shape).items())
             name = f"{type(done.shape).__name__.lower()}: {values}"
-            rows.append([scene.name, name, f"{done.after.load_factor:.4g}", *bounds(done.after)])
+            change = f"{mass_change(done, assembly, assembly.labels):.2g}"
+            rows.append([scene.name, name, f"{done.after.load_factor:.4g}", *bounds(done.after), change])
             print(rows[-1], flush=True)
     about = " ".join((__doc__ or "").split("\n\n", 1)[1].split())
     text = "# Joints with a shape\n\nWritten by `python -m benchmarks.joint_shapes`. " + about + "\n\n"
-    text += table(["structure", "joints", "λ by faces", "by fields, at least", "at most"], rows)
-    write(
-        "joint_shapes",
-        text + SPACE + table(["depth [m]", "in the plane", "in space", "pushed at 45°"], keys_in_space()),
-    )
+    head = ["structure", "joints", "λ by faces", "by fields, at least", "at most", "largest change of a block's mass"]
+    text += table(head, rows)
+    last = ["depth [m]", "along x", "pushed at 45°", "climbed", "broken, at most"]
+    write("joint_shapes", text + SPACE + table(last, keys_in_space()))
 
 
 if __name__ == "__main__":

@@ -32,8 +32,7 @@ from jld_core.arrays import Bits, Floats
 from jld_core.batch import batch_solver
 from jld_core.batch.batch_solver import BatchSolver
 from jld_core.batch.verdicts import OPEN, PROVEN, BatchResults
-from jld_core.limit import LimitAnalysis
-from jld_core.limit.admissible import Motion
+from jld_core.limit import LimitAnalysis, Motion
 from jld_explore.drivers.anneal import Anneal
 from jld_explore.evaluation import EvaluatorSettings
 from jld_explore.evaluation.evaluator import Evaluator

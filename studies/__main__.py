@@ -21,6 +21,7 @@ STUDIES: Final = (
     "semicircular_arch",
     "settlement",
     "few_shapes",
+    "few_cuts",
     "left_out",
     "wall_with_opening",
     "corner",

@@ -153,12 +153,14 @@ def joints_of(inner: Inner, dilation: str) -> Joints:
     return Joints(inner=inner, dilation="friction" if dilation == "friction" else 0.0)
 
 
-def experiment(case: Case, layout: int, numerics: str, inner: Inner, dilation: str) -> Row:
-    """Settle and push one layout at one rate."""
+def experiment(case: Case, layout: int, numerics: str, inner: Inner, dilation: str, halves: int = 0) -> Row:
+    """Settle and push one layout at one rate; `halves`: how often the time step is halved."""
     labels = np.array(case.layouts[layout])
     row = started(case, layout, "experiment", numerics, inner, dilation)
     start = time.process_time()
-    specimen = specimen_of(case.assembly, labels, joints_of(inner, dilation), Settings(**NUMERICS[numerics]))
+    settings = Settings(**NUMERICS[numerics])
+    settings = replace(settings, step=settings.step / 2**halves)
+    specimen = specimen_of(case.assembly, labels, joints_of(inner, dilation), settings)
     settled, standing = specimen.settle()
     if standing is not Standing.RESTS:
         error = specimen.energy(settled).error

@@ -6,7 +6,8 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -62,3 +63,21 @@ def process(*arguments: str | Path, timeout: float = 60.0) -> Outcome:
         command(*arguments), capture_output=True, text=True, timeout=timeout, env=environment(), check=False
     )
     return Outcome(done.returncode, done.stdout, done.stderr)
+
+
+@contextmanager
+def ended(started: subprocess.Popen[str]) -> Iterator[subprocess.Popen[str]]:
+    """Kill a process that a failed test leaves running, and close its pipes: else another test would fail of them."""
+    with started:
+        try:
+            yield started
+        finally:
+            started.kill()  # nothing to a process that has ended
+
+
+@contextmanager
+def running(*arguments: str | Path, stderr: int | None = None) -> Iterator[subprocess.Popen[str]]:
+    """`jld` as a process of its own, stdout in a pipe, which is not left running behind the block."""
+    started = subprocess.Popen(command(*arguments), stdout=subprocess.PIPE, stderr=stderr, text=True, env=environment())
+    with ended(started):
+        yield started

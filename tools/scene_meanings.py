@@ -290,6 +290,13 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "blocks": Meaning("", "Least and most blocks that hold a free element."),
         "dry_faces": Meaning("", "Least and most dry faces between free elements."),
         "shapes": Meaning("", "Least and most different shapes of blocks."),
+        "sawn_length": Meaning(
+            "", "Least and most length (m), in space area (m²), of the faces of all blocks, those at supports included."
+        ),
+        "saw_cuts": Meaning(
+            "", "Least and most sawn faces of all blocks; the two sides of planar blocks are left out."
+        ),
+        "saw_set_ups": Meaning("", "Least and most set-ups of the saw: directions of faces, summed over the shapes."),
         "moulds": Meaning("", "What counts as one shape beside being moved."),
         "require": Meaning(
             "", "A load factor to be met; the best by the front's count is looked for among what meets it."

@@ -18,8 +18,11 @@ SOURCES: Final = HERE / "sources"
 TIERS: Final = ("closed form", "independent program", "experiment", "ours")
 """Kinds of evidence, the strongest first."""
 
-RELATIONS: Final = ("equal", "inside", "above", "falls")
-"""How a published value compares with ours: equal to it, inside our proven interval, above our λ, or a collapse."""
+RELATIONS: Final = ("equal", "inside", "above", "below", "falls")
+"""How a published value compares with ours: equal, inside our proven interval, above or below λ, or a collapse."""
+
+CLASSES: Final = ("bond", "strength of fill", "deformation", "printed value")
+"""Why a published value and ours differ: what the scene leaves out, or an error of the source."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +76,9 @@ class Value:
     slow : bool
         True if ours takes more than a few seconds; left out of the tests.
     why : str
-        Why it differs, where it does.
+        Remark in the page; why it differs, where it does.
+    kind : str
+        One of `CLASSES` where it differs, else empty.
     """
 
     source: Source
@@ -88,6 +93,7 @@ class Value:
     spatial: bool = False
     slow: bool = False
     why: str = ""
+    kind: str = ""
 
     def ours(self) -> tuple[float, float]:
         """Compute our value as an interval; both ends are equal for a single number."""
@@ -101,6 +107,8 @@ class Value:
             return low == high == 0.0
         if self.relation == "above":
             return high <= self.published + slack
+        if self.relation == "below":
+            return low >= self.published - slack
         if self.relation == "equal":
             return max(abs(low - self.published), abs(high - self.published)) <= slack
         return low - slack <= self.published <= high + slack
@@ -122,14 +130,15 @@ def read() -> list[Value]:
             relation = entry.get("relation", "equal")
             if relation not in RELATIONS or tier not in TIERS:
                 raise ValueError(f"{path.name}: {entry['what']}: unknown relation or tier")
-            if relation == "above" and not entry.get("why"):
-                raise ValueError(f"{path.name}: {entry['what']}: a difference without its reason")
+            kind = entry.get("class", "")
+            if (relation in ("above", "below") and not (kind and entry.get("why"))) or kind not in ("", *CLASSES):
+                raise ValueError(f"{path.name}: {entry['what']}: a difference without its class and reason")
             found.append(
                 Value(
                     source, entry.get("place", document.get("place", "")), entry["what"], float(entry["published"]),
                     entry.get("unit", ""), relation, float(entry["tolerance"]), entry["find"],
                     entry.get("arguments", {}), entry.get("spatial", False), entry.get("slow", False),
-                    entry.get("why", document.get("why", "")),
+                    entry.get("why", document.get("why", "")), kind,
                 )
             )  # fmt: skip
     return found

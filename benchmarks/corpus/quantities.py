@@ -34,6 +34,11 @@ def load_factor(scene: str) -> Interval:
     return (solve(build_assembly(_scene(scene))).load_factor,) * 2
 
 
+def tilt_angle(scene: str) -> Interval:
+    """Angle of a tilting table at which a scene falls, degrees: the arc tangent of λ under a horizontal body load."""
+    return (math.degrees(math.atan(load_factor(scene)[0])),) * 2
+
+
 def published_wall(layout_name: str) -> Interval:
     """λ of one of the layouts of the study of that name."""
     return (layout(layout_name).load_factor,) * 2
@@ -220,6 +225,44 @@ def keystone(degrees: float, friction: float, end: str) -> Interval:
     return (low, low) if end == "least" else (high, high)
 
 
+def pushed_wall(height: float, thickness: float, moved: float = 0.0) -> Interval:
+    """Force at mid-height over weight that a wall cracked at its base and mid-height resists, its top held by a strut.
+
+    moved: displacement of mid-height over the thickness. Beyond 0 the halves stand on the edges that they rock about,
+    drawn as faces of 1/10 000 of the thickness; weights act at the centroids of the turned halves.
+    """
+    half, t = 0.5 * height, thickness
+    sin = moved * t / half
+    cos = math.sqrt(1.0 - sin * sin)
+    width = 1e-4 * t if moved else t
+    x, y = t - t * cos + half * sin, half * cos + t * sin  # Mid-height edge, after a turn about the edge of the base.
+    top = [x + 0.5 * t * cos - half * sin, y + half * cos + 0.5 * t * sin]
+    outlines = {
+        "ground": [[-t, -t], [2 * t, -t], [2 * t, 0], [-t, 0]],
+        "lower": [[t - width, 0], [t, 0], [x + width, y], [x, y]],
+        "upper": [[x, y], [x + width, y], [top[0] + t / 2, top[1]], [top[0] - t / 2, top[1]]],
+        "prop": [[-9 * t, top[1]], [-8 * t, top[1]], [-8 * t, top[1] + t], [-9 * t, top[1] + t]],
+    }
+    centroids = {
+        "lower": [t - 0.5 * t * cos + 0.5 * half * sin, 0.5 * half * cos + 0.5 * t * sin],
+        "upper": [x + 0.5 * t * cos - 0.5 * half * sin, y + 0.5 * half * cos + 0.5 * t * sin],
+    }
+    strut = {"from": {"element": "prop", "at": [-8 * t, top[1]]}, "to": {"element": "upper", "at": top}}
+    document = {
+        "elements": [
+            {"id": name, "polygon": outline, "weight": 0.0, "support": name in ("ground", "prop")}
+            for name, outline in outlines.items()
+        ],
+        "materials": {"dry": {"friction_coefficient": 5.0}},
+        "members": [{"kind": "tie", **strut, "tension": 9.0}],
+        "loads": {
+            "dead": [{"element": name, "force": [0, -0.5], "at": point} for name, point in centroids.items()],
+            "live": [{"element": "upper", "force": [1, 0], "at": [x, y]}],
+        },
+    }
+    return (solve(build_assembly(parse_scene(document))).load_factor,) * 2
+
+
 def torsion_length(a: float, b: float) -> Interval:
     """Torsion length c_T of a rectangle."""
     return (float(rectangle_torsion_length(np.array([a]), np.array([b]))[0]),) * 2
@@ -269,10 +312,12 @@ QUANTITIES: Final[dict[str, Callable[..., Interval]]] = {
         load_factor,
         published_wall,
         punch,
+        pushed_wall,
         reaction,
         rocking_prism,
         slab_on_two_supports,
         stands,
+        tilt_angle,
         torsion_length,
         twisted_prism,
     )

@@ -83,7 +83,8 @@ def system_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats, s
     live, dead = (load[free].ravel() for load in (assembly.live, assembly.dead))
     moved = np.linalg.solve(matrix, np.column_stack([live, dead]))
     radius = np.ones(count)
-    radius[free] = rounded(np.sqrt(masses[:, 1] / masses[:, 0]))
+    squared = masses[:, 1] / masses[:, 0]
+    radius[free] = rounded(np.sqrt(squared))
     own = np.array([2.0 * np.pi * np.sqrt(factor / values[0]), live @ moved[:, 0]])
     sizes = np.abs(moved.reshape(-1, q, 2)[:, :d]).max(axis=(0, 1))
     period, reach, swing, sag = rounded(np.concatenate([own, sizes])).tolist()

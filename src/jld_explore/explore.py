@@ -30,11 +30,12 @@ from jld_explore.drivers.exact.certifying import certify
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.evaluation import MakeEvaluator, evaluator_of
 from jld_explore.evaluation.cluster import on_cluster
+from jld_explore.evaluation.deferred_signals import deferred_signals
 from jld_explore.evaluation.field_evaluator import FieldEvaluator, MakeCellEvaluator
 from jld_explore.evaluation.own_objective import OwnObjectiveEvaluator
 from jld_explore.evaluation.void_cells import VoidCellsEvaluator
 from jld_explore.experiments import DEFAULT, Experiments, add_experiments
-from jld_explore.field_check import add_check, plan_check, time_for
+from jld_explore.field_check import CheckPlan, add_check, plan_check, time_for
 from jld_explore.field_study import FieldStudy
 from jld_explore.refusals import refuse_beside_void, refuse_together, refuse_unfit
 from jld_explore.reliability_study import add_reliability, kept_back
@@ -47,6 +48,9 @@ from jld_explore.study_state import Interrupted, Progress, StopReason
 
 WRITING: Final = 1.0
 """Seconds reserved from a time limit for tables and page, their time at the end of a small search."""
+
+WRITING_FACE: Final = 2e-4
+"""Seconds reserved beside for each face: tables of blocks and the drawing on the page grow with the structure."""
 
 BUSY: Final = 6.0
 """Largest factor by which a busy machine may prolong the writing of tables and page."""
@@ -250,22 +254,46 @@ def _search(
         settings,
         total=total,
         report=report,
-        deadline=_of_search(deadline, settings).earlier(time_for(checked, settings) + kept_back(settings)),
+        deadline=_of_search(deadline, settings, assembly).earlier(time_for(checked, settings) + kept_back(settings)),
         make=make,
     )
     if announce is not None:
         for line in said:
             announce(line)
     write_text(folder / "scene.json", scene.model_dump_json(indent=1, exclude_defaults=True))
-    done = write_tables(study, _run(study, deadline), _later(deadline, settings, TABLES))
-    if settings.certificate is not None and isinstance(chosen, Exact):
-        _certify(chosen, scene, settings.certificate, done)
+    reason = _run(study, deadline)
+    try:
+        with deferred_signals():  # a signal waits until the tables are whole
+            done = write_tables(study, reason, _later(deadline, settings, TABLES))
+        return _completed(study, done, checked, deadline, announce)
+    except Interrupted as stop:
+        if settings.pictures:
+            with deferred_signals():
+                write_report(done, patience=STOPPING)
+        stop.done = done
+        raise
+
+
+def _completed(
+    study: Study,
+    done: Exploration,
+    checked: CheckPlan | None,
+    deadline: Deadline,
+    announce: Callable[[str], None] | None,
+) -> Exploration:
+    """Add certificate, checks, experiments, reliability, page and pictures to the tables of a search, as far as asked.
+
+    checked: plan of the check by fields, None for none. announce: as in `explore`.
+    """
+    settings, late = study.settings, _of_search(deadline, study.settings, study.assembly)
+    if settings.certificate is not None and isinstance(study.driver, Exact):
+        _certify(study.driver, study.scene, settings.certificate, done)
     if checked is not None:
-        done = add_check(done, space, checked, _of_search(deadline, settings))
+        done = add_check(done, study.space, checked, late)
     if settings.experiment or settings.by_experiment:
         done = _experimented(study, done)
     if settings.reliability is not None:
-        done = add_reliability(done, settings, _of_search(deadline, settings))
+        done = add_reliability(done, settings, late)
     if settings.pictures:
         _draw(done, deadline, settings, announce)
     return done
@@ -313,11 +341,12 @@ def _by_cracks(scene: Scene, assembly: Assembly) -> tuple[type[Study], MakeEvalu
     return Study, evaluator_of
 
 
-def _of_search(deadline: Deadline, settings: ExploreSettings) -> Deadline:
+def _of_search(deadline: Deadline, settings: ExploreSettings, assembly: Assembly) -> Deadline:
     """Return the deadline of the search itself, which leaves time to write tables and page."""
     # The ratio of wall-clock to CPU time so far estimates how much longer writing takes on a busy machine.
     busy = min(max(1.0, deadline.elapsed() / time.process_time()), BUSY)
-    return deadline.earlier(max(0.0, busy * WRITING - OVER[0] * (settings.seconds or 0.0) - OVER[1]))
+    writing = WRITING + WRITING_FACE * assembly.faces
+    return deadline.earlier(max(0.0, busy * writing - OVER[0] * (settings.seconds or 0.0) - OVER[1]))
 
 
 def _later(deadline: Deadline, settings: ExploreSettings, over: tuple[float, float]) -> Deadline:
@@ -341,10 +370,12 @@ def _run(study: Study, deadline: Deadline) -> StopReason:
         study.records.close()
         _bound_all(study, in_time=BOUNDING * cost_estimate(study.assembly).seconds < STOPPING)
         done = write_tables(study, StopReason.INTERRUPTED, Deadline(STOPPING))
-        if study.settings.pictures and len(done.results):
+        if study.settings.pictures:
             write_report(done, patience=STOPPING)
         if isinstance(stop, Interrupted):
             stop.done = done
+            if not len(done.results):
+                stop.words = "stopped before a layout was solved; --resume begins with the first"
         raise
     if not len(study.records) and reason in (StopReason.EXHAUSTED, StopReason.PROVEN, StopReason.TIME):
         # The space, too large to count beforehand, is empty, or no labelling was found in time.

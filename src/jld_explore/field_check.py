@@ -87,17 +87,26 @@ def plan_check(scene: Scene, assembly: Assembly, space: SearchSpace, settings: E
         or settings.by_experiment
     ):
         return None
+    cases = len(assembly.by_case)
+    # meshes of large scenes take seconds; each element with k corners has k − 2 triangles or more
+    least = sum(len(assembly.elements.shape[element]) - 2 for element in assembly.elements.free)
+    if (each := cases * mesh_seconds(COARSE_RATE, least)) > 0.5 * MOST:
+        return CheckPlan(0, 0.0, _too_long(f"{least} or more", each))
     try:
         require_fields(assembly)
     except InputError:
         return None
-    triangles = sum(len(FieldSetting.of(case).coarse) for case in assembly.by_case) / len(assembly.by_case)
-    each = len(assembly.by_case) * mesh_seconds(COARSE_RATE, triangles)
+    triangles = sum(len(FieldSetting.of(case).coarse) for case in assembly.by_case) / cases
+    each = cases * mesh_seconds(COARSE_RATE, triangles)
     count = min(settings.check_fields, int(MOST / each) - 1)
     if count < 1:
-        reason = f"{triangles:.0f} triangles would take some {each:.1f} s for each layout"
-        return CheckPlan(0, 0.0, reason)
+        return CheckPlan(0, 0.0, _too_long(f"{triangles:.0f}", each))
     return CheckPlan(count, (count + 1) * each, "")
+
+
+def _too_long(triangles: str, seconds: float) -> str:
+    """Return the reason to check no layout: what one would take."""
+    return f"{triangles} triangles would take some {seconds:.1f} s for each layout"
 
 
 def time_for(plan: CheckPlan | None, settings: ExploreSettings) -> float:

@@ -292,7 +292,8 @@ class Study:
 
     def _restore(self) -> None:
         """Hand the evaluations on record to the driver."""
-        rows = unpack(self.records.rows["labelling"], len(self.assembly.interfaces))
+        packed = self.records.rows["labelling"]
+        rows = unpack(packed, len(self.assembly.interfaces))
         known = [self.records.find(labels) for labels in rows]
         restored = [evaluation for evaluation in known if evaluation is not None]
         self._withdraw_contradicted(restored)

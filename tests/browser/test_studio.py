@@ -3,35 +3,30 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from browser_visits import Open, Visit, looks_like
-from command import environment
+from command import running
 from jld_core import build_assembly, load_scene, parse_scene, solve
 from jld_explore import ExploreSettings, explore
 from scenes_of_pages import HOSTILE, small_scene, spatial_scene
 
 
-class Running:
-    """A studio as the command runs it."""
-
-    def __init__(self, source: Path) -> None:
-        command = [sys.executable, "-m", "jld_explore", "studio", str(source), "--no-browser"]
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment())
-        assert self.process.stdout is not None
-        self.address = self.process.stdout.readline().strip()
-
-    def close(self) -> None:
-        self.process.terminate()
-        assert self.process.wait(timeout=20.0) is not None
-        assert self.process.stdout is not None
-        self.process.stdout.close()
+@contextmanager
+def studio_of(source: Path) -> Iterator[str]:
+    """A studio as the command runs it: its address."""
+    with running("studio", source, "--no-browser") as studio:
+        assert studio.stdout is not None
+        try:
+            yield studio.stdout.readline().strip()
+        finally:
+            studio.terminate()  # it ends its searches before itself
+            studio.wait(timeout=20.0)
 
 
 @pytest.fixture(scope="module")
@@ -43,9 +38,8 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def address(browser: object, scene: Path) -> Iterator[str]:
-    running = Running(scene)
-    yield running.address
-    running.close()
+    with studio_of(scene) as found:
+        yield found
 
 
 def answered(found: Visit) -> dict[str, object]:
@@ -271,16 +265,13 @@ def test_a_search_runs_behind_the_page_and_survives_it(visit: Open, address: str
 def test_a_results_folder_is_gone_on_with(visit: Open, tmp_path: Path) -> None:
     folder = tmp_path / "study"
     explore(parse_scene(small_scene(name=HOSTILE)), folder, ExploreSettings(budget=20, pictures=False))
-    running = Running(folder)
-    try:
-        found = visit(running.address)
+    with studio_of(folder) as address:
+        found = visit(address)
         answered(found)
         assert found.text("h1") == " ".join(HOSTILE.split())
         assert found.page.locator("#candidates li:has(.name:text-is('this folder, rank 1'))").count() == 1
         assert found.text("li[data-job=study]").startswith("study")
         leave(found)
-    finally:
-        running.close()
 
 
 def drop(found: Visit, name: str, text: str) -> None:
@@ -373,9 +364,8 @@ def test_the_best_of_a_running_search_is_drawn(visit: Open, address: str) -> Non
 def test_a_spatial_scene_is_toggled_too(visit: Open, tmp_path: Path) -> None:
     path = tmp_path / "cubes.json"
     path.write_text(json.dumps(spatial_scene()), encoding="utf-8")
-    running = Running(path)
-    try:
-        found = visit(running.address)
+    with studio_of(path) as address:
+        found = visit(address)
         first = answered(found)
         before = str(state(found)["labelling"])
         found.page.get_by_label("see through").fill("0.8")
@@ -394,5 +384,3 @@ def test_a_spatial_scene_is_toggled_too(visit: Open, tmp_path: Path) -> None:
         assert after["load_factor"] == pytest.approx(proven(found, path), rel=1e-6)
         assert first["status"] == "collapse"
         leave(found)
-    finally:
-        running.close()

@@ -293,8 +293,10 @@ def test_every_driver_ends_quietly(kind: str, tmp_path: Path) -> None:
     )
     ends = [json.loads(line) for line in done.stdout.splitlines()]
     assert [name for name, _, _ in ends] == list(DRIVERS), done.stderr
-    line = "stopped; everything finished is on disk, go on with --resume\n"
-    assert done.stderr == (line * len(DRIVERS) if kind == "interrupt" else "")
+    said = done.stderr.splitlines()
+    assert len(said) == (len(DRIVERS) if kind == "interrupt" else 0)
+    solved = "stopped; everything finished is on disk, go on with --resume"
+    assert set(said) <= {solved, "stopped before a layout was solved; --resume begins with the first"}
     assert [code for _, code, _ in ends] == [3 if kind == "interrupt" else 0] * len(DRIVERS)
     for name in DRIVERS:
         facts = json.loads((tmp_path / f"{kind}-{name}" / "summary.json").read_text())

@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
 from tools.imports import rewritten
@@ -99,7 +100,16 @@ def parsed(path: Path) -> ast.Module:
 @cache
 def import_nodes(path: Path) -> list[ast.Import | ast.ImportFrom]:
     """Return the import statements of a file, wherever they stand."""
-    return [node for node in ast.walk(parsed(path)) if isinstance(node, ast.Import | ast.ImportFrom)]
+    found, waiting = [], list(parsed(path).body)
+    while waiting:  # statements alone: they are a tenth of the nodes that `ast.walk` visits
+        node: Any = waiting.pop()
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            found.append(node)
+        for part in ("body", "orelse", "finalbody"):
+            waiting += getattr(node, part, [])
+        for holder in (*getattr(node, "handlers", ()), *getattr(node, "cases", ())):
+            waiting += holder.body
+    return found
 
 
 @cache

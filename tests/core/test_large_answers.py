@@ -11,7 +11,7 @@ from jld_core import Assembly, Status, build_assembly, parse_scene
 from jld_core.limit import SolveOptions
 from jld_core.linalg import projection
 from jld_core.linalg.projection import ConsistentProjector
-from jld_core.models.labelling import limit_analysis, solve_labelling
+from jld_core.models import limit_analysis, solve_labelling
 from jld_core.solvers import LARGE
 
 

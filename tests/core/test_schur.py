@@ -21,6 +21,8 @@ from jld_core.models.point_contacts import point_contact_assembly
 from jld_core.program import ConicProgram, Template, pack
 from jld_core.solvers import LARGE, ClarabelSolver, RawSolution, RawStatus, make_solver
 from jld_core.solvers.schur.interior_point import SchurSolver
+from jld_core.solvers.schur.newton import Iterate, Newton
+from jld_core.solvers.schur.system import SchurSystem
 
 SPATIAL = {
     "wall": lambda: assembly(wall(3, 2)),
@@ -206,3 +208,33 @@ def test_schur_complements_follow_an_inaccurate_answer() -> None:
     assert "highs" not in found.solve_log
     assert found.low == pytest.approx(expected.low, rel=1e-6)
     assert found.high - found.low <= 1e-6 * found.high
+
+
+def test_corrected_directions_of_linear_programs_remove_all_residuals() -> None:
+    # Equations (8.4) with steps of their own for forces and motion: correctors change complementarity alone.
+    built = grid_assembly(["aab", "ccd", "###"])
+    program = Template(built).program(built.labels)
+    edge, rng = program.structure.equalities, np.random.default_rng(3)
+    system = SchurSystem(program.structure)
+    system.load(program)
+    rows, columns = program.structure.shape
+    given = program.objective, program.rhs[:edge], program.rhs[edge:]
+    x, u, s, v = (rng.standard_normal(n) for n in (columns, edge, rows - edge, rows - edge))
+    newton = Newton(system, given, Iterate(x, u, np.exp(s), np.exp(v), 1.0, 0.0))
+    way = newton.corrected()
+    assert newton.apart
+    matrix = program.matrix
+    equations, yields = matrix[:edge] @ way.x, matrix[edge:] @ way.x + newton.scaling.times(way.ws)
+    gradient = matrix.T @ np.concatenate([way.u, newton.scaling.divide(way.wv)])
+    assert np.allclose(equations, -newton.res_u, atol=1e-8)
+    assert np.allclose(yields, -newton.res_v, atol=1e-8)
+    assert np.allclose(gradient, -newton.res_x, atol=1e-8)
+
+
+def test_correctors_of_centrality_spare_iterations() -> None:
+    # Mehrotra's corrector alone takes 21, weighted correctors (Colombo & Gondzio 2008) take 13.
+    built = grid_assembly([*["a" * 16] * 16, "#" * 16])
+    program = Template(built).program(np.ones(len(built.interfaces), dtype=bool))
+    raw = SchurSolver().solve(program)
+    assert raw.status is RawStatus.OPTIMAL
+    assert raw.iterations <= 16

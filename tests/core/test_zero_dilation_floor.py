@@ -83,7 +83,7 @@ def test_unbounded_self_stress_has_the_cheap_bound_alone() -> None:
 
 def test_inner_faces_and_supports() -> None:
     rows, options = CASES["beam"]
-    lowest, floor, _ = below(grid_assembly(rows, **options), seconds=20.0)
+    lowest, floor, _ = below(grid_assembly(rows, **options), seconds=120.0)
     assert floor.tolerance == 0.0
     assert 0.0 < floor.proven <= lowest * (1.0 + 1e-9)
 
@@ -328,6 +328,6 @@ def test_a_face_that_nothing_can_press() -> None:
     ]
     document["loads"]["live"] = [{"element": "right", "force": [13.5636, -11.7106], "at": [0.167843, 0.117409]}]
     document["labels"] = {"default": "dry", "inner": [["left", "ground"]]}
-    result = solve(build_assembly(parse_scene(document)), friction="zero-dilation", range=True, floor_seconds=1.0)
+    result = solve(build_assembly(parse_scene(document)), friction="zero-dilation", range=True, floor_seconds=60.0)
     assert result.facts["lowest_proven"] <= result.facts["lowest_found"] * (1.0 + 1e-9)
     assert result.facts["closed"]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +15,7 @@ from command import Command
 from jld_core import InputError, Scene, build_assembly, load_scene, solve
 from jld_core.deadline import Deadline
 from jld_core.refinement import refine
-from jld_explore.design import run, tessellations
+from jld_explore.design import checks, run, tessellations
 from jld_explore.design.loads import with_loads
 from jld_explore.design.options import DesignOptions
 from jld_explore.design.outline import read_outline
@@ -216,7 +218,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_design_leaves_page_scene_and_proven_load(jld: Command, tmp_path: Path, wall: Path) -> None:
     """The scene of the best layout has the load that the summary says is proven; the page names what is not."""
     out = tmp_path / "out"
-    asked = ["--push", "0.1", "--friction", "0.6", "--thickness", "0.3", "--seconds", "10", "--block-mass", "400"]
+    asked = ["--push", "0.1", "--friction", "0.6", "--thickness", "0.3", "--seconds", "40", "--block-mass", "400"]
     done = jld("design", wall, "-o", out, *asked, "--jobs", "1")
     assert done.code == 0, done.err
     facts = json.loads((out / "summary.json").read_text())
@@ -243,13 +245,32 @@ def test_a_signal_leaves_the_best_so_far(
 
     monkeypatch.setattr(run, "check_winner", stop)
     out = tmp_path / "out"
-    done = jld("design", wall, "-o", out, "--push", "0.1", "--thickness", "0.3", "--seconds", "10", "--jobs", "1")
+    done = jld("design", wall, "-o", out, "--push", "0.1", "--thickness", "0.3", "--seconds", "40", "--jobs", "1")
     assert done.code == 3
     assert "the best so far is in" in done.err
     facts = json.loads((out / "summary.json").read_text())
     assert facts["stop_reason"] == "interrupted"
     assert facts["best"] is not None
     assert (out / "report.html").exists()
+
+
+def test_checks_that_fail_leave_no_pipe_open(monkeypatch: pytest.MonkeyPatch, wall: Path) -> None:
+    """An error in the checks, after the experiment beside them has ended: nobody has read its output."""
+    pipe = subprocess.PIPE
+    experiment = subprocess.Popen([sys.executable, "-c", "print(1)"], stdout=pipe, stderr=pipe, text=True)
+    experiment.wait(30.0)
+
+    def fail(*_: object) -> None:
+        raise Interrupted
+
+    monkeypatch.setattr(checks, "_laid", lambda *_: checks.Check("laying", "laid"))
+    monkeypatch.setattr(checks, "_begin_experiment", lambda *_: (experiment, "", ""))
+    monkeypatch.setattr(checks, "_by_fields", fail)
+    work = Design(DesignOptions(**ASKED), read_outline(wall, DesignOptions(**ASKED)), wall.parent)
+    with pytest.raises(Interrupted):
+        checks.check_winner(work, Deadline(60.0), lambda _: None)
+    assert experiment.stdout is not None
+    assert experiment.stdout.closed
 
 
 @pytest.mark.parametrize(
@@ -353,11 +374,11 @@ def test_without_time_for_a_search_the_usual_bond_is_the_best(
 ) -> None:
     """Where the limits allow it, the stated bond is what is left, with its proven λ; else the design says why not."""
     monkeypatch.setattr(run, "_search_all", lambda *_: None)
-    done = run.design_outline(wall, tmp_path / "out", DesignOptions(push=0.1, thickness=0.3, seconds=10.0, jobs=1))
+    done = run.design_outline(wall, tmp_path / "out", DesignOptions(push=0.1, thickness=0.3, seconds=40.0, jobs=1))
     assert done.winner is done.usual
     assert done.winner is not None
     assert done.winner.proven > 0.0
-    limited = DesignOptions(push=0.1, thickness=0.3, seconds=10.0, jobs=1, shapes=1)
+    limited = DesignOptions(push=0.1, thickness=0.3, seconds=40.0, jobs=1, shapes=1)
     with pytest.raises(InputError, match="no layout keeps the limits"):
         run.design_outline(wall, tmp_path / "none", limited)
     assert json.loads((tmp_path / "none" / "summary.json").read_text())["best"] is None

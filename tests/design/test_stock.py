@@ -89,7 +89,7 @@ def test_the_command_writes_where_stones_lie(jld: Command, tmp_path: Path) -> No
         (["--pdf", "--stock", "1,2,x"], "--stock: '1,2,x' is wrong"),
         (["--zip", "--stock", "1,2,3"], "--stock: stones are placed beside the cutting list"),
         (["--pdf", "--kerf", "3"], "--kerf: it stands without"),
-        (["--pdf", "--stock", "1,1,1"], "--stock: stone"),
+        (["--pdf", "--stock", "1,1,1"], "mm does not fit into 1 × 1 × 1 mm"),
         (["--pdf", "--stock=-1,1,1"], "--stock: a side is not above 0"),
         (["--pdf", "--stock", "9000,9000,9000", "--kerf=-1"], "--kerf: it is no width of a cut"),
         (["--pdf", "--stock", "1e300,1e300,1e300"], "--stock: the volume of a cuboid is out of range"),
@@ -108,5 +108,7 @@ def test_bad_stock_is_one_line(jld: Command, tmp_path: Path, flags: list[str], w
 
 def test_a_stone_that_does_not_fit_is_named() -> None:
     """The message has the stone and its sides."""
-    with pytest.raises(ParameterError, match="stone 3 of 2 × 1 × 1 does not fit"):
+    with pytest.raises(ParameterError, match="stone 3 of 2 × 1 × 1 does not fit into"):
         stock_of([stone(3, 1.0, 2.0, 1.0)], (1.5, 1.5, 1.5))
+    with pytest.raises(ParameterError, match="of 200 × 100 × 100 cm does not fit into 150 × 150 × 150 cm"):
+        stock_of([stone(3, 1.0, 2.0, 1.0)], (1.5, 1.5, 1.5), said=(100.0, " cm"))

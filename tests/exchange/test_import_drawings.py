@@ -232,6 +232,34 @@ def test_svg_groups_are_layers_and_y_turns_up(tmp_path: Path) -> None:
     assert len(assembly.interfaces) == 5
 
 
+@pytest.mark.parametrize(
+    ("page", "metres", "unit"),
+    [
+        ('width="400mm" height="300mm" viewBox="0 0 400 300"', 0.1, "mm"),
+        ('width="40cm" height="30cm" viewBox="0 0 400 300"', 0.1, "cm"),
+        ('width="20mm" height="15mm" viewBox="0 0 400 300"', 0.005, "mm"),
+        ('width="10in" height="7.5in" viewBox="0,0,10,7.5"', 2.54, "in"),
+        ('width="400mm" viewBox="0 0 400 300"', 100.0, None),
+        ('width="400mm" height="400mm" viewBox="0 0 400 300"', 100.0, None),
+        ('width="400" height="300" viewBox="0 0 400 300"', 100.0, None),
+        ('width="400mm" height="300mm" viewBox="0 0 0 300"', 100.0, None),
+    ],
+)
+def test_the_page_of_an_svg_states_its_unit(page: str, metres: float, unit: str | None, tmp_path: Path) -> None:
+    path = tmp_path / "a.svg"
+    shapes = '<g id="support"><rect y="100" width="100" height="20"/></g><rect id="b" width="100" height="100"/>'
+    path.write_text(f'<svg xmlns="http://www.w3.org/2000/svg" {page}>{shapes}</svg>')
+    found = import_file(path)
+    (outline,) = [one["polygon"] for one in found.document["elements"] if not one.get("support")]
+    side = np.ptp(np.array(outline), axis=0)
+    assert side == pytest.approx([metres, metres], rel=1e-6)
+    assert any("names no unit" in line for line in found.report.assumed) == (unit is None)
+    # a unit given by the user is that of the numbers in the file
+    elements = import_file(path, ImportOptions(unit="cm")).document["elements"]
+    (own,) = [one["polygon"] for one in elements if not one.get("support")]
+    assert np.ptp(np.array(own), axis=0) == pytest.approx([1.0, 1.0], rel=1e-6)
+
+
 def test_csv_polygons(tmp_path: Path) -> None:
     path = tmp_path / "wall.csv"
     path.write_text("id;x;y;support\na;0;0;yes\na;1;0;\na;1;1;\na;0;1;\nb;0;1;\nb;1;1;\nb;1;2;\nb;0;2;\nb;0;1;\n")

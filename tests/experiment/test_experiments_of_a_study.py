@@ -13,7 +13,7 @@ from jld_core import parse_scene
 from jld_core.scene import Scene
 from jld_explore import ExploreSettings, explore
 from jld_explore import experiments as module
-from jld_explore.experiments import FILE
+from jld_explore.experiments import FILE, Experiments, with_experiments
 
 Patch, Capture = pytest.MonkeyPatch, pytest.CaptureFixture[str]
 DOCUMENT = {
@@ -73,6 +73,40 @@ def test_search_by_experiment(tmp_path: Path) -> None:
     assert facts["best"] == pytest.approx(every.summary.facts["experiment"]["best"], rel=1e-9)
     carried = every.results[every.results["status"] == "collapse"]
     assert len(carried) > facts["runs"]
+
+
+def test_none_better_states_what_it_assumes(tmp_path: Path, monkeypatch: Patch) -> None:
+    """λ of untested layouts bounds them only by assumption; one tested layout above its λ ends the claim."""
+    carried = {"share": 0.999}
+
+    def made_up(_: object, name: str, load_factor: float) -> dict[str, object]:
+        row = dict.fromkeys(module.COLUMNS, 0.0) | {"labelling": name, "load_factor": load_factor}
+        return row | {"experiment": carried["share"] * load_factor, "status": "collapse", "stands": True}
+
+    monkeypatch.setattr(module, "one_experiment", made_up)
+
+    def facts(name: str, count: int) -> dict[str, object]:
+        found = explore(scene(), tmp_path / name, ExploreSettings(experiment=count, pictures=False, check_fields=0))
+        return found.summary.facts["experiment"]
+
+    some = facts("some", 12)
+    assert some["none_better"]
+    assert some["none_better_assumes"] == module.ASSUMPTION
+    assert some["most_over_load_factor"] == pytest.approx(0.999)
+    carried["share"] = 1.02
+    above = facts("above", 12)
+    assert not above["none_better"]
+    assert above["none_better_assumes"] is None
+    # With all layouts tested, also those that do not stand by limit analysis, nothing is assumed.
+    done = explore(scene(), tmp_path / "all", ExploreSettings(pictures=False, check_fields=0))
+    tested = Experiments(done.assembly, tmp_path / "all")
+    values = done.results["load_factor_associative"].fillna(0.0)
+    tested.rows = {
+        name: made_up(None, name, value) for name, value in zip(done.results["labelling"], values, strict=True)
+    }
+    every = with_experiments(done, tested, False).summary.facts["experiment"]
+    assert every["none_better"]
+    assert every["none_better_assumes"] is None
 
 
 def test_nobody_is_experimented_on_after_time_is_up(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import pickle
 import re
@@ -20,12 +21,12 @@ import pytest
 from benchmarks.claims import time_limits
 
 from cases import grid_document
-from command import command, environment
+from command import running
 from jld_core import InputError, build_assembly, parse_scene, samples
 from jld_core.arrays import Bits
 from jld_core.deadline import Deadline, DeadlinePassed, checkpoint, time_left
 from jld_core.limit import SolveOptions
-from jld_explore import Driver, ExploreSettings, explore
+from jld_explore import Driver, ExploreSettings, explore, field_check
 from jld_explore.cli.command import main
 from jld_explore.driver_choice import choose_driver
 from jld_explore.drivers import BufferedRandom, operators
@@ -42,6 +43,7 @@ from jld_explore.space import search_space
 from jld_explore.space.labelling import canonical
 from jld_explore.space.measures import Range
 from jld_explore.space.search_space import feasible
+from jld_explore.study_state import Interrupted
 
 
 def test_a_deadline_counts_from_its_start() -> None:
@@ -105,9 +107,9 @@ def test_counting_a_space_knows_the_clock() -> None:
     """It took 150 s in 0.2, whatever --seconds said."""
     scene = hidden()
     space = search_space(scene, build_assembly(scene))
-    start = time.perf_counter()
+    start = time.process_time()
     driver, known = choose_driver(space, ExploreSettings(seconds=2.0), Deadline(2.0))
-    assert time.perf_counter() - start < 2.0
+    assert time.process_time() - start < 2.0  # whatever else the machine does
     assert (driver.name, known) == ("genetic", None)
 
 
@@ -169,15 +171,13 @@ def test_an_interrupted_search_leaves_its_page_and_says_the_best(tmp_path: Path)
     file = tmp_path / "scene.json"
     file.write_text(samples.grid(columns=8, rows=6).model_dump_json(exclude_defaults=True, by_alias=True))
     out = tmp_path / "out"
-    search = subprocess.Popen(
-        command("explore", file, "--out", out, "--driver", "random", "--jobs", "1"),
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment(),
-    )  # fmt: skip
-    until = time.monotonic() + 60.0
-    while not evaluated(out) and time.monotonic() < until:
-        time.sleep(0.05)
-    search.send_signal(signal.SIGINT)
-    said, warned = search.communicate(timeout=60.0)
+    arguments = ("explore", file, "--out", out, "--driver", "random", "--jobs", "1")
+    with running(*arguments, stderr=subprocess.PIPE) as search:
+        until = time.monotonic() + 60.0
+        while not evaluated(out) and time.monotonic() < until:
+            time.sleep(0.05)
+        search.send_signal(signal.SIGINT)
+        said, warned = search.communicate(timeout=60.0)
     assert search.returncode == 3
     best = json.loads((out / "summary.json").read_text())["best"]
     assert f"best λ       {best:.9g}" in said
@@ -242,7 +242,7 @@ def test_a_layout_of_tight_limits_is_constructed(search: dict[str, Any]) -> None
     """No random labelling keeps these limits: a search of them ended without any layout."""
     scene = tight(**search)
     space = search_space(scene, build_assembly(scene))
-    with Deadline(20.0).enforced():
+    with Deadline(120.0).enforced():
         assert not feasible(space, operators(space).draw(64, BufferedRandom(np.random.default_rng(0)))).any()
         found = first_layout(space)
     assert len(found) == 1
@@ -257,7 +257,7 @@ def test_limits_that_no_layout_keeps_are_proven_so(tmp_path: Path) -> None:
     space = search_space(scene, build_assembly(scene))
     assert sum(len(rows) for rows, _ in Enumeration(space).batches()) == 0
     assert len(first_layout(space)) == 0
-    settings = ExploreSettings(driver="random", seconds=2.0, jobs=1, small=0)
+    settings = ExploreSettings(driver="random", seconds=60.0, jobs=1, small=0)  # it ends at once
     with pytest.raises(InputError, match=r"search: no labelling satisfies the constraints; expected"):
         explore(scene, tmp_path / "out", settings)
     assert not (tmp_path / "out").exists()
@@ -331,3 +331,29 @@ def test_the_exact_driver_lists_blocks_in_a_share_of_the_time() -> None:
         driver.close()
     assert [one[:2] for one in found] == [(True, True), (False, True)]
     assert found[1][2] == pytest.approx(found[0][2], rel=2e-6)
+
+
+def test_a_search_that_is_stopped_while_it_writes_has_its_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An interrupt in the check after the tables: the page is written, and the search is handed on."""
+    module = importlib.import_module("jld_explore.explore")
+
+    def stop(*_: object) -> None:
+        raise Interrupted
+
+    monkeypatch.setattr(module, "_draw", stop)
+    scene = parse_scene(grid_document(["ab", "cd", "##"]))
+    with pytest.raises(Interrupted) as caught:
+        explore(scene, tmp_path / "out", driver="enumeration")
+    assert caught.value.done.summary.best > 0.0
+    assert (tmp_path / "out" / "report.html").exists()
+
+
+def test_large_scenes_are_not_meshed_to_plan_a_check(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The number of corners alone says that fields would take too long."""
+    monkeypatch.setattr(field_check, "require_fields", lambda _: pytest.fail("it is meshed"))
+    scene = parse_scene(grid_document(["a" * 40] * 40 + ["#" * 40]))
+    assembly = build_assembly(scene)
+    plan = field_check.plan_check(scene, assembly, search_space(scene, assembly), ExploreSettings())
+    assert plan is not None
+    assert plan.count == 0
+    assert "triangles would take" in plan.skipped

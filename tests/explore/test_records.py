@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from cases import grid_document
+from command import ended
 from jld_core.arrays import Bits
 from jld_core.build import build_assembly
 from jld_core.errors import InputError
@@ -247,15 +248,14 @@ def test_a_kill_loses_nothing_that_was_finished(tmp_path: Path) -> None:
     told = 0
     for wait in rng.integers(1, 120, 2).tolist():
         code = WRITER.format(paths=[str(Path(__file__).parent), str(Path(__file__).parents[1])])
-        run = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], stdout=subprocess.PIPE, text=True)
-        assert run.stdout is not None
-        for _ in range(wait):
-            told = int(run.stdout.readline())
-        os.kill(run.pid, signal.SIGKILL)
-        rest = run.stdout.read().split()
-        run.stdout.close()
-        told = int(rest[-1]) if rest and rest[-1].isdigit() else told
-        run.wait()
+        started = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], stdout=subprocess.PIPE, text=True)
+        with ended(started) as run:
+            assert run.stdout is not None
+            for _ in range(wait):
+                told = int(run.stdout.readline())
+            os.kill(run.pid, signal.SIGKILL)
+            rest = run.stdout.read().split()
+            told = int(rest[-1]) if rest and rest[-1].isdigit() else told
         records = Records(tmp_path, HEADER, FACES)
         count = len(records)
         assert count in (told, told + 1, told + 2)

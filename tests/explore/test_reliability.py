@@ -19,8 +19,8 @@ from jld_core.arrays import Floats
 from jld_core.scene.uncertain import uncertain_values
 from jld_explore.reliability.analysis import ReliabilityOptions, analyse, structure_of
 from jld_explore.reliability.bounds import GoverningBounds, SampleBounds
-from jld_explore.reliability.form import Limit, LimitFunction, design_point
-from jld_explore.reliability.monte_carlo import compare, simulate
+from jld_explore.reliability.form import Form, Limit, LimitFunction, design_point
+from jld_explore.reliability.monte_carlo import _Drawing, compare, simulate
 from jld_explore.reliability.structure import RandomStructure, random_structure
 
 WEIGHT = 2000.0 * 9.81
@@ -258,13 +258,38 @@ def test_importance_sampling_agrees_with_plain_sampling() -> None:
     found = sample_bounds(block(vary(0.6), [vary(9500.0, 0.2), 0.0]))
     form = design_point(LimitFunction(found, 1.0))
     plain = simulate(found, 1.0, 4000, 3)
-    weighted = simulate(found, 1.0, 4000, 3, design=form.point)
+    weighted = simulate(found, 1.0, 4000, 3, design=form)
     assert weighted.importance
     assert not plain.importance
     exact = norm.cdf(-normal_index(9500.0))
     assert weighted.probability == pytest.approx(exact, rel=0.06)
     assert plain.probability == pytest.approx(exact, rel=0.2)
     assert weighted.interval[1] - weighted.interval[0] < plain.interval[1] - plain.interval[0]
+
+
+def test_samples_behind_the_means_are_neither_too_many_nor_too_few() -> None:
+    """Φ(−1.5) behind the design point at 3, over 100 runs; plain samples in the first of ten strata gave half more."""
+    runs = [_Drawing(200, seed, 1, np.array([3.0]), np.array([3.0])).part(0) for seed in range(100)]
+    shares = [float(weights[points[:, 0] < -1.5].sum()) / 200 for points, weights in runs]
+    assert np.mean(shares) == pytest.approx(norm.cdf(-1.5), rel=0.05)
+
+
+def test_failing_means_are_no_rare_failure() -> None:
+    """β = −1.45: failures are the rule, and plain samples tell more than those around the design point."""
+    found = structure(block(vary(0.6), [vary(17000.0, 0.2), 0.0]))
+    result = analyse(found, found.assembly.labels, ReliabilityOptions(samples=2000)).simulation
+    assert not result.importance
+    assert result.interval[1] - result.interval[0] < 0.03
+    assert result.probability == pytest.approx(norm.cdf(-normal_index(17000.0)), abs=1e-3)
+
+
+def test_a_simulation_without_failures_claims_no_certainty() -> None:
+    """At most 3.7 / 400 at 97.5 %, from 400 samples around the means without a failure (Clopper and Pearson 1934)."""
+    found = sample_bounds(block(0.6, [vary(1000.0, 0.1), 0.0]))
+    none = simulate(found, 1.0, 4000, 0, design=Form(4.0, np.array([-4.0]), 1))
+    assert none.importance
+    assert none.failures == 0
+    assert none.interval == pytest.approx((0.0, 1.0 - 0.025 ** (1.0 / 400.0)))
 
 
 def test_what_the_batch_solver_leaves_open_is_solved_again(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -173,3 +173,24 @@ def test_the_command_prints_both_bounds(tmp_path: Path, jld: Command) -> None:
     assert facts["proven"] is True
     assert facts["start"] == pytest.approx(flat_arch_load(1.2, 0.2, 0.1), rel=1e-6)
     assert out.exists()
+
+
+@pytest.mark.parametrize(
+    ("more", "flags", "said"),
+    [
+        ({}, ["--cracks", "fields"], "it bounds λ of blocks that crack along faces alone"),
+        ({"cracks": {"kind": "cells", "cell": 0.1}}, [], "it bounds λ of blocks that crack along faces alone"),
+        ({"fill": {"level": 2.0, "density": 1.0, "friction_angle": 0.0, "active": 0, "passive": 0}}, [], "fill"),
+        ({"materials": {"density": 1e3, "dry": {"friction_coefficient": 1e-3}}}, [], "no position in the box"),
+    ],
+)
+def test_a_refused_proof_prints_nothing(
+    more: Document, flags: list[str], said: str, tmp_path: Path, jld: Command
+) -> None:
+    """Nothing on stdout, one line on stderr and no file, also where the search finds no position that stands."""
+    file = tmp_path / "arch.json"
+    file.write_text(json.dumps({**arch(1), **more}))
+    done = jld("move", file, "-o", tmp_path / "out.json", "--prove", "0.01", *flags)
+    assert (done.code, done.out, done.err.count("\n")) == (2, "", 1)
+    assert said in done.err
+    assert [path.name for path in tmp_path.iterdir()] == ["arch.json"]

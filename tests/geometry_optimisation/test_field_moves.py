@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,15 +14,15 @@ import pytest
 from cases import grid_document
 from command import Command
 from jld_core import InputError, build_assembly, parse_scene
+from jld_core.fields import bounds_by_fields
 from jld_core.fields.adaptive import FieldSetting
-from jld_core.fields.bounds import bounds_by_fields
 from jld_core.fields.mesh import subdivide
 from jld_core.fields.upper import UpperBound
 from jld_core.fields.weak_equilibrium import WeakEquilibrium
 from jld_core.geometry_optimisation.field_mesh import FieldMesh
 from jld_core.geometry_optimisation.field_moves import move_by_fields
 from jld_core.geometry_optimisation.field_search import FieldSearch
-from jld_core.geometry_optimisation.search import GeometrySearch
+from jld_core.geometry_optimisation.search import GeometrySearch, TrustRegion
 from jld_core.scene import Scene
 
 FRICTION = 0.9
@@ -121,7 +122,7 @@ def test_moved_joints_carry_more_by_fields() -> None:
     """λ ≤ μ, since the base stays, is reached by the bound from above; that from below grows on meshes as fine."""
     scene = parse_scene(wall(move={"inner": "follow"}))
     assembly = build_assembly(scene)
-    done = move_by_fields(scene, assembly, assembly.labels, seconds=10.0)
+    done = move_by_fields(scene, assembly, assembly.labels, seconds=120.0)
     after = build_assembly(done.scene)
     before, moved = (bounds_by_fields(one, gap=0.05, most_triangles=70) for one in (assembly, after))
     assert before.upper == pytest.approx(0.78125, rel=1e-3)  # both upper bricks turn, as by faces
@@ -144,10 +145,12 @@ def test_the_command_moves_by_fields(
     tmp_path: Path, jld: Command, without_pictures: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """λ of the command is the bound by fields from below, and the scene written carries it."""
-    monkeypatch.setattr("jld_explore.cli.moving._FIELD_SECONDS", 0.3)
+    # a few points and brackets as wide as a coarse mesh makes them, however long they take
+    monkeypatch.setattr("jld_explore.cli.moving.move_by_fields", partial(move_by_fields, trust=TrustRegion(points=4)))
+    monkeypatch.setattr("jld_explore.cli.moving._FIELD_GAP", 0.5)
     file, out = tmp_path / "wall.json", tmp_path / "moved.json"
     file.write_text(json.dumps(wall(cracks={"kind": "fields"})))
-    found = jld("move", file, "-o", out, "--seconds", "2", "--json")
+    found = jld("move", file, "-o", out, "--json")
     assert found.code == 0
     facts = json.loads(found.out)
     low, high = facts["bracket"]

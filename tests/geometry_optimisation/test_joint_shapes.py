@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import itertools
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,10 @@ import numpy as np
 import pytest
 
 from command import Command
-from jld_core import InputError, Scene, build_assembly, parse_scene, samples, solve
+from jld_core import InputError, Scene, build_assembly, parse_scene, solve
 from jld_core.geometry_optimisation import shape_search
-from jld_core.geometry_optimisation.joint_shapes import Key, Shape, Sine, shaped_scene
+from jld_core.geometry_optimisation.joint_profiles import Incline, Key, Shape, Sine
+from jld_core.geometry_optimisation.joint_shapes import shaped_scene
 from jld_core.geometry_optimisation.shape_search import shape_joints
 from jld_explore.cli import shaping
 
@@ -116,6 +118,35 @@ def test_a_search_finds_a_better_key(monkeypatch: pytest.MonkeyPatch) -> None:
     assert done.after.load_factor > 1.5 * values[0]
 
 
+def test_a_stopped_search_writes_the_best_shape(tmp_path: Path, jld: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An interrupt in the third trial: the scene is that of the best before, and the exit code that of a stop."""
+    file, out = tmp_path / "key.json", tmp_path / "out.json"
+    file.write_text(two_blocks().model_dump_json(exclude_defaults=True))
+    told: list[str] = []
+
+    def tell(line: str) -> None:
+        told.append(line)
+        if len(told) == 3:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(shaping, "say", tell)
+    done = jld("move", file, "-o", out, "--joint", "key:0.025,0.35,0.05")
+    assert done.code == 3
+    assert f"the best so far is in {out}" in done.err
+    best = max(float(line.rpartition(" ")[2]) for line in told)
+    assert solve(parse_scene(json.loads(out.read_text()))).bracket[0] == pytest.approx(best, rel=1e-5)
+
+
+def test_a_search_changes_a_falling_slope(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shape_search, "_LAST", 0.3)
+    scene = two_blocks()
+    assembly = build_assembly(scene)
+    tried = shape_joints(scene, assembly, assembly.labels, Incline(-0.1)).trials
+    slopes = [shape.slope for shape, _ in tried if isinstance(shape, Incline)]
+    assert len(slopes) > 1
+    assert max(slopes) < 0.0
+
+
 def test_the_command(tmp_path: Path, jld: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     file, out = tmp_path / "key.json", tmp_path / "out.json"
     monkeypatch.setattr(shaping, "_GAP", 0.9)  # reached on a coarse mesh
@@ -152,8 +183,166 @@ def test_bad_shapes(tmp_path: Path, jld: Command, shape: str, said: str) -> None
     assert not out.exists()
 
 
-def test_space_has_no_shapes() -> None:
-    scene = samples.KINDS["vault"]()
+# --- in space ---------------------------------------------------------------------------------------------------------
+
+RUN = np.array([0.0, 1.0, 0.0])
+"""Direction along which the shapes of `solid_blocks` run: into the page of `two_blocks`."""
+
+
+def solid_blocks(**options: float) -> Scene:
+    """`two_blocks` as solids: x to the right, y into the page, z upwards."""
+    document = json.loads(two_blocks(**options).model_dump_json(exclude_defaults=True))
+    thick = document.pop("thickness")
+    for entry in document["elements"]:
+        ring = entry.pop("polygon")
+        count = len(ring)
+        entry["vertices"] = [[x, y, z] for y in (0.0, thick) for x, z in ring]
+        sides = [[(k + 1) % count, k, count + k, count + (k + 1) % count] for k in range(count)]
+        entry["faces"] = [list(range(count)), [2 * count - 1 - k for k in range(count)], *sides]
+    for entry in [*document["loads"]["dead"], *document["loads"]["live"]]:
+        entry["force"].insert(1, 0.0)
+        entry["at"].insert(1, 0.5 * thick)
+    return parse_scene(document)
+
+
+def solid_load(scene: Scene, shape: Shape, *, gap: float = 1e-6) -> float:
     assembly = build_assembly(scene)
-    with pytest.raises(InputError, match="joints in space have no shape"):
-        shaped_scene(scene, assembly, assembly.labels, Sine(0.1, 1))
+    return solve(shaped_scene(scene, assembly, assembly.labels, shape, RUN), gap=gap).load_factor
+
+
+@pytest.mark.parametrize("shape", [Key(0.1, 0.4, 0.05), Sine(0.05, 1)])
+def test_in_space_a_shape_has_the_load_of_its_section(shape: Shape) -> None:
+    """A shape that runs through blocks of one thickness fails as its section does: the planar route, meshed apart."""
+    assert solid_load(solid_blocks(), shape) == pytest.approx(load_with(shape), rel=1e-6)
+
+
+def turned(scene: Scene, angle: float, about: np.ndarray[Any, Any], shift: np.ndarray[Any, Any]) -> Scene:
+    """A scene in space turned by an angle about an axis, and moved."""
+    cross = np.cross(np.eye(3), -about)
+    turn = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
+    document = json.loads(scene.model_dump_json(exclude_defaults=True))
+    for entry in document["elements"]:
+        entry["vertices"] = (np.array(entry["vertices"]) @ turn.T + shift).tolist()
+    for entry in [*document["loads"]["dead"], *document["loads"]["live"]]:
+        entry["force"] = (turn @ entry["force"]).tolist()
+        entry["at"] = (turn @ entry["at"] + shift).tolist()
+    return parse_scene(document)
+
+
+@pytest.mark.parametrize("slope", [0.2, 0.5])
+def test_an_inclined_joint_is_climbed(slope: float) -> None:
+    """λ = N tan(φ + α) to 1e-9, up a plane of slope tan α, in the plane and in space."""
+    expected = PRESS * (FRICTION + slope) / (1.0 - FRICTION * slope)
+    # both forces meet in the middle of the joint, so that the block does not rock
+    place = 0.5 * LENGTH - expected * 0.02 / PRESS
+    strong = {"tension": 1e7, "shear": 1e7, "place": place}
+    scene = solid_blocks(**strong)
+    assembly = build_assembly(scene)
+    for sign in (1.0, -1.0):
+        flat = shaped_scene(
+            two_blocks(**strong), build_assembly(two_blocks(**strong)), assembly.labels, Incline(sign * slope)
+        )
+        solid = shaped_scene(scene, assembly, assembly.labels, Incline(sign * slope), RUN)
+        values = [solve(one, gap=1e-8).load_factor for one in (flat, solid)]
+        if values[0] < 1.5 * expected:  # the slope that rises in the direction of the push
+            assert values == pytest.approx([expected, expected], rel=1e-9)
+            break
+    else:
+        pytest.fail("neither slope is climbed")
+
+
+def test_a_key_in_space_breaks_at_its_root() -> None:
+    """Without friction a deep narrow tooth is sheared: λ = τ w t to 1e-9; the push lies in the plane of the root."""
+    width, depth, shear = 0.1, 0.2, 1e5
+    document = json.loads(solid_blocks(tension=1e7, shear=shear).model_dump_json(exclude_defaults=True))
+    document["materials"]["dry"]["friction_coefficient"] = 0.0
+    document["loads"]["live"][0]["at"][2] = 0.0
+    scene = parse_scene(document)
+    expected = shear * width * LENGTH * THICK
+    assert solid_load(scene, Key(depth, width, 0.0), gap=1e-8) == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("shape", [Key(0.2, 0.4, 0.05), Sine(0.08, 2), Incline(0.3)])
+def test_in_space_volumes_are_kept_wherever_blocks_lie(shape: Shape) -> None:
+    """Cells fill what their blocks fill, to 1e-12, and each face of a tooth is one whole face of its neighbour."""
+    plain = solid_blocks()
+    axis = np.array([1.0, 2.0, -0.5]) / np.sqrt(5.25)
+    for scene, run in ((plain, RUN), (turned(plain, 0.7, axis, np.array([30.0, -20.0, 5.0])), None)):
+        if run is None:
+            cross = np.cross(np.eye(3), -axis)
+            run = RUN + np.sin(0.7) * cross @ RUN + (1.0 - np.cos(0.7)) * cross @ cross @ RUN
+        assembly = build_assembly(scene)
+        shaped = build_assembly(shaped_scene(scene, assembly, assembly.labels, shape, run))
+        assert shaped.elements.volume.sum() == pytest.approx(assembly.elements.volume.sum(), rel=1e-12)
+        dry = shaped.interfaces.area[shaped.labels].sum() / assembly.interfaces.area[assembly.labels].sum()
+        outlines = [np.linalg.norm(np.diff(one, axis=0), axis=1).sum() for one, _ in shape.teeth()]
+        if isinstance(shape, Key):
+            expected = 1.0 - shape.width + outlines[0] - shape.width + np.hypot(shape.depth, shape.flank)
+        elif isinstance(shape, Incline):
+            expected = float(np.hypot(1.0, shape.slope)) + 0.5 * shape.slope  # and the side of one wedge
+        else:
+            expected = sum(outlines)
+        assert dry == pytest.approx(expected, rel=1e-9)
+
+
+def test_in_space_keys_climb_then_break() -> None:
+    """Between both lies an optimum, as in the plane: the trend of Mousavian, Bagi and Casapulla (2022)."""
+    scene = solid_blocks()
+    values = [solid_load(scene, Key(depth, 0.35, 0.05)) for depth in (0.0125, 0.1, 0.2)]
+    assert values[0] < values[1] > values[2]
+
+
+def test_the_command_in_space(tmp_path: Path, jld: Command) -> None:
+    file, out = tmp_path / "key.json", tmp_path / "out.json"
+    file.write_text(solid_blocks().model_dump_json(exclude_defaults=True))
+    flags = ("--joint", "key:0.1,0.4,0.05", "--direction", "0,1,0", "--seconds", "0", "--json")
+    done = jld("move", file, "-o", out, *flags)
+    assert done.code == 0, done.err
+    assert "no check by fields: in space it takes minutes; jld solve" in done.err
+    facts = json.loads(done.out)
+    assert facts["load_factor"] == pytest.approx(load_with(Key(0.1, 0.4, 0.05)), rel=1e-6)
+    assert solve(parse_scene(json.loads(out.read_text()))).load_factor == pytest.approx(facts["load_factor"], rel=1e-9)
+    assert out.with_suffix(".csv").exists()
+    assert out.with_suffix(".png").exists()
+
+
+@pytest.mark.parametrize(
+    ("flags", "said"),
+    [
+        (["--joint", "key:0.1,0.4,0.05"], "--direction: joints in space run along a direction"),
+        (["--joint", "key:0.1,0.4,0.05", "--direction", "0,0,0"], "--direction: '0,0,0' is no direction"),
+        (["--joint", "key:0.1,0.4,0.05", "--direction", "0,1"], "is no direction"),
+        (["--joint", "key:0.1,0.4,0.05", "--direction", "0,0,1"], "--direction: all joints lie across it"),
+        (["--joint", "key:0.9,0.4,0.05", "--direction", "0,1,0"], "a tooth of .* does not fit into .*a smaller depth"),
+        (["--joint", "sine:0.9,1", "--direction", "0,1,0"], "does not fit"),
+        (["--joint", "incline:0", "--direction", "0,1,0"], "turns no joint"),
+        (["--direction", "0,1,0"], "--direction: it is that of shaped joints"),
+    ],
+)
+def test_bad_shapes_in_space(tmp_path: Path, jld: Command, flags: list[str], said: str) -> None:
+    file, out = tmp_path / "key.json", tmp_path / "out.json"
+    file.write_text(solid_blocks().model_dump_json(exclude_defaults=True))
+    done = jld("move", file, "-o", out, *flags)
+    assert (done.code, done.out, done.err.count("\n")) == (2, "", 1)
+    assert re.search(said, done.err)
+    assert not out.exists()
+
+
+def test_elements_that_are_not_convex_are_refused() -> None:
+    document = json.loads(solid_blocks().model_dump_json(exclude_defaults=True))
+    ring = [[-0.4, -0.2], [0.8, -0.2], [0.8, 0.0], [0.6, 0.0], [0.6, -0.1], [0.5, -0.1], [0.5, 0.0], [-0.4, 0.0]]
+    count, low = len(ring), document["elements"][1]
+    low["vertices"] = [[x, y, z] for y in (0.0, THICK) for x, z in ring]
+    sides = [[(k + 1) % count, k, count + k, count + (k + 1) % count] for k in range(count)]
+    low["faces"] = [list(range(count)), [2 * count - 1 - k for k in range(count)], *sides]
+    scene = parse_scene(document)
+    assembly = build_assembly(scene)
+    with pytest.raises(InputError, match=r"element '(low|up)': it is not convex"):
+        shaped_scene(scene, assembly, assembly.labels, Sine(0.05, 1), RUN)
+
+
+def test_planar_joints_have_no_direction() -> None:
+    scene = two_blocks()
+    assembly = build_assembly(scene)
+    with pytest.raises(InputError, match="the joints of a planar scene have none"):
+        shaped_scene(scene, assembly, assembly.labels, Sine(0.1, 1), RUN)

@@ -277,3 +277,17 @@ def test_nothing_to_move(tmp_path: Path, jld: Command) -> None:
     file = tmp_path / "block.json"
     file.write_text(json.dumps(block(1.0, 1.0)))
     assert "no vertex of a joint can move" in jld("move", file, "-o", tmp_path / "out.json").err
+
+
+@pytest.mark.parametrize("passive", [0.0, 0.33])
+def test_fill_and_members_are_refused_in_one_line(passive: float, tmp_path: Path, jld: Command) -> None:
+    """Neither has loads or points that move with joints; nothing is written."""
+    file = tmp_path / "arch.json"
+    fill = {"level": 2.0, "density": 1800.0, "friction_angle": 0.0, "active": 0.0, "passive": passive}
+    ends = [{"element": f"pier {side}", "at": [x, -1.0]} for side, x in (("left", -1.5), ("right", 1.5))]
+    tie = {"kind": "tie", "from": ends[0], "to": ends[1], "tension": 1.0}
+    for more, said in (({"fill": fill}, "fill: "), ({"members": [tie]}, "members: a move of joints")):
+        file.write_text(json.dumps({**flat_arch(20.0, 1.2, 0.2), **more}))
+        done = jld("move", file, "-o", tmp_path / "out.json")
+        assert (done.code, done.out, done.err.count("\n"), said in done.err) == (2, "", 1, True)
+        assert [path.name for path in tmp_path.iterdir()] == ["arch.json"]

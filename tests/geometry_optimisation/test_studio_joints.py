@@ -100,3 +100,33 @@ def test_scenes_without_joints_that_move() -> None:
     assert desk.joints is None
     with pytest.raises(InputError, match="no vertex of this scene moves"):
         desk.improve(letters(desk), {})
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ({"fill": {"level": 2.0, "density": 1800.0, "friction_angle": 30.0}}, "fill: .* variable pressure"),
+        (
+            {"fill": {"level": 2.0, "density": 1800.0, "friction_angle": 30.0, "active": 0, "passive": 0}},
+            "fill: its loads do not move with the joints",
+        ),
+        (
+            {
+                "members": [
+                    {
+                        "kind": "tie",
+                        "from": {"element": "pier left", "at": [-1.5, -1.0]},
+                        "to": {"element": "pier right", "at": [1.5, -1.0]},
+                        "tension": 1.0,
+                    }
+                ]
+            },
+            "members: a move of joints does not model them",
+        ),
+    ],
+)
+def test_fill_and_members_are_named(more: dict[str, Any], said: str) -> None:
+    """The button that improves joints says what excludes it; the scene is still solved."""
+    desk = StudioSession(parse_scene({**flat_arch(20.0, 1.2, 0.2), **more}))
+    with pytest.raises(InputError, match=said):
+        desk.improve(letters(desk), {})

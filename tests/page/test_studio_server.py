@@ -8,11 +8,11 @@ import http.client
 import json
 import signal
 import socket
-import subprocess
 import sys
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from command import command, environment
+from command import running
 from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_core.fields import bounds_by_fields
 from jld_explore import ExploreSettings, explore
@@ -369,6 +369,24 @@ def test_a_worker_that_says_much_comes_to_its_end(tmp_path: Path, monkeypatch: p
     assert (job.state, job.error, job.progress["done"]) == ("failed", "the last", 7)
 
 
+def test_a_studio_that_ends_has_read_what_its_searches_printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The pipe of a search is closed, also where something that the search began holds its other end longer."""
+    worker = tmp_path / "worker"
+    worker.write_text("#!/bin/sh\n(sleep 0.3; echo '{\"done\": 7}') &\necho '{\"done\": 0}'\nexec sleep 60")
+    worker.chmod(0o755)
+    monkeypatch.setattr("jld_explore.studio.jobs.sys.executable", str(worker))
+    jobs = Jobs(tmp_path / "studio")
+    job = jobs.start("explore", small_scene(), {"seconds": 1.0})
+    until = time.monotonic() + 30.0
+    while not job.progress and time.monotonic() < until:
+        time.sleep(0.01)
+    jobs.close()
+    assert job.process is not None
+    assert job.process.stdout is not None
+    assert job.process.stdout.closed
+    assert job.progress["done"] == 7
+
+
 def test_a_search_that_cannot_start_takes_no_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A program that cannot be run, and a full disk: nothing half-written stays, and no place is taken for ever."""
     jobs = Jobs(tmp_path / "studio")
@@ -434,25 +452,22 @@ def test_a_studio_that_is_terminated_stops_its_searches(tmp_path: Path) -> None:
     scene = tmp_path / "scene.json"
     document = small_scene(rows=["abcdefgh", "ijklmnop", "abcdefgh", "ijklmnop", "########"])
     scene.write_text(json.dumps(document))
-    studio = subprocess.Popen(
-        command("studio", scene, "--no-browser"), stdout=subprocess.PIPE, text=True, env=environment()
-    )
-    assert studio.stdout is not None
-    address = studio.stdout.readline().split()[-1]
-    port, token = address.split("/")[2].rpartition(":")[2], address.split("/")[3]
-    labelling = "".join("d" if dry else "i" for dry in build_assembly(parse_scene(document)).labels)
-    asked = {"kind": "explore", "labelling": labelling, "changes": {}, "seconds": 600}
-    connection = http.client.HTTPConnection("127.0.0.1", int(port), timeout=30.0)
-    connection.request("POST", f"/{token}/api/start", json.dumps(asked), {"content-type": "application/json"})
-    assert connection.getresponse().status == 200
-    connection.close()
     results = tmp_path / "scene_studio" / "explore-1" / "results"
-    until = time.monotonic() + 60.0
-    while not (results / "scene.json").exists() and time.monotonic() < until:
-        time.sleep(0.05)
-    time.sleep(0.5)
-    studio.send_signal(signal.SIGTERM)
-    assert studio.wait(timeout=30.0) == 130  # as Ctrl-C ends it
-    studio.stdout.close()
+    with running("studio", scene, "--no-browser") as studio:
+        assert studio.stdout is not None
+        address = studio.stdout.readline().split()[-1]
+        port, token = address.split("/")[2].rpartition(":")[2], address.split("/")[3]
+        labelling = "".join("d" if dry else "i" for dry in build_assembly(parse_scene(document)).labels)
+        asked = {"kind": "explore", "labelling": labelling, "changes": {}, "seconds": 600}
+        connection = http.client.HTTPConnection("127.0.0.1", int(port), timeout=30.0)
+        with closing(connection):
+            connection.request("POST", f"/{token}/api/start", json.dumps(asked), {"content-type": "application/json"})
+            assert connection.getresponse().status == 200
+        until = time.monotonic() + 60.0
+        while not (results / "scene.json").exists() and time.monotonic() < until:
+            time.sleep(0.05)
+        time.sleep(0.5)
+        studio.send_signal(signal.SIGTERM)
+        assert studio.wait(timeout=30.0) == 3  # as Ctrl-C ends any command
     assert json.loads((results / "summary.json").read_text())["stop_reason"] == "interrupted"
     assert (results / "report.html").exists()

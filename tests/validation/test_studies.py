@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 from studies import (
     corner,
     drivers,
+    few_cuts,
     few_shapes,
     how_low_can_it_go,
     joints_that_move,
@@ -28,7 +30,8 @@ from studies import (
 from studies.__main__ import STUDIES, gallery
 from studies.report import RESULTS
 
-from jld_core import solve
+from cases import grid_document
+from jld_core import parse_scene, solve
 from jld_explore import ExploreSettings, explore
 
 
@@ -218,6 +221,27 @@ def test_strong_enough(tmp_path: Path) -> None:
     written(tmp_path, strong_enough.NAME)
     assert table["proven"].all()
     assert list(table["dry_faces"]) == pytest.approx([14.0, 13.0, 13.0, float("nan")], nan_ok=True)
+
+
+@pytest.mark.long
+def test_few_cuts(tmp_path: Path) -> None:
+    table = few_cuts.run(tmp_path, quick=True)
+    written(tmp_path, few_cuts.NAME)
+    assert table["proven"].all()
+    assert table["load_factor"].max() == pytest.approx(11.8764, rel=1e-5)
+
+
+def test_fronts_of_stepped_limits_are_those_of_all_layouts(tmp_path: Path) -> None:
+    """λ, sawn length and moulds of the front, against the definition over all layouts of a small wall."""
+    scene = parse_scene(grid_document(["ab", "cd", "ef", "##"], block_cells=[1, 3]))
+    front = few_cuts.proven_front(scene, 6)
+    every = explore(scene, tmp_path, driver="enumeration", pictures=False).results
+    values = np.round(every[["load_factor", "sawn_length", "shapes"]].to_numpy(dtype=float), 6) * [1.0, -1.0, -1.0]
+    wanted = {tuple(np.abs(row)) for row in values if not any((values >= row).all(axis=1) & (values > row).any(axis=1))}
+    found = np.round(front[["load_factor", "sawn_length", "moulds"]].to_numpy(dtype=float), 6)
+    assert {tuple(row) for row in found} == wanted
+    assert len(wanted) > 1
+    assert front["proven"].all()
 
 
 @pytest.mark.long

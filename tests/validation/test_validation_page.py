@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 
 import pytest
-from benchmarks.corpus import Value, read
+from benchmarks.corpus import CLASSES, Value, read
 from benchmarks.corpus.__main__ import PAGE, row
+from benchmarks.corpus.quantities import QUANTITIES
 
 VALUES = read()
 ROWS = [
@@ -45,9 +46,39 @@ def test_a_wrong_value_would_be_seen() -> None:
             assert not value.agrees((value.published + 1.0, math.inf))
         elif value.relation == "above":
             assert not value.agrees((off, off))
+        elif value.relation == "below":
+            assert value.agrees((off, off))
+            assert not value.agrees((0.99 * value.published, 0.99 * value.published))
 
 
 def test_the_corpus_is_as_large_as_it_says() -> None:
     others = [value for value in VALUES if value.source.tier != "ours"]
     assert len(others) >= 50
     assert sum(value.spatial for value in others) >= 12
+    assert sum(value.source.tier == "experiment" for value in others) >= 6
+
+
+def test_every_difference_has_its_class_on_the_page() -> None:
+    text = PAGE.read_text("utf-8")
+    assert f"None of {len(VALUES)} " in text
+    for value in VALUES:
+        if value.relation in ("above", "below"):
+            assert value.kind in CLASSES
+        if value.kind:
+            assert f"- *{value.kind}*: {value.what}: " in text
+
+
+@pytest.mark.parametrize("moved", [0.0, 0.1, 0.5])
+def test_a_pushed_wall_by_moments(moved: float) -> None:
+    """Moments of the upper half about its edge, and of the whole about the edge of the base; weight 1."""
+    half, t = 0.75, 0.11
+    turn = math.asin(moved * t / half)
+    cos, sin = math.cos(turn), math.sin(turn)
+    x, y = t - t * cos + half * sin, t * sin + half * cos
+    rise = half * cos + 0.5 * t * sin
+    lower, upper = t - 0.5 * (t * cos - half * sin), x + 0.5 * (t * cos - half * sin)
+    strut = 0.5 * (upper - x) / rise
+    force = (strut * (y + rise) + 0.5 * (t - lower) + 0.5 * (t - upper)) / y
+    assert QUANTITIES["pushed_wall"](height=2 * half, thickness=t, moved=moved)[0] == pytest.approx(force, rel=3e-4)
+    if not moved:
+        assert force == pytest.approx(t / half)

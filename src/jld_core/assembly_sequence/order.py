@@ -27,6 +27,9 @@ GROUP: Final = 3
 _STAGES: Final = 400
 """Largest number of stages examined in the search for an order whose stages stand."""
 
+_SAME: Final = 1e-6
+"""Difference of prop forces, relative to the weight, below which two stages need the same."""
+
 
 @dataclass(frozen=True)
 class Step:
@@ -232,7 +235,11 @@ def _disassembly(freedom: Freedom, standing: Standing, group: int, turn: Turn) -
         moves.sort(key=lambda move: turn(there, move[0]))
         choice = next((m for m in moves[:6] if standing.stage(_without(there, m)).stands), None)
         if choice is None:
-            choice = min(moves[:6], key=lambda m: float(standing.stage(_without(there, m)).props.sum()))
+            stages = [standing.stage(_without(there, m)) for m in moves[:6]]
+            least = min(float(stage.props.sum()) for stage in stages)
+            # of removals that need the same props up to rounding the first in order is taken
+            pairs = zip(moves[:6], stages, strict=True)
+            choice = next(m for m, stage in pairs if float(stage.props.sum()) <= least + _SAME * stage.weight)
         taken.append(choice)
         there = _without(there, choice)
     return taken, there

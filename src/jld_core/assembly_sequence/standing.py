@@ -9,7 +9,7 @@ labellings of an assembly (`Parts`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Final
 
@@ -20,6 +20,7 @@ from scipy.sparse.csgraph import connected_components
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.assembly_sequence.blocks import Blocks
+from jld_core.assembly_sequence.stations import Stations
 from jld_core.deadline import checkpoint
 from jld_core.geometry import moment_about
 from jld_core.program import ConicProgram, Template, beginnings, pack
@@ -32,17 +33,30 @@ A stage stands up to ten times this force.
 """
 
 
+_ELSEWHERE: Final = 100.0
+"""Cost of a prop beside the places of a line of props, relative to one of these places."""
+
+
 @dataclass(frozen=True)
 class Stage:
     """Stability of one stage of an assembly sequence under self-weight.
 
     props: (k,) upward force on each block, scene units, 0 where none is needed. error: largest of the residuals of
-    equations and yield rows and of the duality gap, relative to the weight. weight: laid weight, force.
+    equations and yield rows and of the duality gap, relative to the weight. weight: laid weight, force. along: (s,)
+    force at each place of props along a line, contained in `props`; empty without such a line. places: (s, 2) these
+    places, scene units.
     """
 
     props: Floats
     error: float
     weight: float
+    along: Floats = field(default_factory=lambda: np.zeros(0))
+    places: Floats = field(default_factory=lambda: np.zeros((0, 2)))
+
+    @property
+    def elsewhere(self) -> float:
+        """Return the sum of props that stand at no place of a line of props, force."""
+        return float(self.props.sum() - self.along.sum()) if self.along.size else 0.0
 
     @property
     def stands(self) -> bool | None:
@@ -59,12 +73,13 @@ class Stage:
 class _Part:
     """Prop forces of one part of a stage.
 
-    props: (n,) upward force on each element; error, weight: as in `Stage`.
+    props: (n,) upward force on each element; error, weight, along: as in `Stage`.
     """
 
     props: Floats
     error: float
     weight: float
+    along: Floats
 
 
 class Standing:
@@ -93,7 +108,14 @@ class Standing:
             for part in found:
                 np.add.at(props, self.blocks.of, part.props)
             error = max((part.error for part in found), default=0.0)
-            self._known[key] = Stage(props, error, sum(part.weight for part in found))
+            along = np.zeros(self.parts.places)
+            for part in found:
+                along += part.along
+            weight, stations = sum(part.weight for part in found), self.parts.stations
+            if stations is None:
+                self._known[key] = Stage(props, error, weight)
+            else:
+                self._known[key] = Stage(props, error, weight, along, stations.points)
         return self._known[key]
 
 
@@ -101,12 +123,18 @@ class Parts:
     """Store of solved parts of stages, shared by all labellings of one assembly.
 
     Laid elements that touch one another, apart from supports, form a part. Its prop forces depend only on its elements
-    and the labels between them.
+    and the labels between them. stations: places of props; others are taken only where these cannot hold a stage, or
+    a hundredth of the force does the same.
     """
 
-    def __init__(self, assembly: Assembly) -> None:
-        self.assembly = assembly
+    def __init__(self, assembly: Assembly, stations: Stations | None = None) -> None:
+        self.assembly, self.stations = assembly, stations
         self._known: dict[bytes, _Part] = {}
+
+    @property
+    def places(self) -> int:
+        """Return the number of places of props along a line, 0 without one."""
+        return 0 if self.stations is None else len(self.stations.element)
 
     @cached_property
     def template(self) -> Template:
@@ -151,7 +179,7 @@ class Parts:
         standing = np.flatnonzero(here[free])
         weight = float(np.linalg.norm(elements.weight[free[standing]], axis=1).sum())
         if weight == 0.0:
-            return _Part(props, 0.0, weight)
+            return _Part(props, 0.0, weight, np.zeros(self.places))
         program = template.program(labels)
         own = np.zeros((len(free), q))
         own[:, : assembly.dimension] = elements.weight[free]
@@ -170,27 +198,32 @@ class Parts:
         of_yield, of_equations = matrix[yields], matrix[equations]
         used = np.flatnonzero(np.diff(of_yield.tocsc().indptr))
         used = used[used < matrix.shape[1] - 1]
-        push, owner = self._props(standing)
+        push, owner, place = self._props(standing)
         size = push.shape[1]
         forces = sp.vstack([of_equations[:, used], sp.csr_array((size, len(used))), of_yield[:, used]])
         upward = sp.vstack([sp.csr_array(push), -sp.eye_array(size), sp.csr_array((len(yields), size))])
         rows = sp.hstack([forces, upward])
         rhs = np.concatenate([-weight_of[equations], np.zeros(size), program.rhs[yields]])
-        objective = np.concatenate([np.zeros(len(used)), np.ones(size)])
+        cost = np.where(place < 0, 1.0 if self.stations is None else _ELSEWHERE, 1.0)
+        objective = np.concatenate([np.zeros(len(used)), cost])
         cones = tuple(pattern.cones[k] for k in kept)
         stated = pack(rows, rhs, objective, len(equations), size + len(linear), cones)
         answer = solve_auxiliary(stated)
         error = _error(stated, answer.point, answer.dual)
         force = np.maximum(answer.point[len(used) :], 0.0) * template.scaling.force
+        force = np.where(force > _NONE * weight / size, force, 0.0)
         np.add.at(props, owner, force)
+        along = np.zeros(self.places)
+        np.add.at(along, place[place >= 0], force[place >= 0])
         relative = template.scaling.force / weight
-        return _Part(np.where(props > _NONE * weight, props, 0.0), error * relative, weight)
+        return _Part(np.where(props > _NONE * weight, props, 0.0), error * relative, weight, along)
 
-    def _props(self, standing: Ints) -> tuple[Floats, Ints]:
-        """Return unit prop forces as columns (q·k, props), and the element (props,) of each.
+    def _props(self, standing: Ints) -> tuple[Floats, Ints, Ints]:
+        """Return unit prop forces as columns (q·k, props), and the element and the place (props,) of each.
 
-        standing: (k,) laid elements as indices among the free elements. Props act upwards at the centroid and at
-        extreme corners of each element. A column holds force and moment in the scaled equations of the laid elements.
+        standing: (k,) laid elements as indices among the free elements. Props act upwards at the centroid, at extreme
+        corners of each element, and at the stations. A place is the number of a station, −1 elsewhere. A column holds
+        force and moment in the scaled equations of the laid elements.
         """
         assembly, template = self.assembly, self.template
         elements, q, d = assembly.elements, assembly.freedoms, assembly.dimension
@@ -198,17 +231,22 @@ class Parts:
         up = -total / np.linalg.norm(total)
         across = np.eye(d) - np.outer(up, up)
         sides = across[np.argsort(-np.linalg.norm(across, axis=1))[: d - 1]]
-        columns, owner = [], []
+        columns, owner, place = [], [], []
         for position, row in enumerate(standing.tolist()):
             element = int(elements.free[row])
-            points = [elements.centroid[element]]
+            points, places = [elements.centroid[element]], [-1]
+            if self.stations is not None:
+                here = np.flatnonzero(self.stations.element == element)
+                points += list(self.stations.points[here])
+                places += here.tolist()
             for side in sides:
                 along = elements.shape[element] @ side
                 points += [
                     elements.shape[element][int(np.argmin(along))],
                     elements.shape[element][int(np.argmax(along))],
                 ]
-            for point in points:
+            places += [-1] * (len(points) - len(places))
+            for point, station in zip(points, places, strict=True):
                 arm = point - elements.centroid[element]
                 column = np.zeros(q * len(standing))
                 column[q * position : q * (position + 1)] = (
@@ -216,7 +254,8 @@ class Parts:
                 )
                 columns.append(column)
                 owner.append(element)
-        return np.array(columns).T, np.array(owner, dtype=np.int64)
+                place.append(station)
+        return np.array(columns).T, np.array(owner, dtype=np.int64), np.array(place, dtype=np.int64)
 
 
 def _error(program: ConicProgram, point: Floats, dual: Floats) -> float:
@@ -236,5 +275,6 @@ def _error(program: ConicProgram, point: Floats, dual: Floats) -> float:
         for part in (slack[start : start + size], dual[start : start + size]):
             worst = max(worst, float(np.linalg.norm(part[1:]) - part[0]))
         start += size
-    worst = max(worst, float(abs(program.objective + program.matrix.T @ dual).max(initial=0.0)))
+    error = program.objective + program.matrix.T @ dual
+    worst = max(worst, float(abs(error).max(initial=0.0)))
     return max(worst, abs(float(program.objective @ point + program.rhs @ dual)))

@@ -50,10 +50,10 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes) -> Impo
     """
     scale, unit = _scale(drawing, options, notes)
     drawn_in = options.unit or drawing.unit or unit
-    paths = [_scaled(path, scale) for path in drawing.paths if options.role(path.layer) not in ("skip", "id")]
+    paths = [path.scaled(scale) for path in drawing.paths if options.role(path.layer) not in ("skip", "id")]
     ignored = len(drawing.paths) - len(paths)
     notes.skip("paths", ignored, "on layers for dimensions and texts")
-    marks = [_moved(mark, scale) for mark in drawing.marks]
+    marks = [mark.scaled(scale) for mark in drawing.marks]
     loads = [path for path in paths if options.role(path.layer) in ("load", "dead")]
     paths = [path for path in paths if options.role(path.layer) not in ("load", "dead")]
     if not paths:
@@ -118,18 +118,6 @@ def _scale(drawing: Drawing, options: ImportOptions, notes: Notes) -> tuple[floa
     if unit != "m":
         notes.found.append(f"lengths in {unit}, times {METRES[unit]:g} to m")
     return METRES[unit], "m"
-
-
-def _scaled(path: Path, scale: float) -> Path:
-    """Return a path with scaled coordinates."""
-    factor = np.array([scale, scale, 1.0])
-    return Path(path.points * factor, path.closed, path.layer, path.name, tuple(hole * factor for hole in path.holes))
-
-
-def _moved(mark: Mark, scale: float) -> Mark:
-    """Return a mark with scaled coordinates."""
-    end = None if mark.end is None else (mark.end[0] * scale, mark.end[1] * scale)
-    return Mark((mark.at[0] * scale, mark.at[1] * scale), mark.layer, mark.text, end)
 
 
 def _tolerance(paths: list[Path], size: float, options: ImportOptions, drawing: Drawing) -> float:

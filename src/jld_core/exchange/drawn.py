@@ -24,6 +24,11 @@ class Mark:
     text: str | None = None
     end: tuple[float, float] | None = None
 
+    def scaled(self, factor: float) -> Mark:
+        """Return the mark with all coordinates multiplied by a factor."""
+        end = None if self.end is None else (self.end[0] * factor, self.end[1] * factor)
+        return Mark((self.at[0] * factor, self.at[1] * factor), self.layer, self.text, end)
+
 
 @dataclass(frozen=True)
 class SolidMark:

@@ -183,8 +183,16 @@ class Layout:
         """
         elements = self.assembly.elements
         name = elements.blocks[int(members[0])]
-        whole = [k for k, other in enumerate(elements.blocks) if other == name]
+        whole = self._named.get(name, [])
         return name if name is not None and whole == members.tolist() else elements.ids[int(members[0])]
+
+    @cached_property
+    def _named(self) -> dict[str | None, list[int]]:
+        """Indices of the elements of each block that the scene names, by name."""
+        found: dict[str | None, list[int]] = {}
+        for k, name in enumerate(self.assembly.elements.blocks):
+            found.setdefault(name, []).append(k)
+        return found
 
     def _shapes(self) -> list[int]:
         """Return the shape number of each block: from 1, equal for equal shapes; 0 for supports.

@@ -36,6 +36,13 @@ class Path:
     name: str | None = None
     holes: tuple[Floats, ...] = ()
 
+    def scaled(self, scale: float) -> Path:
+        """Return the path with all coordinates multiplied by a factor."""
+        factor = np.array([scale, scale, 1.0])
+        return Path(
+            self.points * factor, self.closed, self.layer, self.name, tuple(hole * factor for hole in self.holes)
+        )
+
 
 @dataclass(frozen=True)
 class Chords:

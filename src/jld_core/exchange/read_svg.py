@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 import re
+from dataclasses import replace
 from pathlib import Path as File
 from typing import Any, Final
 
@@ -25,11 +26,19 @@ _PIXEL: Final = 96.0
 _PAGE: Final = r"""\s(viewBox|width|height)\s*=\s*("[^"]*"|'[^']*')"""
 """Pattern of the attributes of page size and viewBox."""
 
+_LENGTH: Final = re.compile(r"\s*([0-9.]+(?:[eE][+-]?[0-9]+)?)\s*(mm|cm|in)\s*")
+"""Pattern of a page size in a unit of length; other units of CSS are those of screens and print."""
+
+_SAME_SCALE: Final = 1e-3
+"""Relative difference up to which width and height of a page state the same scale: programs round them."""
+
 
 def read_svg(path: File, options: ImportOptions, notes: Notes) -> Drawing:
     """Read the shapes and texts of an SVG file as a drawing in the file's own units.
 
-    The y axis is turned upwards. The name of the innermost named group is the layer. options: accuracy of curves.
+    The y axis is turned upwards. The name of the innermost named group is the layer. Where page size and viewBox state
+    a unit of length, coordinates are scaled to it; a unit of the options is that of the numbers in the file. options:
+    unit and accuracy of curves.
     notes: receives what was found and skipped. Raises InputError where the file is not SVG, is broken or excessive, or
     defines XML entities.
     """
@@ -39,11 +48,42 @@ def read_svg(path: File, options: ImportOptions, notes: Notes) -> Drawing:
         raise InputError("", "it defines entities, which may unfold to anything", "an SVG without a DTD of its own")
     if text.count("<use") > 1000 or text.count("<") > 2 * MOST:
         raise InputError("", "it holds more shapes than a structure has", f"at most {MOST}")
+    stated = None if options.unit else _stated_unit(text)
     # drop the page size and viewBox: lengths are those in which the drawing was made
     text = re.sub(r"<svg\b[^>]*>", lambda tag: re.sub(_PAGE, "", tag[0]), text, count=1)
     with parsing("SVG", "an SVG file"):
         root = svg.SVG.parse(io.StringIO(text), reify=True, ppi=_PIXEL)
-        return _drawing(svg, root, path.stem, options, notes)
+        return _in_stated_unit(_drawing(svg, root, path.stem, options, notes), stated)
+
+
+def _stated_unit(text: str) -> tuple[float, str] | None:
+    """Return the length of one unit of the viewBox and its unit, as the page of an SVG text states it.
+
+    It is None where width, height and viewBox do not state the same scale in mm, cm or inches.
+    """
+    tag = re.search(r"<svg\b[^>]*>", text)
+    page = {key: value[1:-1] for key, value in re.findall(_PAGE, tag[0] if tag else "")}
+    sides = [_LENGTH.fullmatch(page.get(key, "")) for key in ("width", "height")]
+    numbers = re.findall(r"[^\s,]+", page.get("viewBox", ""))
+    if sides[0] is None or sides[1] is None or sides[0][2] != sides[1][2] or len(numbers) != 4:
+        return None
+    try:
+        wide, tall = (float(side[1]) / float(box) for side, box in zip(sides, numbers[2:], strict=True) if side)
+    except (ValueError, ZeroDivisionError):
+        return None
+    if not (0.0 < wide < np.inf and abs(wide - tall) <= _SAME_SCALE * wide):
+        return None
+    # a page rounded to whole units has the scale 1
+    return (1.0 if abs(wide - 1.0) <= _SAME_SCALE else wide), sides[0][2]
+
+
+def _in_stated_unit(drawing: Drawing, stated: tuple[float, str] | None) -> Drawing:
+    """Return a drawing in the unit that its page states: (length of one unit of the file, unit); None for no unit."""
+    if stated is None:
+        return drawing
+    scale, unit = stated
+    paths, marks = [path.scaled(scale) for path in drawing.paths], [mark.scaled(scale) for mark in drawing.marks]
+    return replace(drawing, paths=paths, marks=marks, unit=unit)
 
 
 def _drawing(svg: Any, root: Any, name: str, options: ImportOptions, notes: Notes) -> Drawing:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
@@ -45,6 +44,8 @@ def outlines_of(assembly: Assembly, extra: Floats | None = None) -> Outlines:
     Outlines
         Corners and ends closer than the contact tolerance are one node.
     """
+    from scipy.spatial import cKDTree  # slow to import, and most searches have no fields
+
     cells = assembly.elements.free
     shapes = [assembly.elements.shape[cell] for cell in cells]
     ends = np.concatenate([np.asarray(ends, dtype=float) for ends in assembly.interfaces.polygon])

@@ -83,7 +83,8 @@ class WeakEquilibrium:
         entries = _Entries()
         row, base = 6 * np.arange(count), 3 * np.arange(count)
         for k in range(3):
-            gx, gy = (mesh.area[:, None] * mesh.gradient[:, k]).T
+            gradient = mesh.area[:, None] * mesh.gradient[:, k]
+            gx, gy = gradient.T
             for axis, parts in enumerate(((gx, gx, gy), (gy, -gy, gx))):
                 for j, value in enumerate(parts):
                     entries.add(row + 2 * k + axis, base + j, value)

@@ -31,6 +31,9 @@ _FLAT: Final = 1e-5
 """Excess of the hull's volume over the block's volume (relative) up to which a solid block counts as convex."""
 
 
+_ANGLE: Final = 1e-6
+"""Angle, radians, up to which two edges or faces are parallel: they are sawn with one set-up."""
+
 _Corner = tuple[int, int]
 """Corner of a polygon, as integer coordinates in grid steps."""
 
@@ -84,6 +87,8 @@ class Outline:
         Longest over shortest side of the smallest box around the block.
     reentrant : int
         Planar: number of re-entrant corners. Spatial: 1 where the block is not convex, else 0.
+    lines : int
+        Number of different lines along edges (planar) or normal to faces (spatial): parallel ones are one.
     """
 
     points: Floats
@@ -91,6 +96,12 @@ class Outline:
     size: float
     aspect: float
     reentrant: int
+    lines: int = 0
+
+    @property
+    def faces(self) -> int:
+        """Return the number of edges (planar) or faces (spatial)."""
+        return len(self.points) - self.count
 
 
 def reach_of(assembly: Assembly) -> float:
@@ -107,6 +118,25 @@ def reach_of(assembly: Assembly) -> float:
         Larger of 1e-6 times the size and four times the displacement, scene units.
     """
     return max(_REACH * assembly.size, 4.0 * assembly.moved)
+
+
+def boundary(corners: Floats, faces: Sequence[Sequence[int]] | None = None) -> float:
+    """Return the length of the outline of a polygon (k, 2), or the area of the surface of a solid with corners (k, 3).
+
+    faces: corners of each face of the solid, in order; None for a polygon.
+    """
+    if faces is None:
+        return float(np.hypot(*(np.roll(corners, -1, axis=0) - corners).T).sum())
+    return float(sum(np.linalg.norm(area_vector(corners[list(loop)])) for loop in faces))
+
+
+def different_lines(vectors: Floats) -> int:
+    """Return the number of different lines among unit vectors (k, d); opposite vectors are one line.
+
+    Lines are equal if their angle is at most 1e-6.
+    """
+    alike = abs(vectors @ vectors.T) >= 1.0 - 0.5 * _ANGLE**2 - 1e-12
+    return len(vectors) - int(np.count_nonzero(np.triu(alike, 1).any(axis=0)))
 
 
 class Outlines:
@@ -166,7 +196,7 @@ def flat_outline(polygons: Sequence[Floats], reach: float, edges: Sequence[_Edge
     if region is None:
         region = shapely.union_all([shapely.Polygon(polygon) for polygon in polygons], grid_size=_SNAP * reach)
     centre = shapely.get_coordinates(region.centroid)[0]
-    corners, middles, inwards = [], [], 0
+    corners, middles, edges_of, inwards = [], [], [], 0
     for part in shapely.get_parts(region):
         for ring, outer in [(part.exterior, True), *((hole, False) for hole in part.interiors)]:
             points = _straightened(shapely.get_coordinates(ring)[:-1], reach)
@@ -177,11 +207,13 @@ def flat_outline(polygons: Sequence[Floats], reach: float, edges: Sequence[_Edge
             inwards += int(np.count_nonzero(way * turn < 0.0 if outer else way * turn > 0.0))
             corners.append(points - centre)
             middles.append(points + 0.5 * after - centre)
+            edges_of.append(after / np.hypot(*after.T)[:, None])
     box = shapely.get_coordinates(shapely.minimum_rotated_rectangle(region))
     sides = np.hypot(*(box[1:3] - box[:2]).T)
     points = np.concatenate(corners + middles)
     count = sum(len(ring) for ring in corners)
-    return Outline(points, count, float(region.area), float(sides.max() / sides.min()), inwards)
+    aspect, lines = float(sides.max() / sides.min()), different_lines(np.concatenate(edges_of))
+    return Outline(points, count, float(region.area), aspect, inwards, lines)
 
 
 def _edges(polygon: Floats, step: float) -> _Edges:
@@ -261,7 +293,9 @@ def _solid_outline(
     middles = np.array([face.mean(axis=0) for face in outline])
     centre = np.average(centroids, axis=0, weights=volumes)
     points = np.concatenate([unique - centre, middles - centre])
-    return Outline(points, len(unique), volume, _box_aspect(corners[hull.vertices], hull), int(not convex))
+    normals = np.array([area_vector(face) for face in outline])
+    lines = different_lines(normals / np.linalg.norm(normals, axis=1)[:, None])
+    return Outline(points, len(unique), volume, _box_aspect(corners[hull.vertices], hull), int(not convex), lines)
 
 
 def _beside(points: Floats) -> tuple[Floats, Floats]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -56,17 +57,22 @@ def fit_of_line(ends: Floats, outward: Floats, outline: Floats) -> Fit:
     Fit
         `beyond` is the length of the contact along which the element has no edge.
     """
-    length = float(np.hypot(*(ends[1] - ends[0])))
-    along = (ends[1] - ends[0]) / length
-    edge = np.roll(outline, -1, axis=0) - outline
-    facing = (np.column_stack([edge[:, 1], -edge[:, 0]]) @ outward) / np.hypot(*edge.T) > _ALONG
+    # plain numbers: outlines have few corners, for which arrays take ten times as long
+    (x, y), (x1, y1) = ends.tolist()
+    out_x, out_y = outward.tolist()
+    length = math.hypot(x1 - x, y1 - y)
+    along_x, along_y = (x1 - x) / length, (y1 - y) / length
     covered, off = [(0.0, 0.0), (length, length)], []
-    for start, vector in zip(outline[facing] - ends[0], edge[facing], strict=True):
-        first, slope = float(start @ along), float(vector @ outward / (vector @ along))
-        low, high = sorted((first, first + float(vector @ along)))
-        low, high = max(low, 0.0), min(high, length)
-        heights = [float(start @ outward) + slope * (place - first) for place in (low, high)]
-        if high > low and max(abs(height) for height in heights) <= _OFF * length:
+    corners = outline.tolist()
+    for (start_x, start_y), (end_x, end_y) in zip(corners, corners[1:] + corners[:1], strict=True):
+        edge_x, edge_y = end_x - start_x, end_y - start_y
+        if not edge_y * out_x - edge_x * out_y > _ALONG * math.hypot(edge_x, edge_y):
+            continue
+        first, reach = (start_x - x) * along_x + (start_y - y) * along_y, edge_x * along_x + edge_y * along_y
+        height, slope = (start_x - x) * out_x + (start_y - y) * out_y, (edge_x * out_x + edge_y * out_y) / reach
+        low, high = max(min(first, first + reach), 0.0), min(max(first, first + reach), length)
+        heights = [height + slope * (place - first) for place in (low, high)]
+        if high > low and max(abs(one) for one in heights) <= _OFF * length:
             covered.append((low, high))
             off += heights
     beyond, reached = 0.0, 0.0

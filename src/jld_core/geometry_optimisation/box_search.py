@@ -16,6 +16,7 @@ from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.errors import InputError, ParameterError
 from jld_core.geometry_optimisation.box_bound import BoxBound, BoxProblem
+from jld_core.geometry_optimisation.limits import loads_that_move
 from jld_core.geometry_optimisation.moved_scene import MovedScene
 from jld_core.geometry_optimisation.variables import variables_of
 from jld_core.geometry_optimisation.vertex_mesh import vertex_mesh
@@ -127,6 +128,9 @@ class _Search:
         if assembly.dimension != 2:
             raise ParameterError("prove", "it bounds planar structures alone", "a planar scene")
         assembly.members.refuse("a bound over positions")
+        loads_that_move(scene)
+        if scene.cracks != "faces":
+            raise ParameterError("prove", "it bounds λ of blocks that crack along faces alone", '"cracks": "faces"')
         if assembly.nominal is not None:
             raise ParameterError("prove", "it bounds λ at nominal values of materials", "no `robust` layout")
         move = scene.move or Move()

@@ -138,7 +138,8 @@ def _weights(mesh: Mesh, own: Ints, vertex: Ints, loaded: Ints, count: int) -> s
     pairs = np.concatenate([unique, unique[:, ::-1]])
     outline_pairs = np.unique(np.sort(ends, axis=1), axis=0)
     along = np.concatenate([outline_pairs, outline_pairs[:, ::-1]])
-    rows = np.concatenate([pairs[~on_outline[pairs[:, 0]]], along[on_outline[along[:, 0]]]])
+    inside, outside = ~on_outline[pairs[:, 0]], on_outline[along[:, 0]]
+    rows = np.concatenate([pairs[inside], along[outside]])
     length = np.linalg.norm(mesh.points[rows[:, 0]] - mesh.points[rows[:, 1]], axis=1)
     near = sp.csr_array((1.0 / length, rows.T), shape=(size, size))
     total = np.asarray(near.sum(axis=1)).ravel()

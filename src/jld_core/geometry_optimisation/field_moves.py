@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from typing import Final
-
-import numpy as np
+from functools import partial
+from typing import Final, Unpack
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
@@ -15,8 +14,9 @@ from jld_core.errors import InputError
 from jld_core.fields.requirements import require_fields
 from jld_core.geometry_optimisation.evaluation import Evaluated
 from jld_core.geometry_optimisation.field_search import FieldPoint, FieldSearch
-from jld_core.geometry_optimisation.optimise import MovedJoints, Point, moved_result
-from jld_core.geometry_optimisation.search import GeometrySearch, TrustRegion
+from jld_core.geometry_optimisation.move_run import MoveOptions, MoveRun
+from jld_core.geometry_optimisation.optimise import MovedJoints, moved_result
+from jld_core.geometry_optimisation.search import GeometrySearch
 from jld_core.models import solve
 from jld_core.scene import Scene
 from jld_core.threads import one_thread
@@ -36,11 +36,7 @@ def move_by_fields(
     scene: Scene,
     assembly: Assembly,
     labels: Bits,
-    *,
-    seconds: float = math.inf,
-    starts: int = 1,
-    trust: TrustRegion | None = None,
-    progress: Callable[[Point], None] | None = None,
+    **options: Unpack[MoveOptions],
 ) -> MovedJoints:
     """Move joints to raise λ of blocks that may crack anywhere (docs/method.md (11.9)).
 
@@ -49,7 +45,7 @@ def move_by_fields(
 
     Parameters
     ----------
-    scene, assembly, labels, seconds, starts, trust, progress
+    scene, assembly, labels, **options
         As for `move_joints`; the scene is planar and its objective is λ.
 
     Returns
@@ -62,7 +58,7 @@ def move_by_fields(
     InputError
         As `move_joints`; for a scene in space, another objective, low values, or one that fields do not take.
     """
-    began = time.perf_counter()
+    run = MoveRun(**options)
     if assembly.dimension != 2:
         raise InputError("cracks", "joints in space move by faces alone", '"faces"')
     if scene.move is not None and scene.move.maximise != "load_factor":
@@ -70,31 +66,24 @@ def move_by_fields(
     if assembly.nominal is not None:
         raise InputError("cracks", "fields take nominal values of materials alone", '"faces", or nominal values')
     require_fields(assembly)
-    search = GeometrySearch(scene, assembly, labels, trust)
-    fields, deadline, points = FieldSearch(search), began + seconds, list[Point]()
+    search = GeometrySearch(scene, assembly, labels, run.trust)
+    fields = FieldSearch(search)
     best: tuple[FieldPoint, str] | None = None
     # the last point accepted: finer meshes refute what coarser ones found, so that it is the one to keep
     last: FieldPoint | None = None
-    for number in range(starts):
-        if number and time.perf_counter() > deadline:
-            break
-        near = None if best is None else best[0].values
-        values = np.zeros(search.variables.count) if number == 0 else search.shaken(number, near)
-        taken = 0
 
-        def report(point: FieldPoint, predicted: float, radius: float, number: int = number) -> None:
-            """Record an accepted point of start `number`, with predicted objective and trust radius."""
-            nonlocal taken, last
-            last = point
-            bracket = (math.nan, math.nan) if progress is None else fields.bracket(point)
-            spent = time.perf_counter() - began
-            points.append(Point(number, taken, point.objective, bracket, predicted, radius, fields.solves, spent))
-            taken += 1
-            if progress is not None:
-                progress(points[-1])
+    def report(number: int, point: FieldPoint, predicted: float, radius: float) -> None:
+        """Record an accepted point of a start, with predicted objective and trust radius."""
+        nonlocal last
+        last = point
+        bracket = fields.bracket(point) if run.watched else (math.nan, math.nan)
+        run.record(number, point.objective, bracket, predicted, radius, fields.solves)
 
+    for number, values in run.each_start(search):
+        if values is None:
+            continue
         try:
-            end = None if values is None else _climb(fields, search, values, deadline, report)
+            end = _climb(fields, search, values, run.deadline, partial(report, number))
         except KeyboardInterrupt:
             point = best[0] if best is not None else last
             if point is None:
@@ -102,7 +91,7 @@ def move_by_fields(
             best = point, "interrupted"
             break
         if end is not None and (best is None or end[0].objective > best[0].objective):
-            best = end
+            best, run.best = end, end[0].values
     if best is None:
         problem = "blocks that crack anywhere do not stand, nor at any position of joints that was tried"
         raise InputError("move", problem, "a scene that stands, more vertices that move, or more `starts`")
@@ -110,7 +99,7 @@ def move_by_fields(
     result = None if found is None else solve(found, labels)
     before = search.first()
     value = math.nan if result is None else result.load_factor
-    return moved_result(search, before, (Evaluated(best[0].values, value, result, []), best[1]), points)
+    return moved_result(search, before, (Evaluated(best[0].values, value, result, []), best[1]), run.points)
 
 
 def _climb(

@@ -198,8 +198,8 @@ def _program(point: FieldPoint, region: Region, required: Floats) -> tuple[ConeP
         rates = form.rates(point.stresses[k]) @ mesh.motion @ region.jacobian / form.problem.units.length
         ends = np.cumsum([fixed.sizes[0], fixed.sizes[1]]).tolist()
         between = sp.csr_array((fixed.sizes[0], start[-1] - start[k + 1]))
-        moved = sp.csr_array(sp.hstack([fixed.matrix[: ends[0]], between, rates]))
-        add(0, moved, start[k], fixed.right[: ends[0]])
+        moved = sp.hstack([fixed.matrix[: ends[0]], between, rates])
+        add(0, sp.csr_array(moved), start[k], fixed.right[: ends[0]])
         add(1, fixed.matrix[ends[0] : ends[1]], start[k], fixed.right[ends[0] : ends[1]])
         add(2, fixed.matrix[ends[1] :], start[k], fixed.right[ends[1] :])
         goal = sp.csr_array(

@@ -1,8 +1,7 @@
-"""Joints with a shape: keys and sine waves in the place of straight faces, meshed with crack planes at their roots."""
+"""Joints with a shape in the place of straight faces, meshed with crack planes at the roots of their teeth."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -13,12 +12,11 @@ from jld_core.assembly import Assembly, blocks_of
 from jld_core.build import build_assembly
 from jld_core.build.assemble import build_geometry
 from jld_core.errors import InputError, ParameterError
+from jld_core.geometry_optimisation.joint_profiles import Key, Shape
 from jld_core.geometry_optimisation.moved_scene import MovedScene
+from jld_core.geometry_optimisation.solid_joints import solids_with_shape
 from jld_core.geometry_optimisation.vertex_mesh import vertex_mesh
 from jld_core.scene import Scene, parse_scene
-
-_SEGMENTS: Final = 8
-"""Number of straight segments of half a sine wave."""
 
 _SAME: Final = 1e-9
 """Area, relative to that of a tooth or an element, below which a difference is rounding."""
@@ -33,81 +31,9 @@ _PLAIN: Final = {"elements", "polygon", "label"}
 """Keys of stated interfaces that say nothing about strengths."""
 
 
-@dataclass(frozen=True)
-class Key:
-    """Trapezoidal key in the middle of a face; lengths relative to the face.
-
-    Attributes
-    ----------
-    depth : float
-        Height of the key.
-    width : float
-        Width at its root.
-    flank : float
-        How much narrower its top is on each side, measured along the face.
-    """
-
-    depth: float
-    width: float
-    flank: float
-
-    def teeth(self) -> list[tuple[Floats, int]]:
-        """Return the outline (k, 2) of the key and side 1, along and across a face of length 1.
-
-        A tooth of side 1 reaches into the second element.
-        """
-        low, high = 0.5 - 0.5 * self.width, 0.5 + 0.5 * self.width
-        outline = [[low, 0.0], [high, 0.0], [high - self.flank, self.depth], [low + self.flank, self.depth]]
-        return [(np.array(outline), 1)]
-
-    def check(self) -> None:
-        """Raise ParameterError for lengths that make no key."""
-        if not (self.depth > 0.0 and 0.0 < self.width < 1.0 and 0.0 <= self.flank < 0.5 * self.width):
-            problem = f"depth {self.depth:g}, width {self.width:g}, flank {self.flank:g} are no key"
-            raise ParameterError("joint", problem, "depth > 0, 0 < width < 1, 0 <= flank < width/2, shares of the face")
-
-
-@dataclass(frozen=True)
-class Sine:
-    """Sine wave along a face.
-
-    Attributes
-    ----------
-    amplitude : float
-        Amplitude relative to the length of the face.
-    waves : int
-        Number of whole waves.
-    """
-
-    amplitude: float
-    waves: int
-
-    def teeth(self) -> list[tuple[Floats, int]]:
-        """Return outline (k, 2) and side of each half wave, along and across a face of length 1.
-
-        A tooth of side 1 reaches into the second element, one of side −1 into the first.
-        """
-        found, count = [], 2 * self.waves
-        share = np.linspace(0.0, 1.0, _SEGMENTS + 1)
-        for k in range(count):
-            side = 1 if k % 2 == 0 else -1
-            across = side * self.amplitude * np.sin(np.pi * share)
-            across[[0, -1]] = 0.0
-            found.append((np.column_stack([(k + share) / count, across]), side))
-        return found
-
-    def check(self) -> None:
-        """Raise ParameterError for an amplitude or number that makes no wave."""
-        if not (self.amplitude > 0.0 and self.waves >= 1):
-            problem = f"amplitude {self.amplitude:g} with {self.waves} waves is no sine wave"
-            raise ParameterError("joint", problem, "an amplitude > 0, a share of the face, and at least 1 wave")
-
-
-Shape = Key | Sine
-"""Shape of a joint."""
-
-
-def shaped_scene(scene: Scene, assembly: Assembly, labels: Bits, shape: Shape) -> Scene:
+def shaped_scene(
+    scene: Scene, assembly: Assembly, labels: Bits, shape: Shape, direction: Floats | None = None
+) -> Scene:
     """Return a scene whose dry faces have a shape.
 
     Teeth are elements of their own, joined to their block by an inner face at the root. What lies beside a key is cut
@@ -116,13 +42,16 @@ def shaped_scene(scene: Scene, assembly: Assembly, labels: Bits, shape: Shape) -
     Parameters
     ----------
     scene : Scene
-        Planar scene.
+        Scene; in space the elements that receive teeth are convex.
     assembly : Assembly
         Its assembly.
     labels : (m,) bool array
         Labels, True = dry.
-    shape : Key or Sine
+    shape : Key, Sine or Incline
         Shape of each joint; the key of a face belongs to its first element.
+    direction : (3,) array, optional
+        In space, direction along which shapes run unchanged, projected on each joint; joints across it stay straight.
+        Planar scenes take None.
 
     Returns
     -------
@@ -132,18 +61,26 @@ def shaped_scene(scene: Scene, assembly: Assembly, labels: Bits, shape: Shape) -
     Raises
     ------
     InputError
-        The scene is spatial, has strengths of single interfaces or slits, or a tooth does not fit into its element.
+        The scene has strengths or pressures of single faces or slits, a tooth does not fit into its element, or an
+        element that receives one in space is not convex.
+    ParameterError
+        The shape is none, or the direction is missing, given in the plane or across all joints.
     """
     shape.check()
     assembly.members.refuse("a shape of joints")
-    if assembly.dimension != 2:
-        raise InputError("elements", "they are spatial", "a planar scene; joints in space have no shape yet")
     geometry = build_geometry(scene)
-    if any(one is not None and set(one.model_dump(exclude_defaults=True)) > _PLAIN for one in geometry.given):
+    given = any(one is not None and set(one.model_dump(exclude_defaults=True)) > _PLAIN for one in geometry.given)
+    if given or scene.materials.faces:
         raise InputError("interfaces", "single faces state strengths", "strengths in materials")
+    if assembly.shape_loads is not None and assembly.shape_loads.pressed:
+        raise InputError("loads", "pressure on faces does not follow the shape of joints", "point loads and body loads")
     blocks, faces, elements = blocks_of(assembly, labels), assembly.interfaces, assembly.elements
     if (labels & (blocks[faces.a] == blocks[faces.b])).any():
         raise InputError("labels", "a dry face ends inside a block", "blocks without slits")
+    if assembly.dimension == 3:
+        return solids_with_shape(scene, assembly, labels, shape, direction)
+    if direction is not None:
+        raise ParameterError("direction", "the joints of a planar scene have none", "it for scenes in space alone")
     cells = [[shapely.Polygon(outline)] for outline in elements.shape]
     for face in np.flatnonzero(labels).tolist():
         _shape_face(assembly, face, shape, cells)

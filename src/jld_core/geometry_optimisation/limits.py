@@ -290,20 +290,10 @@ def _loads_on_edges(scene: Scene, assembly: Assembly, mesh: VertexMesh) -> list[
     """Return place (2,), edge and half width of each point load on its element's outline.
 
     An edge is given by its first and last vertex. Loads inside elements are left out; half widths are 0 where none is
-    stated. Raises InputError for fill, moving loads and pressure on faces.
+    stated. Raises InputError as `loads_that_move`.
     """
-    loads = scene.loads
-    entries: list[LoadEntry] = [*loads.dead, *(loads.live or [])]
-    for case in loads.cases or []:
-        entries += [*case.dead, *case.live]
     found = []
-    if scene.fill is not None:
-        raise InputError("fill", "its loads do not move with the joints", "point loads in place of it")
-    if loads.moving:
-        raise InputError("loads.moving", "its places do not move with the joints", '"cases" with point loads')
-    for entry in entries:
-        if isinstance(entry, FaceLoad):
-            raise InputError("loads", "pressure on faces does not move with its joints", "point loads and body loads")
+    for entry in loads_that_move(scene):
         if not isinstance(entry, PointLoad) or entry.at is None:
             continue
         point, loop = np.array(entry.at, dtype=float), mesh.loops[assembly.elements.index[entry.element]]
@@ -319,6 +309,24 @@ def _loads_on_edges(scene: Scene, assembly: Assembly, mesh: VertexMesh) -> list[
             k = int(on[0])
             found.append((point, int(corners[k]), int(np.roll(corners, -1)[k]), 0.5 * (entry.width or 0.0)))
     return found
+
+
+def loads_that_move(scene: Scene) -> list[LoadEntry]:
+    """Return all entries of the loads of a scene, if each keeps its meaning while joints move.
+
+    Raises InputError for fill, moving loads and pressure on faces.
+    """
+    loads = scene.loads
+    entries: list[LoadEntry] = [*loads.dead, *(loads.live or [])]
+    for case in loads.cases or []:
+        entries += [*case.dead, *case.live]
+    if scene.fill is not None:
+        raise InputError("fill", "its loads do not move with the joints", "point loads in place of it")
+    if loads.moving:
+        raise InputError("loads.moving", "its places do not move with the joints", '"cases" with point loads')
+    if any(isinstance(entry, FaceLoad) for entry in entries):
+        raise InputError("loads", "pressure on faces does not move with its joints", "point loads and body loads")
+    return entries
 
 
 def _corners_alone(loop: Ints, places: Floats) -> Ints:

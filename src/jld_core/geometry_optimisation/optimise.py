@@ -3,57 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-
-import numpy as np
+from functools import partial
+from typing import Unpack
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly, build_robust
-from jld_core.deadline import Deadline
 from jld_core.errors import InputError
 from jld_core.geometry_optimisation.evaluation import Evaluated
-from jld_core.geometry_optimisation.search import GeometrySearch, TrustRegion
+from jld_core.geometry_optimisation.move_run import MoveOptions, MoveRun, Point
+from jld_core.geometry_optimisation.search import GeometrySearch
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.models import solve
 from jld_core.scene import Scene, parse_scene
 from jld_core.threads import one_thread
-
-
-@dataclass(frozen=True)
-class Point:
-    """Accepted point of a search.
-
-    Attributes
-    ----------
-    start : int
-        Number of the start, from 0.
-    step : int
-        Number of the point within its search; 0 is the start itself.
-    value : float
-        λ, least friction coefficient factor, or least thickness.
-    bracket : (float, float)
-        Proven bounds on λ; NaN where λ is not the objective or not bounded.
-    predicted : float
-        Value that the program of the step promised.
-    radius : float
-        Radius of the trust region, length.
-    solves : int
-        Number of proven solves so far.
-    seconds : float
-        Time since the search began, s.
-    """
-
-    start: int
-    step: int
-    value: float
-    bracket: tuple[float, float]
-    predicted: float
-    radius: float
-    solves: int
-    seconds: float
 
 
 @dataclass(frozen=True)
@@ -103,11 +68,7 @@ def move_joints(
     scene: Scene,
     assembly: Assembly,
     labels: Bits,
-    *,
-    seconds: float = math.inf,
-    starts: int = 1,
-    trust: TrustRegion | None = None,
-    progress: Callable[[Point], None] | None = None,
+    **options: Unpack[MoveOptions],
 ) -> MovedJoints:
     """Move the joints of a structure to optimise what its key "move" asks for.
 
@@ -121,14 +82,8 @@ def move_joints(
         Its assembly; one of `build_robust` is optimised at the low values of materials.
     labels : (m,) bool array
         Labels, True = dry.
-    seconds : float
-        Time limit, s. The point in work is finished.
-    starts : int
-        Number of starts: the scene itself, and shaken ones.
-    trust : TrustRegion, optional
-        Parameters of the search.
-    progress : callable, optional
-        Called with every accepted point.
+    **options
+        Time limit, number of starts, trust region and progress, as in `MoveOptions`.
 
     Returns
     -------
@@ -146,76 +101,58 @@ def move_joints(
     -----
     docs/method.md (11.6).
     """
-    clock = Deadline(seconds)
-    search = GeometrySearch(scene, assembly, labels, trust)
-    points: list[Point] = []
+    run = MoveRun(**options)
+    search = GeometrySearch(scene, assembly, labels, run.trust)
     before = search.first()
     # the strongest point so far, for an interrupt
     kept: list[Evaluated] = []
     try:
-        best = _best_of_starts(search, before, starts, clock, points, kept, progress)
+        best = _best_of_starts(search, before, run, kept)
     except KeyboardInterrupt:
         if not kept:
             raise
         best = kept[0], "interrupted"
-    return moved_result(search, before, best, points)
+    return moved_result(search, before, best, run.points)
 
 
 def _best_of_starts(
-    search: GeometrySearch,
-    before: Evaluated | None,
-    starts: int,
-    clock: Deadline,
-    points: list[Point],
-    kept: list[Evaluated],
-    progress: Callable[[Point], None] | None,
+    search: GeometrySearch, before: Evaluated | None, run: MoveRun, kept: list[Evaluated]
 ) -> tuple[Evaluated, str]:
     """Climb from every start, and on from the best end; return the best point and why its search ended.
 
-    before: the scene itself, None where it does not stand. starts, progress: as in `move_joints`. clock: deadline.
-    points: receives every accepted point. kept: receives the strongest one alone. Raises InputError where no position
-    stands.
+    before: the scene itself, None where it does not stand. run: receives every accepted point. kept: receives the
+    strongest one alone. Raises InputError where no position stands.
     """
     best: tuple[Evaluated, str] | None = None
-    for number in range(starts):
-        if number and clock.passed():
-            break
-        near = None if best is None else best[0].values
-        start = np.zeros(search.variables.count) if number == 0 else search.shaken(number, near)
+
+    def report(number: int, point: Evaluated, predicted: float, radius: float) -> None:
+        """Record an accepted point of a start, with predicted objective and trust radius."""
+        bracket = (math.nan, math.nan) if point.result is None else point.result.bracket
+        if search.goal != "load_factor":
+            bracket = (math.nan, math.nan)
+        if not kept or point.objective > kept[0].objective:
+            kept[:] = [point]
+        promised = search.value_of(replace(point, objective=predicted))
+        run.record(number, search.value_of(point), bracket, promised, radius, search.evaluator.solves)
+
+    for number, start in run.each_start(search):
         first = before if number == 0 else None if start is None else search.evaluate(start, before)
         if first is None and start is not None:
-            first = search.standing(start, clock.end)
+            first = search.standing(start, run.deadline)
         if first is None:
             continue
-        taken = 0
-
-        def report(point: Evaluated, predicted: float, radius: float, number: int = number) -> None:
-            """Record an accepted point of start `number`, with predicted objective and trust radius."""
-            nonlocal taken
-            bracket = (math.nan, math.nan) if point.result is None else point.result.bracket
-            if search.goal != "load_factor":
-                bracket = (math.nan, math.nan)
-            if not kept or point.objective > kept[0].objective:
-                kept[:] = [point]
-            promised = search.value_of(replace(point, objective=predicted))
-            solves, spent = search.evaluator.solves, clock.elapsed()
-            found = Point(number, taken, search.value_of(point), bracket, promised, radius, solves, spent)
-            taken += 1
-            points.append(found)
-            if progress is not None:
-                progress(found)
-
-        report(first, first.objective, search.trust.first * search.unit)
-        end = search.climb(first, clock.end, report, search.trust.coarse)
+        own = partial(report, number)
+        own(first, first.objective, search.trust.first * search.unit)
+        end = search.climb(first, run.deadline, own, search.trust.coarse)
         # a geometry as strong as one before, up to the width of brackets, is no reason to move farther
         least = -math.inf if best is None else best[0].objective + tolerances.GAP * abs(best[0].objective)
         if best is None or end[0].objective > least:
-            best, polish = end, report
+            best, polish, run.best = end, own, end[0].values
     if best is None:
         problem = "it does not stand under its dead load, nor does any position of its joints that was tried"
         raise InputError("move", problem, "a scene that stands, more vertices that move, or more `starts`")
     if best[1] == "stationary":
-        return search.climb(best[0], clock.end, polish, search.trust.gain)
+        return search.climb(best[0], run.deadline, polish, search.trust.gain)
     return best
 
 

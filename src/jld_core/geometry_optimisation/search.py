@@ -316,7 +316,8 @@ class GeometrySearch:
         centre = np.zeros(len(step)) if best is None or number % 2 == 0 else best
         low, high = self.bounds(np.zeros(len(step)), math.inf)
         for share in (1.0, 0.5, 0.25, 0.1):
-            values = self.restored(np.clip(centre + share * step, low, high))
+            moved = centre + share * step
+            values = self.restored(np.clip(moved, low, high))
             if values is not None and self.evaluator.assembly(values) is not None:
                 return values
         return None

@@ -1,4 +1,4 @@
-"""Best shape of keyed or wavy joints: compass search over its parameters, every value proven."""
+"""Best shape of keyed, wavy or inclined joints: compass search over its parameters, every value proven."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ from collections.abc import Callable
 from dataclasses import astuple, dataclass, fields
 from typing import Final
 
-from jld_core.arrays import Bits
+from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
-from jld_core.geometry_optimisation.joint_shapes import Shape, shaped_scene
+from jld_core.geometry_optimisation.joint_profiles import Shape
+from jld_core.geometry_optimisation.joint_shapes import shaped_scene
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.models import solve
 from jld_core.scene import Scene
@@ -25,6 +26,9 @@ _LAST: Final = 0.02
 
 _LEAST: Final = 0.005
 """First value of a parameter that is 0, as a share of the length of a face."""
+
+_NOTHING: Final = 1e-4
+"""Value of a parameter below which it is taken as 0, as a share of the length of a face."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +46,7 @@ class ShapedJoints:
     trials : list of (Shape, float)
         All shapes tried with their λ; NaN where a tooth does not fit or λ is not proven, inf where locked.
     end : str
-        Why the search ended: "stationary" or "time".
+        Why the search ended: "stationary", "time" or "interrupted".
     """
 
     scene: Scene
@@ -59,6 +63,7 @@ def shape_joints(
     assembly: Assembly,
     labels: Bits,
     shape: Shape,
+    direction: Floats | None = None,
     *,
     seconds: float = math.inf,
     progress: Callable[[Shape, float], None] | None = None,
@@ -71,13 +76,15 @@ def shape_joints(
     Parameters
     ----------
     scene : Scene
-        Planar scene.
+        Scene, as for `shaped_scene`.
     assembly : Assembly
         Its assembly.
     labels : (m,) bool array
         Labels, True = dry.
-    shape : Key or Sine
+    shape : Key, Sine or Incline
         Shape from which the search begins.
+    direction : (3,) array, optional
+        In space, direction along which shapes run, as for `shaped_scene`.
     seconds : float
         Time limit, s; the first shape is always analysed.
     progress : callable, optional
@@ -92,8 +99,9 @@ def shape_joints(
     ------
     InputError
         As `shaped_scene`, for the first shape.
+    KeyboardInterrupt
+        An interrupt before the first shape is analysed; a later one ends the search with the best so far.
     """
-    began = time.perf_counter()
     trials: list[tuple[Shape, float]] = []
     known: dict[tuple[float, ...], float] = {}
 
@@ -101,7 +109,7 @@ def shape_joints(
         """Return the proven lower bound on λ with a shape, NaN without one."""
         key: tuple[float, ...] = astuple(one)
         if key not in known:
-            result = solve(shaped_scene(scene, assembly, labels, one))
+            result = solve(shaped_scene(scene, assembly, labels, one, direction))
             locked = result.status is Status.LOCKED
             known[key] = math.inf if locked else result.bracket[0]
             if result.status not in (Status.COLLAPSE, Status.LOCKED):
@@ -111,18 +119,37 @@ def shape_joints(
                 progress(one, known[key])
         return known[key]
 
-    best, most = shape, value(shape)
-    names = [one.name for one in fields(shape) if isinstance(getattr(shape, one.name), float)]
-    step, end = _FIRST, "stationary"
-    while step >= _LAST and most < math.inf and end != "time":
+    until = time.perf_counter() + seconds
+    kept = [(shape, value(shape))]
+    try:
+        end = _improve(kept, value, trials, until)
+    except KeyboardInterrupt:
+        end = "interrupted"
+    best = kept[0][0]
+    shaped = shaped_scene(scene, assembly, labels, best, direction)
+    return ShapedJoints(shaped, best, solve(assembly, labels), solve(shaped), trials, end)
+
+
+def _improve(
+    kept: list[tuple[Shape, float]], value: Callable[[Shape], float], trials: list[tuple[Shape, float]], until: float
+) -> str:
+    """Search from the shape in `kept`, replace it by each stronger one, and return why the search ended.
+
+    kept: one shape and its λ. value: returns λ of a shape, NaN where it is not proven. trials: receives shapes that do
+    not fit. until: end of the search, a time of `time.perf_counter`, s.
+    """
+    best, most = kept[0]
+    names = [one.name for one in fields(best) if isinstance(getattr(best, one.name), float)]
+    step = _FIRST
+    while step >= _LAST and most < math.inf:
         start = best
         for name in names:
             for sign in (1.0, -1.0):
-                if time.perf_counter() - began > seconds:
-                    end = "time"
-                    break
+                if time.perf_counter() > until:
+                    return "time"
                 now = getattr(best, name)
-                changed = now * (1.0 + step) ** sign if now > 0.0 else max(sign, 0.0) * _LEAST
+                changed = now * (1.0 + step) ** sign if now != 0.0 else max(sign, 0.0) * _LEAST
+                changed = changed if abs(changed) >= _NOTHING else 0.0
                 trial = type(best)(**{**vars(best), name: changed})
                 try:
                     found = value(trial)
@@ -130,9 +157,8 @@ def shape_joints(
                     trials.append((trial, math.nan))  # a tooth does not fit: a trial without a value
                     continue
                 if found > most or (math.isnan(most) and not math.isnan(found)):
-                    best, most = trial, found
+                    best, most = kept[0] = trial, found
                     break
         if best == start:
             step *= 0.5
-    shaped = shaped_scene(scene, assembly, labels, best)
-    return ShapedJoints(shaped, best, solve(assembly, labels), solve(shaped), trials, end)
+    return "stationary"

@@ -74,7 +74,8 @@ def spatial_residual_rates(
             if row_of[element] < 0:
                 continue
             arm = faces.origin[face] - elements.centroid[element]
-            moments = rates[..., 3:] + np.cross(arm, rates[..., :3])
+            turned = np.cross(arm, rates[..., :3])
+            moments = rates[..., 3:] + turned
             block = sign * np.concatenate([rates[..., :3], moments], axis=-1).reshape(-1, 6).T
             first = 6 * int(row_of[element])
             total[first : first + 6, columns] += block

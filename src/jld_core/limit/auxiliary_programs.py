@@ -378,7 +378,8 @@ def least_multipliers(
         dual = np.concatenate([raw.dual[:equalities], raw.dual[equalities:] + least])
         return np.full(len(dual), np.nan) if raw.status is RawStatus.UNBOUNDED else dual
     identity = sp.csr_array(sp.hstack([sp.csr_array((len(least), equalities)), sp.eye_array(len(least))]))
-    balance = sp.csr_array(sp.hstack([sp.csr_array(equations.T), sp.csr_array(yields.T)]))
+    transposed = sp.hstack([equations.T, yields.T])
+    balance = sp.csr_array(transposed)
     rows = sp.vstack([balance, -identity])
     rhs = np.concatenate([np.zeros(columns), -least])
     objective = np.concatenate([np.zeros(equalities), least])

@@ -75,11 +75,9 @@ class _Fan:
                 outer = self.distance[k, between] if k < len(self.distance) else outside
                 lower = self.distance[k - 1, between[::-1]] if k else np.zeros(1)
                 inner = between[::-1] if k else between[:1]
-                points = [
-                    *(self.centre + outer[:, None] * self.directions[between]),
-                    *(self.centre + lower[:, None] * self.directions[inner]),
-                ]
-                found.append(shapely.Polygon(points))
+                above = self.centre + outer[:, None] * self.directions[between]
+                below = self.centre + lower[:, None] * self.directions[inner]
+                found.append(shapely.Polygon(np.concatenate([above, below])))
         return found
 
 

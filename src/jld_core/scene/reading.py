@@ -167,31 +167,45 @@ _NUMBERS = f"0 or a magnitude from {_LEAST:g} to {_MOST:g}"
 """Expected numbers, for error messages."""
 
 
+_Path = tuple[Any, "str | int"] | None
+"""Path of a value within a scene: the path of what holds it, and its key or index; None for the scene."""
+
+
 def _refuse_extremes(document: object) -> None:
     """Refuse JSON values that cannot be computed with or written again.
 
     These are excessive depth, numbers outside `_LEAST` to `_MOST`, and unpaired surrogates.
     """
-    pending: list[tuple[str, object, int]] = [("", document, 0)]
+    pending: list[tuple[_Path, object, int]] = [(None, document, 0)]
     while pending:
         where, value, depth = pending.pop()
         if depth > _DEPTH:
-            short = where if len(where) <= 40 else where[:37] + "..."
-            raise InputError(short.lstrip("."), "it is nested too deeply", f"at most {_DEPTH} levels")
+            short = _words(where)
+            short = short if len(short) <= 40 else short[:37] + "..."
+            raise InputError(short, "it is nested too deeply", f"at most {_DEPTH} levels")
         if isinstance(value, dict):
             for key in value:
                 _refuse_surrogates(where, key)
-            pending += [(f"{where}.{plain(str(key))}", inner, depth + 1) for key, inner in value.items()]
+            pending += [((where, key), inner, depth + 1) for key, inner in value.items()]
         elif isinstance(value, list):
-            pending += [(f"{where}[{index}]", inner, depth + 1) for index, inner in enumerate(value)]
+            pending += [((where, index), inner, depth + 1) for index, inner in enumerate(value)]
         elif isinstance(value, str):
             _refuse_surrogates(where, value)
         elif isinstance(value, int | float) and value == value and value and not _LEAST <= abs(value) <= _MOST:
             shown = f"{value:g}" if isinstance(value, float) else f"a number of {len(str(abs(value)))} digits"
-            raise InputError(where.lstrip("."), f"{shown} is out of range", _NUMBERS)
+            raise InputError(_words(where), f"{shown} is out of range", _NUMBERS)
 
 
-def _refuse_surrogates(where: str, text: object) -> None:
+def _words(path: _Path) -> str:
+    """Return a path within a scene as messages name it: loads.live[0].body."""
+    parts: list[str] = []
+    while path is not None:
+        path, key = path
+        parts.append(f"[{key}]" if isinstance(key, int) else f".{plain(str(key))}")
+    return "".join(reversed(parts)).lstrip(".")
+
+
+def _refuse_surrogates(where: _Path, text: object) -> None:
     """Raise InputError for a text with unpaired surrogates."""
     if isinstance(text, str) and any("\ud800" <= letter <= "\udfff" for letter in text):
-        raise InputError(where.lstrip("."), f"{text!a} holds half a character", "text in UTF-8")
+        raise InputError(_words(where), f"{text!a} holds half a character", "text in UTF-8")

@@ -156,6 +156,10 @@ class Search(Part):
         Require convex blocks, or (planar) limit the number of re-entrant corners of each.
     blocks, dry_faces, shapes : [int, int]
         Bounds of the number of blocks with a free element, of dry faces between free elements, and of block shapes.
+    sawn_length : [float, float]
+        Bounds of the length (in space area) of the faces of all blocks.
+    saw_cuts, saw_set_ups : [int, int]
+        Bounds of the number of sawn faces of all blocks, and of directions of these faces, summed over shapes.
     moulds : Moulds
         Congruence by which shapes are counted.
     require : Require or None
@@ -190,6 +194,9 @@ class Search(Part):
     blocks: Counts = [None, None]
     dry_faces: Counts = [None, None]
     shapes: Counts = [None, None]
+    sawn_length: Sizes = [None, None]
+    saw_cuts: Counts = [None, None]
+    saw_set_ups: Counts = [None, None]
     moulds: Moulds = Moulds()
     require: Require | None = None
     void: VoidCells | None = None
@@ -207,4 +214,7 @@ class Search(Part):
         "blocks",
         "dry_faces",
         "shapes",
+        "sawn_length",
+        "saw_cuts",
+        "saw_set_ups",
     )(_ordered)

@@ -36,8 +36,8 @@ def figure_of_laying(laying: Laying, title: str) -> Figure:
     """Return a figure of an assembly sequence: a strip of its stages in order.
 
     Blocks laid before are pale. Arriving blocks are orange and hatched, with an arrow of their direction. Props are
-    blue triangles below the blocks; the title of each stage has their total force. Of more than 60 stages a regular
-    selection is drawn.
+    blue triangles below the blocks, or at their places along a line; the title of each stage has their total force. Of
+    more than 60 stages a regular selection is drawn.
     """
     steps = list(laying.steps)
     shown = steps if len(steps) <= _MOST else [steps[round(k)] for k in np.linspace(0, len(steps) - 1, _MOST)]
@@ -133,15 +133,17 @@ def _draw(ax: Axes, laying: Laying, step: Step, before: Bools, number: int, low:
         ax.annotate(
             "", xy=tuple(middle), xytext=tuple(middle + way), arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 1.2}
         )
-    for block in np.flatnonzero(step.stage.props > 0.0).tolist():
+    stage = step.stage
+    for foot in projection(stage.places[stage.along > 0.0]):
+        ax.plot(*foot, marker="^", markersize=6, color=PROP, zorder=5)
+    beside = not stage.along.size or stage.elsewhere > 1e-5 * stage.weight
+    for block in np.flatnonzero(stage.props > 0.0).tolist() if beside else ():
         points = projection(np.concatenate([elements.shape[e] for e in blocks.elements(block)]))
         foot = np.array([points[:, 0].mean(), points[:, 1].min()])
         ax.plot(*foot, marker="^", markersize=6, color=PROP, zorder=5)
-    total = float(step.stage.props.sum())
+    total = float(stage.props.sum())
     force = assembly.units[1]
-    verdict = (
-        "stands" if step.stage.stands else "unsettled" if step.stage.stands is None else f"props {total:.4g} {force}"
-    )
+    verdict = "stands" if stage.stands else "unsettled" if stage.stands is None else f"props {total:.4g} {force}"
     ax.set_title(f"{number}: {verdict}", fontsize=8, color=INK)
     ax.set_xlim(low[0], high[0])
     ax.set_ylim(low[1], high[1])

@@ -11,6 +11,8 @@ import numpy as np
 import typer
 
 from jld_core.assembly_sequence import Laying, assembly_order
+from jld_core.assembly_sequence.standing import Parts
+from jld_core.assembly_sequence.stations import Stations, stations_below
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import ParameterError, error_context
 from jld_core.files import require_folder, write_text
@@ -36,6 +38,10 @@ def assembly(
         Literal["ground", "left", "right", "springings"],
         typer.Option(help="Where laying starts: by courses, from a side, or from all supports alike."),
     ] = "ground",
+    props: Annotated[
+        float | None,
+        typer.Option(help="Props along the underside at this horizontal distance, in the scene's length (planar)."),
+    ] = None,
     stages: Annotated[bool, typer.Option("--stages", help="With --out: one picture per stage as well.")] = False,
     animation: Annotated[bool, typer.Option("--animation", help="With --out: the stages as an animated GIF.")] = False,
     seconds: Annotated[float | None, typer.Option(help="Time limit of order and pictures, s.")] = None,
@@ -56,19 +62,27 @@ def assembly(
     scene, found, labels = layout_of(source, rank)
     sideways = scene.search.assemble_out_of_plane
     with error_context(source):
+        stations = None if props is None else stations_below(found, props)
+        parts = Parts(found, stations)
         try:
             with deadline.enforced():
-                laying = assembly_order(found, labels, wish=wish, sideways=sideways, group=group, start=start)
+                laying = assembly_order(
+                    found, labels, wish=wish, sideways=sideways, group=group, start=start, parts=parts
+                )
         except DeadlinePassed:
             raise ParameterError("seconds", f"no order was found in {seconds:g} s", "a longer time") from None
-    table = table_of(laying)
+    table = table_of(laying, stations)
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
         write_text(out / "assembly.csv", csv_of(table))
         late = _draw(laying, out, f"{scene.name}: order of laying", stages, animation, deadline)
     say(words_of(laying))
+    if stations is not None and laying.steps:
+        say(_words_along(laying, stations))
     if len(table):
-        say(f"\n{table.drop(columns='elements').to_string(index=False)}")
+        # the forces along a line say in short what stands below the blocks
+        unsaid = ["elements"] if stations is None else ["elements", "propped"]
+        say(f"\n{table.drop(columns=unsaid).to_string(index=False)}")
     if out is not None:
         left_out = f"; not drawn for lack of time: {', '.join(late)}" if late else ""
         say(f"\nwritten to   {out}{left_out}")
@@ -108,11 +122,28 @@ def _save_stage(laying: Laying, number: int, path: Path) -> None:
     save_figure(figure_of_stage(laying, number), path)
 
 
-def table_of(laying: Laying) -> pd.DataFrame:
+def _words_along(laying: Laying, stations: Stations) -> str:
+    """Describe the props along a line: how many, the largest force, and where they do not hold a stage."""
+    length, force = laying.blocks.assembly.units
+    forces = np.array([step.stage.along for step in laying.steps])
+    step, place = (int(k) for k in np.unravel_index(int(forces.argmax()), forces.shape))
+    where = ", ".join(f"{x:.4g}" for x in stations.points[place])
+    count, loaded = len(stations.points), int((forces > 0.0).any(axis=0).sum())
+    told = f"props along  {count} place{'s' * (count != 1)}, {loaded} of them loaded"
+    if forces[step, place] > 0.0:
+        told += f"; the largest force is {forces[step, place]:.4g} {force} at ({where}) {length}, step {step + 1}"
+    beside = [k for k, one in enumerate(laying.steps, 1) if one.stage.elsewhere > 1e-5 * one.stage.weight]
+    if beside:
+        most = max(laying.steps[k - 1].stage.elsewhere for k in beside)
+        told += f"\nprops beside {most:.4g} {force} at most, first in step {beside[0]}: the places alone do not hold it"
+    return told
+
+
+def table_of(laying: Laying, stations: Stations | None = None) -> pd.DataFrame:
     """Return the table of an assembly sequence: one row per step, in the order of laying.
 
     Its columns are step, blocks, elements, direction of arrival, whether the stage stands, and prop forces. It has no
-    rows where there is no order.
+    rows where there is no order. stations: places of props along a line, whose forces are one more column.
     """
     import pandas as pd  # slow to import and needed for tables only
 
@@ -134,7 +165,12 @@ def table_of(laying: Laying) -> pd.DataFrame:
                 "propped": " ".join(f"{blocks.name(block)}:{step.stage.props[block]:.4g}" for block in propped),
             }
         )
+        if stations is not None:
+            at = stations.points[:, 0]
+            loaded = np.flatnonzero(step.stage.along > 0.0).tolist()
+            rows[-1]["props_along"] = " ".join(f"{at[k]:.4g}:{step.stage.along[k]:.4g}" for k in loaded)
     columns = ["step", "block", "elements", "moves_along", "stands", f"props_{force}", "propped"]
+    columns += [] if stations is None else ["props_along"]
     return pd.DataFrame(rows, columns=columns)
 
 

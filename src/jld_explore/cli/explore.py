@@ -133,7 +133,9 @@ def explore_command(
         with ProgressBar(parsed.name) as bar, error_context(scene, str(out)):
             done = explore(parsed, out, settings, bar, announce, started=context.obj)
     except Interrupted as stop:
-        if stop.done is not None:
+        if stop.done is None:
+            stop.words = "stopped before the search began"
+        else:
             _say_found(stop.done, as_json)
         raise
     _say_found(done, as_json)

@@ -17,7 +17,8 @@ from jld_core.build import build_robust
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.geometry_optimisation.field_moves import move_by_fields
-from jld_core.geometry_optimisation.optimise import MovedJoints, Point, move_joints
+from jld_core.geometry_optimisation.move_run import Point
+from jld_core.geometry_optimisation.optimise import MovedJoints, move_joints
 from jld_core.geometry_optimisation.search import GeometrySearch
 from jld_core.models import solve, solve_by_fields
 from jld_core.scene import Scene
@@ -84,8 +85,15 @@ def move(
     joint: Annotated[
         str | None,
         typer.Option(
-            help="Give joints a shape and search its best, in shares of a face: key:DEPTH,WIDTH,FLANK or "
-            "sine:AMPLITUDE,WAVES.",
+            help="Give joints a shape and search its best: key:DEPTH,WIDTH,FLANK or sine:AMPLITUDE,WAVES in shares "
+            "of a face, or incline:SLOPE, the tangent of the angle by which joints turn.",
+            show_default=False,
+        ),
+    ] = None,
+    direction: Annotated[
+        str | None,
+        typer.Option(
+            help="With --joint in space: X,Y,Z of the direction along which shapes run unchanged, in any unit.",
             show_default=False,
         ),
     ] = None,
@@ -105,6 +113,8 @@ def move(
     if joint is not None and (prove is not None or starts > 1):
         given = "prove" if prove is not None else "starts"
         raise ParameterError(given, "it moves vertices, not the shape of joints", "one without the other")
+    if direction is not None and joint is None:
+        raise ParameterError("direction", "it is that of shaped joints, and none are asked for", "it with `joint`")
     if robust and (joint is not None or prove is not None):
         given = "joint" if joint is not None else "prove"
         raise ParameterError(given, "it knows nominal values of materials alone", "one without `robust`")
@@ -127,7 +137,7 @@ def move(
             prove_positions(scene, assembly, labels, prove, gap, deadline.remaining(), out, certificate, as_json)
             return
         if joint is not None:
-            move_shape(scene, assembly, labels, joint, deadline.remaining(), out, as_json)
+            move_shape(scene, assembly, labels, joint, direction, deadline.remaining(), out, as_json)
             return
         mover = move_by_fields if by_fields else move_joints
         # writing takes longer on a busy machine, by the ratio of wall-clock to processor time so far

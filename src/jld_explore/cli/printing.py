@@ -52,7 +52,7 @@ def report(
     ] = None,
     rank: Rank = None,
     language: Annotated[Literal["en", "de", "it"], typer.Option(help="Language of the pages.")] = "en",
-    unit: Annotated[str, typer.Option(help="Unit of lengths: mm, cm, m, in, ft.")] = "mm",
+    unit: Annotated[str, typer.Option(help=f"Unit of lengths: {', '.join(METRES)}.")] = "mm",
     stock: Annotated[
         str | None, typer.Option(help="Place stones in stock cuboids with these sides, in --unit: A,B,C.")
     ] = None,
@@ -77,7 +77,7 @@ def report(
     refuse_itself(source, target)
     require_writable(target)
     if pdf:
-        content = _content(source, rank)
+        content = content_of(source, rank)
         placed = _placed(content.layout, sides, kerf, unit)
         count = write_printed(content, target, language=language, unit=unit)
         say(f"{target}: {count} page{'s' * (count != 1)}")
@@ -118,10 +118,10 @@ def _placed(layout: Layout, sides: tuple[float, float, float] | None, kerf: floa
         return None
     factor = 1.0 / factor_to(unit, layout.scene.units.length)
     a, b, c = (factor * side for side in sides)
-    return stock_of(stones_of(layout), (a, b, c), factor * kerf)
+    return stock_of(stones_of(layout), (a, b, c), factor * kerf, (1.0 / factor, f" {unit}"))
 
 
-def _content(source: Path, rank: int | None) -> Printed:
+def content_of(source: Path, rank: int | None) -> Printed:
     """Return the content of the report of a scene or a results folder."""
     design = source / "best.json"
     if source.is_dir() and design.exists():

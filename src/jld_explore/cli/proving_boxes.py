@@ -38,8 +38,8 @@ def prove_positions(
     """
 
     def progress(best: float, bound: float, boxes: int) -> None:
-        """Print the bounds now and then."""
-        if not as_json and boxes & (boxes - 1) == 0:
+        """Print the bounds now and then, once a position is found that stands: without one nothing is printed."""
+        if not as_json and best > -math.inf and boxes & (boxes - 1) == 0:
             say(f"{boxes:>6} boxes  {value_text(best)} ≤ λ ≤ {value_text(bound)}")
 
     done = prove_box(scene, assembly, labels, _box(box), gap=gap, seconds=seconds, progress=progress)

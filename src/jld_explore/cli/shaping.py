@@ -1,4 +1,4 @@
-"""Provide `jld move --joint`: keyed and wavy joints, whose shape is searched."""
+"""Provide `jld move --joint`: keyed, wavy and inclined joints, whose shape is searched."""
 
 from __future__ import annotations
 
@@ -7,11 +7,13 @@ import math
 from pathlib import Path
 from typing import Any, Final
 
-from jld_core.arrays import Bits
+import numpy as np
+
+from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError, ParameterError
 from jld_core.files import write_text
-from jld_core.geometry_optimisation.joint_shapes import Key, Shape, Sine
+from jld_core.geometry_optimisation.joint_profiles import Incline, Key, Shape, Sine
 from jld_core.geometry_optimisation.shape_search import ShapedJoints, shape_joints
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.models import solve_by_fields
@@ -19,8 +21,9 @@ from jld_core.scene import Scene
 from jld_explore.cli.samples import write_scene
 from jld_explore.cli.streams import say, warn
 from jld_explore.report import csv_of
+from jld_explore.study_state import Interrupted
 
-_FORMS: Final = "key:DEPTH,WIDTH,FLANK or sine:AMPLITUDE,WAVES, shares of the length of a face"
+_FORMS: Final = "key:DEPTH,WIDTH,FLANK, sine:AMPLITUDE,WAVES (shares of the length of a face) or incline:SLOPE"
 """What `--joint` takes."""
 
 _GAP: Final = 0.1
@@ -39,18 +42,40 @@ def shape_of(text: str) -> Shape:
             return Key(*numbers)
         if kind == "sine" and len(numbers) == 2 and numbers[1] == int(numbers[1]):
             return Sine(numbers[0], int(numbers[1]))
+        if kind == "incline" and len(numbers) == 1:
+            return Incline(numbers[0])
     except (ValueError, OverflowError):
         pass  # told below, with what is expected
     raise ParameterError("joint", f"{text!r} is no shape", _FORMS)
 
 
+def direction_of(text: str | None) -> Floats | None:
+    """Return the vector (3,) that a text states, None for None; raise ParameterError for anything else."""
+    if text is None:
+        return None
+    try:
+        found = np.array([float(part) for part in text.split(",")])
+    except ValueError:
+        found = np.zeros(0)
+    if found.shape != (3,) or not np.isfinite(found).all() or not found.any():
+        raise ParameterError("direction", f"{text!r} is no direction", "X,Y,Z, as 0,1,0")
+    return found
+
+
 def move_shape(
-    scene: Scene, assembly: Assembly, labels: Bits, text: str, seconds: float, out: Path, as_json: bool
+    scene: Scene,
+    assembly: Assembly,
+    labels: Bits,
+    text: str,
+    direction: str | None,
+    seconds: float,
+    out: Path,
+    as_json: bool,
 ) -> None:
     """Search the best shape of all joints, write the files and print the result.
 
-    labels: (m,) True = dry. text: value of `--joint`. seconds: time limit, s. out: file of the scene; table and picture
-    have its name with other endings.
+    labels: (m,) True = dry. text: value of `--joint`. direction: value of `--direction`, None in the plane. seconds:
+    time limit, s. out: file of the scene; table and picture have its name with other endings.
     """
 
     def progress(shape: Shape, value: float) -> None:
@@ -58,7 +83,13 @@ def move_shape(
         if not as_json:
             say(f"{_named(shape)}  λ ≥ {value:.6g}")
 
-    done = shape_joints(scene, assembly, labels, shape_of(text), seconds=seconds, progress=progress)
+    shape, run = shape_of(text), direction_of(direction)
+    done = shape_joints(scene, assembly, labels, shape, run, seconds=seconds, progress=progress)
+    if done.end == "interrupted":
+        _write(done, out)
+        stop = Interrupted()
+        stop.words = f"stopped; the best so far is in {out}: {_named(done.shape)}, λ {_said(done.after)}"
+        raise stop
     facts = _facts(done)
     facts["fields"] = _by_fields(assembly, labels, done)
     _write(done, out)
@@ -97,9 +128,11 @@ def _by_fields(assembly: Assembly, labels: Bits, done: ShapedJoints) -> dict[str
     """Return lower bounds on λ by fields with straight joints and with the best shape.
 
     labels: (m,) True = dry. The entries are "before", "after" (None if unknown) and "skipped", the reason if nothing
-    was computed.
+    was computed: in space a single mesh may take minutes.
     """
     found: dict[str, Any] = {"before": None, "after": None, "skipped": None}
+    if assembly.dimension == 3:
+        return found | {"skipped": "in space it takes minutes; jld solve FILE --cracks fields does it"}
     try:
         for name, one, own in (("before", assembly, labels), ("after", done.after.assembly, done.after.labels)):
             low = solve_by_fields(one, own, gap=_GAP, seconds=_SECONDS).governing.low

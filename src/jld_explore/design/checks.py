@@ -58,9 +58,9 @@ def check_winner(work: Design, until: Deadline, say: Callable[[str], None]) -> l
         found.insert(1, experiment if isinstance(experiment, Check) else _end_experiment(*experiment, until))
         say(f"check        {found[1].words}")
     finally:
-        if not isinstance(experiment, Check) and experiment[0].poll() is None:
-            experiment[0].kill()
-            experiment[0].communicate()
+        if not isinstance(experiment, Check):
+            with experiment[0] as process:  # its pipes are closed, even of a process that ended while nobody read them
+                process.kill()
     return found
 
 

@@ -234,9 +234,8 @@ def joints_of(check: DesignCheck) -> list[dict[str, Any]]:
     if reserve is None:
         return []
     faces = np.flatnonzero(check.labels & ~worst.of_members)
-    return [
-        _joint(check, reserve, k) for k in sorted(faces.tolist(), key=lambda k: (-round(float(reserve.share[k]), 6), k))
-    ]
+    order = sorted(faces.tolist(), key=lambda k: (-round(float(reserve.share[k]), 6), k))
+    return [_joint(check, reserve, k) for k in order]
 
 
 def _joint(check: DesignCheck, reserve: Reserve, face: int) -> dict[str, Any]:

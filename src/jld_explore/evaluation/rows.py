@@ -80,8 +80,8 @@ def columns_of(rows: Rows) -> Iterator[tuple[Any, ...]]:
     columns: list[Iterable[Any]] = [
         keys_of(rows),
         rows["multiplicity"].tolist(),
-        _STATUS_NAMES[rows["status"]].tolist(),
-        _SETTLED_NAMES[rows["settled"]].tolist(),
+        statuses(rows).tolist(),
+        settled(rows).tolist(),
         *(rows[name].tolist() for name in _NUMBERS),
         rows["governing"].tolist(),
         (one.tobytes() for one in rows["cases"]) if rows["cases"].shape[1] else repeat(b"", len(rows)),
@@ -133,7 +133,8 @@ def statuses(rows: Rows) -> NDArray[np.object_]:
     (k,) object array of str
         Names of the statuses.
     """
-    return np.asarray(_STATUS_NAMES[rows["status"]])
+    codes = rows["status"]
+    return _STATUS_NAMES.take(codes)
 
 
 def settled(rows: Rows) -> NDArray[np.object_]:
@@ -149,7 +150,8 @@ def settled(rows: Rows) -> NDArray[np.object_]:
     (k,) object array of str
         Values of `Evaluation.settled`.
     """
-    return np.asarray(_SETTLED_NAMES[rows["settled"]])
+    codes = rows["settled"]
+    return _SETTLED_NAMES.take(codes)
 
 
 def load_factors(rows: Rows) -> Floats:

@@ -160,7 +160,7 @@ def analyse(structure: RandomStructure, labels: Bits, options: ReliabilityOption
     bounds = SampleBounds(structure, labels)
     function = LimitFunction(bounds, options.required)
     form = design_point(function)
-    around = form.point if form.found else None
+    around = form if form.found else None
     simulation = simulate(bounds, options.required, options.samples, options.seed, options.jobs, around)
     nearest = simulation.nearest
     if nearest is not None and (not form.found or np.linalg.norm(nearest) < (1.0 - _NEARER) * form.beta):

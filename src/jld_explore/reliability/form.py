@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from scipy.optimize import nnls
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from jld_core.arrays import Floats
 from jld_core.limit import LimitAnalysis, Proof, Status
@@ -97,7 +96,7 @@ class Form:
     @property
     def probability(self) -> float:
         """Return the probability of failure of the linearised problem, Φ(−β)."""
-        return float(norm.cdf(-self.beta))
+        return float(ndtr(-self.beta))
 
     @property
     def direction(self) -> Floats:
@@ -239,6 +238,8 @@ def _least_distance(slopes: Floats, sides: Floats) -> Floats | None:
 
     slopes: (k, v). sides: (k,). Source: Lawson and Hanson, Solving Least Squares Problems (1974), problem LDP.
     """
+    from scipy.optimize import nnls  # takes long to import, and every search would wait for it
+
     system = np.vstack([-slopes.T, -sides])
     last = np.zeros(len(system))
     last[-1] = 1.0

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from typing import Any, Final, TypeVar
 
 import numpy as np
-from scipy.stats import beta as beta_distribution
-from scipy.stats import norm
+from scipy.special import betaincinv, ndtri
 
-from jld_core.arrays import Bools, Floats
+from jld_core.arrays import Bools, Floats, Ints
 from jld_core.batch.batch_solver import SAMPLES_OF_A_CALL
 from jld_explore.reliability.bounds import GoverningBounds, SampleBounds
+from jld_explore.reliability.form import Form
 
 _FEW: Final = 1000
 """Failures expected of plain sampling below which samples are drawn around the design point."""
@@ -68,7 +68,7 @@ class MonteCarlo:
 
 def index_of(probability: float) -> float | None:
     """Return the reliability index of a probability of failure; None for 0 and 1, which have none."""
-    return -float(norm.ppf(probability)) if 0.0 < probability < 1.0 else None
+    return -float(ndtri(probability)) if 0.0 < probability < 1.0 else None
 
 
 @dataclass(frozen=True)
@@ -87,16 +87,17 @@ class _Part:
 
 
 def simulate(
-    bounds: SampleBounds, required: float, samples: int, seed: int, jobs: int = 1, design: Floats | None = None
+    bounds: SampleBounds, required: float, samples: int, seed: int, jobs: int = 1, design: Form | None = None
 ) -> MonteCarlo:
     """Estimate the probability that a layout carries less than `required`.
 
     bounds: of the layout. samples: their number. seed: of the random numbers; the result does not depend on `jobs`, the
-    number of threads. design: (v,) design point in standard normal space. Samples are stratified along it; where
-    failures are rare, they are drawn around it. Source: docs/method.md (12.6) to (12.8).
+    number of threads. design: result of the first-order method; None without a design point. Samples are stratified
+    along its point; where failures are rare, they are drawn around it. Source: docs/method.md (12.6) to (12.8).
     """
-    rare = design is not None and samples * float(norm.cdf(-np.linalg.norm(design))) < _FEW
-    drawing = _Drawing(samples, seed, len(bounds.structure.variables), design, design if rare else None)
+    point = None if design is None else design.point
+    rare = design is not None and samples * design.probability < _FEW
+    drawing = _Drawing(samples, seed, len(bounds.structure.variables), point, point if rare else None)
 
     def one(part: int) -> _Part:
         return _counted(bounds, required, *drawing.part(part))
@@ -114,7 +115,9 @@ def simulate(
     else:
         probability = min(1.0, float(weights.sum()) / samples)
         low, high = (_normal_interval(weights[:n].sum(), squares[:n].sum(), samples) for n in (1, 2))
-        interval = low[0], high[1]
+        # without any failure, those drawn around the means alone say how rare failures are
+        unseen = _exact_interval(0, 0, drawing.plain)[1] if failures + undecided == 0 else 0.0
+        interval = low[0], max(high[1], unseen)
     return MonteCarlo(samples, failures, resolved, undecided, probability, interval, rare, nearest)
 
 
@@ -137,8 +140,8 @@ class _Drawing:
     samples, seed, variables : int
         Number of samples; seed; number v of variables.
     along : (v,) array or None
-        Direction in which the samples are stratified, one in each of `samples` strata of equal probability; None for
-        independent samples.
+        Direction in which the samples are stratified, one in each of as many strata of equal probability; those around
+        the means and those around `shift` apart. None for independent samples.
     shift : (v,) array or None
         Point around which all but every `_PLAIN`-th sample is drawn; None to draw all around the means.
     """
@@ -149,6 +152,11 @@ class _Drawing:
     along: Floats | None = None
     shift: Floats | None = None
 
+    @property
+    def plain(self) -> int:
+        """Return how many samples are drawn around the means."""
+        return self.samples if self.shift is None else -(-self.samples // _PLAIN)
+
     def part(self, number: int) -> tuple[Floats, Floats]:
         """Return the points (k, v) of a portion and their weights (k,)."""
         index = np.arange(number * SAMPLES_OF_A_CALL, min((number + 1) * SAMPLES_OF_A_CALL, self.samples))
@@ -156,9 +164,9 @@ class _Drawing:
         points = dice.standard_normal((len(index), self.variables))
         if self.along is not None and self.along.any():
             unit = self.along / np.linalg.norm(self.along)
-            place = (index + dice.uniform(0.0, 1.0, len(index))) / self.samples
+            place = self._strata(index, dice.uniform(0.0, 1.0, len(index)))
             # 0 has no quantile; half of the smallest share that numbers of a generator can have stands for it
-            level = norm.ppf(np.maximum(place, 0.5 * 2.0**-53 / self.samples))
+            level = ndtri(np.maximum(place, 0.5 * 2.0**-53 / self.samples))
             points += np.outer(level - points @ unit, unit)
         if self.shift is None:
             return points, np.ones(len(index))
@@ -167,6 +175,20 @@ class _Drawing:
         with np.errstate(over="ignore"):
             ratio = np.exp(points @ self.shift - 0.5 * self.shift @ self.shift)
         return points, 1.0 / (share + (1.0 - share) * ratio)
+
+    def _strata(self, index: Ints, within: Floats) -> Floats:
+        """Return the probabilities (k,) up to the places of samples, which lie at shares `within` (k,) of their strata.
+
+        Samples around the means and those around `shift` each have strata of their own, since either alone has to fill
+        the whole distribution.
+        """
+        if self.shift is None:
+            return (index + within) / self.samples
+        before = -(-index // _PLAIN)
+        around = index % _PLAIN == 0
+        return np.where(
+            around, (before + within) / self.plain, (index - before + within) / max(self.samples - self.plain, 1)
+        )
 
 
 def decided(bounds: SampleBounds, required: float, values: Floats) -> tuple[Bools, Bools, int]:
@@ -197,8 +219,8 @@ def _exact_interval(failures: int, undecided: int, samples: int) -> tuple[float,
     """Return the interval of Clopper and Pearson; undecided samples are safe at its lower end and fail at the upper."""
     tail = 0.5 * (1.0 - CONFIDENCE)
     most = failures + undecided
-    low = 0.0 if failures == 0 else float(beta_distribution.ppf(tail, failures, samples - failures + 1))
-    high = 1.0 if most == samples else float(beta_distribution.ppf(1.0 - tail, most + 1, samples - most))
+    low = 0.0 if failures == 0 else float(betaincinv(failures, samples - failures + 1, tail))
+    high = 1.0 if most == samples else float(betaincinv(most + 1, samples - most, 1.0 - tail))
     return low, high
 
 
@@ -206,7 +228,7 @@ def _normal_interval(weight: Any, square: Any, samples: int) -> tuple[float, flo
     """Return the interval of a mean of weights by its standard error, within 0 and 1."""
     mean = float(weight) / samples
     error = float(np.sqrt(max(float(square) / samples - mean * mean, 0.0) / samples))
-    reach = float(norm.ppf(0.5 + 0.5 * CONFIDENCE)) * error
+    reach = float(ndtri(0.5 + 0.5 * CONFIDENCE)) * error
     return max(0.0, mean - reach), min(1.0, mean + reach)
 
 

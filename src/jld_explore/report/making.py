@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from jld_core.arrays import Floats
 from jld_core.exchange import Layout
 from jld_core.geometry import area_vector, polygons
+from jld_core.geometry.outlines import different_lines
 from jld_core.scene.units import METRES
 
 if TYPE_CHECKING:
     import pandas as pd
-
-_ANGLE: Final = 1e-6
-"""Angle, radians, up to which two cuts are made with one set-up of the saw."""
 
 
 @dataclass(frozen=True)
@@ -89,19 +87,10 @@ def stones_of(layout: Layout) -> list[Stone]:
             )
             outline = None
             sides = [high - low for low, high in zip(block.lower, block.upper, strict=True)]
-        own = (len(directions), _directions(directions), sawn, outline, block.centroid)
+        own = (len(directions), different_lines(directions), sawn, outline, block.centroid)
         size = tuple(sorted(sides, reverse=True))
         found.append(Stone(number, block.name, block.shape, block.mass, block.volume, size, *own))
     return found
-
-
-def _directions(vectors: Floats) -> int:
-    """Return the number of different lines among unit vectors (k, d)."""
-    kept: list[Floats] = []
-    for vector in vectors:
-        if all(abs(float(vector @ other)) < 1.0 - 0.5 * _ANGLE**2 - 1e-12 for other in kept):
-            kept.append(vector)
-    return len(kept)
 
 
 def smallest_rectangle(points: Floats) -> tuple[float, float]:

@@ -7,8 +7,10 @@ Numbers are rounded for drawings and tooltips; `results.csv` keeps full precisio
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any, Final, Literal, cast
 
 import numpy as np
@@ -128,7 +130,10 @@ def structure_of(assembly: Assembly, candidates: Bools) -> Structure:
     assembly = faces_of(assembly)
     elements, faces = assembly.elements, assembly.interfaces
     planar, bars = assembly.dimension == 2, assembly.members
-    weight = np.linalg.norm(elements.weight, axis=1)
+    weight = rounded(np.linalg.norm(elements.weight, axis=1), DIGITS)
+    shapes, centroids = _rounded_each(elements.shape), rounded(elements.centroid)
+    polygons, areas = _rounded_each(faces.polygon), rounded(faces.area, DIGITS)
+    origins, normals = rounded(faces.origin), rounded(faces.normal)
     return {
         "dimension": 2 if planar else 3,
         "units": {"length": assembly.units[0], "force": assembly.units[1]},
@@ -138,20 +143,20 @@ def structure_of(assembly: Assembly, candidates: Bools) -> Structure:
             {
                 "id": name,
                 "support": bool(elements.support[k]),
-                "shape": rounded(elements.shape[k]),
+                "shape": shapes[k],
                 "faces": [] if planar else [list(ring) for ring in elements.faces[k]],
-                "centroid": rounded(elements.centroid[k]),
-                "weight": rounded(weight[k], DIGITS),
+                "centroid": centroids[k],
+                "weight": weight[k],
             }
             for k, name in enumerate(elements.ids)
         ],
         "faces": [
             {
                 "elements": [int(faces.a[k]), int(faces.b[k])],
-                "polygon": rounded(faces.polygon[k]),
-                "origin": rounded(faces.origin[k]),
-                "normal": rounded(faces.normal[k]),
-                "area": rounded(faces.area[k], DIGITS),
+                "polygon": polygons[k],
+                "origin": origins[k],
+                "normal": normals[k],
+                "area": areas[k],
                 "candidate": bool(candidates[k]),
             }
             for k in range(len(faces))
@@ -177,28 +182,36 @@ def _bare_edges(assembly: Assembly) -> list[Edge]:
 
     Each piece has the element and its two ends.
     """
-    touching: list[list[Floats]] = [[] for _ in assembly.elements.ids]
+    touching: list[list[list[list[float]]]] = [[] for _ in assembly.elements.ids]
     for k, polygon in enumerate(assembly.interfaces.polygon):
-        touching[assembly.interfaces.a[k]].append(polygon)
-        touching[assembly.interfaces.b[k]].append(polygon)
+        ends = np.asarray(polygon).tolist()
+        touching[assembly.interfaces.a[k]].append(ends)
+        touching[assembly.interfaces.b[k]].append(ends)
     near = 1e-6 * assembly.size
     pieces: list[Edge] = []
-    for element in assembly.elements.free:
-        shape = assembly.elements.shape[element]
-        for start, end in zip(shape, np.roll(shape, -1, axis=0), strict=True):
-            length = float(np.linalg.norm(end - start))
-            along = (end - start) / length
-            covered = []
-            for polygon in touching[element]:
-                arm = polygon - start
-                off = arm[:, 0] * along[1] - arm[:, 1] * along[0]
-                if np.all(abs(off) <= max(near, 1e-3 * length)):
-                    low, high = sorted((arm @ along).tolist())
-                    covered.append((max(low, 0.0), min(high, length)))
-            for low, high in _gaps(covered, length, near):
-                ends = start + np.outer([low, high], along)
-                pieces.append({"element": int(element), "from": rounded(ends[0]), "to": rounded(ends[1])})
+    # plain numbers: arrays of two points take ten times as long
+    for element in assembly.elements.free.tolist():
+        corners = assembly.elements.shape[element].tolist()
+        for (x, y), (x1, y1) in zip(corners, corners[1:] + corners[:1], strict=True):
+            length = math.hypot(x1 - x, y1 - y)
+            along = (x1 - x) / length, (y1 - y) / length
+            most, covered = max(near, 1e-3 * length), []
+            for ends in touching[element]:
+                if all(abs((u - x) * along[1] - (v - y) * along[0]) <= most for u, v in ends):
+                    places = [(u - x) * along[0] + (v - y) * along[1] for u, v in ends]
+                    covered.append((max(min(places), 0.0), min(max(places), length)))
+            for part in _gaps(covered, length, near):
+                low, high = ([x + place * along[0], y + place * along[1]] for place in part)
+                pieces.append({"element": element, "from": rounded(low), "to": rounded(high)})
     return pieces
+
+
+def _rounded_each(arrays: Sequence[Floats]) -> list[Any]:
+    """Return arrays (k, d) as `rounded` does: together, since numbers of elements are large and k is small."""
+    if not len(arrays):
+        return []
+    rows, cuts = rounded(np.concatenate(arrays)), np.cumsum([0, *map(len, arrays)]).tolist()
+    return [rows[start:end] for start, end in pairwise(cuts)]
 
 
 def _gaps(covered: Iterable[tuple[float, float]], length: float, near: float) -> list[tuple[float, float]]:
@@ -382,6 +395,8 @@ def rounded(values: Any, digits: int = PLACES) -> Any:
 
 def _plain(array: Floats) -> Any:
     """Return an array as nested lists, with None for values that are not finite."""
+    if np.all(np.isfinite(array)):
+        return array.tolist()
     if array.ndim > 1:
         return [_plain(row) for row in array]
     return [float(v) if np.isfinite(v) else None for v in array]

@@ -75,13 +75,15 @@ class Stock:
         return 1.0 - self.volume / (self.least * math.prod(self.size))
 
 
-def stock_of(stones: list[Stone], size: tuple[float, float, float], kerf: float = 0.0) -> Stock:
+def stock_of(
+    stones: list[Stone], size: tuple[float, float, float], kerf: float = 0.0, said: tuple[float, str] = (1.0, "")
+) -> Stock:
     """Place the smallest cuboids of stones in stock cuboids, by cuts that each pass through a whole piece.
 
     Stones are placed from the largest to the smallest, in the free piece that they fill best, turned about the axes as
     they fit (guillotine cuts; the least leftover side decides). stones: of one layout. size: sides of a stock cuboid.
-    kerf: width of a cut. All are lengths in the unit of the scene. Raises ParameterError if a size is wrong or a stone
-    does not fit.
+    kerf: width of a cut. All are lengths in the unit of the scene. said: factor to the unit of messages, and its name
+    after a space. Raises ParameterError if a size is wrong or a stone does not fit.
     """
     if not all(0.0 < side < math.inf for side in size):
         raise ParameterError("stock", "a side is not above 0", "three sides above 0, as 1.2,0.8,0.3")
@@ -100,8 +102,9 @@ def stock_of(stones: list[Stone], size: tuple[float, float, float], kerf: float 
             free.append((count, (0.0, 0.0, 0.0), tuple(size)))
             place = _best(stone, free)
         if place is None:
-            sides = " × ".join(f"{side:.4g}" for side in stone.size)
-            problem = f"stone {stone.number} of {sides} does not fit into {' × '.join(f'{side:g}' for side in size)}"
+            factor, unit = said
+            own, stated = (" × ".join(f"{factor * side:.4g}" for side in one) + unit for one in (stone.size, size))
+            problem = f"stone {stone.number} of {own} does not fit into {stated}"
             raise ParameterError("stock", problem, "larger cuboids, or a search with smaller blocks")
         index, sides3 = place
         cuboid, corner, room = free.pop(index)

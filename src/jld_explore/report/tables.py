@@ -112,23 +112,23 @@ def results_table(
     load_factor = load_factors(rows)
     axes = {name for name, _ in space.search.front.axes}
     deadline = deadline or Deadline()
-    late = [count for count in registered() if deadline.limited and count.kinds and count.name not in axes]
+    late = [count for count in registered() if deadline.limited and count.outlines and count.name not in axes]
     # Texts are added in the order of the table: as columns of a million rows they take most of the memory.
-    table = pd.DataFrame(
-        {
-            "multiplicity": rows["multiplicity"].astype(np.int64),
-            "load_factor": load_factor,
-            "bracket_lo": rows["low"],
-            "bracket_hi": rows["high"],
-            **counts(assembly, unpack(packed, records.faces), space.graph, space.limits.block_shapes, without=late),
-            "load_factor_associative": associative,
-            "load_factor_zero_dilation": zero,
-            **({} if assembly.nominal is None else {"load_factor_nominal": rows["cases"][:, -1]}),
-            **_of_cases(rows, assembly),
-            **required.column(rows["low"], statuses(rows), space.search),
-            "seconds": rows["seconds"],
-        }
-    )
+    # mypy takes seconds for the types of so many columns
+    columns: dict[str, Any] = {
+        "multiplicity": rows["multiplicity"].astype(np.int64),
+        "load_factor": load_factor,
+        "bracket_lo": rows["low"],
+        "bracket_hi": rows["high"],
+        **counts(assembly, unpack(packed, records.faces), space.graph, space.limits.block_shapes, without=late),
+        "load_factor_associative": associative,
+        "load_factor_zero_dilation": zero,
+        **({} if assembly.nominal is None else {"load_factor_nominal": rows["cases"][:, -1]}),
+        **_of_cases(rows, assembly),
+        **required.column(rows["low"], statuses(rows), space.search),
+        "seconds": rows["seconds"],
+    }
+    table = pd.DataFrame(columns)
     place = np.array([ORDER.index(status) for status in Status], dtype=np.int64)[rows["status"]]
     ties = _ties(np.where(place == 0, load_factor, np.nan), rows["low"], rows["high"], wide=wide)
     # Sort ties by simplicity, using the counts with terms: fewer blocks, then fewer dry faces.

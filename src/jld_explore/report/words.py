@@ -100,7 +100,9 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
     carried = {}
     if tried is not None:
         most = "none stands" if tried["best"] is None else f"most carried {tried['best']:.6g}"
-        most += ", no layout carries more" if tried["none_better"] else ""
+        if tried["none_better"]:
+            assumed = tried.get("none_better_assumes")
+            most += ", no layout carries more" + (f" (assumed: {assumed})" if assumed else "")
         carried = {"experiments": f"{tried['runs']}: {most}; {tried['not_standing']} do not stand"}
     carried |= _reliability(facts.get("reliability") or {})
     ended = STOPPED[facts["stop_reason"]]

@@ -6,7 +6,7 @@ It is also a limit if "search" has a key of its name. `register` adds a count.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -16,6 +16,7 @@ import numpy as np
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
+from jld_core.geometry.outlines import boundary
 from jld_explore.space.labelling import Connectivity, blocks_of, numbers_of, totals_of
 from jld_explore.space.shapes import BlockShapes
 
@@ -124,6 +125,10 @@ class Count:
         Without terms a limit on the count makes the exact driver enumerate.
     kinds : bool
         True if the count is the number of different shapes among the blocks.
+    outlines : bool
+        True if the count needs the outlines of blocks; tables leave it blank where time ends.
+    least_of_block, least_of_shape : mapping of int to int, or None
+        By dimension, what each block (each different shape) adds at least; None where unknown.
     """
 
     name: str
@@ -135,6 +140,9 @@ class Count:
     column: str = ""
     terms: Callable[[Assembly], Terms] | None = None
     kinds: bool = False
+    outlines: bool = False
+    least_of_block: Mapping[int, int] | None = None
+    least_of_shape: Mapping[int, int] | None = None
 
     @property
     def title(self) -> str:
@@ -185,6 +193,26 @@ def _mass(layouts: Layouts) -> Floats:
     return np.asarray(np.round((layouts.stays[:, elements.free] * mass).sum(axis=1) / total, 12) * total)
 
 
+def _sawn_length(layouts: Layouts) -> Floats:
+    """Return (k,) total length, in space area, of the faces of all blocks, those at supports included.
+
+    It is the boundary of all elements without the inner faces, each of which two elements share, or one and a support.
+    """
+    assembly, faces = layouts.assembly, layouts.assembly.interfaces
+    elements, stays = assembly.elements, layouts.stays
+    around = np.array(
+        [boundary(elements.shape[e], elements.faces[e] if elements.faces else None) for e in elements.free]
+    )
+    ends = [np.where(elements.support[side], False, stays[:, side]) for side in (faces.a, faces.b)]
+    real = ~assembly.of_members & ((faces.b != assembly.sink) if assembly.sink >= 0 else True)
+    inner = ~layouts.labellings & real & stays[:, faces.a] & stays[:, faces.b]
+    within = np.where(inner, assembly.face_sizes, 0.0) * (ends[0].astype(int) + ends[1].astype(int))
+    whole = np.where(stays[:, elements.free], around, 0.0).sum(axis=1)
+    scale = float(around.sum()) or 1.0
+    # Round, so that equal lengths compare equal for any order of summation.
+    return np.asarray(np.round((whole - within.sum(axis=1)) / scale, 12) * scale)
+
+
 _COUNTS: Final[dict[str, Count]] = {
     count.name: count
     for count in (
@@ -223,6 +251,33 @@ _COUNTS: Final[dict[str, Count]] = {
             axis="different shapes of blocks",
             noun="shape",
             kinds=True,
+            outlines=True,
+        ),
+        Count(
+            "sawn_length",
+            of=_sawn_length,
+            axis=lambda assembly: "sawn length" if _planar(assembly) else "sawn area",
+            noun="sawn",
+            integer=False,
+            unit=lambda assembly: assembly.units[0] + ("" if _planar(assembly) else "²"),
+        ),
+        Count(
+            "saw_cuts",
+            of=lambda layouts: layouts.block_shapes.total(layouts.blocks, "faces", layouts.assembly.sink),
+            axis="sawn faces of all blocks",
+            noun="cut",
+            outlines=True,
+            # a triangle, a tetrahedron
+            least_of_block={2: 3, 3: 4},
+        ),
+        Count(
+            "saw_set_ups",
+            of=lambda layouts: layouts.block_shapes.total(layouts.blocks, "lines", layouts.assembly.sink, once=True),
+            axis="set-ups of the saw",
+            noun="set-up",
+            outlines=True,
+            # a parallelogram, a parallelepiped
+            least_of_shape={2: 2, 3: 3},
         ),
         Count(
             "largest_block_mass",

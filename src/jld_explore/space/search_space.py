@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import ceil, floor
 
 import numpy as np
 
@@ -15,15 +14,12 @@ from jld_core.build import faces_of_pairs
 from jld_core.errors import InputError
 from jld_core.mechanics import require_materials
 from jld_core.scene import Scene, Search
-from jld_explore.space.counts import Terms, count_named
+from jld_explore.space.contradictions import may_join, refuse_contradictions
+from jld_explore.space.counts import count_named
 from jld_explore.space.labelling import Connectivity, blocks_of, canonical, connectivity
 from jld_explore.space.limits import Limits
-from jld_explore.space.measures import CELLS, MEASURES, block_sizes
 from jld_explore.space.symmetry import SymmetryGroup, symmetry_group
 from jld_explore.space.void import Void, void_of, with_sink
-
-_TOTAL = 1e-8
-"""Relative rounding allowed where the number of blocks follows from the total size of all elements."""
 
 
 @dataclass(frozen=True)
@@ -209,7 +205,7 @@ def search_space(
         raise InputError("search.candidates", "no face is a candidate", f"at least one face{kept}")
     limits = Limits(assembly, search)
     _ = limits.excepted
-    _refuse_impossible(limits, chosen, fixed, least, most)
+    refuse_contradictions(limits, chosen, fixed, least, most, graph)
     if need_materials:
         _require_materials(limits, chosen, fixed, least, graph)
     symmetry = symmetry_group(assembly, search, chosen, fixed)
@@ -257,98 +253,7 @@ def _require_materials(limits: Limits, candidates: Bools, fixed: Bits, least: In
     candidates, fixed: (m,) as in `SearchSpace`. least: (n,) blocks through fixed inner faces.
     """
     may_be_dry = least[graph.a] != least[graph.b] if limits.search.segmentation else candidates
-    may_be_inner = _may_join(limits, least, graph)
+    may_be_inner = may_join(limits, least, graph)
     dry, inner = np.where(candidates, may_be_dry, fixed), np.where(candidates, may_be_inner, ~fixed)
     real = limits.assembly.interfaces.b != limits.assembly.sink
     require_materials(limits.assembly, dry & real, inner & real)
-
-
-def _may_join(limits: Limits, least: Ints, graph: Connectivity) -> Bools:
-    """Return (m,) False where the union of the two blocks beside a face exceeds a limit.
-
-    least: (n,) block of each element through fixed inner faces.
-    """
-    p, q = least[graph.a], least[graph.b]
-    joined = np.ones(len(p), dtype=bool)
-    if limits.excepted.any():
-        return joined
-    for measure, bounds in limits.on_blocks:
-        if measure.of:
-            size = block_sizes(limits.assembly, least[None], [measure])[measure.key][0]
-            joined &= ~bounds.above(np.where(p == q, size[p], size[p] + size[q]))
-    return joined
-
-
-def _refuse_impossible(limits: Limits, candidates: Bools, fixed: Bits, least: Ints, most: Ints) -> None:
-    """Raise InputError for a limit that can be shown to leave no labelling.
-
-    candidates, fixed: (m,), least, most: (n,), all as in `SearchSpace`.
-    """
-    assembly = limits.assembly
-    small, large = block_sizes(assembly, least[None]), block_sizes(assembly, most[None])
-    holds, whole = np.flatnonzero(small[CELLS.key][0]), np.flatnonzero(large[CELLS.key][0])
-    ids = assembly.elements.ids
-    fewest, greatest, culprit = len(whole), len(holds), CELLS.key
-    for measure in MEASURES:
-        bounds, where = limits.bounds(measure), f"search.{measure.key}"
-        smallest, largest = small[measure.key][0, holds], large[measure.key][0, whole]
-        if limits.excepted.any():
-            # Exempt blocks may contain anything that is too large or too small.
-            continue
-        if (heavy := bounds.above(smallest)).any():
-            worst = int(np.argmax(np.where(heavy, smallest, -np.inf)))
-            found = f"the block of {ids[holds[worst]]!r} has {smallest[worst]:g} {measure.words}"
-            problem = f"the most is {bounds.high:g}, but {found}"
-            raise InputError(where, problem, f"a most of at least {smallest[worst]:g}")
-        if (light := bounds.below(largest)).any():
-            worst = int(np.argmin(np.where(light, largest, np.inf)))
-            reached = f"the block of {ids[whole[worst]]!r} has {largest[worst]:g} {measure.words} at most"
-            raise InputError(
-                where, f"the least is {bounds.low:g}, but {reached}", f"a least of at most {largest[worst]:g}"
-            )
-        if measure.of:
-            total = float(smallest.sum())
-            fewest = max(fewest, ceil(total / bounds.most * (1.0 - _TOTAL)) if bounds.high else 0)
-            number = floor(total / bounds.least * (1.0 + _TOTAL)) if bounds.low else greatest
-            if number < greatest:
-                greatest, culprit = number, measure.key
-    if fewest > greatest:
-        problem = f"no number of blocks fits (at least {fewest}, at most {greatest})"
-        raise InputError(f"search.{culprit}", problem, "limits that agree")
-    for count, bounds in limits.on_counts:
-        if count.terms and assembly.sink < 0:
-            terms = count.terms(assembly)
-            low, high = _reach(terms, candidates, fixed)
-            if terms.faces is not None and not limits.excepted.any():
-                low = max(low, int(terms.faces.sum()) - _most_inner(limits, terms.faces & (candidates | ~fixed)))
-            if terms.blocks:
-                low, high = low + fewest, high + greatest
-            if bounds.above(low) or bounds.below(high):
-                asked = ["null" if bound is None else f"{bound:g}" for bound in (bounds.low, bounds.high)]
-                problem = f"[{', '.join(asked)}] asked, but there can be {low} to {high}"
-                raise InputError(f"search.{count.name}", problem, "a range that meets this")
-
-
-def _reach(terms: Terms, candidates: Bools, fixed: Bits) -> tuple[int, int]:
-    """Return the least and largest number of faces that a count of dry faces can include.
-
-    candidates, fixed: (m,) as in `SearchSpace`.
-    """
-    if terms.faces is None:
-        return 0, 0
-    return int((terms.faces & ~candidates & fixed).sum()), int((terms.faces & (candidates | fixed)).sum())
-
-
-def _most_inner(limits: Limits, faces: Bools) -> int:
-    """Return an upper bound on the number of faces that can be inner at the same time.
-
-    faces: (m,) those counted; only faces between free elements are. An element in a block of c cells shares faces with
-    at most c − 1 others of the block.
-    """
-    assembly, most = limits.assembly, limits.bounds(CELLS).high
-    faces = faces & assembly.free_faces
-    if most is None or not faces.any():
-        return int(faces.sum())
-    ends = np.sort(np.column_stack([assembly.interfaces.a[faces], assembly.interfaces.b[faces]]), axis=1)
-    per_pair = int(np.unique(ends, axis=0, return_counts=True)[1].max())
-    return int(np.minimum(np.bincount(ends.ravel()), per_pair * (int(most) - 1)).sum()) // 2

@@ -160,6 +160,26 @@ class BlockShapes:
         new = np.diff(kind, axis=1, prepend=-1) != 0
         return np.asarray((new & (kind >= 0)).sum(axis=1), dtype=np.int64)
 
+    def total(self, blocks: Ints, name: str, sink: int = -1, *, once: bool = False) -> Ints:
+        """Return (k,) sums of a whole-number attribute of outlines over the blocks of each row (k, n).
+
+        name: of the attribute of `Outline`. sink: as for `different`. once: add one of several blocks of one shape.
+        """
+        with self._lock:
+            holds, places = self._look(blocks)
+            number = self._numbers()
+            value = np.array([getattr(shape, name) for shape in self._known], dtype=np.int64)
+        if sink >= 0:
+            holds[np.arange(len(blocks)), blocks[:, sink]] = False
+        if not once:
+            return np.asarray(np.where(holds, value[places], 0).sum(axis=1), dtype=np.int64)
+        of_kind = np.zeros(int(number.max(initial=-1)) + 1, dtype=np.int64)
+        of_kind[number[::-1]] = value[::-1]
+        kind = np.where(holds, number[places], -1)
+        kind.sort(axis=1)
+        new = (np.diff(kind, axis=1, prepend=-1) != 0) & (kind >= 0)
+        return np.asarray(np.where(new, of_kind[kind], 0).sum(axis=1), dtype=np.int64)
+
     def values(self, name: str) -> Floats:
         """Return (b,) values of one attribute of all known outlines, ordered by position."""
         with self._lock:

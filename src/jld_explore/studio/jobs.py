@@ -65,6 +65,8 @@ class Job:
         Reason of a failure, in one line; "" without one.
     process : Popen or None
         Process of the search; None if it was not started in this session.
+    listener : Thread or None
+        Thread that reads the output of the process, and ends after it.
     """
 
     name: str
@@ -75,6 +77,7 @@ class Job:
     progress: dict[str, Any] = field(default_factory=dict)
     error: str = ""
     process: subprocess.Popen[str] | None = None
+    listener: threading.Thread | None = None
     shown: dict[str, Any] = field(default_factory=dict)
 
     @property
@@ -220,7 +223,7 @@ class Jobs:
             return self.all[name]
 
     def close(self) -> None:
-        """Stop all running searches and wait for their processes.
+        """Stop all running searches and wait for their processes and for what these printed.
 
         A process that is still running after 10 s is killed.
         """
@@ -233,6 +236,9 @@ class Jobs:
                 except subprocess.TimeoutExpired:
                     job.process.kill()
                     job.process.wait()
+            if job.listener is not None:
+                # Its end closes the pipe; a process that the search began may keep the other end open for a while.
+                job.listener.join(timeout=10.0)
 
     def _room(self) -> None:
         """Raise InputError if no further search may run."""
@@ -263,7 +269,8 @@ class Jobs:
             raise
         # Only a job with a process is running; a job that could not start would otherwise occupy a place for ever.
         job.state, job.error = "running", ""
-        threading.Thread(target=self._listen, args=(job, job.process, words, told), daemon=True).start()
+        job.listener = threading.Thread(target=self._listen, args=(job, job.process, words, told), daemon=True)
+        job.listener.start()
 
     def _listen(self, job: Job, process: subprocess.Popen[str], words: IO[str], told: dict[str, Any]) -> None:
         """Read the progress of a process until it ends, then record its state in the job.

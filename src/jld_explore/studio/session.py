@@ -90,7 +90,9 @@ class StudioSession:
         self._brackets = FieldBrackets()
         self._geometry = build_geometry(scene)
         self._spaces: OrderedDict[tuple[str, bytes], SearchSpace | InputError] = OrderedDict()
-        self.joints = _joints(scene, self.setup({}).assembly)
+        found = _joints(scene, self.setup({}).assembly)
+        self.joints = found if isinstance(found, JointVertices) else None
+        self._fixed = found if isinstance(found, InputError) else None
         self._mover: tuple[str, MovedScene] | None = None
 
     def setup(self, changes: Mapping[str, Any]) -> ScenarioCache:
@@ -145,9 +147,10 @@ class StudioSession:
         return found
 
     def _movable(self) -> JointVertices:
-        """Return the vertices that may move; raise InputError if there are none."""
+        """Return the vertices that may move; raise InputError, which says why, if there are none."""
         if self.joints is None:
-            raise InputError("vertices", "no vertex of this scene moves", "a planar scene with joints that may move")
+            problem = "no vertex of this scene moves" + (f" ({self._fixed})" if self._fixed else "")
+            raise InputError("vertices", problem, "a planar scene with joints that may move")
         return self.joints
 
     def _space(self, scene: Scene, assembly: Assembly) -> SearchSpace | InputError:
@@ -264,14 +267,14 @@ def parsed(document: dict[str, Any]) -> Scene:
         raise InputError(error.where.removeprefix(f"{_SCENE}: "), error.problem, error.expected) from None
 
 
-def _joints(scene: Scene, assembly: Assembly) -> JointVertices | None:
-    """Return the vertices of a scene that may move; None in space, or where none may."""
+def _joints(scene: Scene, assembly: Assembly) -> JointVertices | InputError | None:
+    """Return the vertices of a scene that may move, or why none may; None in space."""
     if assembly.dimension != 2:
         return None
     try:
         return JointVertices(scene, assembly)
-    except InputError:
-        return None  # the page then has no such tool; jld check says why a key "move" does not fit
+    except InputError as error:
+        return error  # the page then has no such tool
 
 
 def _bodies(assembly: Assembly) -> dict[str, Any]:

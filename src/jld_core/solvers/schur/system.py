@@ -26,7 +26,11 @@ from jld_core.solvers.schur.nesterov_todd import NesterovTodd
 
 _SHIFT = 1e-14  # added to the diagonal of the Schur complement, which is scaled to ones
 _RETRIES = 5  # attempts to factor; each failure multiplies the shift by 100
-_PASSES = 3  # largest number of iterative refinements
+_ACCURACY = 1e-13  # residual, relative to the right-hand side, at which refinement ends by default
+_PASSES = 3
+
+_NONE = np.zeros(0, dtype=np.int64)
+_EMPTY = np.zeros(0)
 
 
 class SchurSystem:
@@ -38,16 +42,15 @@ class SchurSystem:
         Eᵀu + Gᵀv = p,   E x = q,   G x − W²v = r.
 
     x are the columns of the program, u and v the multipliers of its equations and of its yield rows. The constructor
-    raises SolverError if the structure does not separate into faces.
+    raises SolverError if the structure does not separate into faces. `accuracy` is the residual, relative to the
+    right-hand side, at which refinement ends.
     """
 
     def __init__(self, structure: Structure) -> None:
         self.structure = structure
         self.blocks: FaceBlocks = face_blocks(structure)
         self._lay_out(structure.equalities, structure.places)
-        self._inverse: list[Floats] = []
-        self._half: list[Floats] = []
-        self._side: list[Floats] = []
+        self.accuracy = _ACCURACY
 
     def _lay_out(self, size: int, places: Floats | None) -> None:
         """Analyse the pattern of the Schur complement, and where the entries of faces add up.
@@ -68,9 +71,34 @@ class SchurSystem:
         )
         self._rows, self._columns = unique // size, unique % size
         self._diagonal = np.flatnonzero(self._rows == self._columns)
+        self._prepare_products(size)
         # Equations of one element meet the same faces; equal sums of random numbers per face identify them.
         _, first, node = np.unique(np.round(cover, 9), return_index=True, return_inverse=True)
         self._fronts = factorisation(Fronts(self._rows, self._columns, node, None if places is None else places[first]))
+
+    def _prepare_products(self, size: int) -> None:
+        """Lay out sparse matrices of the columns of all faces, one face after another, whose values `factor` fills in.
+
+        size: number of equations. A sparse product takes a quarter of the time of products face by face.
+        """
+        families = self.blocks.families
+        self._columns_of_faces = np.concatenate([family.columns.ravel() for family in families] or [_NONE])
+        count, done = len(self._columns_of_faces), 0
+        own, touched, wide, deep = [_NONE], [_NONE], [_NONE], [_NONE]
+        for family in families:
+            m, k = family.columns.shape
+            numbers = done + np.arange(m * k).reshape(m, k)
+            own.append(np.repeat(numbers, k, axis=0).ravel())
+            touched.append(np.repeat(family.equations, k, axis=0).ravel())
+            wide.append(np.full(m * k, k))
+            deep.append(np.full(m * k, family.equations.shape[1]))
+            done += m * k
+
+        def laid(columns: list[Ints], entries: list[Ints], width: int) -> sp.csr_array:
+            start = np.concatenate([[0], np.cumsum(np.concatenate(entries))])
+            return sp.csr_array((np.zeros(start[-1]), np.concatenate(columns), start), shape=(count, width))
+
+        self._inverse, self._half = laid(own, wide, count), laid(touched, deep, size)
 
     def load(self, program: ConicProgram) -> None:
         """Take over the numbers of a program; the next call must be `factor`.
@@ -120,8 +148,7 @@ class SchurSystem:
         """
         self._scaling = scaling
         count = len(self.blocks.border)
-        self._inverse, self._half, self._side = [], [], []
-        summands = []
+        inverses, halves, sides, summands = [_EMPTY], [_EMPTY], [np.zeros((0, count))], [_EMPTY]
         edges = self._edge_equations.copy()
         loose = self._scaled_loose(scaling)
         corner = loose.T @ loose
@@ -129,19 +156,21 @@ class SchurSystem:
             scaled = _divided(scaling, family, self._g[number])
             inverse = _right_inverse_of_r(scaled)
             half = inverse.transpose(0, 2, 1) @ self._a[number]
-            self._inverse.append(inverse)
-            self._half.append(half)
-            side = np.zeros((len(scaled), scaled.shape[2], 0))
+            inverses.append(inverse.ravel())
+            halves.append(half.ravel())
+            side = np.zeros((len(scaled), scaled.shape[2], count))
             if count:
                 border = _divided(scaling, family, self._edge[number])
                 side = inverse.transpose(0, 2, 1) @ (scaled.transpose(0, 2, 1) @ border)
                 rest = border - scaled @ (inverse @ side)
                 corner = corner + np.einsum("nij,nik->jk", rest, rest)
                 np.subtract.at(edges, family.equations, half.transpose(0, 2, 1) @ side)
-            self._side.append(side)
+            sides.append(side.reshape(-1, count))
             lower = np.tril_indices(half.shape[2])
             square = half.transpose(0, 2, 1) @ half
             summands.append(square[:, lower[0], lower[1]].ravel())
+        self._inverse.data, self._half.data = np.concatenate(inverses), np.concatenate(halves)
+        self._side = np.concatenate(sides)
         data = self._sum @ np.concatenate(summands)
         diagonal = data[self._diagonal]
         self._size = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
@@ -183,7 +212,7 @@ class SchurSystem:
         """
         scaling = self._scaling
         x, u, wv = self._once(p, q, r)
-        aim = 1e-13 * max(1e-3, *(float(abs(part).max(initial=0.0)) for part in (p, q, r)))
+        aim = self.accuracy * max(1e-3, *(float(abs(part).max(initial=0.0)) for part in (p, q, r)))
         least, best = np.inf, (x, u, wv)
         for _ in range(_PASSES):
             left_p = p - self.transposed(u, scaling.divide(wv))
@@ -209,32 +238,17 @@ class SchurSystem:
         blocks, scaling = self.blocks, self._scaling
         rho = scaling.divide(r)
         c = p + np.asarray(self._yields_t @ scaling.divide(rho))
-        right = -q
-        halves = []
-        for number, family in enumerate(blocks.families):
-            e = _apply(self._inverse[number].transpose(0, 2, 1), c[family.columns])
-            halves.append(e)
-            contribution = _apply(self._half[number].transpose(0, 2, 1), e)
-            right += np.bincount(family.equations.ravel(), contribution.ravel(), len(right))
-        u = self._solve(right)
+        e = self._inverse.T @ c[self._columns_of_faces]
+        u = self._solve(self._half.T @ e - q)
         x = np.zeros(len(p))
         apart = np.zeros(len(blocks.border))
         if len(blocks.border):
-            rest = c[blocks.border] - self._edges.T @ u
-            for number in range(len(blocks.families)):
-                rest = rest - np.einsum("nkb,nk->b", self._side[number], halves[number])
+            rest = c[blocks.border] - self._edges.T @ u - self._side.T @ e
             apart = np.linalg.solve(self._corner, rest)
             u = u + self._reach @ apart
             x[blocks.border] = apart
-        for number, family in enumerate(blocks.families):
-            e = halves[number] - _apply(self._half[number], u[family.equations]) - self._side[number] @ apart
-            x[family.columns] = _apply(self._inverse[number], e)
+        x[self._columns_of_faces] = self._inverse @ (e - self._half @ u - self._side @ apart)
         return x, u, scaling.divide(self.yields(x)) - rho
-
-
-def _apply(matrices: Floats, vectors: Floats) -> Floats:
-    """Return the products (n, i) of matrices (n, i, j) and vectors (n, j)."""
-    return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
 
 
 def _divided(scaling: NesterovTodd, family: Family, rows: Floats) -> Floats:

@@ -13,6 +13,7 @@ export function limitForm(host, desk, data) {
     const { length, force } = data().structure.units;
     const bounds = [
       ["blocks", "blocks", ""], ["block_cells", "elements in a block", ""], ["dry_faces", "dry faces", ""], ["shapes", "different shapes", ""],
+      ["sawn_length", "sawn length", length], ["saw_cuts", "saw cuts", ""], ["saw_set_ups", "set-ups of the saw", ""],
       ["block_mass", "mass of a block", "kg"], ["block_weight", "weight of a block", force], ["block_extent", "extent of a block", length], ["block_aspect", "longest by shortest side", ""],
     ];
     const row = ([key, name, unit]) => el("tr", {}, el("th", { scope: "row" }, name, unit ? ` [${unit}]` : ""),

@@ -1,0 +1,128 @@
+"""One optimisation of joints from several starts: its options, its clock and all accepted points."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TypedDict
+
+import numpy as np
+
+from jld_core.arrays import Floats
+from jld_core.geometry_optimisation.search import GeometrySearch, TrustRegion
+
+
+@dataclass(frozen=True)
+class Point:
+    """Accepted point of a search.
+
+    Attributes
+    ----------
+    start : int
+        Number of the start, from 0.
+    step : int
+        Number of the point within its search; 0 is the start itself.
+    value : float
+        λ, least friction coefficient factor, or least thickness.
+    bracket : (float, float)
+        Proven bounds on λ; NaN where λ is not the objective or not bounded.
+    predicted : float
+        Value that the program of the step promised.
+    radius : float
+        Radius of the trust region, length.
+    solves : int
+        Number of proven solves so far.
+    seconds : float
+        Time since the search began, s.
+    """
+
+    start: int
+    step: int
+    value: float
+    bracket: tuple[float, float]
+    predicted: float
+    radius: float
+    solves: int
+    seconds: float
+
+
+class MoveOptions(TypedDict, total=False):
+    """Options that every optimisation of joints takes by keyword.
+
+    Attributes
+    ----------
+    seconds : float
+        Time limit, s. The point in work is finished. Default: none.
+    starts : int
+        Number of starts: the scene itself, and shaken ones. Default: 1.
+    trust : TrustRegion or None
+        Parameters of the search. Default: those of `TrustRegion`.
+    progress : callable or None
+        Called with every accepted point. Default: none.
+    """
+
+    seconds: float
+    starts: int
+    trust: TrustRegion | None
+    progress: Callable[[Point], None] | None
+
+
+class MoveRun:
+    """Starts of an optimisation under one time limit, and the record of their points.
+
+    Parameters
+    ----------
+    seconds, starts, trust, progress
+        As in `MoveOptions`.
+
+    Attributes
+    ----------
+    deadline : float
+        End of the time limit, as `time.perf_counter` counts, s.
+    trust : TrustRegion or None
+        Parameters of the search.
+    points : list of Point
+        All accepted points so far.
+    best : (k,) array or None
+        Variables of the best end so far, which the caller keeps here: later starts are shaken near it.
+    watched : bool
+        True if somebody is told of every point.
+    """
+
+    def __init__(
+        self,
+        *,
+        seconds: float = math.inf,
+        starts: int = 1,
+        trust: TrustRegion | None = None,
+        progress: Callable[[Point], None] | None = None,
+    ) -> None:
+        self._began, self._starts, self._progress = time.perf_counter(), starts, progress
+        self.deadline, self.trust, self.watched = self._began + seconds, trust, progress is not None
+        self.points: list[Point] = []
+        self.best: Floats | None = None
+        self._taken: Counter[int] = Counter()
+
+    def each_start(self, search: GeometrySearch) -> Iterator[tuple[int, Floats | None]]:
+        """Return number and variables (k,) of each start until the time is over.
+
+        Variables are None where no shaken start was found.
+        """
+        for number in range(self._starts):
+            if number and time.perf_counter() > self.deadline:
+                return
+            yield number, np.zeros(search.variables.count) if number == 0 else search.shaken(number, self.best)
+
+    def record(
+        self, start: int, value: float, bracket: tuple[float, float], predicted: float, radius: float, solves: int
+    ) -> None:
+        """Record an accepted point of a start; arguments as the attributes of `Point`."""
+        spent = time.perf_counter() - self._began
+        point = Point(start, self._taken[start], value, bracket, predicted, radius, solves, spent)
+        self._taken[start] += 1
+        self.points.append(point)
+        if self._progress is not None:
+            self._progress(point)

@@ -1,0 +1,87 @@
+"""Props along a line: levers, arches, words, table and refusals."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from command import Command
+from jld_core import build_assembly, parse_scene, samples
+from jld_core.assembly_sequence import assembly_order
+from jld_core.assembly_sequence.standing import Parts
+from jld_core.assembly_sequence.stations import stations_below
+from jld_core.errors import ParameterError
+from jld_core.scene import Scene
+
+
+def corbel(scale: float = 1.0, turn: float = 0.0) -> Scene:
+    """Return a block of 1 × 0.2 that rests on a support along its first 0.3, scaled and turned about the origin."""
+    matrix = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    shapes = {"block": [[0, 0], [1, 0], [1, 0.2], [0, 0.2]], "pier": [[0, -1], [0.3, -1], [0.3, 0], [0, 0]]}
+    elements = [
+        {"id": name, "polygon": (scale * np.array(shape) @ matrix).tolist(), "support": name == "pier"}
+        for name, shape in shapes.items()
+    ]
+    materials = {
+        "density": 2000,
+        "gravity": (np.array([0.0, -9.81]) @ matrix).tolist(),
+        "dry": {"friction_coefficient": 0.6},
+    }
+    load = {"element": "block", "force": [1, 0]}
+    return parse_scene({"elements": elements, "thickness": 1.0, "materials": materials, "loads": {"live": [load]}})
+
+
+@pytest.mark.parametrize(("scale", "turn"), [(1.0, 0.0), (2.5, 0.0), (1.0, 0.7)])
+def test_a_corbel_is_held_by_its_lever(scale: float, turn: float) -> None:
+    """Moments about the edge of the support at 0.3: F (0.9 − 0.3) = W (0.5 − 0.3) at the farthest of the places."""
+    assembly = build_assembly(corbel(scale, turn))
+    stations = stations_below(assembly, 0.4 * scale)
+    across = np.array([np.cos(turn), np.sin(turn)])
+    # the place at 0.1 is above the support
+    assert stations.points @ across == pytest.approx([0.5 * scale, 0.9 * scale], rel=1e-9)
+    step = assembly_order(assembly, assembly.labels, parts=Parts(assembly, stations)).steps[0]
+    weight = 2000 * 9.81 * 0.2 * scale**2
+    assert step.stage.along == pytest.approx([0.0, weight / 3.0], rel=1e-6, abs=1e-6 * weight)
+    assert step.stage.elsewhere == pytest.approx(0.0, abs=1e-6 * weight)
+
+
+def test_props_that_do_not_reach_are_told(jld: Command, tmp_path: Path) -> None:
+    """One place below the crown holds no haunch before the keystone is laid: the rest stands beside it."""
+    file = tmp_path / "arch.json"
+    file.write_text(samples.arch(voussoirs=7).model_dump_json(exclude_defaults=True))
+    done = jld("assembly", file, "--start", "springings", "--props", "100")
+    assert done.code == 0, done.err
+    assert "props along  1 place," in done.out
+    assert "the places alone do not hold it" in done.out
+
+
+def test_an_arch_on_a_line_of_props(jld: Command, tmp_path: Path) -> None:
+    """Words, table and picture of an arch laid from both springings, which may be struck once it is closed."""
+    file, out = tmp_path / "arch.json", tmp_path / "out"
+    file.write_text(samples.arch(voussoirs=7).model_dump_json(exclude_defaults=True))
+    done = jld("assembly", file, "--start", "springings", "--props", "0.2", "--out", out, "--stages")
+    assert done.code == 0, done.err
+    assert "props along" in done.out
+    assert "it may be struck after step 7" in done.out
+    table = pd.read_csv(out / "assembly.csv")
+    for row in table.itertuples():
+        parts = row.props_along.split() if isinstance(row.props_along, str) else []
+        assert sum(float(part.split(":")[1]) for part in parts) == pytest.approx(row.props_N, rel=1e-3, abs=1e-6)
+    assert (out / "stage-7.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("spacing", "said"),
+    [(0.0, "a spacing of 0 is wrong"), (float("nan"), "is wrong"), (1e-4, "at most 500 places")],
+)
+def test_bad_spacings_are_one_line(spacing: float, said: str) -> None:
+    with pytest.raises(ParameterError, match=said):
+        stations_below(build_assembly(corbel()), spacing)
+
+
+def test_props_along_a_line_are_planar() -> None:
+    with pytest.raises(ParameterError, match="planar"):
+        stations_below(build_assembly(samples.vault()), 0.2)

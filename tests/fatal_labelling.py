@@ -1,0 +1,38 @@
+"""A labelling whose evaluation ends its worker. Workers import this module: one of tests takes them a second more."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from typing import Any
+
+from jld_core.arrays import Bits
+from jld_core.assembly import Assembly
+from jld_explore.evaluation import Evaluation
+from jld_explore.evaluation.evaluator import Evaluator
+
+
+class FatalLabelling:
+    """Stands for an assembly in a recipe: unpickling it makes evaluations of one labelling fatal."""
+
+    def __init__(self, assembly: Assembly, labels: Bits, way: str) -> None:
+        self.content = assembly, labels.tolist(), way
+
+    def __reduce__(self) -> Any:
+        return poisoned, self.content
+
+
+def poisoned(assembly: Assembly, labels: list[bool], way: str) -> Assembly:
+    """Make evaluators of this process die or hang on a labelling."""
+    healthy = Evaluator.evaluate
+
+    def evaluate(self: Evaluator, row: Bits, *more: Any) -> Evaluation:
+        if row.tolist() == labels:
+            if way == "dies":
+                os.kill(os.getpid(), signal.SIGKILL)
+            time.sleep(60.0)
+        return healthy(self, row, *more)
+
+    Evaluator.evaluate = evaluate  # type: ignore[method-assign]
+    return assembly
