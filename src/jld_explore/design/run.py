@@ -98,10 +98,13 @@ def design_outline(
     require_folder(folder)
     if folder.exists() and any(folder.iterdir()):
         raise InputError(str(folder), "the folder is not empty", "an empty or new folder")
-    outline = read_outline(file, options)
-    work = Design(
-        options, outline, folder, tessellations(outline.scene, options, deadline.within(_CUTTING * options.seconds))
-    )
+    try:
+        outline = read_outline(file, options)
+        cut = tessellations(outline.scene, options, deadline.within(_CUTTING * options.seconds))
+    except Interrupted as stop:
+        stop.words = "stopped while the outline was cut into blocks; nothing was solved and nothing is written"
+        raise
+    work = Design(options, outline, folder, cut)
     folder.mkdir(parents=True, exist_ok=True)
     # writing takes longer on a busy machine, by the ratio of wall-clock to processor time so far
     busy = min(max(1.0, deadline.elapsed() / time.process_time()), BUSY)
