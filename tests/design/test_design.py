@@ -254,6 +254,23 @@ def test_a_signal_leaves_the_best_so_far(
     assert (out / "report.html").exists()
 
 
+def test_a_signal_before_anything_is_solved_leaves_nothing(
+    jld: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, wall: Path
+) -> None:
+    """Interrupted while the outline is cut, a design says so in one line, and makes no folder."""
+
+    def stop(*_: object) -> None:
+        raise Interrupted
+
+    monkeypatch.setattr(run, "tessellations", stop)
+    out = tmp_path / "out"
+    done = jld("design", wall, "-o", out, "--push", "0.1", "--thickness", "0.3", "--seconds", "40", "--jobs", "1")
+    assert done.code == 3
+    assert "stopped while the outline was cut" in done.err
+    assert done.err.count("\n") == 1
+    assert not out.exists()
+
+
 def test_checks_that_fail_leave_no_pipe_open(monkeypatch: pytest.MonkeyPatch, wall: Path) -> None:
     """An error in the checks, after the experiment beside them has ended: nobody has read its output."""
     pipe = subprocess.PIPE

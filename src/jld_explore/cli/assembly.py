@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 import numpy as np
 import typer
 
 from jld_core.assembly_sequence import Laying, assembly_order
+from jld_core.assembly_sequence.freedom import Bodies
 from jld_core.assembly_sequence.order import words_of_fall
+from jld_core.assembly_sequence.quick import order_without_stages
 from jld_core.assembly_sequence.standing import Parts
 from jld_core.assembly_sequence.stations import Stations, stations_below
 from jld_core.deadline import Deadline, DeadlinePassed
@@ -24,6 +26,9 @@ from jld_explore.report import csv_of
 
 if TYPE_CHECKING:
     import pandas as pd
+
+_WRITING: Final = 0.3
+"""Share of the time left, once an order by translations is known, that is kept back for table and pictures."""
 
 
 def assembly(
@@ -64,21 +69,29 @@ def assembly(
     sideways = scene.search.assemble_out_of_plane
     with error_context(source):
         stations = None if props is None else stations_below(found, props)
-        parts = Parts(found, stations)
+        bodies, parts = Bodies(found, sideways), Parts(found, stations)
+        quick: Laying | None = None
         try:
             with deadline.enforced():
+                if seconds is not None:  # kept for the case that solving the stages takes longer
+                    quick = order_without_stages(
+                        found, labels, sideways=sideways, group=group, start=start, bodies=bodies
+                    )
+            with deadline.earlier(0.0 if quick is None else _WRITING * deadline.remaining()).enforced():
                 laying = assembly_order(
-                    found, labels, wish=wish, sideways=sideways, group=group, start=start, parts=parts
+                    found, labels, wish=wish, sideways=sideways, group=group, start=start, bodies=bodies, parts=parts
                 )
         except DeadlinePassed:
-            raise ParameterError("seconds", f"no order was found in {seconds:g} s", "a longer time") from None
+            if quick is None:
+                raise ParameterError("seconds", f"no order was found in {seconds:g} s", "a longer time") from None
+            laying = quick
     table = table_of(laying, stations)
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
         write_text(out / "assembly.csv", csv_of(table))
         late = _draw(laying, out, f"{scene.name}: order of laying", stages, animation, deadline)
     say(words_of(laying))
-    if stations is not None and laying.steps:
+    if stations is not None and laying.steps and not _unsolved(laying):
         say(_words_along(laying, stations))
     if len(table):
         # the forces along a line say in short what stands below the blocks
@@ -144,7 +157,8 @@ def table_of(laying: Laying, stations: Stations | None = None) -> pd.DataFrame:
     """Return the table of an assembly sequence: one row per step, in the order of laying.
 
     Its columns are step, blocks, elements, direction of arrival, whether the stage stands, and prop forces. It has no
-    rows where there is no order. stations: places of props along a line, whose forces are one more column.
+    rows where there is no order. Props of stages that were not solved are NaN. stations: places of props along a line,
+    whose forces are one more column.
     """
     import pandas as pd  # slow to import and needed for tables only
 
@@ -162,7 +176,7 @@ def table_of(laying: Laying, stations: Stations | None = None) -> pd.DataFrame:
                 "elements": " ".join(ids[e] for block in step.blocks for e in blocks.elements(block)),
                 "moves_along": "(" + ", ".join(f"{x:.4g}" for x in comes) + ")",
                 "stands": "" if stands is None else "yes" if stands else "no",
-                f"props_{force}": float(step.stage.props.sum()),
+                f"props_{force}": float(step.stage.props.sum()) if np.isfinite(step.stage.error) else np.nan,
                 "propped": " ".join(f"{blocks.name(block)}:{step.stage.props[block]:.4g}" for block in propped),
             }
         )
@@ -173,6 +187,11 @@ def table_of(laying: Laying, stations: Stations | None = None) -> pd.DataFrame:
     columns = ["step", "block", "elements", "moves_along", "stands", f"props_{force}", "propped"]
     columns += [] if stations is None else ["props_along"]
     return pd.DataFrame(rows, columns=columns)
+
+
+def _unsolved(laying: Laying) -> bool:
+    """Return True if an order has steps and none of their stages was solved."""
+    return bool(laying.steps) and not any(np.isfinite(step.stage.error) for step in laying.steps)
 
 
 def words_of(laying: Laying) -> str:
@@ -188,6 +207,8 @@ def words_of(laying: Laying) -> str:
     free = int(np.count_nonzero(~blocks.fixed))
     steps = len(laying.steps)
     many = f"{free} block{'s' * (free != 1)} in {steps} step{'s' * (steps != 1)}"
+    if _unsolved(laying):
+        return f"order        {many}, props not known and not minimal: no time was left to solve its stages"
     if laying.stands:
         return f"order        {many}, every stage stands without props"
     worst = max(step.stage.props.sum() for step in laying.steps)

@@ -37,8 +37,8 @@ from jld_explore.study_state import Interrupted
 _WRITING: Final = (0.05, 2.0)
 """Share of the time limit, and seconds, that are kept back for page and pictures."""
 
-_OVER: Final = (0.1, 2.0)
-"""Share of the time limit, and seconds, by which a design may end late."""
+_OVER: Final = (0.05, 2.0)
+"""Share of the time limit, and seconds, by the larger of which a design may end late."""
 
 _PICTURE: Final = 1.5
 """Processor time of the picture, s; it is left out where that would end late."""
@@ -98,10 +98,13 @@ def design_outline(
     require_folder(folder)
     if folder.exists() and any(folder.iterdir()):
         raise InputError(str(folder), "the folder is not empty", "an empty or new folder")
-    outline = read_outline(file, options)
-    work = Design(
-        options, outline, folder, tessellations(outline.scene, options, deadline.within(_CUTTING * options.seconds))
-    )
+    try:
+        outline = read_outline(file, options)
+        cut = tessellations(outline.scene, options, deadline.within(_CUTTING * options.seconds))
+    except Interrupted as stop:
+        stop.words = "stopped while the outline was cut into blocks; nothing was solved and nothing is written"
+        raise
+    work = Design(options, outline, folder, cut)
     folder.mkdir(parents=True, exist_ok=True)
     # writing takes longer on a busy machine, by the ratio of wall-clock to processor time so far
     busy = min(max(1.0, deadline.elapsed() / time.process_time()), BUSY)
@@ -126,7 +129,7 @@ def design_outline(
         raise
     work.seconds = deadline.elapsed()
     # a picture takes seconds on a busy machine
-    write_design(work, pictures=deadline.remaining() + _OVER[0] * options.seconds + _OVER[1] > busy * _PICTURE)
+    write_design(work, pictures=deadline.remaining() + max(_OVER[0] * options.seconds, _OVER[1]) > busy * _PICTURE)
     if work.winner is None:
         reasons = "; ".join(f"{name}: {words}" for name, words in work.searched.items())
         wish = "weaker limits, a longer time, or a smaller load"
