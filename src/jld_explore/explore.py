@@ -78,7 +78,8 @@ The bound is omitted if it would be late.
 STOPPING: Final = 0.5
 """Seconds after the end of a search for the bound on all labellings.
 
-After an interrupt it also limits the solves for the page, which always shows the best layout.
+After an interrupt it also limits the solves for the page, which shows forces of the best layout unless solving it takes
+long.
 """
 
 
@@ -269,7 +270,7 @@ def _search(
     except Interrupted as stop:
         if settings.pictures:
             with deferred_signals():
-                write_report(done, patience=STOPPING)
+                write_report(done, patience=STOPPING, deadline=Deadline(0.0))
         stop.done = done
         raise
 
@@ -371,7 +372,7 @@ def _run(study: Study, deadline: Deadline) -> StopReason:
         _bound_all(study, in_time=BOUNDING * cost_estimate(study.assembly).seconds < STOPPING)
         done = write_tables(study, StopReason.INTERRUPTED, Deadline(STOPPING))
         if study.settings.pictures:
-            write_report(done, patience=STOPPING)
+            write_report(done, patience=STOPPING, deadline=Deadline(0.0))
         if isinstance(stop, Interrupted):
             stop.done = done
             if not len(done.results):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,6 +11,9 @@ from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.linalg import components
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 FREE = -1
 """Tag of an outline edge that belongs to no interface."""
@@ -56,45 +60,52 @@ def outlines_of(assembly: Assembly, extra: Floats | None = None) -> Outlines:
     group = components(len(every), pairs[:, 0], pairs[:, 1])
     _, first, number = np.unique(group, return_index=True, return_inverse=True)
     points = every[first]
-    rings, start = [], len(ends)
+    rings, start, near = [], len(ends), cKDTree(points)
     for shape in shapes:
-        rings.append(_ring(points, number[start : start + len(shape)], reach))
+        rings.append(_ring(points, near, number[start : start + len(shape)], reach))
         start += len(shape)
     face_ends = number[: len(ends)].reshape(-1, 2)
-    tags = [_tags(assembly, points, int(cell), ring, face_ends, reach) for cell, ring in zip(cells, rings, strict=True)]
+    own: list[list[int]] = [[] for _ in assembly.elements.ids]
+    for face, pair in enumerate(zip(assembly.interfaces.a.tolist(), assembly.interfaces.b.tolist(), strict=True)):
+        for cell in pair:
+            own[cell].append(face)
+    tags = [_tags(points, own[cell], ring, face_ends, reach) for cell, ring in zip(cells.tolist(), rings, strict=True)]
     return Outlines(points, cells, tuple(rings), tuple(tags))
 
 
-def _ring(points: Floats, corners: Ints, reach: float) -> Ints:
+def _ring(points: Floats, near: cKDTree, corners: Ints, reach: float) -> Ints:
     """Return the nodes of an outline in order: its corners, and all nodes on its edges.
 
-    points: (p, 2). corners: (k,) nodes. reach: distance within which a node lies on an edge.
+    points: (p, 2). near: tree of the points. corners: (k,) nodes. reach: distance within which a node lies on an edge.
     """
     corners = corners[corners != np.roll(corners, 1)]
+    after = np.roll(corners, -1)
+    middle, half = 0.5 * (points[corners] + points[after]), 0.5 * np.hypot(*(points[after] - points[corners]).T)
+    around = near.query_ball_point(middle, half + reach, return_sorted=True)
     nodes: list[int] = []
-    for a, b in zip(corners.tolist(), np.roll(corners, -1).tolist(), strict=True):
+    for a, b, found in zip(corners.tolist(), after.tolist(), around, strict=True):
         along = points[b] - points[a]
         length = float(np.hypot(*along))
         along = along / length
-        away = points - points[a]
+        some = np.array(found, dtype=np.int64)
+        away = points[some] - points[a]
         place = away @ along
         off = abs(away[:, 0] * along[1] - away[:, 1] * along[0])
-        between = np.flatnonzero((off <= reach) & (place > reach) & (place < length - reach))
-        nodes += [a, *between[np.argsort(place[between])].tolist()]
+        inside = (off <= reach) & (place > reach) & (place < length - reach)
+        between = some[inside]
+        nodes += [a, *between[np.argsort(place[inside])].tolist()]
     return np.array(nodes, dtype=np.int64)
 
 
-def _tags(assembly: Assembly, points: Floats, cell: int, ring: Ints, face_ends: Ints, reach: float) -> Ints:
+def _tags(points: Floats, own: list[int], ring: Ints, face_ends: Ints, reach: float) -> Ints:
     """Return the interface (k,) that covers each edge of an outline, FREE where none does.
 
-    points: (p, 2) nodes. cell: element. ring: (k,) its nodes. face_ends: (m, 2) end nodes of interfaces. reach:
-    distance within which an edge lies on an interface.
+    points: (p, 2) nodes. own: interfaces of the cell. ring: (k,) its nodes. face_ends: (m, 2) end nodes of interfaces.
+    reach: distance within which an edge lies on an interface.
     """
-    faces = assembly.interfaces
-    own = np.flatnonzero((faces.a == cell) | (faces.b == cell))
     tags = np.full(len(ring), FREE, dtype=np.int64)
     middle = 0.5 * (points[ring] + points[np.roll(ring, -1)])
-    for face in own.tolist():
+    for face in own:
         a, b = points[face_ends[face]]
         along = b - a
         length = float(np.hypot(*along))

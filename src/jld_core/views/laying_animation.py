@@ -9,6 +9,7 @@ from typing import Final
 from PIL import Image
 
 from jld_core.assembly_sequence import Laying
+from jld_core.deadline import checkpoint
 from jld_core.files import whole_file
 from jld_core.views.strip import figure_of_stage
 
@@ -30,6 +31,7 @@ def save_laying_animation(laying: Laying, path: Path) -> None:
     """
     frames = []
     for number in range(1, len(laying.steps) + 1):
+        checkpoint()
         figure = figure_of_stage(laying, number)
         picture = BytesIO()
         figure.savefig(picture, format="png", dpi=_DPI)

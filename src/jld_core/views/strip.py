@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from jld_core.arrays import Bools, Floats
 from jld_core.assembly_sequence import Laying
 from jld_core.assembly_sequence.order import Step
+from jld_core.deadline import checkpoint
 from jld_core.views.look import INK, SOFT, SUPPORT
 from jld_core.views.structure import painter_order, projection_of
 
@@ -37,7 +38,7 @@ def figure_of_laying(laying: Laying, title: str) -> Figure:
 
     Blocks laid before are pale. Arriving blocks are orange and hatched, with an arrow of their direction. Props are
     blue triangles below the blocks, or at their places along a line; the title of each stage has their total force. Of
-    more than 60 stages a regular selection is drawn.
+    more than 60 stages a regular selection is drawn. Raises DeadlinePassed after an enforced deadline.
     """
     steps = list(laying.steps)
     shown = steps if len(steps) <= _MOST else [steps[round(k)] for k in np.linspace(0, len(steps) - 1, _MOST)]
@@ -58,6 +59,7 @@ def figure_of_laying(laying: Laying, title: str) -> Figure:
         before = laid.copy()
         laid[list(step.blocks)] = True
         if any(step is one for one in shown):
+            checkpoint()
             _draw(axes[position], laying, step, before, number[id(step)], low, high)
             position += 1
     for ax in axes[position:]:

@@ -121,10 +121,12 @@ def _draw(laying: Laying, out: Path, title: str, stages: bool, animation: bool, 
         makes[f"stage-{number:0{digits}}.png"] = partial(_save_stage, laying, number)
     late = []
     for name, make in makes.items():
-        if deadline.passed():
+        try:
+            with deadline.enforced():
+                deadline.check()
+                make(out / name)
+        except DeadlinePassed:
             late.append(name)
-        else:
-            make(out / name)
     return late
 
 
