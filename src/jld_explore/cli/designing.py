@@ -26,7 +26,9 @@ def design(
     out: Folder,
     block_mass: Annotated[float | None, typer.Option(help="Largest mass of a block, kg.")] = None,
     shapes: Annotated[int | None, typer.Option(help="Largest number of different blocks (moulds).")] = None,
-    load: Annotated[str | None, typer.Option(help='Force downwards with its unit, as "10 kN".')] = None,
+    load: Annotated[
+        str | None, typer.Option(help='Force downwards, as "10 kN"; a number alone in the unit of the scene.')
+    ] = None,
     along: Annotated[
         str,
         typer.Option(help="Where the load acts: top, bottom, left, right, extrados, or an edge by its ends X,Y,X,Y."),

@@ -175,7 +175,7 @@ def _search_all(work: Design, until: Deadline, say: Say) -> None:
     """
     fitting = [one for one in work.tessellations if one.scene is not None]
     spatial = work.outline.scene.dimension == 3
-    # joints in space do not move, so that their searches get that time as well
+    # a design moves planar joints only, so that searches of solids get that time as well
     left = until.remaining()
     total = (1.0 - _CHECKS) * left if spatial else max(_SEARCHES * left, min(_LEAST * len(fitting), _SHORT * left))
     for one in fitting:
