@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
@@ -9,7 +11,9 @@ import pytest
 from PIL import Image
 
 from command import Command
-from jld_core import samples
+from jld_core import build_assembly, load_scene, samples
+from jld_core.assembly_sequence import assembly_order
+from jld_explore.cli.assembly import words_of
 
 
 @pytest.fixture
@@ -33,6 +37,18 @@ def test_an_arch_is_struck_when_its_keystone_is_laid(jld: Command, arch: Path, t
     assert "it may be struck after step 7" in done.out
     with Image.open(out / "assembly.gif") as animation:
         assert getattr(animation, "n_frames", 1) == len(table)
+
+
+def test_a_stage_that_was_not_solved_keeps_the_centring(arch: Path) -> None:
+    """Without props and without a proof the last stage does not free it."""
+    assembly = build_assembly(load_scene(arch))
+    laying = assembly_order(assembly, assembly.labels, start="springings")
+    last = laying.steps[-1]
+    assert "it may be struck after step 7" in words_of(laying)
+    undecided = replace(last, stage=replace(last.stage, error=math.inf))
+    words = words_of(replace(laying, steps=(*laying.steps[:-1], undecided)))
+    assert "may be struck" not in words
+    assert "that the finished structure stands without it is not proven" in words
 
 
 def test_a_wall_needs_no_centring(jld: Command, tmp_path: Path) -> None:

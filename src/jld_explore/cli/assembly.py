@@ -220,17 +220,22 @@ def words_of(laying: Laying) -> str:
 
 
 def _centring(laying: Laying) -> list[str]:
-    """Describe from when to when props stand, and when they may be struck; no line where none is needed."""
-    needed = [number for number, step in enumerate(laying.steps, 1) if step.stage.props.any()]
+    """Describe from when to when props stand, and when they may be struck; no line where none is needed.
+
+    A stage that was not solved counts as one that needs props.
+    """
+    needed = [number for number, step in enumerate(laying.steps, 1) if not step.stage.stands]
     if not needed:
         return []
     blocks = laying.blocks
-    below = sorted({int(b) for step in laying.steps for b in np.flatnonzero(step.stage.props > 0.0)})
+    below = sorted({int(b) for k in needed for b in np.flatnonzero(laying.steps[k - 1].stage.props > 0.0)})
     first, last = needed[0], needed[-1]
     held = f"centring     from step {first}, in turn below {', '.join(blocks.name(block) for block in below)}"
-    if last == len(laying.steps):
-        return [f"{held}; the finished structure does not stand without it"]
-    return [f"{held}; it may be struck after step {last + 1}: no stage from there on needs it"]
+    if last < len(laying.steps):
+        return [f"{held}; it may be struck after step {last + 1}: no stage from there on needs it"]
+    if laying.steps[-1].stage.stands is None:
+        return [f"{held}; that the finished structure stands without it is not proven"]
+    return [f"{held}; the finished structure does not stand without it"]
 
 
 def _first_fall(laying: Laying) -> str:
