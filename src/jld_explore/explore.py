@@ -45,6 +45,7 @@ from jld_explore.settings import ExploreSettings, Objective
 from jld_explore.space import SearchSpace, from_string, search_space
 from jld_explore.study import Study
 from jld_explore.study_state import Interrupted, Progress, StopReason
+from jld_explore.uncut import add_uncut
 
 WRITING: Final = 1.0
 """Seconds reserved from a time limit for tables and page, their time at the end of a small search."""
@@ -291,6 +292,7 @@ def _completed(
         _certify(study.driver, study.scene, settings.certificate, done)
     if checked is not None:
         done = add_check(done, study.space, checked, late)
+    done = add_uncut(done, study.space, settings, late)
     if settings.experiment or settings.by_experiment:
         done = _experimented(study, done)
     if settings.reliability is not None:

@@ -231,7 +231,13 @@ def test_a_design_leaves_page_scene_and_proven_load(jld: Command, tmp_path: Path
     for words in ("Not proven: that no stronger layout exists", "low friction 0.48", "supports below the 1 lowest"):
         assert words in page
     assert (out / "blocks.csv").read_text().count("\n") > 1
-    assert {one["name"] for one in facts["checks"]} == {"laying", "experiment", "by fields", "low friction"}
+    assert {one["name"] for one in facts["checks"]} == {
+        "laying",
+        "experiment",
+        "by fields",
+        "low friction",
+        "without cuts",
+    }
 
 
 @pytest.mark.usefixtures("small")

@@ -132,14 +132,16 @@ def content_of(source: Path, rank: int | None) -> Printed:
         assembly = build_assembly(scene)
         fields = tuple(facts.get("fields") or (None, None))
         assumed = tuple(str(one) for one in facts.get("assumed", []))
-        return _printed(Layout(scene, assembly, assembly.labels), solve(assembly), _bounds(fields), assumed=assumed)
+        layout, uncut = Layout(scene, assembly, assembly.labels), facts.get("uncut_at_most")
+        return _printed(layout, solve(assembly), _bounds(fields), assumed=assumed, uncut=uncut)
     if source.is_dir():
         done = read_folder(source)
         row = done.row(rank)
         fields = tuple(row.get(name, np.nan) for name in ("fields_lo", "fields_hi"))
         strongest = bool(done.summary.proven) and (rank is None or int(rank) == 1)
         with error_context(source):
-            return _printed(done.layout(rank), done.result(rank), _bounds(fields), strongest=strongest)
+            uncut = done.summary.facts.get("uncut_at_most") if rank is None or int(rank) == 1 else None
+            return _printed(done.layout(rank), done.result(rank), _bounds(fields), strongest=strongest, uncut=uncut)
     if rank is not None:
         raise ParameterError("rank", f"{source} is a scene, which has no ranks", "a folder written by jld explore")
     scene = load_scene(source)
@@ -155,6 +157,7 @@ def _printed(
     *,
     strongest: bool = False,
     assumed: tuple[str, ...] = (),
+    uncut: float | None = None,
 ) -> Printed:
     """Return the content of a report, with an order of laying where one is found in time."""
     low, high = result.bracket
@@ -166,7 +169,7 @@ def _printed(
             laying = assembly_order(layout.assembly, layout.labels, sideways=sideways)
     except DeadlinePassed:
         assumed = (*assumed, "order of laying: not found within 30 s; jld assembly searches on")
-    return Printed(layout, fields, faces, str(result.status), strongest, laying, assumed)
+    return Printed(layout, fields, faces, str(result.status), strongest, laying, assumed, uncut)
 
 
 def _bounds(values: tuple[float | None, ...]) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""Checks of the winner of a design: by fields, at low friction, in the virtual experiment, and how it is laid."""
+"""Checks of the winner of a design: fields, low friction, no cuts, virtual experiment, and how it is laid."""
 
 from __future__ import annotations
 
@@ -30,8 +30,11 @@ from jld_explore.design.trials import (
     one_case,
     why_no_fields,
 )
+from jld_explore.report.languages import stronger_cut
+from jld_explore.space import search_space
+from jld_explore.uncut import most_without_cuts
 
-_SHARES: Final = {"laying": 0.2, "by fields": 0.6, "low friction": 1.0}
+_SHARES: Final = {"laying": 0.2, "by fields": 0.6, "low friction": 0.8, "without cuts": 1.0}
 """Share of the time that is left for each check, in their order."""
 
 _LEAST: Final = 0.3
@@ -42,7 +45,7 @@ _LEAST_EXPERIMENT: Final = 4.0
 
 
 def check_winner(work: Design, until: Deadline, say: Callable[[str], None]) -> list[Check]:
-    """Check the winner of a design in four ways, and return the results in order.
+    """Check the winner of a design in five ways, and return the results in order.
 
     until: deadline of all checks. say: receives one message for each. A check without time says so. The bounds by
     fields of the winner are refined in `work.trials`.
@@ -52,7 +55,8 @@ def check_winner(work: Design, until: Deadline, say: Callable[[str], None]) -> l
     # the experiment has a process of its own, beside which bounds by fields are refined
     experiment = _begin_experiment(work, until)
     try:
-        for name, make in (("by fields", _by_fields), ("low friction", _at_low_friction)):
+        later = (("by fields", _by_fields), ("low friction", _at_low_friction), ("without cuts", _without_cuts))
+        for name, make in later:
             found.append(_timed(work, name, make, until.within(_SHARES[name] * until.remaining())))
             say(f"check        {found[-1].words}")
         found.insert(1, experiment if isinstance(experiment, Check) else _end_experiment(*experiment, until))
@@ -126,6 +130,18 @@ def _at_low_friction(work: Design, until: Deadline) -> Check:
     bounds = field_bounds(assembly, assembly.labels, until.remaining())
     values = {"friction": low, "fields_lo": _number(bounds[0]), "fields_hi": _number(bounds[1])}
     return Check("low friction", f"friction of {low:.3g}: by fields {_span(bounds)}", values)
+
+
+def _without_cuts(work: Design, until: Deadline) -> Check:
+    """Compare the winner by faces with the structure without cuts; `uncut_at_most` where the winner is stronger."""
+    winner = _winner(work)
+    assembly = built(winner)
+    high = most_without_cuts(winner.scene, assembly, search_space(winner.scene, assembly))
+    if high is None or until.passed():
+        return Check("without cuts", "without cuts: not compared")
+    if winner.faces[0] > high:
+        return Check("without cuts", stronger_cut(high), {"uncut_at_most": high})
+    return Check("without cuts", f"without cuts: by faces at most {high:.4g}; the cuts are not proven to gain anything")
 
 
 def _begin_experiment(work: Design, until: Deadline) -> tuple[subprocess.Popen[str], str, str] | Check:

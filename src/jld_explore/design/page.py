@@ -92,12 +92,18 @@ def facts_of(work: Design) -> dict[str, Any]:
             for one in work.trials
         ],
         "checks": [{"name": one.name, "words": one.words, **one.values} for one in work.checks],
+        **({} if (uncut := uncut_at_most(work)) is None else {"uncut_at_most": uncut}),
         "assumed": list(work.outline.assumed),
         "options": work.options.given(),
         "scene": FILES[2] if winner is not None else None,
         "stop_reason": work.stop,
         "seconds": work.seconds,
     }
+
+
+def uncut_at_most(work: Design) -> float | None:
+    """Return the upper bound on λ by faces without cuts if the best is proven stronger; else None."""
+    return next((one.values["uncut_at_most"] for one in work.checks if "uncut_at_most" in one.values), None)
 
 
 def gain_of(work: Design) -> float | None:
@@ -178,7 +184,8 @@ def _page(work: Design, pictured: bool) -> str:
         parts.append("<h2>Blocks</h2>" + _table(_blocks(winner)))
     if work.outline.assumed:
         parts.append("<h2>What was assumed</h2>" + _list(work.outline.assumed))
-    parts.append("<h2>Why cuts can make a structure stronger</h2><p>" + WHY_CUT + "</p>")
+    if uncut_at_most(work) is not None:
+        parts.append("<h2>Why cuts make it stronger here</h2><p>" + WHY_CUT + "</p>")
     parts.append("<h2>What next</h2>" + _list(_next()))
     parts.append(f"<p>{work.seconds:.0f} s, ended: {html.escape(work.stop)}.</p>")
     return _PAGE.format(title=html.escape(f"{name}: a design"), body="\n".join(parts))

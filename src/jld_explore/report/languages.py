@@ -52,6 +52,17 @@ WORDS: Final[dict[str, tuple[str, str, str]]] = {
         "Nicht bewiesen: dass es keinen stärkeren Steinschnitt gibt.",
         "Non dimostrato: che non esista una disposizione più forte.",
     ),
+    "stronger_cut": (
+        "By faces, the structure without these cuts carries at most {high} times the load, less than this layout. "
+        "A crack along a face of the cells fails at its tensile or shear strength; the friction of a dry joint grows "
+        "with the load that presses on it.",
+        "Nach Flächen trägt das Bauwerk ohne diese Schnitte höchstens das {high}-fache der Last, weniger als dieser "
+        "Steinschnitt. Ein Riss entlang einer Zellfläche versagt bei seiner Zug- oder Schubfestigkeit; die Reibung "
+        "einer trockenen Fuge wächst mit der Last, die auf sie drückt.",
+        "Secondo le facce, la struttura senza questi tagli porta al massimo {high} volte il carico, meno di questa "
+        "disposizione. Una fessura lungo una faccia delle celle cede alla sua resistenza a trazione o a taglio; "
+        "l'attrito di un giunto a secco cresce con il carico che lo preme.",
+    ),
     "stones": ("Stones", "Steine", "Conci"),
     "stone": ("stone", "Stein", "concio"),
     "block": ("block", "Block", "blocco"),
@@ -120,3 +131,11 @@ def words_in(language: str, words: Mapping[str, tuple[str, str, str]] = WORDS) -
     """
     place = LANGUAGES.index(language)
     return {key: texts[place] for key, texts in words.items()}
+
+
+def stronger_cut(high: float, language: str = "en") -> str:
+    """Say that a layout is stronger than the structure without cuts, and why this may be.
+
+    high: upper bound on λ by faces without cuts. language: one of LANGUAGES.
+    """
+    return words_in(language)["stronger_cut"].format(high=f"{high:.4g}")

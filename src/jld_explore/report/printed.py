@@ -61,6 +61,8 @@ class Printed:
         Order of laying, None if it was not asked for.
     assumed : tuple of str
         Assumptions beside the model, one sentence each.
+    uncut : float or None
+        Upper bound on λ by faces without cuts if it is below that of the layout, else None.
     """
 
     layout: Layout
@@ -70,6 +72,7 @@ class Printed:
     strongest: bool = False
     laying: Laying | None = None
     assumed: tuple[str, ...] = ()
+    uncut: float | None = None
 
     @property
     def load_factor(self) -> float:
@@ -238,6 +241,8 @@ def _proven(book: _Book) -> list[str]:
     else:
         found.append(words["nothing"].format(status=content.status))
     found.append(words["strongest"] if content.strongest else words["not_strongest"])
+    if content.uncut is not None:
+        found.append(words["stronger_cut"].format(high=f"{content.uncut:.4g}"))
     return found
 
 

@@ -17,6 +17,7 @@ from jld_explore.report import required
 from jld_explore.report.columns import ranked_by
 from jld_explore.report.evidence import COLUMN
 from jld_explore.report.exploration import Exploration
+from jld_explore.report.languages import stronger_cut
 from jld_explore.space import SearchSpace, registered
 
 if TYPE_CHECKING:
@@ -122,6 +123,7 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
             else {f"best {ranked_by(done.results)}": f"{best} ({proof})"}
         ),
         **nominal,
+        **({"cuts": stronger_cut(facts["uncut_at_most"])} if "uncut_at_most" in facts else {}),
         **_of_blocks(facts.get("fields")),
         **carried,
         **({"next": facts["next"]} if facts.get("next") else {}),
