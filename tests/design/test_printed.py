@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import zipfile
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,8 @@ from command import Command
 from jld_core import build_assembly, parse_scene, samples, solve
 from jld_core.assembly_sequence import assembly_order
 from jld_core.exchange import Layout
-from jld_explore.report.languages import LANGUAGES, WORDS, words_in
+from jld_core.views.figures import draw_assembly
+from jld_explore.report.languages import LANGUAGES, LEGEND, WORDS, decimal_commas, localise, words_in
 from jld_explore.report.making import making_of, smallest_rectangle, stones_of, stones_table
 from jld_explore.report.printed import Printed, pages_of
 
@@ -101,7 +103,7 @@ def test_pages_say_loads_times_the_proven_factor(language: str) -> None:
     assert 1 <= len(pages) <= 4
     told = texts(pages)
     assert "1 kN" in told
-    assert "2.5 kN" in told
+    assert ("2.5 kN" if language == "en" else "2,5 kN") in told
     assert words_in(language)["not_strongest"] in told
     assert f"{words_in(language)['page']} 1/{len(pages)}" in told
 
@@ -194,3 +196,51 @@ def test_moving_loads_and_pushes_are_printed() -> None:
     told = texts(pages_of(content))
     for words in ("cart at 0", "push at 180°", "share of the weight"):
         assert words in told
+
+
+def test_numbers_have_the_decimal_comma_of_the_language() -> None:
+    assert decimal_commas("das 5.062-fache bei (0.22, 0.4) m") == "das 5,062-fache bei (0,22; 0,4) m"
+    assert decimal_commas("jld 0.2.0, c2.5, (1, 2, 3)") == "jld 0.2.0, c2.5, (1, 2, 3)"
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_drawings_speak_the_language_of_the_page(language: str) -> None:
+    """Every entry of a legend is translated, its number kept; ticks have commas, names of stones their points."""
+    own = layout(["aabb", "accb", "#..#"])
+    page = Figure()
+    ax = page.add_subplot()
+    draw_assembly(ax, own.assembly, own.labels)
+    name = page.text(0.0, 0.0, "1.5")
+    legend = ax.get_legend()
+    assert legend is not None
+    before = [one.get_text() for one in legend.get_texts()]
+    localise(page, language, {"1.5"})
+    after = [one.get_text() for one in legend.get_texts()]
+    assert name.get_text() == "1.5"
+    if language == "en":
+        assert after == before
+        return
+    place = LANGUAGES.index(language) - 1
+    assert all(any(one.endswith(known) for known in LEGEND) for one in before)
+    assert all(any(one.endswith(words[place]) for words in LEGEND.values()) for one in after)
+    assert ax.xaxis.get_major_formatter()(0.5, 0) == "0,5"
+
+
+def test_a_stronger_uncut_structure_is_said_too() -> None:
+    """By faces the cuts win, by fields they lose: the page has both sentences."""
+    own = layout(["aabb", "accb", "#..#"])
+    page = texts(pages_of(Printed(own, (5.0, 7.1), (12.0, 12.0), "collapse", uncut=11.5, uncut_by_fields=7.2)))
+    assert "11.5 times" in page.replace("\n", " ")
+    assert "at least 7.2" in page.replace("\n", " ")
+    page = texts(pages_of(Printed(own, (5.0, 7.3), (12.0, 12.0), "collapse", uncut_by_fields=7.2)))
+    assert "without these cuts" not in page.replace("\n", " ")
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_heads_of_columns_do_not_overlap(language: str) -> None:
+    """Each head of the table of stones ends before the next begins."""
+    page = pages_of(Printed(layout(["ab", "##"]), (1.0, 1.0), (1.0, 1.0), "collapse"), language=language)[1]
+    words = {words_in(language)[key] for key in ("stone", "block", "mould", "mass", "cuts", "set_ups", "waste")}
+    boxes = sorted((one.get_window_extent() for one in page.texts if one.get_text() in words), key=lambda box: box.x0)
+    assert len(boxes) == len(words)
+    assert all(left.x1 < right.x0 for left, right in pairwise(boxes))

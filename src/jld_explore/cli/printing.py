@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Final, Literal
 
@@ -140,8 +141,14 @@ def content_of(source: Path, rank: int | None) -> Printed:
         fields = tuple(row.get(name, np.nan) for name in ("fields_lo", "fields_hi"))
         strongest = bool(done.summary.proven) and (rank is None or int(rank) == 1)
         with error_context(source):
-            uncut = done.summary.facts.get("uncut_at_most") if rank is None or int(rank) == 1 else None
-            return _printed(done.layout(rank), done.result(rank), _bounds(fields), strongest=strongest, uncut=uncut)
+            printed = _printed(done.layout(rank), done.result(rank), _bounds(fields), strongest=strongest)
+        facts = done.summary.facts
+        whole = (facts.get("fields") or {}).get("uncut") or (None,)
+        return replace(
+            printed,
+            uncut=facts.get("uncut_at_most") if rank is None or int(rank) == 1 else None,
+            uncut_by_fields=whole[0],
+        )
     if rank is not None:
         raise ParameterError("rank", f"{source} is a scene, which has no ranks", "a folder written by jld explore")
     scene = load_scene(source)

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Final
+import re
+from collections.abc import Container, Mapping
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 LANGUAGES: Final = ("en", "de", "it")
 """Languages of a printed report."""
@@ -62,6 +66,14 @@ WORDS: Final[dict[str, tuple[str, str, str]]] = {
         "Secondo le facce, la struttura senza questi tagli porta al massimo {high} volte il carico, meno di questa "
         "disposizione. Una fessura lungo una faccia delle celle cede alla sua resistenza a trazione o a taglio; "
         "l'attrito di un giunto a secco cresce con il carico che lo preme.",
+    ),
+    "weaker_cut": (
+        "Wherever the stones crack, however, the structure without these cuts carries at least {low} times the load, "
+        "more than this layout can.",
+        "Wo immer die Steine reißen, trägt das Bauwerk ohne diese Schnitte jedoch mindestens das {low}-fache der Last, "
+        "mehr als dieser Steinschnitt tragen kann.",
+        "Tuttavia, ovunque i conci si fessurino, la struttura senza questi tagli porta almeno {low} volte il carico, "
+        "più di quanto possa questa disposizione.",
     ),
     "stones": ("Stones", "Steine", "Conci"),
     "stone": ("stone", "Stein", "concio"),
@@ -123,6 +135,21 @@ WORDS: Final[dict[str, tuple[str, str, str]]] = {
 }
 """Texts of the printed report by key, in the order of LANGUAGES."""
 
+LEGEND: Final[dict[str, tuple[str, str]]] = {
+    "dry face": ("trockene Fuge", "giunto a secco"),
+    "inner face": ("innere Fläche", "faccia interna"),
+    "support": ("Auflager", "appoggio"),
+    "1 block": ("1 Block", "1 blocco"),
+    "blocks, by tint": ("Blöcke, nach Farbton", "blocchi, per tinta"),
+    "live load, × λ": ("Last, × λ", "carico, × λ"),
+    "live load on all bodies, × λ": ("Last auf alle Körper, × λ", "carico su tutti i corpi, × λ"),
+    "live couple, × λ": ("Moment, × λ", "coppia, × λ"),
+}
+"""Texts in the legend of a drawing in German and Italian, by the English text without its number."""
+
+_DECIMAL: Final = re.compile(r"(?<![\w.])(\d+)\.(\d+)(?!\.\d)")
+_VECTOR: Final = re.compile(r"\(([-−+\d., e]*\.[-−+\d., e]*)\)")
+
 
 def words_in(language: str, words: Mapping[str, tuple[str, str, str]] = WORDS) -> dict[str, str]:
     """Return texts in one language, by key.
@@ -139,3 +166,34 @@ def stronger_cut(high: float, language: str = "en") -> str:
     high: upper bound on λ by faces without cuts. language: one of LANGUAGES.
     """
     return words_in(language)["stronger_cut"].format(high=f"{high:.4g}")
+
+
+def decimal_commas(text: str) -> str:
+    """Write the decimal points of numbers in a text as commas, and the commas between entries as semicolons."""
+    apart = _VECTOR.sub(lambda found: found.group().replace(", ", "; "), text)
+    return _DECIMAL.sub(r"\1,\2", apart)
+
+
+def localise(page: Figure, language: str, names: Container[str] = ()) -> None:
+    """Write numbers and legends of a page as its language does: 5.062 is five thousand in German and Italian.
+
+    page: changed in place; English ones stay. names: texts that stay, as names of stones.
+    """
+    from matplotlib.text import Text
+
+    if language == LANGUAGES[0]:
+        return
+    place = LANGUAGES.index(language) - 1
+    for axes in page.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_formatter(lambda value, _: decimal_commas(f"{value:g}").replace("-", "−"))
+        legend = axes.get_legend()
+        for entry in legend.get_texts() if legend is not None else ():
+            number, known, rest = entry.get_text().partition(" ")
+            counted = known and number.isdigit() and rest in LEGEND
+            own = LEGEND.get(rest if counted else entry.get_text())
+            if own is not None:
+                entry.set_text(f"{number} {own[place]}" if counted else own[place])
+    for text in page.findobj(Text):
+        if isinstance(text, Text) and text.get_text() not in names:
+            text.set_text(decimal_commas(text.get_text()))

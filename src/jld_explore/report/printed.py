@@ -27,7 +27,7 @@ from jld_core.views.figures import draw_assembly
 from jld_core.views.look import INK, SOFT, TINTS
 from jld_core.views.structure import projection_of
 from jld_core.views.writing import as_written
-from jld_explore.report.languages import words_in
+from jld_explore.report.languages import localise, words_in
 from jld_explore.report.making import Making, Stone, factor_to, making_of, stones_of
 
 _PAPER: Final = (8.27, 11.69)
@@ -63,6 +63,8 @@ class Printed:
         Assumptions beside the model, one sentence each.
     uncut : float or None
         Upper bound on λ by faces without cuts if it is below that of the layout, else None.
+    uncut_by_fields : float or None
+        Lower bound on λ by fields without cuts, None if unknown.
     """
 
     layout: Layout
@@ -73,6 +75,7 @@ class Printed:
     laying: Laying | None = None
     assumed: tuple[str, ...] = ()
     uncut: float | None = None
+    uncut_by_fields: float | None = None
 
     @property
     def load_factor(self) -> float:
@@ -153,7 +156,9 @@ def pages_of(content: Printed, *, language: str = "en", unit: str = "mm") -> lis
     if content.layout.assembly.dimension == 2:
         _moulds(book)
     _laying(book)
+    names = {stone.name for stone in stones}
     for number, figure in enumerate(book.pages, 1):
+        localise(figure, language, names)
         foot = f"{book.scene.name} · jld {__version__} · {book.words['page']} {number}/{len(book.pages)}"
         figure.text(_MARGIN, 0.03, foot, fontsize=7.5, color=SOFT)
     return book.pages
@@ -243,6 +248,8 @@ def _proven(book: _Book) -> list[str]:
     found.append(words["strongest"] if content.strongest else words["not_strongest"])
     if content.uncut is not None:
         found.append(words["stronger_cut"].format(high=f"{content.uncut:.4g}"))
+    if content.uncut_by_fields is not None and content.uncut_by_fields > content.fields[1]:
+        found.append(words["weaker_cut"].format(low=f"{content.uncut_by_fields:.4g}"))
     return found
 
 
@@ -259,7 +266,7 @@ def _stones(book: _Book) -> None:
         mass = f"{stone.mass:.4g} kg" if book.scene.units.force in NEWTONS else f"{stone.mass:.4g}"
         name = textwrap.shorten(stone.name, 14, placeholder="…")
         rows.append([str(stone.number), name, str(stone.shape), mass, size, str(stone.cuts), str(stone.set_ups), waste])
-    top = book.table(figure, 0.91, head, rows, [0.08, 0.15, 0.09, 0.14, 0.26, 0.08, 0.1, 0.1])
+    top = book.table(figure, 0.91, head, rows, [0.07, 0.15, 0.09, 0.13, 0.23, 0.1, 0.13, 0.1])
     if len(book.stones) > _ROWS:
         top = book.text(figure, top, [words["more"].format(count=len(book.stones) - _ROWS)])
     top = book.text(figure, top - 0.01, [words["making"]], 12.0)
@@ -321,7 +328,7 @@ def _draw_mould(ax: Axes, stone: Stone, factor: float, tint: str) -> None:
             ax.text(
                 float(at[0]),
                 float(at[1]),
-                f"{length:.0f}" if length >= 100 else f"{length:.1f}",
+                f"{length:.0f}" if length >= 99.95 else f"{length:.1f}",
                 fontsize=5.5,
                 ha="center",
                 va="center",
