@@ -241,6 +241,22 @@ def test_heads_of_columns_do_not_overlap(language: str) -> None:
     """Each head of the table of stones ends before the next begins."""
     page = pages_of(Printed(layout(["ab", "##"]), (1.0, 1.0), (1.0, 1.0), "collapse"), language=language)[1]
     words = {words_in(language)[key] for key in ("stone", "block", "mould", "mass", "cuts", "set_ups", "waste")}
+    words.add(words_in(language)["size"] + " [mm]")
     boxes = sorted((one.get_window_extent() for one in page.texts if one.get_text() in words), key=lambda box: box.x0)
     assert len(boxes) == len(words)
     assert all(left.x1 < right.x0 for left, right in pairwise(boxes))
+
+
+@pytest.mark.parametrize("units", [("m", "N", 1.0, 1.0), ("mm", "kN", 1e-3, 1e-3), ("m", "kN", 1.0, 1e-3)])
+def test_materials_are_printed_in_units_of_the_trade(units: tuple[str, str, float, float]) -> None:
+    """2 N/mm² and 1400 kg/m³ are the same on paper, whatever the units of the scene."""
+    length, force, metre, newton = units
+    document = grid_document(["ab", "##"], tension=2e6 * newton * metre**2, shear=1e6 * newton * metre**2)
+    document["units"] = {"length": length, "force": force}
+    document["materials"]["density"] = 1400.0 * newton * metre**3
+    scene = parse_scene(document)
+    assembly = build_assembly(scene)
+    own = Layout(scene, assembly, assembly.labels)
+    told = texts(pages_of(Printed(own, (1.0, 1.0), (1.0, 1.0), "collapse")))
+    assert "2 and 1 N/mm²" in told or "2 N/mm² and 1 N/mm²" in told
+    assert "1400 kg/m³" in told

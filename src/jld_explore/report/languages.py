@@ -80,7 +80,7 @@ WORDS: Final[dict[str, tuple[str, str, str]]] = {
     "block": ("block", "Block", "blocco"),
     "mould": ("mould", "Form", "forma"),
     "mass": ("mass", "Masse", "massa"),
-    "size": ("smallest cuboid", "kleinster Quader", "parallelepipedo minimo"),
+    "size": ("smallest cuboid", "kleinster Quader", "cuboide minimo"),
     "cuts": ("cuts", "Schnitte", "tagli"),
     "set_ups": ("set-ups", "Einstellungen", "regolazioni"),
     "waste": ("waste", "Verschnitt", "sfrido"),

@@ -22,7 +22,7 @@ from jld_core.exchange import Layout
 from jld_core.files import whole_file
 from jld_core.scene import Scene
 from jld_core.scene.uncertain import with_means
-from jld_core.scene.units import NEWTONS
+from jld_core.scene.units import GRAVITY, METRES, NEWTONS
 from jld_core.views.figures import draw_assembly
 from jld_core.views.look import INK, SOFT, TINTS
 from jld_core.views.structure import projection_of
@@ -390,23 +390,27 @@ def _assumptions(book: _Book) -> list[str]:
     words, scene = book.words, book.scene
     materials = with_means(scene.model_dump(mode="json", exclude_defaults=True)["materials"])
     dry, inner = materials.get("dry") or {}, materials.get("inner") or {}
-    found = []
+    own, found = scene.units, []
+    force, metre = NEWTONS.get(own.force, 0.0), METRES.get(own.length, 1.0)
     if dry:
         angle = dry.get("friction_angle")
         value = f"{_plain(angle)}°" if angle is not None else _plain(dry.get("friction_coefficient"))
         found.append(words["friction"].format(value=value))
     if inner:
-        unit = f" {scene.units.force}/{scene.units.length}²"
-        tension, shear = (_plain(inner.get(key)) + unit for key in ("tensile_strength", "shear_strength"))
+        factor, unit = (force / metre**2 / 1e6, "N/mm²") if force else (1.0, f"{own.force}/{own.length}²")
+        tension, shear = (f"{_plain(inner.get(key), factor)} {unit}" for key in ("tensile_strength", "shear_strength"))
         found.append(words["strength"].format(tension=tension, shear=shear))
     if materials.get("density") is not None:
-        found.append(words["density"].format(value=_plain(materials["density"])))
+        # a scene may have any units of mass: its gravity makes a weight of it
+        gravity = book.content.layout.assembly.elements.gravity
+        factor, unit = (gravity / GRAVITY * force / metre**3, " kg/m³") if force else (1.0, "")
+        found.append(words["density"].format(value=_plain(materials["density"], factor) + unit))
     # what the file of materials says already stands above
     return [*found, words["rigid"], *(one for one in book.content.assumed if not one.startswith("density"))]
 
 
-def _plain(value: Any) -> str:
-    """Write a value of a material, with its low value where it has one."""
+def _plain(value: Any, factor: float = 1.0) -> str:
+    """Write a value of a material times a factor, with its low value where it has one."""
     if isinstance(value, dict):
-        return f"{value['nominal']:.4g} ({value['low']:.4g})"
-    return f"{value:.4g}" if isinstance(value, float | int) else "–"
+        return f"{factor * value['nominal']:.4g} ({factor * value['low']:.4g})"
+    return f"{factor * value:.4g}" if isinstance(value, float | int) else "–"
