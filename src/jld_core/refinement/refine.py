@@ -17,7 +17,7 @@ from jld_core.errors import InputError, ParameterError
 from jld_core.geometry import Faces
 from jld_core.geometry.unions import region_of, union_outlines
 from jld_core.refinement.arrangement import join_small, split_by_cells
-from jld_core.refinement.prisms import split_prism
+from jld_core.refinement.prisms import split_prism, split_walls
 from jld_core.refinement.tessellation import MOST, convex, courses_of, cut, sectors, squares, voronoi
 from jld_core.refinement.transfer import Piece, labels_of, loads_of, members_of, search_of
 from jld_core.refinement.voussoirs import voussoir_cells
@@ -25,7 +25,7 @@ from jld_core.scene import Scene, parse_scene
 from jld_core.sub_assembly import faces_of
 
 KINDS: Final = ("grid", "bond", "voronoi", "radial")
-"""Names of the kinds of cells of a given size; all but the first are planar only."""
+"""Names of the kinds of cells of a given size; the last two are planar only."""
 
 BY: Final = ("block", "material")
 """Names of the groups of old joints that a search must keep, for the parameter `by` of `refine`."""
@@ -86,8 +86,9 @@ def refine(
         Sizes of a cell along the axes, length; one size suffices. "radial": ring thickness, and sector angle in
         degrees. "bond": length of a stretcher, and height of a course. Empty with `voussoirs`.
     kind : {"grid", "bond", "voronoi", "radial"}
-        Kind of cells. "bond" (planar): courses of masonry from the lowest point. "voronoi" (planar): random cells of
-        about this size. "radial" (planar): sectors of rings.
+        Kind of cells. "bond": courses of masonry from the lowest point; in space, walls of one height that meet at
+        right angles, bonded at their corners. "voronoi" (planar): random cells of about this size. "radial" (planar):
+        sectors of rings.
     by : {"block", "material"} or None
         Old joints that a search must keep. "block": all faces between old blocks keep their label. "material": faces
         between elements of different density stay dry. None: no joints are kept.
@@ -216,8 +217,8 @@ def _check_sizes(scene: Scene, grid: _Grid) -> None:
     if grid.rings != 1 or grid.courses != 1:
         name = "rings" if grid.rings != 1 else "courses"
         raise ParameterError(name, "it goes with `voussoirs` only", "`voussoirs` with their number")
-    if kind != "grid" and scene.dimension == 3:
-        raise ParameterError("kind", f"{kind} cells are planar and the scene is spatial", "grid")
+    if kind not in ("grid", "bond") and scene.dimension == 3:
+        raise ParameterError("kind", f"{kind} cells are planar and the scene is spatial", "grid or bond")
     if kind == "radial" and (grid.centre is None or len(cell) != 2):
         what = "it has no centre" if grid.centre is None else "it has one size"
         raise ParameterError("kind", what, "`centre` x,y and `cell` THICKNESS,DEGREES")
@@ -277,13 +278,18 @@ def _cells(
 def _spatial(assembly: Assembly, grid: _Grid, down: Floats) -> list[list[Piece]]:
     """Cut all free spatial elements into pieces; `down`: (3,) direction of weight."""
     elements = assembly.elements
-    cut_up = _by_planes(assembly, grid.cell) if grid.voussoirs is None else None
+    bonded = grid.kind == "bond"
+    cut_up = _by_planes(assembly, grid.cell) if grid.voussoirs is None and not bonded else None
+    bottom = -max(float((elements.shape[k] @ down).max()) for k in elements.free)
     found = []
     for k, (vertices, faces) in enumerate(zip(elements.shape, elements.faces, strict=True)):
         whole: list[tuple[Floats, Faces]] = [(vertices, faces)]
         if not elements.support[k]:
             if cut_up is not None:
                 whole = cut_up(k)
+            elif bonded:
+                sizes = (grid.cell[0], grid.cell[-1])
+                whole = split_walls(elements.ids[k], vertices, faces, down, bottom, sizes, grid.bond)
             elif grid.voussoirs is not None:
                 count = (grid.voussoirs, grid.rings, grid.courses)
                 whole = split_prism(

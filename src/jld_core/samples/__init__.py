@@ -5,6 +5,7 @@
 - `arch`: make a circular arch of voussoirs in rings
 - `box`: make a spatial box element between two corners
 - `buttress`: make a buttress under a thrust
+- `corner`: make two walls that meet at a bonded corner
 - `dome`: make a faceted dome
 - `flat_arch`: make a flat arch of wedges
 - `grid`: make a rectangle of equal cells
@@ -17,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
+from jld_core.samples.corners import corner
 from jld_core.samples.planar import arch, buttress, flat_arch, grid, wall
 from jld_core.samples.stone import Stone, box
 from jld_core.samples.vaults import dome, vault
@@ -25,6 +27,7 @@ from jld_core.scene import Scene
 KINDS: Final[dict[str, Callable[..., Scene]]] = {
     "arch": arch,
     "wall": wall,
+    "corner": corner,
     "vault": vault,
     "dome": dome,
     "flat-arch": flat_arch,
@@ -39,6 +42,7 @@ __all__ = [
     "arch",
     "box",
     "buttress",
+    "corner",
     "dome",
     "flat_arch",
     "grid",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 COMMANDS: Final = {
-    "new": "write a scene by name: arch, wall, vault, dome, flat-arch, buttress, grid",
+    "new": "write a scene by name: arch, wall, corner, vault, dome, flat-arch, buttress, grid",
     "import": "make a scene of a drawing or of solids",
     "design": "the blocks of an outline: cells tried, joints searched and moved, the best checked",
     "refine": "split the elements of a scene into smaller candidate cells",

@@ -196,9 +196,15 @@ def _spatial(outline: Scene, assembly: Assembly, options: DesignOptions) -> list
         sizes = tuple(_fitting(float(length), size * cell) for length in extent)
         return _ready(refine(outline, sizes).scene, [])
 
+    def walls(size: float) -> Scene:
+        """Cut into courses of stretchers."""
+        course = _fitting(height, size * cell / math.sqrt(2.0))
+        return _ready(refine(outline, (1.6 * size * cell, course), kind="bond").scene, [])
+
     return [
         ("bond", "voussoirs in shifted courses", vault("running")),
         ("courses", "voussoirs in courses in line", vault("stack")),
+        ("walls", "courses of stretchers, bonded at the corners", walls),
         ("grid", "a grid", grid),
     ]
 
