@@ -17,7 +17,6 @@ from pydantic import Field
 from cases import grid_document
 from jld_core.build import build_assembly
 from jld_core.deadline import Deadline, DeadlinePassed
-from jld_core.errors import InputError
 from jld_core.samples import vault
 from jld_core.scene import Scene, Search, parse_scene
 from jld_explore import ExploreSettings, explore
@@ -100,14 +99,9 @@ def test_every_limit_of_a_scene_has_an_owner() -> None:
 
 
 def test_the_exact_driver_proves_the_count_it_is_asked_for(count: Count, tmp_path: Path) -> None:
-    """It used to take every count it did not know for dry faces, and to prove the front of those."""
+    """By conflicts where the count is a sum of binary terms, by enumeration where it is not."""
     scene = scene_of(front={"count": count.name})
     settings = ExploreSettings(driver="exact", pictures=False, options={"aim": "front"})
-    if count.terms is None:
-        with pytest.raises(InputError, match="lying_faces has no exact front; expected dry_faces or blocks") as error:
-            explore(scene, tmp_path / "exact", settings)
-        assert "\n" not in str(error.value)
-        return
     every = explore(scene, tmp_path / "every", ExploreSettings(driver="enumeration", pictures=False))
     found = explore(scene, tmp_path / "exact", settings)
     known = every.results.groupby(count.name)["load_factor"].max()

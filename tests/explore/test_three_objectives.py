@@ -12,6 +12,7 @@ import pytest
 from cases import grid_document
 from jld_core import InputError, parse_scene
 from jld_core.scene import Scene
+from jld_core.scene.cracks import FieldCracks
 from jld_explore import ExploreSettings, explore
 from jld_explore.report import read_folder, words
 from jld_explore.report.front import on_front
@@ -84,7 +85,24 @@ def test_sizes_that_are_no_whole_numbers_are_drawn_as_dots(tmp_path: Path) -> No
     assert len(done.front)
 
 
-def test_the_exact_driver_says_that_it_has_none(tmp_path: Path) -> None:
-    settings = ExploreSettings(driver="exact", options={"aim": "front"})
-    with pytest.raises(InputError, match=r"search\.front\.counts: two counts have no exact front"):
-        explore(scene_of(), tmp_path / "done", settings)
+def test_the_exact_driver_proves_a_front_of_two_counts_by_enumeration(tmp_path: Path) -> None:
+    """Every row is the strongest of all layouts that count as well, by brute force over the whole table."""
+    front = {"counts": ["sawn_length", "blocks"], "sense": ["min", "max"]}
+    settings = ExploreSettings(driver="exact", pictures=False, options={"aim": "front"})
+    done = explore(scene_of(front=front), tmp_path / "done", settings)
+    assert done.summary.proven is True
+    rows = done.summary.facts["front"]
+    assert len(rows) > 2
+    assert all(row["proven"] for row in rows)
+    table = done.results[done.results["status"] == "collapse"]
+    for row in rows:
+        sawn, blocks = row["count"]
+        allowed = table[(table["sawn_length"] <= sawn * (1.0 + 1e-9)) & (table["blocks"] >= blocks)]
+        assert row["load_factor"] == pytest.approx(allowed["load_factor"].max(), rel=1e-9)
+
+
+def test_by_fields_two_counts_have_no_exact_front(tmp_path: Path) -> None:
+    settings = ExploreSettings(driver="exact", options={"aim": "front"}, pictures=False)
+    scene = scene_of().model_copy(update={"cracks": FieldCracks(kind="fields")})
+    with pytest.raises(InputError, match=r"search\.front\.counts: by fields two counts have no exact front"):
+        explore(scene, tmp_path / "done", settings)

@@ -223,18 +223,17 @@ def test_strong_enough(tmp_path: Path) -> None:
     assert list(table["dry_faces"]) == pytest.approx([14.0, 13.0, 13.0, float("nan")], nan_ok=True)
 
 
-@pytest.mark.long
 def test_few_cuts(tmp_path: Path) -> None:
     table = few_cuts.run(tmp_path, quick=True)
     written(tmp_path, few_cuts.NAME)
     assert table["proven"].all()
-    assert table["load_factor"].max() == pytest.approx(11.8764, rel=1e-5)
+    assert table["load_factor"].max() == pytest.approx(12.62218, rel=1e-5)
 
 
-def test_fronts_of_stepped_limits_are_those_of_all_layouts(tmp_path: Path) -> None:
+def test_fronts_of_sawn_length_and_moulds_are_those_of_all_layouts(tmp_path: Path) -> None:
     """λ, sawn length and moulds of the front, against the definition over all layouts of a small wall."""
     scene = parse_scene(grid_document(["ab", "cd", "ef", "##"], block_cells=[1, 3]))
-    front = few_cuts.proven_front(scene, 6)
+    front = few_cuts.proven_front(scene)
     every = explore(scene, tmp_path, driver="enumeration", pictures=False).results
     values = np.round(every[["load_factor", "sawn_length", "shapes"]].to_numpy(dtype=float), 6) * [1.0, -1.0, -1.0]
     wanted = {tuple(np.abs(row)) for row in values if not any((values >= row).all(axis=1) & (values > row).any(axis=1))}

@@ -13,10 +13,10 @@ from typing import Any, Final, Protocol
 import numpy as np
 
 from jld_core.arrays import Bools, Floats
-from jld_core.errors import ParameterError
+from jld_core.errors import InputError, ParameterError
 from jld_explore.drivers.exact.proof_check import Claim
 from jld_explore.drivers.exact.targets import counts_of, front_count
-from jld_explore.space import Count, SearchSpace
+from jld_explore.space import Count, SearchSpace, registered
 from jld_explore.space.measures import Range
 
 _BELOW: Final = 1e-9
@@ -167,6 +167,19 @@ class StrongestAim:
         return {}
 
 
+def _count_of_formula(space: SearchSpace) -> Count:
+    """Return the count of the front of a space; raise InputError where no formula expresses it."""
+    count, asked = front_count(space), space.search.front
+    if asked.counts:
+        raise InputError(
+            "search.front.counts", "by fields two counts have no exact front", 'one, or `driver="genetic"`'
+        )
+    if count is None:
+        known = " or ".join(one.name for one in registered() if one.terms)
+        raise InputError("search.front.count", f"by fields {asked.count} has no exact front", known)
+    return count
+
+
 class FrontAim:
     """Aim: prove to a gap the strongest layout of every count of the front.
 
@@ -191,9 +204,10 @@ class FrontAim:
 
     def __init__(self, space: SearchSpace, gap: float) -> None:
         self.gap = gap
-        self.count: Count | None = front_count(space)
+        count = _count_of_formula(space)
+        self.count: Count | None = count
         self._sign = -1.0 if space.search.front.axes[0][1] == "max" else 1.0
-        self._all = sorted(counts_of(space, front_count(space)), key=lambda value: self._sign * value)
+        self._all = sorted(counts_of(space, count), key=lambda value: self._sign * value)
         self.restart()
 
     def restart(self) -> None:
@@ -290,7 +304,7 @@ class RequirementAim:
         if required is None:
             raise ParameterError("aim", "the scene requires no load factor", "search.require")
         self.gap = gap
-        self.count: Count | None = front_count(space)
+        self.count: Count | None = _count_of_formula(space)
         self._sense, self._threshold = space.search.front.axes[0][1], required.threshold
         # a layout that is refuted carries less than what is required
         self._goal = required.threshold * (1.0 - _BELOW)

@@ -58,6 +58,8 @@ class ConflictDriver(Driver):
         Whether to list the possible blocks where they are few enough.
     solo_relaxations : int or None
         See `ConflictSources`.
+    enumerates : bool
+        Whether to enumerate although conflicts apply, because no formula expresses the aim.
     """
 
     name = "exact"
@@ -74,9 +76,10 @@ class ConflictDriver(Driver):
         *,
         list_blocks: bool = True,
         solo_relaxations: int | None = None,
+        enumerates: bool = False,
     ) -> None:
         super().__init__(space, seed)
-        self._context = ProofContext.of(space, seed, counted, list_blocks=list_blocks)
+        self._context = None if enumerates else ProofContext.of(space, seed, counted, list_blocks=list_blocks)
         self._enumeration = Enumeration(space) if self._context is None else None
         self._scale = 1.0 if self._context is None else self._context.relaxation.unit
         self._state = ProofState(space)

@@ -4,7 +4,8 @@ The package docstring describes the proof. `Exact` drives it: its search is one 
 evaluate, and is continued when their evaluations are known.
 
 Spaces without a formula or a relaxation are enumerated, which proves the same. They have limits on a count that is no
-sum of ones, or limits on the number of blocks where the blocks are too many to list.
+sum of ones, or limits on the number of blocks where the blocks are too many to list. So is a front of two counts, or of
+one that is no sum of ones.
 """
 
 from __future__ import annotations
@@ -80,7 +81,7 @@ class Exact(ConflictDriver):
     Raises
     ------
     InputError
-        If cells may be left out of the structure, or the count of the front has no exact front.
+        If cells may be left out of the structure.
     """
 
     def __init__(
@@ -100,7 +101,14 @@ class Exact(ConflictDriver):
             raise ParameterError("driver", "exact proves nothing where cells may be left out", "enumeration or genetic")
         self.aim, self._most_programs = aim, programs
         self._count = front_count(space) if aim == "front" else None
-        super().__init__(space, seed, self._count, list_blocks=list_blocks, solo_relaxations=solo_relaxations)
+        super().__init__(
+            space,
+            seed,
+            self._count,
+            list_blocks=list_blocks,
+            solo_relaxations=solo_relaxations,
+            enumerates=aim == "front" and self._count is None,
+        )
         self._load_scale = load_scale(space.assembly)
         self._block_search: BlockSearch | None = None
         self._tightening: BlockBoundTightening | None = None
@@ -167,9 +175,10 @@ class Exact(ConflictDriver):
     def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
         """Return the cost of the proof, and the front if it is the aim; see `Driver.facts`."""
         found = super().facts(results, complete)
-        if self._count is not None:
+        asked = self.space.search.front
+        if self.aim == "front" and not asked.counts:
             enumerated = self._enumeration is not None
-            rows = front_of_all(results, self._count.name, complete) if enumerated else front(self.found.values())
+            rows = front_of_all(results, asked.count, complete) if enumerated else front(self.found.values())
             if self.proof_check is not None and not self.proof_check.passed:
                 rows = [{**row, "bound": None, "proven": False} for row in rows]
             found["front"] = rows

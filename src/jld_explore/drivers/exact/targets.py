@@ -15,11 +15,10 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
-from jld_core.errors import InputError
 from jld_core.limit import Status, exceeds
 from jld_explore.drivers.exact.proof_check import Claim
 from jld_explore.evaluation import Evaluation
-from jld_explore.space import Count, SearchSpace, count_named, registered, values_of
+from jld_explore.space import Count, SearchSpace, count_named, values_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -197,9 +196,8 @@ def front_of_all(results: pd.DataFrame, count: str, complete: bool) -> list[dict
         if not ranked.empty:
             sure = complete and not group["status"].isin([str(Status.UNCERTIFIED), str(Status.FAILED)]).any()
             best, bound = float(ranked["load_factor"].max()), float(ranked["bracket_hi"].max())
-            rows.append(
-                {"count": int(str(value)), "load_factor": best, "bound": bound if sure else None, "proven": sure}
-            )
+            number = value if isinstance(value, float) else int(str(value))
+            rows.append({"count": number, "load_factor": best, "bound": bound if sure else None, "proven": sure})
     return rows
 
 
@@ -224,8 +222,8 @@ It is half of `tolerances.PROVEN`, the relative difference that counts as proven
 """
 
 
-def front_count(space: SearchSpace) -> Count:
-    """Return the count of an exact front.
+def front_count(space: SearchSpace) -> Count | None:
+    """Return the count of an exact front, for a proof by conflicts.
 
     Parameters
     ----------
@@ -234,22 +232,13 @@ def front_count(space: SearchSpace) -> Count:
 
     Returns
     -------
-    Count
-        Count of the front that the scene asks for.
-
-    Raises
-    ------
-    InputError
-        If the scene asks for two counts, or for a count that is no sum of binary terms.
+    Count or None
+        Count of the front that the scene asks for. None for two counts, or one that is no sum of binary terms: no
+        formula expresses their front, and only enumeration proves it.
     """
     asked = space.search.front
-    if asked.counts:
-        raise InputError("search.front.counts", "two counts have no exact front", 'one count, or `driver="genetic"`')
     count = count_named(asked.count)
-    if count.terms is None:
-        known = " or ".join(one.name for one in registered() if one.terms)
-        raise InputError("search.front.count", f"{count.name} has no exact front", known)
-    return count
+    return None if asked.counts or count.terms is None else count
 
 
 class Targets:
