@@ -288,6 +288,7 @@ class Study:
             len(self.assembly.interfaces),
             hang_seconds=max(HANG_SECONDS, _HANGS * cost_estimate(self.assembly).seconds),
             batch=self._make is evaluator_of and settings.batched and spec.settles_nearly_all,
+            ahead=self.driver.ahead,
         )
 
     def _restore(self) -> None:

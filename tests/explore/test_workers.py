@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -24,7 +26,7 @@ from jld_core.scene import parse_scene
 from jld_explore import Progress, explore
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.evaluation import Evaluation, EvaluatorSettings
-from jld_explore.evaluation.worker_tasks import WorkerSpec
+from jld_explore.evaluation.worker_tasks import WorkerSpec, evaluate_batch
 from jld_explore.evaluation.workers import Workers, batch_size
 from jld_explore.settings import ExploreSettings
 from jld_explore.space import search_space
@@ -70,6 +72,35 @@ def test_threads_give_what_one_gives() -> None:
     try:
         for some in (rows, rows[:1], rows[:3]):
             assert values(everything(pool, some)) == values(everything(Workers(recipe, 1, rows.shape[1]), some))
+    finally:
+        pool.close()
+
+
+@pytest.mark.parametrize(("share", "threads"), [(0.0, 1), (1e9, 2)])
+def test_a_busy_first_thread_leaves_the_tasks_one_core(
+    share: float, threads: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where the first thread's time exceeds a share of that of the tasks, these run one at a time; results stay."""
+    monkeypatch.setattr("jld_explore.evaluation.workers._BUSY_SHARE", share)
+    assembly, _, rows = wall()
+    recipe = WorkerSpec.of(assembly, EvaluatorSettings(use_batch_solver=False))
+    seen: set[int] = set()
+    batch, together = evaluate_batch, threading.Barrier(2)
+
+    def watched(*task: Any) -> Any:
+        seen.add(threading.get_ident())
+        with suppress(threading.BrokenBarrierError):
+            together.wait(0.5 if threads == 1 else 20.0)
+        return batch(*task)
+
+    pool = Workers(recipe, 2, rows.shape[1], batch=True, ahead=1)
+    try:
+        known = values(everything(pool, rows))
+        monkeypatch.setattr("jld_explore.evaluation.workers.evaluate_batch", watched)
+        runs = [pool.run(rows[:4]), pool.run(rows[4:8])]
+        found = [values([one for _, part in run for one in part]) for run in runs]
+        assert found[0] + found[1] == known[:8]
+        assert len(seen) == threads
     finally:
         pool.close()
 

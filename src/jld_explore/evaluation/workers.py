@@ -8,8 +8,9 @@ The number `jobs` is then ignored.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from functools import partial
 from typing import Any, Final
@@ -42,6 +43,13 @@ _FEWEST_PER_TASK: Final = 32
 _MOST_THREADS: Final = 2
 """Largest useful number of threads in one process; code outside a solver waits for the interpreter lock."""
 
+_BUSY_SHARE: Final = 0.6
+"""Time of the first thread, relative to that of all tasks, from which tasks of one process run one after another.
+
+The first thread then nearly fills a core, and two tasks beside it would compete for the other one: a genetic search at
+88 faces took 0.72 s on two cores with two tasks at a time, and 0.58 s with one.
+"""
+
 _SWITCH_SECONDS: Final = 5e-4
 """Largest wait of a thread for the interpreter, s.
 
@@ -68,6 +76,12 @@ def batch_size(faces: int, requested: int) -> int:
     return int(np.clip(min(3000 // max(faces, 1), -(-requested // _FEWEST_TASKS)), 1, _MOST_PER_TASK))
 
 
+def _timed_batch(task: tuple[Any, ...]) -> tuple[tuple[int, list[Evaluation]], float]:
+    """Return the result of `evaluate_batch` for a tuple of arguments, and the processor time of its thread, s."""
+    begun = time.thread_time()
+    return evaluate_batch(*task), time.thread_time() - begun
+
+
 class Workers:
     """Pool of workers for one specification; with one job everything runs in this process.
 
@@ -83,15 +97,28 @@ class Workers:
         Seconds without any result after which workers count as hung.
     batch : bool
         Stay in this process, in a few threads, because the batch solver settles nearly all labellings.
+    ahead : int
+        Number of runs that begin before the results of an earlier one are requested; see `Driver.ahead`.
 
     Attributes
     ----------
     deaths : int
         Number of times that workers died or hung.
+    threads : int
+        Number of threads of this process; 0 where processes evaluate.
+    threads_of_run : int
+        Number of threads among which one run is divided.
     """
 
     def __init__(
-        self, spec: WorkerSpec, jobs: int, faces: int, hang_seconds: float = HANG_SECONDS, *, batch: bool = False
+        self,
+        spec: WorkerSpec,
+        jobs: int,
+        faces: int,
+        hang_seconds: float = HANG_SECONDS,
+        *,
+        batch: bool = False,
+        ahead: int = 0,
     ) -> None:
         self.spec, self.jobs, self.faces, self.hang_seconds = spec, jobs, faces, hang_seconds
         self.deaths = 0
@@ -100,7 +127,12 @@ class Workers:
         self.in_process = self.batch or (jobs == 1 and not self.on_cluster)
         self.running: list[Run] = []
         self.threads = min(jobs, _MOST_THREADS) if self.in_process else 0
+        # Runs side by side keep the threads busy. Fewer, larger tasks fill the lanes and leave the first thread a core.
+        self.threads_of_run = -(-self.threads // (1 + ahead))
         self._threads = ThreadPoolExecutor(self.threads) if self.threads > 1 else None
+        self._single_thread = ThreadPoolExecutor(1) if self.threads == 2 and ahead else None
+        self._begun_at: float | None = None
+        self._seconds_of_tasks = 0.0
         self._settings = ExitStack()
         if self._threads is not None:
             self._settings.enter_context(switch_interval(_SWITCH_SECONDS))
@@ -158,7 +190,20 @@ class Workers:
         """
         if self._threads is None:
             return [partial(evaluate_batch, *task) for task in tasks]
-        return [self._threads.submit(evaluate_batch, *task).result for task in tasks]
+        if self._begun_at is None:
+            self._begun_at = time.thread_time()
+        pool = self._threads
+        own = time.thread_time() - self._begun_at
+        known = self._seconds_of_tasks > 0.0
+        if self._single_thread is not None and known and own > _BUSY_SHARE * self._seconds_of_tasks:
+            pool = self._single_thread
+        return [partial(self._result, pool.submit(_timed_batch, task)) for task in tasks]
+
+    def _result(self, task: Future[tuple[tuple[int, list[Evaluation]], float]]) -> tuple[int, list[Evaluation]]:
+        """Wait for a task; add its time to that of all tasks, and return its batch number and evaluations."""
+        found, seconds = task.result()
+        self._seconds_of_tasks += seconds
+        return found
 
     def run_on_cluster(self, tasks: Iterator[Any]) -> Iterator[tuple[int, list[Evaluation]]]:
         """Yield results of tasks from a cluster as they finish; new tasks replace finished ones.
@@ -184,8 +229,9 @@ class Workers:
         """Terminate all local workers at once; workers of a cluster are not stopped."""
         with self._settings:
             self.abandon()
-            if self._threads is not None:
-                self._threads.shutdown(cancel_futures=True)
+            for pool in (self._threads, self._single_thread):
+                if pool is not None:
+                    pool.shutdown(cancel_futures=True)
 
 
 class Run:
@@ -212,9 +258,9 @@ class Run:
         self._labellings, self._thresholds = labellings, thresholds
         size = batch_size(workers.faces, len(labellings))
         if workers.batch:
-            # Use as few tasks as threads, so that threads seldom wait.
+            # Use as few tasks as threads for this run, so that threads seldom wait.
             most = max(_MOST_PER_TASK, _MOST_FACES_PER_TASK // workers.faces)
-            size = max(_FEWEST_PER_TASK, min(most, -(-len(labellings) // workers.threads)))
+            size = max(_FEWEST_PER_TASK, min(most, -(-len(labellings) // workers.threads_of_run)))
         # The labelling to be evaluated in any case is a separate task, independent of the deadline.
         starts = (
             [0, *range(1, len(labellings), size)] if self._first_required else list(range(0, len(labellings), size))
