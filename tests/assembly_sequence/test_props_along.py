@@ -48,6 +48,45 @@ def test_a_corbel_is_held_by_its_lever(scale: float, turn: float) -> None:
     assert step.stage.elsewhere == pytest.approx(0.0, abs=1e-6 * weight)
 
 
+def test_each_stage_of_a_loaded_corbel_is_held_by_its_lever() -> None:
+    """A block on the free end is laid second: F (0.9 − 0.3) = W₁ (0.5 − 0.3), then + W₂ (0.8 − 0.3)."""
+    document = corbel().model_dump(mode="json", exclude_defaults=True)
+    document["elements"].append({"id": "top", "polygon": [[0.6, 0.2], [1.0, 0.2], [1.0, 0.5], [0.6, 0.5]]})
+    assembly = build_assembly(parse_scene(document))
+    dry = np.ones(len(assembly.interfaces), dtype=bool)
+    steps = assembly_order(assembly, dry, parts=Parts(assembly, stations_below(assembly, 0.4))).steps
+    first, second = 2000 * 9.81 * 0.2, 2000 * 9.81 * 0.4 * 0.3
+    levers = [first * 0.2 / 0.6, (first * 0.2 + second * 0.5) / 0.6]
+    assert [float(step.stage.along.sum()) for step in steps] == pytest.approx(levers, rel=1e-6)
+    assert all(step.stage.along[0] <= 1e-6 * first for step in steps)
+
+
+@pytest.mark.parametrize("spacing", [0.125, 0.25])
+def test_the_first_half_of_a_beam_is_held_by_its_lever(spacing: float) -> None:
+    """Halves of 0.75 meet over piers 0.25 wide: the first turns about its pier's edge, F · lever = W (0.375 − 0.25)."""
+    boxes = {
+        "left": (0.0, 0.75, 0.0, 0.2),
+        "right": (0.75, 1.5, 0.0, 0.2),
+        "west": (0.0, 0.25, -1.0, 0.0),
+        "east": (1.25, 1.5, -1.0, 0.0),
+    }
+    elements = [
+        {"id": name, "polygon": [[x0, y0], [x1, y0], [x1, y1], [x0, y1]], "support": name in ("west", "east")}
+        for name, (x0, x1, y0, y1) in boxes.items()
+    ]
+    document = corbel().model_dump(mode="json", exclude_defaults=True) | {"elements": elements}
+    document["loads"] = {"live": [{"element": "left", "force": [1, 0]}]}
+    assembly = build_assembly(parse_scene(document))
+    stations = stations_below(assembly, spacing)
+    dry = np.ones(len(assembly.interfaces), dtype=bool)
+    step = assembly_order(assembly, dry, parts=Parts(assembly, stations)).steps[0]
+    weight = 2000 * 9.81 * 0.75 * 0.2
+    places = stations.points[:, 0]
+    lever = places[places <= 0.75].max() - 0.25
+    assert lever == pytest.approx(1.25 - places[places >= 0.75].min(), rel=1e-9)
+    assert float(step.stage.along.sum()) == pytest.approx(weight * 0.125 / lever, rel=1e-6)
+
+
 def test_props_that_do_not_reach_are_told(jld: Command, tmp_path: Path) -> None:
     """One place below the crown holds no haunch before the keystone is laid: the rest stands beside it."""
     file = tmp_path / "arch.json"
