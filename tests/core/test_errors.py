@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from command import call
+from command import Command, call
 from jld_core import InputError, SolveOptions
 from jld_core.errors import ParameterError
 from jld_explore.cli.ending import in_flags
@@ -73,3 +73,17 @@ def test_an_old_value_of_a_flag_warns_in_one_line(
         "jld: warning: --inner-bending paper is now uncoupled; the old name works until version 0.4\n"
     )
     assert json.loads(outcome.out)["status"] == "collapse"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("explore", "scene.json", "-x"), "jld explore --help"),
+        (("new", "arch", "--foo", "3"), "jld new --help"),
+        (("refin",), "jld --help"),
+    ],
+)
+def test_an_unknown_option_names_the_help_of_its_command(jld: Command, arguments: tuple[str, ...], said: str) -> None:
+    told = jld(*arguments)
+    assert (told.code, told.err.count("\n")) == (2, 1)
+    assert told.err.endswith(f"expected what {said} lists\n")

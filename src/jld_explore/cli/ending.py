@@ -13,6 +13,7 @@ import typer
 
 from jld_core.errors import InputError, SolverError
 from jld_core.memory import memory_limit
+from jld_explore.cli.overview import COMMANDS
 from jld_explore.cli.streams import STOPPED, warn
 from jld_explore.study_state import Interrupted
 
@@ -72,7 +73,8 @@ def usage_of(message: str) -> str:
     text = " ".join(message.split()).rstrip(".")
     found = re.match(r"Invalid value for '([^']+)': (?:Value error, )?(?:Input should be )?(.*)", text)
     if found is None:
-        return f"{text}; expected what jld --help lists"
+        command = f"jld {sys.argv[1]}" if len(sys.argv) > 1 and sys.argv[1] in COMMANDS else "jld"
+        return f"{text}; expected what {command} --help lists"
     option, wish = found.groups()
     wish = wish.partition(", unable to parse")[0].replace("a valid number", "a number")
     wish = re.sub("^.* is not one of ", "one of ", wish)
