@@ -6,14 +6,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
+from matplotlib.figure import Figure
 from matplotlib.text import Text
 from PIL import Image
 
 from command import call
-from jld_core import InputError, build_assembly, load_scene, parse_scene, solve
+from jld_core import InputError, build_assembly, load_scene, parse_scene, samples, solve
+from jld_core.samples import box
 from jld_core.views import animation, quantities
 from jld_core.views.figures import figure_of_assembly, figure_of_result
 from jld_core.views.look import rules
+from jld_core.views.structure import projection_of
+from jld_core.views.writing import write_numbers
 from paths import SCENES
 from scenes_of_pages import small_scene
 
@@ -114,3 +119,35 @@ def test_the_rules_of_drawing_are_those_of_the_pictures() -> None:
     for kind, style in annotations.MOVES.items():
         assert style["color"] == found["movements"][str(kind)]["fill"]
         assert annotations.MEANING[kind] == found["movements"][str(kind)]["meaning"]
+
+
+def test_numbers_in_space_stand_on_what_is_seen_of_their_block() -> None:
+    """A cube is numbered on one of its faces; a small one behind it, which it hides, has no number."""
+    document = samples.corner().model_dump(mode="json", exclude_defaults=True)
+    document["elements"] = [
+        box("near", (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)),
+        box("behind", (0.3, 1.05, 0.0), (0.4, 1.15, 0.05)),
+        box("ground", (-1.0, -1.0, -1.0), (3.0, 3.0, 0.0), support=True),
+    ]
+    assembly = build_assembly(parse_scene(document))
+    project = projection_of(assembly)
+    assert project.toward == pytest.approx([0.43, -0.81, 0.41], abs=0.01)  # the viewer looks from the side of −y
+    (written,) = write_numbers(Figure().add_subplot(), assembly, [[0], [1]])
+    assert written.get_text() == "1"
+    outline = shapely.MultiPoint(project(assembly.elements.shape[0])).convex_hull
+    assert outline.contains(shapely.Point(written.get_position()))
+    apart = document | {
+        "elements": [document["elements"][0], box("aside", (2, 0, 0), (2.5, 0.5, 0.5)), document["elements"][2]]
+    }
+    both = write_numbers(Figure().add_subplot(), build_assembly(parse_scene(apart)), [[0], [1]])
+    assert [one.get_text() for one in both] == ["1", "2"]
+
+
+def test_numbers_in_the_plane_stand_at_the_centroids_of_blocks() -> None:
+    assembly = build_assembly(samples.grid(columns=3, rows=1))
+    ax = Figure().add_subplot()
+    free = assembly.elements.free.tolist()
+    written = write_numbers(ax, assembly, [free[:2], free[2:]])
+    centroid = assembly.elements.centroid
+    places = [centroid[free[:2]].mean(axis=0), centroid[free[2]]]
+    assert np.array([text.get_position() for text in written]) == pytest.approx(np.array(places), rel=1e-12)

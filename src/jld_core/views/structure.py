@@ -260,7 +260,7 @@ def _paint_spatial(
     for step, element in enumerate(order):
         grey = bool(elements.support[element])
         shape = place(element, elements.shape[element])
-        for corners in _visible(shape, elements.faces[element], projection.toward):
+        for corners in visible_faces(shape, elements.faces[element], projection.toward):
             shade = _shade(SUPPORT if grey else fills[element], shape[list(corners)])
             run.append((_closed(projection(shape[list(corners)])), shade, SOFT, thin, "solid"))
         for k in after[step]:
@@ -290,7 +290,7 @@ def _paint_spatial(
     return drawn
 
 
-def _visible(shape: Floats, faces: tuple[tuple[int, ...], ...], toward: Floats) -> list[tuple[int, ...]]:
+def visible_faces(shape: Floats, faces: tuple[tuple[int, ...], ...], toward: Floats) -> list[tuple[int, ...]]:
     """Return the faces of an element that point to the viewer, the farthest first.
 
     shape: (k, 3) vertices. faces: outward loops of vertex indices. toward: (3,) unit vector to the viewer.

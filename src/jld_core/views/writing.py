@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, Final
 
 import numpy as np
+import shapely
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Tick
@@ -15,16 +16,20 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 
+from jld_core.arrays import Floats
 from jld_core.assembly import Assembly
 from jld_core.files import printable
 from jld_core.limit import LimitAnalysisResult
 from jld_core.limit.result_of_faces import result_of_faces
 from jld_core.views import quantities
 from jld_core.views.look import INK, LOAD, PRESS, SOFT, WHITE
-from jld_core.views.structure import element_points, extent, projection_of
+from jld_core.views.structure import element_points, extent, painter_order, projection_of, visible_faces
 
 _HALO: Final = [withStroke(linewidth=1.8, foreground=WHITE)]
 """White outline of texts."""
+
+_LEAST_SEEN: Final = 0.008
+"""Radius of the largest circle on the part of a block that is seen, relative to the assembly, for its number."""
 
 
 @contextmanager
@@ -78,6 +83,48 @@ def write_loads(ax: Axes, assembly: Assembly) -> list[Artist]:
     return written
 
 
+def write_numbers(ax: Axes, assembly: Assembly, blocks: Sequence[Sequence[int]], size: float = 7.0) -> list[Text]:
+    """Write the number of each block, from 1, into a drawing of an assembly on axes; return the texts.
+
+    In the plane a number stands at the block's centroid. In space it stands on the largest part of the block that the
+    viewer sees; a block of which too little is seen has none. blocks: indices of the elements of each block. size: of
+    the text, points.
+    """
+    elements = assembly.elements
+    if assembly.dimension == 2:
+        weights = [elements.volume[list(block)] for block in blocks]
+        each = zip(blocks, weights, strict=True)
+        places = [weight @ elements.centroid[list(block)] / weight.sum() for block, weight in each]
+        found: list[Any] = [projection_of(assembly)(place[None])[0] for place in places]
+    else:
+        found = _seen_places(assembly, blocks)
+    look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": size}
+    return [_text(ax, place, str(n), **look) for n, place in enumerate(found, 1) if place is not None]
+
+
+def _seen_places(assembly: Assembly, blocks: Sequence[Sequence[int]]) -> list[Floats | None]:
+    """Return the middle (2,) of the largest part of each block that is seen on the paper; None where little is."""
+    projection, elements = projection_of(assembly), assembly.elements
+    owner = {element: number for number, block in enumerate(blocks) for element in block}
+    parts: list[list[shapely.Geometry]] = [[] for _ in blocks]
+    hidden = shapely.Polygon()
+    for element in reversed(painter_order(assembly, projection.toward)):
+        shape = elements.shape[element]
+        faces = visible_faces(shape, elements.faces[element], projection.toward)
+        outlines = [shapely.make_valid(shapely.Polygon(projection(shape[list(face)]))) for face in faces]
+        if element in owner:
+            parts[owner[element]] += [outline.difference(hidden) for outline in outlines]
+        hidden = shapely.union_all([hidden, *outlines])
+    found: list[Floats | None] = []
+    for seen in parts:
+        pieces = [one for part in seen for one in shapely.get_parts(part) if one.geom_type == "Polygon" and one.area]
+        radii = [shapely.maximum_inscribed_circle(one, tolerance=0.02 * np.sqrt(one.area)) for one in pieces]
+        best = max(radii, key=shapely.length, default=None)
+        wide = best is not None and shapely.length(best) > _LEAST_SEEN * assembly.size
+        found.append(shapely.get_coordinates(best)[0] if wide else None)
+    return found
+
+
 def write_forces(ax: Axes, result: LimitAnalysisResult) -> list[Artist]:
     """Write the magnitude of each face's force beside its arrow on axes; return the texts.
 
@@ -97,7 +144,7 @@ def write_forces(ax: Axes, result: LimitAnalysisResult) -> list[Artist]:
     ]
 
 
-def _text(ax: Axes, place: Any, text: str, **look: Any) -> Artist:
+def _text(ax: Axes, place: Any, text: str, **look: Any) -> Text:
     """Add a text with a halo, without parsing formulas."""
     style: dict[str, Any] = {"fontsize": 7.5, "color": INK, "zorder": 6.0, "path_effects": _HALO, **look}
     # parse_math=False, since a single dollar sign in a name would begin a formula

@@ -8,8 +8,6 @@ import math
 from collections.abc import Sequence
 from typing import Any, Final
 
-import numpy as np
-
 from jld_core.build import build_assembly
 from jld_core.exchange import Layout, blocks_csv
 from jld_core.files import write_text
@@ -289,7 +287,7 @@ def _draw(work: Design, winner: Trial) -> None:
     """Draw the usual bond and the best layout side by side, with numbered blocks."""
     from jld_core.views.figure_layout import figure_for, finish
     from jld_core.views.figures import draw_assembly, save_figure
-    from jld_core.views.structure import projection_of
+    from jld_core.views.writing import write_numbers
 
     shown = [one for one in (work.usual, winner) if one is not None]
     assemblies = [built(one) for one in shown]
@@ -299,11 +297,8 @@ def _draw(work: Design, winner: Trial) -> None:
         title = "usual bond" if one.kind == "stated" else f"best: {_name(one)}"
         ax.set_title(f"{title}\nλ by fields {_span(one)}" if math.isfinite(one.fields[0]) else title, fontsize=9)
         if one is winner:
-            project = projection_of(assembly)
             blocks = [block for block in Layout(one.scene, assembly, assembly.labels).blocks if block.cells]
-            for number, block in enumerate(blocks, 1):
-                x, y = project(np.array([block.centroid]))[0]
-                ax.text(x, y, str(number), ha="center", va="center", fontsize=7)
+            write_numbers(ax, assembly, [block.elements for block in blocks])
     finish(figure, axes, f"{work.outline.scene.name}: a design")
     save_figure(figure, work.folder / FILES[3])
 

@@ -42,8 +42,6 @@ class Stone:
         Area of these faces.
     outline : (k, 2) array or None
         Outline of a planar stone about its centroid, None in space.
-    centroid : tuple of float
-        Place of the number in a drawing.
     """
 
     number: int
@@ -56,7 +54,6 @@ class Stone:
     set_ups: int
     sawn: float
     outline: Floats | None
-    centroid: tuple[float, ...]
 
     @property
     def stock(self) -> float:
@@ -87,7 +84,7 @@ def stones_of(layout: Layout) -> list[Stone]:
             )
             outline = None
             sides = [high - low for low, high in zip(block.lower, block.upper, strict=True)]
-        own = (len(directions), different_lines(directions), sawn, outline, block.centroid)
+        own = (len(directions), different_lines(directions), sawn, outline)
         size = tuple(sorted(sides, reverse=True))
         found.append(Stone(number, block.name, block.shape, block.mass, block.volume, size, *own))
     return found

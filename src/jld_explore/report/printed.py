@@ -25,8 +25,7 @@ from jld_core.scene.uncertain import with_means
 from jld_core.scene.units import GRAVITY, METRES, NEWTONS
 from jld_core.views.figures import draw_assembly
 from jld_core.views.look import INK, SOFT, TINTS
-from jld_core.views.structure import projection_of
-from jld_core.views.writing import as_written
+from jld_core.views.writing import as_written, write_numbers
 from jld_explore.report.languages import localise, words_in
 from jld_explore.report.making import Making, Stone, factor_to, making_of, stones_of
 
@@ -172,20 +171,12 @@ def _overview(book: _Book) -> None:
     ax = figure.add_axes((_MARGIN, 0.52, 1.0 - 2.0 * _MARGIN, 0.38))
     draw_assembly(ax, layout.assembly, layout.labels)
     ax.set_title("")
-    _write_numbers(ax, book)
+    blocks = [block.elements for block in layout.blocks if block.cells]
+    write_numbers(ax, layout.assembly, blocks, 7.0 if len(blocks) <= 60 else 4.5)
     top = book.text(figure, 0.43, [words["loads"]], 12.0)
     top = book.table(figure, top, [words["case"], words["load"], words["times"]], _loads(book)[:14], [0.2, 0.5, 0.3])
     top = book.text(figure, top - 0.015, [words["proven"]], 12.0)
     book.text(figure, top, _proven(book))
-
-
-def _write_numbers(ax: Axes, book: _Book) -> None:
-    """Write the numbers of the stones into a drawing."""
-    project = projection_of(book.content.layout.assembly)
-    size = 7.0 if len(book.stones) <= 60 else 4.5
-    for stone in book.stones:
-        x, y = project(np.array([stone.centroid]))[0]
-        ax.text(float(x), float(y), str(stone.number), ha="center", va="center", fontsize=size, color=INK)
 
 
 def _force(book: _Book, value: float) -> str:
