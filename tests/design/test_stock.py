@@ -21,7 +21,7 @@ from jld_explore.report.stock import Placed, least_number, stock_of
 def stone(number: int, *sides: float) -> Stone:
     """A cuboid."""
     size = tuple(sorted(sides, reverse=True))
-    return Stone(number, f"s{number}", 1, 1.0, math.prod(sides), size, 6, 3, 1.0, None, (0.0, 0.0, 0.0))
+    return Stone(number, f"s{number}", 1, 1.0, math.prod(sides), size, 6, 3, 1.0, None)
 
 
 def apart(one: Placed, other: Placed, kerf: float) -> bool:
