@@ -130,7 +130,7 @@ class Workers:
         # Runs side by side keep the threads busy. Fewer, larger tasks fill the lanes and leave the first thread a core.
         self.threads_of_run = -(-self.threads // (1 + ahead))
         self._threads = ThreadPoolExecutor(self.threads) if self.threads > 1 else None
-        self._single_thread = ThreadPoolExecutor(1) if self.threads == 2 and ahead else None
+        self._single_thread = ThreadPoolExecutor(1) if self.threads > 1 and ahead else None
         self._begun_at: float | None = None
         self._seconds_of_tasks = 0.0
         self._settings = ExitStack()
