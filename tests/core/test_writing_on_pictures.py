@@ -132,22 +132,24 @@ def test_numbers_in_space_stand_on_what_is_seen_of_their_block() -> None:
     assembly = build_assembly(parse_scene(document))
     project = projection_of(assembly)
     assert project.toward == pytest.approx([0.43, -0.81, 0.41], abs=0.01)  # the viewer looks from the side of −y
-    (written,) = write_numbers(Figure().add_subplot(), assembly, [[0], [1]])
+    (written,) = write_numbers(Figure().add_subplot(), assembly, [[0], [1]], assembly.elements.centroid[:2])
     assert written.get_text() == "1"
     outline = shapely.MultiPoint(project(assembly.elements.shape[0])).convex_hull
     assert outline.contains(shapely.Point(written.get_position()))
     apart = document | {
         "elements": [document["elements"][0], box("aside", (2, 0, 0), (2.5, 0.5, 0.5)), document["elements"][2]]
     }
-    both = write_numbers(Figure().add_subplot(), build_assembly(parse_scene(apart)), [[0], [1]])
+    both_seen = build_assembly(parse_scene(apart))
+    both = write_numbers(Figure().add_subplot(), both_seen, [[0, 2], [1]], both_seen.elements.centroid[:2])
     assert [one.get_text() for one in both] == ["1", "2"]
+    assert outline.contains(shapely.Point(both[0].get_position()))  # not on the support joined to it
 
 
 def test_numbers_in_the_plane_stand_at_the_centroids_of_blocks() -> None:
     assembly = build_assembly(samples.grid(columns=3, rows=1))
     ax = Figure().add_subplot()
     free = assembly.elements.free.tolist()
-    written = write_numbers(ax, assembly, [free[:2], free[2:]])
     centroid = assembly.elements.centroid
     places = [centroid[free[:2]].mean(axis=0), centroid[free[2]]]
+    written = write_numbers(ax, assembly, [free[:2], free[2:]], places)
     assert np.array([text.get_position() for text in written]) == pytest.approx(np.array(places), rel=1e-12)

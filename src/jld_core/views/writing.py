@@ -83,19 +83,17 @@ def write_loads(ax: Axes, assembly: Assembly) -> list[Artist]:
     return written
 
 
-def write_numbers(ax: Axes, assembly: Assembly, blocks: Sequence[Sequence[int]], size: float = 7.0) -> list[Text]:
+def write_numbers(
+    ax: Axes, assembly: Assembly, blocks: Sequence[Sequence[int]], centroids: Sequence[Any], size: float = 7.0
+) -> list[Text]:
     """Write the number of each block, from 1, into a drawing of an assembly on axes; return the texts.
 
     In the plane a number stands at the block's centroid. In space it stands on the largest part of the block that the
-    viewer sees; a block of which too little is seen has none. blocks: indices of the elements of each block. size: of
-    the text, points.
+    viewer sees; a block of which too little is seen has none. blocks: indices of the elements of each block; supports
+    among them bear no number. centroids: (d,) of each block. size: of the text, points.
     """
-    elements = assembly.elements
     if assembly.dimension == 2:
-        weights = [elements.volume[list(block)] for block in blocks]
-        each = zip(blocks, weights, strict=True)
-        places = [weight @ elements.centroid[list(block)] / weight.sum() for block, weight in each]
-        found: list[Any] = [projection_of(assembly)(place[None])[0] for place in places]
+        found: list[Any] = [projection_of(assembly)(np.array([place]))[0] for place in centroids]
     else:
         found = _seen_places(assembly, blocks)
     look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": size}
@@ -105,7 +103,8 @@ def write_numbers(ax: Axes, assembly: Assembly, blocks: Sequence[Sequence[int]],
 def _seen_places(assembly: Assembly, blocks: Sequence[Sequence[int]]) -> list[Floats | None]:
     """Return the middle (2,) of the largest part of each block that is seen on the paper; None where little is."""
     projection, elements = projection_of(assembly), assembly.elements
-    owner = {element: number for number, block in enumerate(blocks) for element in block}
+    free = ~elements.support
+    owner = {element: number for number, block in enumerate(blocks) for element in block if free[element]}
     parts: list[list[shapely.Geometry]] = [[] for _ in blocks]
     hidden = shapely.Polygon()
     for element in reversed(painter_order(assembly, projection.toward)):

@@ -298,7 +298,7 @@ def _draw(work: Design, winner: Trial) -> None:
         ax.set_title(f"{title}\nλ by fields {_span(one)}" if math.isfinite(one.fields[0]) else title, fontsize=9)
         if one is winner:
             blocks = [block for block in Layout(one.scene, assembly, assembly.labels).blocks if block.cells]
-            write_numbers(ax, assembly, [block.elements for block in blocks])
+            write_numbers(ax, assembly, [one.elements for one in blocks], [one.centroid for one in blocks])
     finish(figure, axes, f"{work.outline.scene.name}: a design")
     save_figure(figure, work.folder / FILES[3])
 

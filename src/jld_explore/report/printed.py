@@ -171,8 +171,9 @@ def _overview(book: _Book) -> None:
     ax = figure.add_axes((_MARGIN, 0.52, 1.0 - 2.0 * _MARGIN, 0.38))
     draw_assembly(ax, layout.assembly, layout.labels)
     ax.set_title("")
-    blocks = [block.elements for block in layout.blocks if block.cells]
-    write_numbers(ax, layout.assembly, blocks, 7.0 if len(blocks) <= 60 else 4.5)
+    blocks = [block for block in layout.blocks if block.cells]
+    size = 7.0 if len(blocks) <= 60 else 4.5
+    write_numbers(ax, layout.assembly, [one.elements for one in blocks], [one.centroid for one in blocks], size)
     top = book.text(figure, 0.43, [words["loads"]], 12.0)
     top = book.table(figure, top, [words["case"], words["load"], words["times"]], _loads(book)[:14], [0.2, 0.5, 0.3])
     top = book.text(figure, top - 0.015, [words["proven"]], 12.0)
