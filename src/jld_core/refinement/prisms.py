@@ -67,9 +67,8 @@ def prism_of(vertices: Floats, faces: Faces, along: Floats | None = None) -> Pri
     profile may have holes. None: of several possible axes, that whose profile has the most corners, without holes.
     """
     size = float(np.ptp(vertices, axis=0).max())
-    facets = facets_of([vertices], [faces])
     best: Prism | None = None
-    for axis in facets.normal if along is None else along[None]:
+    for axis in facets_of([vertices], [faces]).normal if along is None else along[None]:
         height = vertices @ axis
         low, high = float(height.min()), float(height.max())
         if (np.minimum(height - low, high - height) > _FLAT * size).any():

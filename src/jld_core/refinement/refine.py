@@ -278,23 +278,10 @@ def _cells(
 def _spatial(assembly: Assembly, grid: _Grid, down: Floats) -> list[list[Piece]]:
     """Cut all free spatial elements into pieces; `down`: (3,) direction of weight."""
     elements = assembly.elements
-    bonded = grid.kind == "bond"
-    cut_up = _by_planes(assembly, grid.cell) if grid.voussoirs is None and not bonded else None
-    bottom = -max(float((elements.shape[k] @ down).max()) for k in elements.free)
+    parts = _cut_of(assembly, grid, down)
     found = []
     for k, (vertices, faces) in enumerate(zip(elements.shape, elements.faces, strict=True)):
-        whole: list[tuple[Floats, Faces]] = [(vertices, faces)]
-        if not elements.support[k]:
-            if cut_up is not None:
-                whole = cut_up(k)
-            elif bonded:
-                sizes = (grid.cell[0], grid.cell[-1])
-                whole = split_walls(elements.ids[k], vertices, faces, down, bottom, sizes, grid.bond)
-            elif grid.voussoirs is not None:
-                count = (grid.voussoirs, grid.rings, grid.courses)
-                whole = split_prism(
-                    elements.ids[k], vertices, faces, down, *count, running=grid.bond == "running", skew=grid.skew
-                )
+        whole = [(vertices, faces)] if elements.support[k] else parts(k)
         volumes = np.array([_volume(*part) for part in whole])
         found.append(
             [
@@ -303,6 +290,28 @@ def _spatial(assembly: Assembly, grid: _Grid, down: Floats) -> list[list[Piece]]
             ]
         )
     return found
+
+
+def _cut_of(assembly: Assembly, grid: _Grid, down: Floats) -> Callable[[int], list[tuple[Floats, Faces]]]:
+    """Return the function that cuts a spatial element, given by its index, into vertices and faces of its pieces.
+
+    down: (3,) direction of weight. Raises ParameterError for too many cells of a grid; the function raises InputError
+    for an element that cannot be cut.
+    """
+    elements = assembly.elements
+    if grid.voussoirs is None and grid.kind == "grid":
+        return _by_planes(assembly, grid.cell)
+    if grid.voussoirs is None:
+        sizes = (grid.cell[0], grid.cell[-1])
+        bottom = -max(float((elements.shape[k] @ down).max()) for k in elements.free)
+        return lambda k: split_walls(
+            elements.ids[k], elements.shape[k], elements.faces[k], down, bottom, sizes, grid.bond
+        )
+    count = (grid.voussoirs, grid.rings, grid.courses)
+    running = grid.bond == "running"
+    return lambda k: split_prism(
+        elements.ids[k], elements.shape[k], elements.faces[k], down, *count, running=running, skew=grid.skew
+    )
 
 
 def _by_planes(assembly: Assembly, cell: tuple[float, ...]) -> Callable[[int], list[tuple[Floats, Faces]]]:
