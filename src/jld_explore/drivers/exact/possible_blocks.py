@@ -7,6 +7,7 @@ all segmentations without slits and within the limits on blocks (docs/method.md 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import islice
 from typing import Final
 
 import numpy as np
@@ -14,9 +15,16 @@ import numpy as np
 from jld_core.arrays import Bits, Bools, Ints
 from jld_core.deadline import checkpoint
 from jld_explore.space import SearchSpace
+from jld_explore.space.measures import SizeOf
 
 MOST: Final = 20_000
 """Number of possible blocks above which they are not listed."""
+
+_ROWS: Final = 512
+"""Number of sets whose sizes are computed at once."""
+
+_GROWN: Final = 4
+"""Sets, as a multiple of `MOST`, above which sets of one size are not compared with the limits."""
 
 
 @dataclass(frozen=True)
@@ -80,46 +88,99 @@ def possible_blocks(space: SearchSpace) -> PossibleBlocks | None:
     if not space.search.segmentation or np.any(may_join & to_support):
         return None
     must_join = ~space.candidates & ~space.fixed
-    around: dict[int, list[tuple[int, int]]] = {int(e): [] for e in assembly.elements.free}
-    for face in np.flatnonzero(~to_support).tolist():
-        around[int(a[face])].append((face, int(b[face])))
-        around[int(b[face])].append((face, int(a[face])))
-    limits, sized = space.limits, space.limits.sized
-    found: list[frozenset[int]] = []
-    level: set[frozenset[int]] = {frozenset([e]) for e in around}
-    while level:
-        found += sorted(level, key=sorted)
-        if len(found) > MOST:
-            return None
-        grown: set[frozenset[int]] = set()
-        refused: set[frozenset[int]] = set()
-        for block in level:
-            checkpoint()
-            for e in block:
-                for face, other in around[e]:
-                    if other not in block and may_join[face]:
-                        bigger = block | {other}
-                        if bigger in grown or bigger in refused:
-                            continue
-                        (refused if limits.too_large(sized.one(bigger)) else grown).add(bigger)
-            if len(grown) > MOST:
-                return None
-        level = grown
+    free = assembly.elements.free
+    place = np.full(len(assembly.elements), -1)
+    place[free] = np.arange(len(free))
+    inner = np.flatnonzero(~to_support)
+    ends = np.column_stack([place[a[inner]], place[b[inner]]])
+    connected = _connected_sets(space, ends[may_join[inner]])
+    if connected is None:
+        return None
     members, inside = [], []
-    for block in found:
+    for rows in np.array_split(connected, max(1, len(connected) // _ROWS)):
         checkpoint()
-        links = {face for e in block for face, other in around[e] if other in block}
-        cut = any(must_join[face] for e in block for face, other in around[e] if other not in block)
-        if (
-            cut
-            or any(not may_join[face] for face in links)
-            or limits.too_small(sized.one(block))
-            or limits.misshapen(block)
-        ):
-            continue
-        members.append(tuple(sorted(block)))
-        inside.append(tuple(sorted(links)))
+        first, second = rows[:, ends[:, 0]], rows[:, ends[:, 1]]
+        wrong = (first & second & ~may_join[inner]).any(axis=1) | ((first ^ second) & must_join[inner]).any(axis=1)
+        wrong |= space.limits.too_small(_sizes(rows, space))
+        for row, links in zip(rows[~wrong], (first & second)[~wrong], strict=True):
+            block = free[row].tolist()
+            if not space.limits.misshapen(block):
+                members.append(tuple(block))
+                inside.append(tuple(inner[links].tolist()))
     return PossibleBlocks(tuple(members), tuple(inside))
+
+
+def _connected_sets(space: SearchSpace, links: Ints) -> Bools | None:
+    """List the connected sets of free elements that are within the upper limits on blocks.
+
+    A set is grown by one element at a time, so that a set above a limit is not grown further.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        Search space with f free elements.
+    links : (k, 2) int array
+        Positions, among the free elements, of those that may be joined.
+
+    Returns
+    -------
+    (p, f) bool array or None
+        Sets by size, those of equal size in the order of their members; None above `MOST`.
+    """
+    number = len(space.assembly.elements.free)
+    around = [0] * number
+    for e, other in links.tolist():
+        around[e] |= 1 << other
+        around[other] |= 1 << e
+    level = {1 << e: around[e] for e in range(number)}  # each set as bits, with the elements that it touches
+    found = [np.zeros((0, number), dtype=bool)]
+    total = 0
+    while level:
+        rows = _rows_of(list(level), number)
+        found.append(rows[np.lexsort(~rows.T[::-1])])
+        total += len(level)
+        if total > MOST:
+            return None
+        grown: dict[int, int] = {}
+        for block, touched in level.items():
+            checkpoint()
+            left = touched & ~block
+            while left:
+                added = left & -left
+                left ^= added
+                if block | added not in grown:
+                    grown[block | added] = touched | around[added.bit_length() - 1]
+            if len(grown) > _GROWN * MOST:
+                return None
+        level = _within_limits(grown, space)
+    return np.concatenate(found)
+
+
+def _within_limits(sets: dict[int, int], space: SearchSpace) -> dict[int, int]:
+    """Return the sets, keys as bits over the free elements, that exceed no upper limit on blocks."""
+    limits, number = space.limits, len(space.assembly.elements.free)
+    kept: dict[int, int] = {}
+    items = iter(sets.items())
+    while part := list(islice(items, _ROWS)):
+        checkpoint()
+        large = limits.too_large(_sizes(_rows_of([block for block, _ in part], number), space))
+        kept.update(one for one, over in zip(part, np.broadcast_to(large, len(part)), strict=True) if not over)
+    return kept
+
+
+def _rows_of(sets: list[int], number: int) -> Bools:
+    """Return sets given as bits as rows (k, number), True = in the set."""
+    width = -(-number // 8)
+    packed = np.frombuffer(b"".join(one.to_bytes(width, "little") for one in sets), dtype=np.uint8)
+    rows = np.unpackbits(packed.reshape(len(sets), width), axis=1, count=number, bitorder="little")
+    return rows.astype(bool)
+
+
+def _sizes(rows: Bools, space: SearchSpace) -> SizeOf:
+    """Return a function that gives the sizes (k,) of sets of free elements (k, f)."""
+    members = np.zeros((len(space.assembly.elements), len(rows)), dtype=bool)
+    members[space.assembly.elements.free] = rows.T
+    return space.limits.sized.together(members)
 
 
 class BlockTables:
