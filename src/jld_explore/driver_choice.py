@@ -30,11 +30,8 @@ CLASSES: Final = "classes (layouts, those alike by symmetry once)"
 _SAYING: Final = 1.0
 """Longest time to find out which stage of laying falls first, for a message, s."""
 
-COUNTING: Final = (0.06, 0.03)
-"""Shares of the remaining time for counting the classes of a space; a slower count means that the space is large.
-
-The first is for spaces within reach of a proof, the second for larger ones, which are hardly ever small.
-"""
+COUNTING: Final = 0.06
+"""Share of the remaining time for counting the classes of a space; a slower count means that the space is large."""
 
 
 def choose_driver(
@@ -75,12 +72,13 @@ def choose_driver(
     wanted = settings.driver
     if isinstance(wanted, str) and wanted not in DRIVERS:
         raise ParameterError("driver", f"no driver is named {wanted!r}", "one of " + ", ".join(DRIVERS))
-    # A driver chosen by name needs the size of the space for progress reports only.
+    # A driver chosen by name needs the size of the space for progress reports only. Spaces beyond the reach of a proof
+    # are hardly ever small, and the genetic driver comes to the end of those that are.
     quick = isinstance(wanted, str) and wanted != Enumeration.name
+    quick |= wanted is None and int(space.candidates.sum()) > REACH
     deadline = Deadline() if deadline is None else deadline
     known = None
-    share = COUNTING[int(space.candidates.sum()) > REACH]
-    with suppress(DeadlinePassed), deadline.within(share * deadline.remaining()).enforced():
+    with suppress(DeadlinePassed), deadline.within(COUNTING * deadline.remaining()).enforced():
         known = size_up_to(space, settings.small, quick=quick) if settings.small else None
     if known == 0:
         raise nothing_found(space)
