@@ -232,7 +232,7 @@ def _search(
     require_memory(scene)  # before contacts are built, which may take minutes
     assembly = build_robust(scene) if settings.robust else build_assembly(scene)
     refuse_together(scene, settings, assembly)
-    # Announce warnings only once the search begins; a refused search gives its error alone.
+    # Announce messages only once a layout is found; a refused search and an empty space give their error alone.
     said = [f"warning: {warning}" for warning in assembly.warnings] + [f"note: {note}" for note in assembly.notes]
     space = _space_of(scene, assembly, settings.driver)
     assembly = space.assembly if isinstance(settings.driver, Driver) else assembly
@@ -247,6 +247,12 @@ def _search(
         refuse_beside_void(settings, chosen)
         assembly, make = space.assembly, VoidCellsEvaluator
     checked = plan_check(scene, assembly, space, settings)
+
+    def say() -> None:
+        """Announce the messages, each once."""
+        while said and announce is not None:
+            announce(said.pop(0))
+
     study = kind(
         scene,
         assembly,
@@ -256,14 +262,13 @@ def _search(
         settings,
         total=total,
         report=report,
+        found_first=say,
         deadline=_of_search(deadline, settings, assembly).earlier(time_for(checked, settings) + kept_back(settings)),
         make=make,
     )
-    if announce is not None:
-        for line in said:
-            announce(line)
     write_text(folder / "scene.json", scene.model_dump_json(indent=1, exclude_defaults=True))
     reason = _run(study, deadline)
+    say()  # of a resumed search without a new layout
     try:
         with deferred_signals():  # a signal waits until the tables are whole
             done = write_tables(study, reason, _later(deadline, settings, TABLES))

@@ -264,7 +264,6 @@ class FieldStudy(Study):
             part = self._asked(None)
             if not len(part):
                 break
-            self.asked += len(part)
             parts.append(part)
         self._complete = not self._cut
         return np.concatenate(parts) if parts else np.empty((0, len(self.space.fixed)), dtype=bool)

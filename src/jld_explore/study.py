@@ -77,6 +77,8 @@ class Study:
         Number of classes, if known.
     report : callable, optional
         Function called with `Progress` after every batch.
+    found_first : callable, optional
+        Function called before the first labelling is evaluated. Until then the space may turn out to be empty.
     make : callable
         Function that makes the evaluator of each worker.
     deadline : Deadline, optional
@@ -94,12 +96,13 @@ class Study:
         *,
         total: int | None = None,
         report: Callable[[Progress], None] | None = None,
+        found_first: Callable[[], None] = lambda: None,
         make: MakeEvaluator = evaluator_of,
         deadline: Deadline | None = None,
     ) -> None:
         self.scene, self.assembly, self.space, self.driver, self.folder = scene, assembly, space, driver, folder
         self.settings, self.total, self.report = settings or ExploreSettings(), total, report
-        self._make = make
+        self._make, self._found_first = make, found_first
         self.deadline = Deadline(self.settings.seconds) if deadline is None else deadline
         self._end, self._cut = self.deadline.end, False
         self._empty = False
@@ -254,7 +257,6 @@ class Study:
                     labellings = self._asked(left)
                     dry = self._cut or len(labellings) == 0
                     if len(labellings):
-                        self.asked += len(labellings)
                         waiting.append(recorded.submit(labellings))
                 if not waiting:
                     reason = self._reason(dry)
@@ -326,6 +328,14 @@ class Study:
         self.records.forget_conflicts()
 
     def _asked(self, limit: int | None) -> Bits:
+        """Request labellings (k, m) as `_proposed` does, and count them."""
+        labellings = self._proposed(limit)
+        if len(labellings) and not self.asked:
+            self._found_first()
+        self.asked += len(labellings)
+        return labellings
+
+    def _proposed(self, limit: int | None) -> Bits:
         """Request labellings (k, m) from the driver; none after its time is up.
 
         If nothing has been evaluated and the driver spends most of the time without a proposal, the first layout found

@@ -509,13 +509,16 @@ def test_constraints_that_parity_forbids(rows: list[str], driver: list[str], tmp
     assert not out.exists()
 
 
-def test_a_space_that_turns_out_empty_leaves_nothing_behind(tmp_path: Path) -> None:
+@pytest.mark.parametrize("driver", ["enumeration", "genetic"])
+def test_a_space_that_turns_out_empty_leaves_nothing_behind(driver: str, tmp_path: Path) -> None:
     """Where the space is too large to be seen through beforehand, the end of the search is the same."""
     scene = parse_scene(grid_document(DOMINOES["two corners of one colour gone"], block_cells=[2, 2]))
     out = tmp_path / "out"
+    said: list[str] = []
     with pytest.raises(InputError, match="search: no labelling satisfies the constraints"):
-        explore(scene, out, ExploreSettings(driver="enumeration", small=0))
+        explore(scene, out, ExploreSettings(driver=driver, small=0), announce=said.append)
     assert not out.exists()
+    assert said == []
 
 
 def test_as_a_process(tmp_path: Path) -> None:
