@@ -13,7 +13,7 @@ from cases import grid_document
 from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.scene import load_scene, parse_scene
-from jld_explore.space import SearchSpace, search_space
+from jld_explore.space import SearchSpace, search_space, symmetry
 from jld_explore.space.search_space import feasible
 
 ROOT = Path(__file__).parents[2]
@@ -249,6 +249,18 @@ def test_all_symmetries_of_a_square() -> None:
     assert len(space_of(ring(pull) | {"search": {"symmetry": "none"}}).group) == 1
     mirror = space_of(ring(pull) | {"search": {"symmetry": "mirror-x"}})
     assert mirror.symmetry.matrices[1].tolist() == [[-1, 0], [0, 1]]
+
+
+def test_points_of_large_scenes_are_matched_by_a_tree(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All distances or a tree of points: the same isometries, elements and faces."""
+    rows = ["." + "a" * 6 + "."] * 3 + ["#" * 8]
+    document = grid_document(rows, live=[{"element": "c3r0", "force": [0, -1]}, {"element": "c4r0", "force": [0, -1]}])
+    by_distances = space_of(document).symmetry
+    monkeypatch.setattr(symmetry, "_FEW", 0)
+    by_tree = space_of(document).symmetry
+    assert len(by_tree) == 2
+    for one, other in ((by_distances.elements, by_tree.elements), (by_distances.faces, by_tree.faces)):
+        assert np.array_equal(one, other)
 
 
 def test_labels_strengths_and_candidates_break_symmetry() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -13,6 +14,9 @@ from jld_core.errors import InputError
 from jld_core.geometry.vectors import frame
 from jld_core.scene import Search
 from jld_core.sub_assembly import faces_of
+
+_FEW: Final = 200
+"""Largest number of points whose distances are all computed; a tree of points takes 0.07 s to import."""
 
 
 @dataclass(frozen=True)
@@ -228,10 +232,14 @@ def _nearest(moved: Floats, points: Floats, kind_to: Ints, kind: Ints, reach: fl
         return np.zeros(0, dtype=np.int64)
     # An additional coordinate separates kinds by more than the distance of any two points.
     apart = 4.0 * max(float(np.ptp(points, axis=0).max()), reach)
-    from scipy.spatial import cKDTree  # Imported here because it is slow to import and seldom needed.
+    places, targets = np.column_stack([points, apart * kind]), np.column_stack([moved, apart * kind_to])
+    if len(points) <= _FEW:
+        distances = np.linalg.norm(targets[:, None] - places[None], axis=2)
+        to, distance = distances.argmin(axis=1), distances.min(axis=1)
+    else:
+        from scipy.spatial import cKDTree
 
-    tree = cKDTree(np.column_stack([points, apart * kind]))
-    distance, to = tree.query(np.column_stack([moved, apart * kind_to]), distance_upper_bound=2.0 * reach)
+        distance, to = cKDTree(places).query(targets, distance_upper_bound=2.0 * reach)
     fits = np.all(distance <= reach) and len(np.unique(to)) == len(points)
     return np.asarray(to, dtype=np.int64) if fits else None
 
