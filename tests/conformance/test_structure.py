@@ -26,6 +26,7 @@ ORDER = [
     ["jld_explore.design", "jld_explore.design_check"],
     ["jld_explore.moved_tables"],
     ["jld_explore.moved_search", "jld_explore.box_proof"],
+    ["jld_explore.moved_layout"],
     ["jld_explore.explore"],
     ["jld_explore.notebook"],
     ["jld_explore.notebook_kernel"],

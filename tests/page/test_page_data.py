@@ -22,8 +22,9 @@ from jld_explore import ExploreSettings, explore, read_folder
 from jld_explore.report import page as joined
 from jld_explore.report import page_of_study, page_table
 from jld_explore.report.page_contract import page_schema
-from jld_explore.report.page_data import page_data, rounded, solution_of, structure_of
+from jld_explore.report.page_data import page_data, solution_of, structure_of
 from jld_explore.report.page_of_study import scene_page, study_page
+from jld_explore.report.rounding import rounded
 from jld_explore.space import from_string
 from paths import SCENES
 from scenes_of_pages import HOSTILE, scene_of_cases, small_scene, spatial_scene

@@ -19,13 +19,13 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, mini
 from jld_core.arrays import Bits, Bools, Ints
 from jld_core.assembly import Assembly
 from jld_core.assembly_sequence.blocks import blocks_of_labelling
+from jld_core.assembly_sequence.built_up import built_up
 from jld_core.assembly_sequence.freedom import Bodies, Freedom
 from jld_core.assembly_sequence.order import (
     GROUP,
     Laying,
     SequenceRule,
     assembly_order,
-    built_up,
     emptied,
     locked_blocks,
 )
