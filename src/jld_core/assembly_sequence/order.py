@@ -169,13 +169,12 @@ def locked_blocks(
     assembly: Assembly,
     labels: Bits,
     *,
-    sideways: bool = False,
     group: int = GROUP,
     bodies: Bodies | None = None,
 ) -> tuple[int, ...]:
     """Return the elements of blocks that prevent any assembly by translations.
 
-    These blocks lock one another wherever they occur, whatever other blocks are present.
+    These blocks lock one another in every labelling that has them.
 
     Parameters
     ----------
@@ -183,8 +182,6 @@ def locked_blocks(
         Assembly with m interfaces.
     labels : (m,) bool array
         Labels, True = dry.
-    sideways : bool
-        Allow a planar wall to be assembled out of its plane.
     group : int
         Largest number of blocks that are moved together where single blocks are locked.
     bodies : Bodies, optional
@@ -197,7 +194,7 @@ def locked_blocks(
     """
     assembly.members.refuse("an assembly sequence")
     blocks = blocks_of_labelling(assembly, labels)
-    freedom = Freedom(blocks, sideways, bodies)
+    freedom = Freedom(blocks, False, bodies)
     there = emptied(freedom, np.ones(len(blocks), dtype=bool), group)
     if not np.any(there & ~blocks.fixed):
         return ()

@@ -82,7 +82,7 @@ class SolidJoint:
         faces = assembly.interfaces
         self._assembly, self._polygon = assembly, faces.polygon[face]
         self._sides = int(faces.a[face]), int(faces.b[face])
-        self._normal, self._area = faces.normal[face], float(faces.area[face])
+        self._normal = faces.normal[face]
         run = direction - (direction @ self._normal) * self._normal
         self.across = bool(np.linalg.norm(run) < _ACROSS)
         if self.across:
@@ -191,7 +191,7 @@ class SolidJoint:
 
 
 def _taken(cell: ConvexCell, planes: list[Plane]) -> tuple[ConvexCell | None, list[ConvexCell]]:
-    """Cut what lies inside all planes out of a cell, by one plane where one is enough; return it and the rest."""
+    """Divide a cell into its part inside all planes and the rest; return both."""
     tooth = inside(cell, planes)
     if tooth is None:
         return None, [cell]
