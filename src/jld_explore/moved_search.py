@@ -1,4 +1,4 @@
-"""Search labels and geometry together: the best layouts are moved, and labels are searched again on the moved grid."""
+"""Search labels and geometry in turns: move the best layouts, then search again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Search for an assembly order by laying single blocks, for rules that only the visited blocks decide."""
+"""Search for an assembly order by laying single blocks, one after the other."""
 
 from __future__ import annotations
 

@@ -337,9 +337,9 @@ def _singular_corners(problem: Problem, stress: StressField | None) -> Ints:
 def disagreement(problem: Problem, stress: StressField, velocity: VelocityField) -> Floats:
     """Compute each triangle's share (t,) of the gap between the bounds, scaled λ.
 
-    It is the dissipation of the velocity field less the power of the stress field on it. Each triangle counts with half
-    of its edges. Up to the opening that `UpperBound.certify` added, the sum is upper less lower bound. Both fields
-    belong to `problem` and one labelling; the result steers refinement.
+    The share is the dissipation of the velocity field minus the power of the stress field on its strain rates. Half of
+    the dissipation of an edge belongs to each of its triangles. Up to the opening that `UpperBound.certify` added, the
+    sum is upper less lower bound. Both fields belong to `problem` and one labelling; the result steers refinement.
     """
     p, e = problem, problem.edges
     v = velocity.velocity

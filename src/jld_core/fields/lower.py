@@ -1,7 +1,7 @@
 """Lower bound: stress fields in equilibrium and within yield, linear in each triangle.
 
-Formulas: docs/method.md (9.6) to (9.9). The solver proposes a field; what counts is computed here: its projection onto
-equilibrium, and the room to every yield condition.
+Formulas: docs/method.md (9.6) to (9.9). The solver proposes a field. This module proves the bound: it projects the
+field onto equilibrium and checks every yield condition.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ class LowerBound:
         return [self._bound_by(answer, labels) for answer, labels in zip(answers, labellings, strict=True)]
 
     def _bound_by(self, answer: Answer, labels: Bits) -> StressField | None:
-        """Certify an answer of the solver, or what further programs propose instead; see `bound`."""
+        """Certify a solver's answer; where that fails, those of further programs."""
         self.status = answer.status
         if not answer.usable:
             return None

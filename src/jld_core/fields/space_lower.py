@@ -1,7 +1,7 @@
 """Lower bound in space: stresses in equilibrium and within yield, linear in tetrahedra.
 
-Formulas: docs/method.md (10.1), (10.4) and (10.5). The solver proposes a field; what counts is computed here: its
-projection onto equilibrium, and the room to every yield condition by the eigenvalues of the stresses.
+Formulas: docs/method.md (10.1), (10.4) and (10.5). The solver proposes a field. This module proves the bound: it
+projects the field onto equilibrium and checks every yield condition by the eigenvalues of stresses.
 """
 
 from __future__ import annotations

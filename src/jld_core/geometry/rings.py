@@ -1,4 +1,4 @@
-"""Corners of closed polygons that describe the outlines of blocks: rounding, and removal where edges go straight on."""
+"""Corners of closed polygons: rounding, and removal from straight edges."""
 
 from __future__ import annotations
 

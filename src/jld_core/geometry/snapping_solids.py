@@ -140,7 +140,7 @@ def _planes(place: Floats, loops: _Loops, solid: Ints, tolerance: float) -> tupl
     own = farthest(every, every)
 
     def parallel(one: Ints, two: Ints) -> Bools:
-        """Return a mask (p,) of pairs of faces whose normals are nearly parallel."""
+        """Return a mask (p,) of pairs of faces, True where normals are nearly parallel."""
         cosine = np.einsum("ij,ij->i", normal[one], normal[two])
         # Faces of two solids are opposite or continue one another; faces of one solid continue one another.
         return np.asarray(np.where(solid[one] == solid[two], cosine, np.abs(cosine)) > _FLAT)

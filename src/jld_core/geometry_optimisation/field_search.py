@@ -191,7 +191,7 @@ def _program(point: FieldPoint, region: Region, required: Floats) -> tuple[ConeP
     groups: list[list[tuple[sp.csr_array, Floats]]] = [[], [], []]
 
     def add(group: int, rows: sp.csr_array, at: int, right: Floats) -> None:
-        """Add rows whose first column is column `at` of the program."""
+        """Add rows, from column `at` on, and their right-hand sides to one of three groups."""
         own = sp.coo_array(rows)
         wide = sp.csr_array((own.data, (own.row, own.col + at)), shape=(rows.shape[0], start[-1] + count + 1))
         groups[group].append((wide, right))

@@ -70,7 +70,7 @@ def move_joints(
     labels: Bits,
     **options: Unpack[MoveOptions],
 ) -> MovedJoints:
-    """Move the joints of a structure to optimise what its key "move" asks for.
+    """Move the joints of a structure to optimise the objective that its key "move" states.
 
     The objective is the largest λ, or the least friction or thickness at which the dead load stands.
 

@@ -185,7 +185,7 @@ class SpatialLimits:
     def _of_volumes(self, places: Floats) -> list[tuple[Floats, sp.csr_array]]:
         """Return limits on volumes of elements and masses of blocks, with their derivatives.
 
-        Values are volume over that at the start less the least share, mass / least − 1 and 1 − mass / largest.
+        Values are (volume / volume at the start − least share), (mass / least − 1) and (1 − mass / largest).
         """
         share, rates = np.ones(len(self._volumes)), sp.lil_array((len(self._volumes), places.size))
         for k in self._elements.tolist():

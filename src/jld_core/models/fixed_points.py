@@ -151,7 +151,8 @@ def find_fixed_point(analysis: LimitAnalysis, labels: Bits, starts: int = STARTS
 def _checked(analysis: LimitAnalysis, labels: Bits, point: PathPoint, starts: int) -> FixedPoint:
     """Evaluate an iterate of a central path as a fixed point, with a proven bracket of λ.
 
-    The bracket is that of the problem frozen at the areas of the iterate; its width is inf if an end is missing.
+    The bracket is that of the problem whose effective areas are held at those of the iterate. Its width is inf if an
+    end is missing.
     labels: (m,) True = dry. point: the iterate. starts: number of paths followed.
     """
     state, areas, frozen = under_own_areas(analysis.prover, analysis.prover.state(point.y, labels), labels)
@@ -170,9 +171,9 @@ def _checked(analysis: LimitAnalysis, labels: Bits, point: PathPoint, starts: in
 
 
 def _with_frozen_mechanism(analysis: LimitAnalysis, labels: Bits, found: FixedPoint) -> FixedPoint:
-    """Solve the problem frozen at the areas of a fixed point, for a better mechanism.
+    """Improve the mechanism of a fixed point by an analysis at its effective areas.
 
-    The mechanism of the solution is more accurate than the multipliers of an iterate. The narrower bracket is kept.
+    The mechanism of that analysis is more accurate than the multipliers of an iterate. The narrower bracket is kept.
     labels: (m,) True = dry.
     """
     proof = analysis.with_template(found.prover.template, labels).prove(labels)

@@ -1,4 +1,4 @@
-"""Options of a design, and what they say about the scene of an outline."""
+"""Options of a design, and the keys that they set in the scene of an outline."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""Race layouts whose blocks crack anywhere: refine only what may still be the strongest.
+"""Race layouts by fields: refine only those that may still be the strongest.
 
-Every velocity field bounds λ of all layouts, every stress field that of many. The layout with the greatest upper bound
-is refined next; once its own bracket is closed, no other layout has a greater upper bound, and the race is decided.
+Every velocity field bounds λ of all layouts from above, every stress field λ of many from below. The layout with the
+greatest upper bound is refined next; once its own bracket is closed, no other layout has a greater upper bound, and the
+race is decided.
 """
 
 from __future__ import annotations

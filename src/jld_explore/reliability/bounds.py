@@ -142,7 +142,7 @@ class SampleBounds:
         return share * low, share * high
 
     def proven(self, values: Floats) -> GoverningBounds:
-        """Compute bounds one sample at a time by the route of `jld solve`, for what the batch solver leaves open."""
+        """Compute bounds of single samples that the batch solver left open."""
         brackets = np.array([self._proven(one) for one in values]).reshape(-1, 2)
         return GoverningBounds(brackets[:, 0], brackets[:, 1])
 
@@ -156,7 +156,7 @@ class SampleBounds:
         return low, high
 
     def solved(self, values: Floats, case: int) -> tuple[LimitAnalysis, Proof]:
-        """Solve a load case at values (v,) of the variables, and return its analysis and what is proven."""
+        """Solve a load case at values (v,) of the variables; return analysis and proof."""
         analysis = limit_analysis(
             self.structure.at(values, case), _OPTIONS, reference=self.labels, single_labelling=True
         )

@@ -238,7 +238,7 @@ class _Measurement:
         return build_assembly(scene, None if fresh else self.geometry)
 
     def _add(self, path: Path, value: Uncertain | UncertainVector) -> list[int]:
-        """Add the variables of one value and what depends on them; return their positions."""
+        """Add the variables of one value of the scene, and return their positions."""
         position = [one for one, _ in self.found].index(path)
         size = value.size if isinstance(value, UncertainVector) else value
         step = _STEP

@@ -145,7 +145,7 @@ def page(data: Mapping[str, Any]) -> str:
 
 
 def packed(data: Mapping[str, Any]) -> str:
-    """Return data as base64 of gzipped JSON, which is safe in HTML whatever it holds.
+    """Return data as base64 of gzipped JSON, which is safe in HTML for any content.
 
     Raises ValueError for NaN and infinities.
     """

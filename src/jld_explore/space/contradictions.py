@@ -55,7 +55,7 @@ def may_join(limits: Limits, least: Ints, graph: Connectivity) -> Bools:
 def refuse_contradictions(
     limits: Limits, candidates: Bools, fixed: Bits, least: Ints, most: Ints, graph: Connectivity
 ) -> None:
-    """Raise InputError for a limit that can be shown to leave no labelling, with what it contradicts and a remedy.
+    """Raise InputError for a limit that provably excludes every labelling.
 
     candidates, fixed: (m,), least, most: (n,), graph: all as in `SearchSpace`.
     """

@@ -121,7 +121,7 @@ class Api:
         return {"value": self._desk(asked).edited(_changes(asked), asked.get("part"))}
 
     def drawing(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Return what the page draws layouts of a search in: data without a solution, for the search of a "name"."""
+        """Return the page data without solutions, in which layouts of the search "name" are drawn."""
         job = self.jobs.find(str(asked.get("name")))
         return {**drawing_data(load_scene(job.scene_file))}
 

@@ -223,7 +223,7 @@ class Jobs:
             return self.all[name]
 
     def close(self) -> None:
-        """Stop all running searches and wait for their processes and for what these printed.
+        """Stop all running searches; wait for their processes and read their remaining output.
 
         A process that is still running after 10 s is killed.
         """

@@ -29,7 +29,7 @@ KNOWN: Final = (*LAYERS, *NUMBERS, "unit")
 
 @dataclass(frozen=True)
 class OpenedFile:
-    """Scene of a file, with what an import says about it.
+    """Scene of a file, with the report of its import.
 
     Attributes
     ----------

@@ -55,7 +55,7 @@ def drawing_data(scene: Scene) -> PageData:
 
 
 def _extra(desk: StudioSession, root: Path) -> dict[str, Any]:
-    """Return what only the studio needs of a scene: folder, formats, parts that may change, and movable vertices."""
+    """Return data for the studio alone: folder, formats, changeable keys, vertices."""
     return {
         "folder": str(root),
         "formats": list(FORMATS),

@@ -80,7 +80,7 @@ class SceneStore:
         write_text(self._file(name), json.dumps(document))
 
     def _file(self, name: object) -> Path:
-        """Return the file of a kept scene; raise InputError for what is no name of a scene."""
+        """Return the file of a stored scene; raise InputError for an invalid name."""
         if not isinstance(name, str) or not _NAME.fullmatch(name):
             raise InputError("scene", f"there is none named {str(name)[:60]!r}", "one that the studio has opened")
         return self._folder / f"{name}.json"

@@ -119,7 +119,7 @@ def conflict_of(
     tries: int = _FAILED_TRIES,
     decided: Bools | None = None,
 ) -> Conflict | None:
-    """Find few labels of a labelling that already exclude a λ: a conflict that refutes it.
+    """Find a small set of labels of a labelling that prevents a λ: a conflict that refutes it.
 
     Parameters
     ----------
@@ -132,9 +132,9 @@ def conflict_of(
     threshold : float
         Scaled λ that the labelling must not reach.
     tries : int
-        Single faces that may be tried in vain.
+        Number of failed attempts to leave a face out of the conflict, after which minimisation ends.
     decided : (m,) bool array, optional
-        Candidates that have their labels from the start; by default all of them.
+        Candidates whose labels the conflict may use, the others are undecided; by default all.
 
     Returns
     -------
