@@ -240,7 +240,7 @@ def _movable(scene: Scene) -> Scene:
 def _refuse(scene: Scene, layouts: int, settings: ExploreSettings) -> None:
     """Raise InputError for scenes and settings that exclude the movement of joints."""
     if layouts < 1:
-        raise ParameterError("move", f"{layouts} layouts are none", "a whole number from 1")
+        raise ParameterError("move", f"{layouts} is no number of layouts", "a whole number from 1")
     plain = SolveOptions(gap=settings.model.gap, solver=settings.model.solver, condense=settings.model.condense)
     for name, asked in (
         ("resume", settings.resume),
@@ -255,7 +255,7 @@ def _refuse(scene: Scene, layouts: int, settings: ExploreSettings) -> None:
         if asked:
             raise ParameterError(name, "layouts whose joints move do not support it", "a search without it or `move`")
     if scene.cracks != "faces":
-        raise ParameterError("move", "labels are searched by faces, ranked by fields", '"cracks": "faces"')
+        raise ParameterError("move", "the search of labels with `move` needs cracks by faces", '"cracks": "faces"')
     if scene.search.void is not None:
         raise ParameterError("move", "search.void leaves cells out, whose vertices have no place", "a search without")
     if scene.move is not None and scene.move.maximise != "load_factor":

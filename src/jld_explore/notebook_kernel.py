@@ -142,7 +142,7 @@ class LayoutSolver:
         invalid.
         """
         if not isinstance(materials, dict):
-            raise InputError("materials", "they are no object", "materials as in a scene file")
+            raise InputError("materials", "they are no JSON object", "materials as in a scene file")
         name = json.dumps(materials, sort_keys=True)
         if name not in self._kept:
             self._kept[name] = CaseAnalysis(self._structure.with_materials(materials), self._model)

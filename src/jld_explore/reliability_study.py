@@ -50,7 +50,7 @@ def refuse_beside_reliability(scene: Scene, settings: ExploreSettings) -> None:
         ("search.void", scene.search.void is not None),
     ):
         if asked:
-            raise ParameterError(name, "samples of a reliability know rigid faces and dilation alone", "its default")
+            raise ParameterError(name, "reliability supports rigid faces and associative friction only", "its default")
     random_structure(scene)
 
 

@@ -136,7 +136,7 @@ class ParallelSettings:
 
     def __post_init__(self) -> None:
         if self.jobs < 1:
-            raise ParameterError("jobs", f"{self.jobs} processes evaluate nothing", "a whole number from 1")
+            raise ParameterError("jobs", f"{self.jobs} is no number of processes", "a whole number from 1")
 
 
 @dataclass(frozen=True)

@@ -176,7 +176,7 @@ def test_a_layout_without_forces_says_how_to_get_them(visit: Open, study: Path, 
     assert found.page.locator("svg.figure").is_visible()
 
 
-def test_a_search_in_which_nothing_stands_says_so(visit: Open, tmp_path: Path) -> None:
+def test_a_search_in_which_nothing_stands_is_reported(visit: Open, tmp_path: Path) -> None:
     scene = {**small_scene(rows=["abc", "#.."]), "loads": {"live": [{"body": [1, 0]}]}}
     scene["materials"]["inner"] = {"tensile_strength": 1.0, "shear_strength": 1.0}
     explore(parse_scene(scene), tmp_path / "out", ExploreSettings(jobs=1, pictures=False))
@@ -232,7 +232,7 @@ def test_each_load_case_has_its_own_drawing(visit: Open, tmp_path: Path) -> None
     assert to_the_left < 0 < to_the_right
 
 
-def test_data_that_is_not_understood_is_said(visit: Open, tmp_path: Path, study: Path) -> None:
+def test_unknown_data_are_reported(visit: Open, tmp_path: Path, study: Path) -> None:
     data = page_of_study.study_data(read_folder(study), patience=0.0)
     for change, words in (({"version": 99}, "version 99"), ({"look": {}}, "look lacks tints")):
         (tmp_path / "page.html").write_text(joined.page({**data, **change}), encoding="utf-8")

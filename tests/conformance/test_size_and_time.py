@@ -47,7 +47,7 @@ def test_an_evaluation_that_outlasts_the_limit_is_done_once(tmp_path: Path, monk
     assert done.summary.best == pytest.approx(alone.evaluate(done.layout(1).labels).load_factor, rel=1e-9)
 
 
-def test_what_takes_long_is_said_beforehand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_long_analyses_are_announced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     large = build_assembly(parse_scene(growth.document("planar", 80)))
     assert 5.0 < cost_estimate(large).seconds < 60.0
     assert cost_estimate(build_assembly(parse_scene(SCENE))).long is None
@@ -68,7 +68,7 @@ def test_what_takes_long_is_said_beforehand(tmp_path: Path, monkeypatch: pytest.
         (samples.wall().model_dump(mode="json", exclude_defaults=True), 1.508e8, "99 faces take some"),
     ],
 )
-def test_what_there_is_not_the_memory_for_is_refused(
+def test_a_scene_too_large_for_the_memory_is_refused(
     command: str,
     content: dict[str, Any],
     limit: float,

@@ -60,7 +60,7 @@ ODD = [
 
 
 @pytest.mark.parametrize(("path", "value", "what", "meant"), ODD, ids=[f"{o[0]}={o[1]}" for o in ODD])
-def test_what_can_hardly_be_meant(path: str, value: object, what: str | None, meant: str | None) -> None:
+def test_implausible_values_are_warnings(path: str, value: object, what: str | None, meant: str | None) -> None:
     assembly = build_assembly(parse_scene(with_(path, value)))
     about = [warning for warning in assembly.warnings if what is not None and what in warning]
     if what is None:

@@ -143,7 +143,7 @@ SETTLED = {
 
 
 @pytest.mark.parametrize(("name", "expected"), SETTLED.items())
-def test_kernel_settles_what_it_is_made_for(kernel: str, name: str, expected: int) -> None:
+def test_the_batch_solver_settles_scenes_of_its_kind(kernel: str, name: str, expected: int) -> None:
     analysis = analysis_of(name)
     found = lanes_of(analysis, kernel).solve(labellings(analysis.assembly, 24))
     assert int((found.verdict != OPEN).sum()) >= expected
@@ -282,7 +282,7 @@ def test_answers_given_too_early_bound_all_the_same(kernel: str, most: int, name
         assert found.high[k] >= proof.low
 
 
-def test_rows_of_another_shape_are_left_to_others(kernel: str) -> None:
+def test_rows_of_another_shape_are_left_to_other_solvers(kernel: str) -> None:
     angles = np.arange(9) * 2.0 * np.pi / 9.0
     round_hull = LimitAnalysis(cases_spatial.stools([np.column_stack([np.cos(angles), np.sin(angles)])]))
     crushed = LimitAnalysis(

@@ -61,7 +61,7 @@ def crushed() -> Assembly:
 
 
 @pytest.mark.parametrize("name", [*CASES, "in space", "crushed in space"])
-def test_bound_holds_for_all_labellings_it_speaks_of(name: str) -> None:
+def test_bound_holds_for_all_labellings_of_the_partial_one(name: str) -> None:
     assembly = assemblies()[name]
     analysis = LimitAnalysis(assembly)
     relaxation = Relaxation(analysis)
@@ -166,7 +166,7 @@ def test_a_face_that_may_crush_is_taken_as_its_hull() -> None:
 
 
 @pytest.mark.parametrize("name", ["wall", "crushable wall", "in space"])
-def test_many_at_once_are_refuted_as_one_by_one(name: str) -> None:
+def test_a_batch_is_refuted_as_one_by_one(name: str) -> None:
     assembly = assemblies()[name]
     relaxation = Relaxation(LimitAnalysis(assembly))
     rng = np.random.default_rng(2)

@@ -124,7 +124,7 @@ def certifier(assembly: Assembly, high: float, slack: float = 1e-8) -> tuple[Mod
     return modes, region, bounded, Certifier(bounded, region, slack)
 
 
-def test_certificate_refuses_what_is_not_true() -> None:
+def test_certificate_of_a_false_bound_is_refused() -> None:
     assembly = build_assembly(halved_bond(2, 2))
     scale = LimitAnalysis(assembly).template.scaling.load
     modes, region, bounded, check = certifier(assembly, 0.66 / scale)

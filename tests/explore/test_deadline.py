@@ -103,7 +103,7 @@ def hidden(cases: int = 10) -> Any:
     return parse_scene(document)
 
 
-def test_counting_a_space_knows_the_clock() -> None:
+def test_counting_a_space_ends_at_the_deadline() -> None:
     """It took 150 s in 0.2, whatever --seconds said."""
     scene = hidden()
     space = search_space(scene, build_assembly(scene))
@@ -283,7 +283,7 @@ def test_constructed_layouts_are_those_of_brute_force(low: int, high: int) -> No
     assert (first_layout(space).shape[0] == 1) is bool(truth)
 
 
-def test_a_formula_knows_the_clock() -> None:
+def test_solving_a_formula_ends_at_the_deadline() -> None:
     """The solver stops after a number of conflicts and looks at the clock, however hard the formula is."""
     holes = 9
     scene = parse_scene(grid_document(["aaa", "aaa", "###"], block_cells=[1, 2]))

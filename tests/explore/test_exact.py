@@ -83,7 +83,7 @@ def enumerated(tmp_path_factory: pytest.TempPathFactory) -> Enumerated:
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_exact_is_enumeration(name: str, tmp_path: Path, enumerated: Enumerated) -> None:
+def test_exact_proves_the_same_as_enumeration(name: str, tmp_path: Path, enumerated: Enumerated) -> None:
     rows, options = SCENES[name]
     every = enumerated(rows, options)
     found = search(rows, options, tmp_path / "exact", "exact", aim="front")
@@ -144,7 +144,7 @@ def _boxes(size: tuple[int, int, int], **materials: Any) -> dict[str, Any]:
         ),
     ],
 )
-def test_exact_is_enumeration_in_space(
+def test_exact_proves_the_same_as_enumeration_in_space(
     size: tuple[int, int, int], limits: dict[str, Any], inner: dict[str, Any], tmp_path: Path
 ) -> None:
     crush = {key: value for key, value in inner.items() if key == "compressive_strength"}

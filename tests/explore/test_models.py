@@ -123,5 +123,5 @@ def test_the_command_line_offers_the_model(tmp_path: Path, jld: Command) -> None
     assert "contact" in other.err
     wrong = jld("explore", scene, "--out", tmp_path / "x", "--contact", "concave", "--effective-area")
     assert wrong.code == 2
-    assert "points have no area" in wrong.err
+    assert "point contacts have no effective area" in wrong.err
     assert not (tmp_path / "x").exists()

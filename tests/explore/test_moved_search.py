@@ -117,5 +117,5 @@ def test_bad_input(tmp_path: Path, jld: Command, keys: dict[str, Any], flags: li
 
 
 def test_less_than_one_layout_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="0 layouts are none"):
+    with pytest.raises(InputError, match="0 is no number of layouts"):
         explore_and_move(parse_scene(wall()), tmp_path / "out", 0)

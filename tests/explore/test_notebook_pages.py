@@ -173,7 +173,9 @@ def test_omitted_cells_are_shown_as_omitted() -> None:
         (None, {"dry": {"colour": 1.0}}, "colour"),
     ],
 )
-def test_what_cannot_be_solved_is_one_line(shown: NotebookPage, letters: Any, materials: Any, words: str) -> None:
+def test_unsolvable_requests_are_refused_in_one_line(
+    shown: NotebookPage, letters: Any, materials: Any, words: str
+) -> None:
     own = shown._data["solutions"]["0"]["labelling"]
     if materials == {}:
         materials = shown._solver._structure.materials

@@ -292,7 +292,7 @@ def test_a_simulation_without_failures_claims_no_certainty() -> None:
     assert none.interval == pytest.approx((0.0, 1.0 - 0.025 ** (1.0 / 400.0)))
 
 
-def test_what_the_batch_solver_leaves_open_is_solved_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_samples_left_open_by_the_batch_solver_are_solved_again(monkeypatch: pytest.MonkeyPatch) -> None:
     found = sample_bounds(block(vary(0.6), [vary(9500.0, 0.2), 0.0]))
     before = simulate(found, 1.0, 40, 0)
     nothing = GoverningBounds(np.full(40, -np.inf), np.full(40, np.inf))
@@ -361,10 +361,10 @@ def by_fields() -> dict[str, Any]:
     [
         (bonded, "materials.dry.friction_coefficient: it acts on a bond"),
         (without_distribution, "no value of the scene has uncertainty"),
-        (by_fields, "cracks: samples know cracks by faces alone"),
+        (by_fields, "cracks: reliability supports cracks by faces only"),
     ],
 )
-def test_what_samples_cannot_have_is_refused_in_one_line(scene: Any, said: str) -> None:
+def test_scenes_without_reliability_are_refused_in_one_line(scene: Any, said: str) -> None:
     parsed = parse_scene(scene())
     assembly = build_assembly(parsed)
     with pytest.raises(InputError, match=said):

@@ -104,7 +104,7 @@ def test_wrong_requirements(require: Any, words: str) -> None:
     assert words in str(caught.value)
 
 
-def test_a_front_is_not_what_is_asked_then(tmp_path: Path) -> None:
+def test_a_front_is_refused_where_a_load_factor_is_required(tmp_path: Path) -> None:
     settings = ExploreSettings(pictures=False, driver="exact", options={"aim": "front"})
     with pytest.raises(InputError, match=r"search\.require"):
         explore(scene_of("blocks", "min", 0.5), tmp_path / "out", settings)

@@ -119,7 +119,7 @@ def test_things_say_what_they_are_in_one_line(tmp_path: Path) -> None:
         assert len(text.replace(str(tmp_path), "")) < 140
 
 
-def test_what_was_found_is_said_as_it_is(tmp_path: Path) -> None:
+def test_findings_are_reported_unchanged(tmp_path: Path) -> None:
     """Nothing stands, which is proven; the best that meets the bound known beforehand is; cases go by λ / required."""
     overhang = {**small_scene(rows=["abc", "#.."]), "loads": {"live": [{"body": [1, 0]}]}}
     overhang["materials"]["inner"] = {"tensile_strength": 1.0, "shear_strength": 1.0}
@@ -145,7 +145,7 @@ def test_what_was_found_is_said_as_it_is(tmp_path: Path) -> None:
     assert "best λ / required" in said["cases"][0]
 
 
-def test_a_folder_whose_search_was_killed_says_how_to_go_on(tmp_path: Path) -> None:
+def test_a_folder_of_a_killed_search_names_the_way_to_resume(tmp_path: Path) -> None:
     scene = parse_scene(small_scene())
     out = tmp_path / "out"
     explore(scene, out, ExploreSettings(driver="random", budget=3, jobs=1, pictures=False))

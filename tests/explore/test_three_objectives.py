@@ -33,7 +33,7 @@ def unbeaten(values: Any) -> list[bool]:
 
 
 @pytest.mark.parametrize("columns", [2, 3])
-def test_what_is_on_a_front(columns: int) -> None:
+def test_layouts_on_a_front(columns: int) -> None:
     rng = np.random.default_rng(7)
     values = rng.integers(0, 6, size=(120, columns)).astype(float)
     values[rng.random(120) < 0.1, 0] = np.nan

@@ -118,7 +118,7 @@ def test_a_wall_reaches_what_no_geometry_can_exceed() -> None:
         assert abs(line[0] + line[1] * bed[:, 0] - bed[:, 1]).max() < 1e-8
 
 
-def test_a_step_keeps_what_it_promises() -> None:
+def test_a_step_gains_what_its_program_predicts() -> None:
     """To first order the value of a step is there (11.6): gain over promise tends to at least one."""
     document = flat_arch(15.0, 1.2, 0.2, angle=[20, 160])
     scene = parse_scene(document)

@@ -112,8 +112,8 @@ def test_changed_geometry_is_answered_while_it_is_dragged(address: str) -> None:
 @pytest.mark.parametrize(
     ("body", "words"),
     [
-        ({}, "scene: it is no object"),
-        ({"scene": []}, "scene: it is no object"),
+        ({}, "scene: it is no JSON object"),
+        ({"scene": []}, "scene: it is no JSON object"),
         ({"scene": {}}, "expected"),
         ({"scene": {"elements": []}}, "expected"),
         ({"scene": arch(), "labelling": "ddd"}, "24 letters d or i"),

@@ -139,7 +139,7 @@ def test_brackets_follow_the_materials(local: Local) -> None:
     assert one[1] < other[0]
 
 
-def test_what_fields_do_not_know_is_said() -> None:
+def test_scenes_that_fields_do_not_support_are_named() -> None:
     """Space, a force on an edge between cells, and too many triangles: one line each, no failure."""
     spatial = StudioSession(parse_scene(spatial_scene()))
     told = spatial.fields("d" * len(spatial.setup({}).assembly.interfaces), {})
@@ -205,7 +205,7 @@ def test_a_search_by_fields_is_opened_with_a_layout(tmp_path: Path) -> None:
         (f"/{TOKEN}/assets/studio.html", {}, 404),
     ],
 )
-def test_what_is_not_for_others_is_refused(local: Local, path: str, headers: dict[str, str], status: int) -> None:
+def test_requests_of_other_pages_are_refused(local: Local, path: str, headers: dict[str, str], status: int) -> None:
     assert local.ask(path, **headers)[0] == status
 
 
@@ -309,15 +309,15 @@ def test_a_saved_scene_is_replaced_only_if_that_is_asked_for(local: Local) -> No
     assert json.loads(Path(path).read_text())["grid"]
 
 
-def test_bad_materials_are_said_not_solved(local: Local) -> None:
+def test_bad_materials_are_reported_and_not_solved(local: Local) -> None:
     changes = {"materials": {"density": 2000, "dry": {"friction_coefficient": -1}}}
     status, found = local.api("solve", {"revision": 1, "labelling": letters(local), "changes": changes})
     assert status == 400
     assert "friction_coefficient" in found["error"]
 
 
-def test_a_port_that_is_taken_is_said() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(InputError, match="cannot be had"):
+def test_a_port_in_use_is_reported() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(InputError, match="cannot be opened"):
         server._listener(taken.getsockname()[1])
 
 
@@ -407,7 +407,7 @@ def test_a_search_that_cannot_start_takes_no_place(tmp_path: Path, monkeypatch: 
     assert list((tmp_path / "studio").iterdir()) == []
 
 
-def test_a_full_disk_at_the_end_of_a_search_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_at_the_end_of_a_search_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     worker = tmp_path / "worker"
     worker.write_text("#!/bin/sh\nread line\nexit 0")
     worker.chmod(0o755)

@@ -31,7 +31,7 @@ def test_field() -> None:
         assert all(other.interfaces == mine.interfaces and other.answer.startswith("stands") for other in others)
 
 
-def test_field_says_what_is_missing(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_field_names_its_missing_library(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(field, "find_spec", lambda _: None)
     field.main()
     assert capsys.readouterr().out == field.MISSING + "\n"

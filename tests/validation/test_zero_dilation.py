@@ -91,7 +91,7 @@ def test_inner_faces_are_left_alone(name: str) -> None:
     assert rule.gap.min() >= -1e-6 * abs(result.load_factor)
 
 
-def test_status_of_what_does_not_collapse() -> None:
+def test_statuses_of_structures_that_do_not_collapse() -> None:
     for name, status in (("overhang", Status.UNSTABLE), ("pressed", Status.LOCKED)):
         rows, options = CASES[name]
         result = solve_zero_dilation(grid_assembly(rows, **options))

@@ -123,8 +123,8 @@ class Parts:
     """Store of solved parts of stages, shared by all labellings of one assembly.
 
     Laid elements that touch one another, apart from supports, form a part. Its prop forces depend only on its elements
-    and the labels between them. stations: places of props; others are taken only where these cannot hold a stage, or
-    a hundredth of the force does the same.
+    and the labels between them. stations: places of props. Props stand elsewhere only if these places cannot hold a
+    stage, or if a hundredth of the force suffices there.
     """
 
     def __init__(self, assembly: Assembly, stations: Stations | None = None) -> None:

@@ -34,7 +34,7 @@ def stations_below(assembly: Assembly, spacing: float) -> Stations:
     above 0, leaves no place or more than 500, and for a spatial structure.
     """
     if assembly.dimension != 2:
-        raise ParameterError("props", "props along a line are those of planar scenes", "a search without it")
+        raise ParameterError("props", "props along a line are for planar scenes", "a search without it")
     if not 0.0 < spacing < math.inf:
         raise ParameterError("props", f"a spacing of {spacing:g} is wrong", "a length above 0")
     elements = assembly.elements

@@ -168,7 +168,7 @@ def _face_materials(scene: Scene, elements: Elements, interfaces: Interfaces) ->
         chosen = faces_of_pairs([entry.between], elements, interfaces, where)
         for face in np.flatnonzero(chosen).tolist():
             if found[face] is not None:
-                raise InputError(where, f"{' and '.join(entry.between)} stand there twice", "one entry for each pair")
+                raise InputError(where, f"{' and '.join(entry.between)} are given twice", "one entry for each pair")
             found[face] = entry
     return found
 
@@ -209,7 +209,7 @@ def _own_labels(scene: Scene, elements: Elements, interfaces: Interfaces, given:
     if np.any(inner & dry):
         face = int(np.flatnonzero(inner & dry)[0])
         pair = f"{elements.ids[interfaces.a[face]]!r}, {elements.ids[interfaces.b[face]]!r}"
-        raise InputError("labels", f"the pair {pair} stands under both inner and dry", "each pair under one")
+        raise InputError("labels", f"the pair {pair} is listed under both inner and dry", "each pair under one")
     labels = np.where(inner, INNER, np.where(dry, DRY, labels))
     for face, contact in enumerate(given):
         if contact is not None and contact.label is not None:

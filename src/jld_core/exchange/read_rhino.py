@@ -115,7 +115,7 @@ class _Reader:
             return {}
         found = json.loads(stored[FACTS])
         if not isinstance(found, dict):
-            raise InputError(FACTS, "the user text holds no object", "what jld export wrote")
+            raise InputError(FACTS, "the user text holds no JSON object", "what jld export wrote")
         return {key: found[key] for key in _KEYS if key in found}
 
     def _layer(self, index: int, parent: str | None) -> tuple[str, bool]:
@@ -145,7 +145,7 @@ class _Reader:
             return
         self._count += 1
         if self._count > MOST:
-            raise InputError("", "it holds more objects than a structure has", f"at most {MOST}")
+            raise InputError("", "it holds too many objects", f"at most {MOST}")
         kind = type(geometry).__name__
         if kind == "InstanceReference":
             self._instance(geometry, layer, moves)

@@ -45,9 +45,9 @@ def read_svg(path: File, options: ImportOptions, notes: Notes) -> Drawing:
     svg = library("svgelements", path)
     text = text_of(path)
     if re.search(r"<!ENTITY", text, flags=re.I):
-        raise InputError("", "it defines entities, which may unfold to anything", "an SVG without a DTD of its own")
+        raise InputError("", "it defines XML entities, which are not expanded", "an SVG without a DTD of its own")
     if text.count("<use") > 1000 or text.count("<") > 2 * MOST:
-        raise InputError("", "it holds more shapes than a structure has", f"at most {MOST}")
+        raise InputError("", "it holds too many shapes", f"at most {MOST}")
     stated = None if options.unit else _stated_unit(text)
     # drop the page size and viewBox: lengths are those in which the drawing was made
     text = re.sub(r"<svg\b[^>]*>", lambda tag: re.sub(_PAGE, "", tag[0]), text, count=1)
@@ -109,7 +109,7 @@ def _drawing(svg: Any, root: Any, name: str, options: ImportOptions, notes: Note
                     if len(points) > (2 if closed and not points[:, 2].any() else 1):
                         paths.append(Path(points, closed, own.get("data-layer") or layer, own.get("data-name")))
                     if len(paths) > MOST:
-                        raise InputError("", "it holds more shapes than a structure has", f"at most {MOST}")
+                        raise InputError("", "it holds too many shapes", f"at most {MOST}")
             elif not isinstance(item, svg.Title):
                 kind = type(item).__name__
                 unread[kind] = unread.get(kind, 0) + 1

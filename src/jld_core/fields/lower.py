@@ -302,10 +302,10 @@ class LowerBound:
         return rows.matrix(9 * self._triangles)
 
     def _project(self, stress: Floats, factor: float, labels: Bits) -> tuple[Floats, float]:
-        """Return the nearest stresses (9t,) in equilibrium under λ, and the stress to charge.
+        """Return the nearest stresses (9t,) in equilibrium under λ, and a bound on their error.
 
-        stress: (9t,), factor: λ, both scaled. The charge is twice the last correction plus the largest residual. It is
-        infinite where the residual exceeds rounding: no correction mends equations that contradict each other.
+        stress: (9t,), factor: λ, both scaled. The error, a scaled stress, is at most twice the last correction plus the
+        largest residual. It is inf where the residual exceeds rounding, since the equations then contradict each other.
         """
         matrix, solver = self._equalities(labels)
         whole, rhs = self.equilibrium

@@ -61,7 +61,7 @@ def require_refinement(assembly: Assembly, labels: Bits | None, gap: float, patc
     if len(assembly.cases) > 1:
         raise InputError("loads.cases", "fields take one load case", "one of Assembly.by_case")
     if not gap > 0.0:
-        raise InputError("gap", f"{gap:g} is never reached", "a number above 0")
+        raise InputError("gap", f"{gap:g} is no relative gap", "a number above 0")
     if patch is not None and not patch > 0.0:
         raise InputError("patch", f"{patch:g} is wrong", "a length above 0")
     return require_labels(assembly, labels)

@@ -223,10 +223,11 @@ class SpatialLowerBound:
         return matrix, splu(square, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
 
     def _project(self, stress: Floats, factor: float) -> tuple[Floats, float]:
-        """Return the nearest stresses (24t,) in equilibrium under λ, and the stress to charge.
+        """Return the nearest stresses (24t,) in equilibrium under λ, and a bound on their error.
 
-        stress: (24t,), factor: λ, both scaled. The charge is twice the last correction plus the largest residual. It is
-        infinite where the residual exceeds rounding: no correction mends equations that contradict each other.
+        stress: (24t,), factor: λ, both scaled. The error, a scaled stress, is at most twice the last correction plus
+        the largest residual. It is inf where the residual exceeds rounding, since the equations then contradict each
+        other.
         """
         (matrix, solver), (whole, rhs) = self._statics, self.equilibrium
         rhs = rhs - factor * whole[:, [-1]].toarray().ravel()

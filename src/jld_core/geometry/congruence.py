@@ -89,7 +89,7 @@ class Kinds:
 
 
 def shape_numbers(outlines: Sequence[Outline], reach: float, *, flip: bool) -> list[int]:
-    """Number outlines by shape, from 1 by first appearance; rotated copies are alike.
+    """Assign numbers to outlines by shape, from 1; rotated copies have the same shape.
 
     Parameters
     ----------

@@ -62,7 +62,7 @@ def move_by_fields(
     if assembly.dimension != 2:
         raise InputError("cracks", "joints in space move by faces alone", '"faces"')
     if scene.move is not None and scene.move.maximise != "load_factor":
-        raise InputError("move.maximise", f'"{scene.move.maximise}" is not known by fields', '"load_factor"')
+        raise InputError("move.maximise", f'"{scene.move.maximise}" is not supported by fields', '"load_factor"')
     if assembly.nominal is not None:
         raise InputError("cracks", "fields take nominal values of materials alone", '"faces", or nominal values')
     require_fields(assembly)

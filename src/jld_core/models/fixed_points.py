@@ -57,18 +57,18 @@ _PARALLEL: Final = 0.1
 
 @dataclass(frozen=True)
 class FixedPoint:
-    """Forces, their own effective areas, and a mechanism of the problem frozen at these areas.
+    """Forces, their effective areas, and a mechanism of the problem with these areas held constant.
 
     Attributes
     ----------
     state : State
-        Forces under the areas; a lower bound on λ of the frozen problem if admissible.
+        Forces under the areas; a lower bound on λ of the problem with constant areas if admissible.
     areas : EffectiveAreas
         Effective areas of the forces.
     prover : Prover
-        Prover of the frozen problem.
+        Prover of the problem with constant areas.
     motion : Motion or None
-        Mechanism of the frozen problem with finite dissipation.
+        Mechanism of that problem with finite dissipation.
     width : float
         Relative width of the bracket; inf if an end is missing.
     starts : int

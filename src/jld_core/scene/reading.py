@@ -152,7 +152,7 @@ def _refuse_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for key, value in pairs:
         if key in found:
-            raise InputError(key, "the key stands twice in one object", "each key once")
+            raise InputError(key, "the key is given twice in one object", "each key once")
         found[key] = value
     return found
 
@@ -208,4 +208,4 @@ def _words(path: _Path) -> str:
 def _refuse_surrogates(where: _Path, text: object) -> None:
     """Raise InputError for a text with unpaired surrogates."""
     if isinstance(text, str) and any("\ud800" <= letter <= "\udfff" for letter in text):
-        raise InputError(_words(where), f"{text!a} holds half a character", "text in UTF-8")
+        raise InputError(_words(where), f"{text!a} contains an unpaired surrogate", "text in UTF-8")

@@ -112,12 +112,12 @@ def move(
         _check_certificate(source, out, certificate, prove)
     if joint is not None and (prove is not None or starts > 1):
         given = "prove" if prove is not None else "starts"
-        raise ParameterError(given, "it moves vertices, not the shape of joints", "one without the other")
+        raise ParameterError(given, "it moves vertices, and shaped joints have fixed vertices", "one without the other")
     if direction is not None and joint is None:
         raise ParameterError("direction", "it is that of shaped joints, and none are asked for", "it with `joint`")
     if robust and (joint is not None or prove is not None):
         given = "joint" if joint is not None else "prove"
-        raise ParameterError(given, "it knows nominal values of materials alone", "one without `robust`")
+        raise ParameterError(given, "it supports nominal values of materials only", "one without `robust`")
     scene, assembly, labels = layout_of(source, rank)
     scene = with_cracks(scene, cracks)
     by_fields = isinstance(scene.cracks, FieldCracks)

@@ -102,7 +102,7 @@ def _sides(stock: str | None, pdf: bool, kerf: float) -> tuple[float, float, flo
     """
     if stock is None:
         if kerf:
-            raise ParameterError("kerf", "it stands without `stock`", "both")
+            raise ParameterError("kerf", "it is given without `stock`", "both")
         return None
     if not pdf:
         raise ParameterError("stock", "stones are placed beside the cutting list", "`pdf` as well")

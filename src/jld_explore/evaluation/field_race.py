@@ -104,8 +104,8 @@ class FieldRace:
     def _place(self) -> None:
         """Bound from below, on the coarsest mesh, the layouts that may be the strongest.
 
-        These are layouts without a lower bound whose upper bound is at least the best lower bound. The greatest upper
-        bound comes first. It ends early at the deadline if some layout has a lower bound.
+        These are layouts without a lower bound whose upper bound is at least the best lower bound. Layouts with the
+        greatest upper bounds come first. At the deadline the method returns early if some layout has a lower bound.
         """
         pool = self.pool
         low, high = pool.low(), pool.high()

@@ -93,7 +93,7 @@ def linked(entry: str, instead: Mapping[str, str] | None = None) -> str:
     visit(entry, ())
     script = "const $modules = {};\n" + "".join(done.values())
     if "</script" in script.lower() or "<!--" in script:
-        raise ValueError("a module holds text that would end its own script")
+        raise ValueError("a module contains text that would end its script")
     return script
 
 

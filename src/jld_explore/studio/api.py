@@ -308,5 +308,5 @@ def _changes(asked: dict[str, Any]) -> dict[str, Any]:
     """Return the changes of a request; raise InputError if they are not an object."""
     changes = asked.get("changes", {})
     if not isinstance(changes, dict):
-        raise InputError("changes", "they are no object", "an object")
+        raise InputError("changes", "they are no JSON object", "an object")
     return changes

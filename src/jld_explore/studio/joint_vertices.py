@@ -103,7 +103,7 @@ class JointVertices:
         or a vertex that may not move.
         """
         if not isinstance(vertices, dict):
-            raise InputError("vertices", "they are no object", "an object from vertex to [x, y]")
+            raise InputError("vertices", "they are no JSON object", "an object from vertex to [x, y]")
         found = self.mesh.places.copy()
         for name, place in vertices.items():
             if not name.isdecimal() or int(name) not in self._movable:

@@ -77,7 +77,9 @@ def open_file(name: object, content: object, options: object) -> OpenedFile:
 def require_followed(scene: Scene, where: str) -> Scene:
     """Return a scene; raise InputError where the studio cannot follow it. where: name of its file."""
     if isinstance(scene.cracks, CellCracks):
-        raise InputError(f"{where}: cracks", "the studio knows faces and fields alone", '"faces" or "fields"')
+        raise InputError(
+            f"{where}: cracks", "the studio supports cracks by faces and by fields only", '"faces" or "fields"'
+        )
     return scene
 
 
@@ -120,7 +122,7 @@ def _on_page(text: str) -> str:
 def _options(options: object) -> ImportOptions:
     """Return the options of an import that a request states; raise InputError for anything else."""
     if not isinstance(options, Mapping):
-        raise InputError("options", "they are no object", "an object")
+        raise InputError("options", "they are no JSON object", "an object")
     given: dict[str, Any] = {}
     for key, value in options.items():
         if key not in KNOWN:
