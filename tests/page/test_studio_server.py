@@ -209,7 +209,7 @@ def test_requests_of_other_pages_are_refused(local: Local, path: str, headers: d
     assert local.ask(path, **headers)[0] == status
 
 
-def test_a_post_needs_json_of_a_size(local: Local) -> None:
+def test_posts_other_than_json_of_moderate_size_are_refused(local: Local) -> None:
     path = f"/{TOKEN}/api/solve"
     assert local.ask(path, raw=b"a=1", content_type="application/x-www-form-urlencoded")[0] == 415
     assert local.ask(path, raw=b"{}", content_type="text/plain")[0] == 415

@@ -148,7 +148,7 @@ class WeakEquilibrium:
         return (answer.point, float(answer.point[-1])) if answer.usable else None
 
     def stands(self) -> bool:
-        """Return True unless the mesh refutes that the dead load stands alone; True without dead load."""
+        """Return False if the mesh proves that the dead load alone cannot be carried, else True."""
         p = self.problem
         if not p.dead.any():
             return True
@@ -160,8 +160,8 @@ class WeakEquilibrium:
     def rates(self, point: Floats) -> sp.csr_array:
         """Return the derivatives (6t, 2p) of the equations of `rows`, A x − b, by the positions of the p nodes.
 
-        point: (width,) stresses and λ, held; so are loads per volume and nodal forces of tractions. Column 2·node +
-        axis, scaled lengths.
+        point: (width,) stresses and λ, held constant like loads per volume and nodal forces of tractions. Column
+        2·node + axis belongs to one coordinate of a node, scaled length.
         """
         p, mesh = self.problem, self.problem.mesh
         count, found = len(mesh), _Entries()

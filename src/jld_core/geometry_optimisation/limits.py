@@ -52,7 +52,7 @@ class LimitValues:
 
 
 class Limits:
-    """Limits on the geometry of planar joints: r functions, each with a least or an exact value.
+    """Limits on the geometry of planar joints: r functions with least or exact values.
 
     They limit angles, edges, areas, masses, draft, equal shapes and places of loads.
 

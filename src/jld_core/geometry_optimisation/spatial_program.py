@@ -99,7 +99,7 @@ def _columns(vertices: Ints) -> Ints:
 
 
 class SpatialLimits:
-    """Limits of joints in space as r numbers, each with a least or an exact value.
+    """Limits on the geometry of joints in space: r functions with least or exact values.
 
     They limit planes of joints, lengths of edges, volumes of elements and masses of blocks.
 

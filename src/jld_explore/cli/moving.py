@@ -112,7 +112,7 @@ def move(
         _check_certificate(source, out, certificate, prove)
     if joint is not None and (prove is not None or starts > 1):
         given = "prove" if prove is not None else "starts"
-        raise ParameterError(given, "it moves vertices, and shaped joints have fixed vertices", "one without the other")
+        raise ParameterError(given, "it applies to moved vertices, not to shaped joints", "one without the other")
     if direction is not None and joint is None:
         raise ParameterError("direction", "it is that of shaped joints, and none are asked for", "it with `joint`")
     if robust and (joint is not None or prove is not None):
