@@ -1,4 +1,4 @@
-"""Proven value of one geometry: λ, least friction or least thickness, with the forces that the next step needs."""
+"""Proven value of one geometry (λ, least friction or thickness), and forces for the next step."""
 
 from __future__ import annotations
 

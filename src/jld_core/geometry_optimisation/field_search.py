@@ -1,7 +1,8 @@
-"""Search for positions of joints at which blocks carry most, wherever they crack: steps over stresses and positions.
+"""Search for positions of joints with the largest λ of blocks that may crack anywhere.
 
-The objective of a step is the bound by fields from above on a coarse mesh, which lies near λ where bounds from below
-are still far (docs/method.md (11.9)). It proves nothing: results are bounded from both sides afterwards.
+The program of a step has stresses and positions as variables. Its objective is the upper bound by fields on a coarse
+mesh, which is nearer to λ than lower bounds on such meshes (docs/method.md (11.9)). It proves nothing: results are
+bounded from both sides afterwards.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Profiles of joints with a shape: keys, sine waves and inclined joints, along and across a face of length 1."""
+"""Profiles of shaped joints on a face of length 1: keys, sine waves and inclined joints."""
 
 from __future__ import annotations
 

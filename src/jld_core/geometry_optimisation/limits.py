@@ -56,7 +56,7 @@ class Limits:
 
     They limit angles, edges, areas, masses, draft, equal shapes and places of loads.
 
-    A limit that the start does not keep is relaxed to what the start keeps.
+    A limit that the start violates is relaxed to its value at the start.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Optimise the geometry of joints: a sequence of programs over forces and positions, every accepted point proven."""
+"""Optimise joints by a sequence of programs over forces and positions; all points are proven."""
 
 from __future__ import annotations
 
@@ -118,10 +118,10 @@ def move_joints(
 def _best_of_starts(
     search: GeometrySearch, before: Evaluated | None, run: MoveRun, kept: list[Evaluated]
 ) -> tuple[Evaluated, str]:
-    """Climb from every start, and on from the best end; return the best point and why its search ended.
+    """Optimise from every start, then from the best end; return the best point and why it ended.
 
-    before: the scene itself, None where it does not stand. run: receives every accepted point. kept: receives the
-    strongest one alone. Raises InputError where no position stands.
+    before: the point of the scene itself, None where it does not stand. run: receives every accepted point. kept:
+    receives the best point alone. Raises InputError where no position stands.
     """
     best: tuple[Evaluated, str] | None = None
 

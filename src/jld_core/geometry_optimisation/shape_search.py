@@ -1,4 +1,4 @@
-"""Best shape of keyed, wavy or inclined joints: compass search over its parameters, every value proven."""
+"""Best shape of keyed, wavy or inclined joints by compass search; every value is proven."""
 
 from __future__ import annotations
 
