@@ -16,7 +16,7 @@ from jld_experiment.specimen import Specimen, Standing, specimen_of
 
 
 def require_one_load(assembly: Assembly) -> None:
-    """Raise InputError if an assembly has load cases or members, which an experiment does not model.
+    """Raise InputError if an assembly has load cases or members, which are not modelled.
 
     Parameters
     ----------

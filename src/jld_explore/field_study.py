@@ -1,4 +1,4 @@
-"""Search a space by bounds by fields: race all layouts, race the best that a driver found, or prove the strongest."""
+"""Search by fields: race all layouts, race the best of a driver, or prove the strongest."""
 
 from __future__ import annotations
 

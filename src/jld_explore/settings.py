@@ -1,4 +1,4 @@
-"""Settings of a search, split by concern: model and objective, budget, parallel work, search method, output."""
+"""Settings of a search: model and objective, budget, parallel work, method, output."""
 
 from __future__ import annotations
 

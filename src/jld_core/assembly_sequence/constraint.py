@@ -119,7 +119,7 @@ class SequenceConstraint:
         return sum(lock is not None and not lock.proven for lock in self._known.values())
 
     def farthest(self) -> Laying | None:
-        """Return, of some refused labellings, the order with the largest share of steps before a stage falls.
+        """Return the order of a refused labelling with the largest share of standing steps.
 
         None if no stage of them is proven to fall. Up to eight labellings are compared, the first to be refused.
         """

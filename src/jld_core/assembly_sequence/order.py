@@ -89,7 +89,10 @@ class Laying:
 
     @property
     def first_fall(self) -> tuple[int, Step] | None:
-        """Return number, from 1, and step of the first stage proven to fall without props; None if none is."""
+        """Return number and step of the first stage proven to fall without props; None if none is.
+
+        Steps are numbered from 1.
+        """
         return next(((k, step) for k, step in enumerate(self.steps, 1) if step.stage.stands is False), None)
 
 

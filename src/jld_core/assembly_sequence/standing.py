@@ -219,7 +219,7 @@ class Parts:
         return _Part(np.where(props > _NONE * weight, props, 0.0), error * relative, weight, along)
 
     def _props(self, standing: Ints) -> tuple[Floats, Ints, Ints]:
-        """Return unit prop forces as columns (q·k, props), and the element and the place (props,) of each.
+        """Return unit prop forces (q·k, props), and element and place (props,) of each.
 
         standing: (k,) laid elements as indices among the free elements. Props act upwards at the centroid, at extreme
         corners of each element, and at the stations. A place is the number of a station, −1 elsewhere. A column holds

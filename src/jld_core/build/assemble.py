@@ -139,7 +139,10 @@ def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
 
 
 def _backing(scene: Scene, elements: Elements) -> Backing | None:
-    """Return the fill of a scene on its elements, None without fill; raise InputError for a spatial scene."""
+    """Return the fill of a scene on its elements; None without fill.
+
+    Raises InputError for a spatial scene.
+    """
     if scene.fill is None:
         return None
     if scene.dimension == 3:
@@ -149,7 +152,7 @@ def _backing(scene: Scene, elements: Elements) -> Backing | None:
 
 
 def _means(scene: Scene) -> tuple[str, ...]:
-    """Return a sentence that values with uncertainty count by their means; () if there are none."""
+    """Return a note that uncertain values are taken at their means; () if there are none."""
     named = [in_words(path) for path, _ in uncertain_values(scene)]
     if not named:
         return ()

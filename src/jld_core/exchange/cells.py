@@ -1,4 +1,4 @@
-"""Cells of a planar drawing: from outlines, the lines across and between them, and openings."""
+"""Cells of a planar drawing: from outlines, lines across and between them, and openings."""
 
 from __future__ import annotations
 

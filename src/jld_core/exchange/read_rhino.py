@@ -1,4 +1,7 @@
-"""Reader of Rhino 3DM (by rhino3dm): solids, or closed curves in one plane, with layers, names and user text."""
+"""Reader of Rhino 3DM: solids, or closed curves in one plane, with their user text.
+
+Uses rhino3dm. Layers and names are read as well.
+"""
 
 from __future__ import annotations
 

@@ -57,7 +57,7 @@ def read_svg(path: File, options: ImportOptions, notes: Notes) -> Drawing:
 
 
 def _stated_unit(text: str) -> tuple[float, str] | None:
-    """Return the length of one unit of the viewBox and its unit, as the page of an SVG text states it.
+    """Return length and unit of one unit of the viewBox, as the page of an SVG states it.
 
     It is None where width, height and viewBox do not state the same scale in mm, cm or inches.
     """
@@ -78,7 +78,10 @@ def _stated_unit(text: str) -> tuple[float, str] | None:
 
 
 def _in_stated_unit(drawing: Drawing, stated: tuple[float, str] | None) -> Drawing:
-    """Return a drawing in the unit that its page states: (length of one unit of the file, unit); None for no unit."""
+    """Convert a drawing to the unit that its page states.
+
+    stated: length of one unit of the file, and the unit; None for no unit.
+    """
     if stated is None:
         return drawing
     scale, unit = stated

@@ -1,4 +1,4 @@
-"""Writer of compas_dem JSON: an analysis with model and problems, and results with forces and mechanism."""
+"""Writer of compas_dem JSON: an analysis with model, problems, forces and mechanism."""
 
 from __future__ import annotations
 

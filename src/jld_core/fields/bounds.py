@@ -1,4 +1,4 @@
-"""Two-sided bounds on λ of blocks that crack anywhere, refined where the two fields disagree."""
+"""Bounds on λ of blocks that crack anywhere, refined where the two fields disagree."""
 
 from __future__ import annotations
 
@@ -284,7 +284,7 @@ class FieldRefinement:
         return self.expected_with(self.upper_due)
 
     def expected_with(self, upper: bool) -> float:
-        """Return the expected value of `spent` after a step with or without an upper bound, seconds."""
+        """Return the expected value of `spent`, s, after a step with or without an upper bound."""
         known = self._times.get(upper) or self._times.get(True)
         if known is None:
             return self._spent

@@ -1,6 +1,7 @@
-"""Solve many cone programs of one sparsity by a compiled interior-point method with SIMD lanes.
+"""Solve many cone programs of one sparsity by a compiled interior-point method.
 
-No answer is proven: `LowerBound` and `UpperBound` compute bounds from it, as from those of Clarabel.
+SIMD lanes solve several programs at once. No answer is proven: `LowerBound` and `UpperBound` compute bounds from it, as
+from those of Clarabel.
 """
 
 from __future__ import annotations

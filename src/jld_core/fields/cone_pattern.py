@@ -1,4 +1,4 @@
-"""Sparsity of the linear systems of many cone programs: order of elimination, factor and terms, found once.
+"""Symbolic factorisation of the linear systems of many cone programs, computed once.
 
 The reduced system is docs/method.md (9.17). Cones are eliminated first, so that only variables and equations remain.
 """

@@ -1,4 +1,4 @@
-"""Cone programs, set up once and updated where labels change rows; by Clarabel or a compiled solver."""
+"""Cone programs for Clarabel or a compiled solver, updated where labels change rows."""
 
 from __future__ import annotations
 

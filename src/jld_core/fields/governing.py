@@ -1,4 +1,4 @@
-"""Bounds by fields on the load factor that governs several load cases, within a time limit."""
+"""Bounds by fields on the governing load factor of several load cases."""
 
 from __future__ import annotations
 

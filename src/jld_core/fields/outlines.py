@@ -1,4 +1,4 @@
-"""Outlines of free cells, which share nodes at corners, ends of interfaces and ends of loads."""
+"""Outlines of free cells over common nodes at corners, ends of interfaces and of loads."""
 
 from __future__ import annotations
 

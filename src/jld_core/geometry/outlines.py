@@ -88,7 +88,7 @@ def reach_of(assembly: Assembly) -> float:
 
 
 def boundary(corners: Floats, faces: Sequence[Sequence[int]] | None = None) -> float:
-    """Return the length of the outline of a polygon (k, 2), or the area of the surface of a solid with corners (k, 3).
+    """Return the perimeter of a polygon (k, 2), or the surface area of a solid (k, 3).
 
     faces: corners of each face of the solid, in order; None for a polygon.
     """
@@ -98,7 +98,7 @@ def boundary(corners: Floats, faces: Sequence[Sequence[int]] | None = None) -> f
 
 
 def different_lines(vectors: Floats) -> int:
-    """Return the number of different lines among unit vectors (k, d); opposite vectors are one line.
+    """Count the different lines among unit vectors (k, d); opposite vectors are one line.
 
     Lines are equal if their angle is at most 1e-6.
     """

@@ -54,7 +54,7 @@ class ConvexCell:
         return hull - self.volume <= _CONVEX * hull
 
     def cut(self, plane: Plane) -> tuple[ConvexCell | None, ConvexCell | None]:
-        """Cut the polyhedron by a plane; return the parts inside and outside, None for an empty one."""
+        """Cut the polyhedron by a plane; return the parts inside and outside, None if empty."""
         normal, offset = plane
         height = self.vertices @ normal - offset
         height[abs(height) <= _ON * self.size] = 0.0
@@ -90,7 +90,7 @@ class ConvexCell:
 
 
 def _around(points: Floats, names: list[int], normal: Floats) -> list[int]:
-    """Return the names of points (k, 3) in a plane in the order around their middle, counter-clockwise.
+    """Return the names of points (k, 3) of a plane, counter-clockwise around their middle.
 
     normal: (3,) of the plane, towards the viewer.
     """

@@ -1,4 +1,7 @@
-"""Proven value of one geometry (λ, least friction or thickness), and forces for the next step."""
+"""Proven value of one geometry: λ, least friction or least thickness.
+
+Forces for the next step are kept with it.
+"""
 
 from __future__ import annotations
 

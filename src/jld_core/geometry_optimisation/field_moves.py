@@ -109,7 +109,7 @@ def _improve(
     deadline: float,
     report: Callable[[FieldPoint, float, float], None],
 ) -> tuple[FieldPoint, str] | None:
-    """Improve variables z (k,) on coarse, then finer meshes; return the last point and why it ended.
+    """Improve variables z (k,) on coarse, then finer meshes; return last point and reason.
 
     Where blocks do not stand at z, joints first move by faces. deadline: time of `time.perf_counter`, s. None where
     blocks stand nowhere on the way.
@@ -138,7 +138,7 @@ def _improve(
 
 
 def _stood(search: GeometrySearch, values: Floats, deadline: float) -> Floats | None:
-    """Move joints until the structure stands by faces, then for a larger λ; return variables z (k,).
+    """Return variables z (k,) at which the structure stands by faces, moved for a larger λ.
 
     None where no such position is found in half of the time until `deadline`.
     """

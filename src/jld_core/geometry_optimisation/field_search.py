@@ -80,7 +80,7 @@ class FieldSearch:
         self.solves = 0
 
     def start(self, values: Floats, parts: int = 1) -> FieldPoint | None:
-        """Return the point at variables z (k,); None where it is no structure, or a load case has no stresses.
+        """Return the point at variables z (k,); None if it is invalid or has no stresses.
 
         parts: number of parts of each edge of the coarsest meshes. Raises InputError where fields refuse the structure.
         """
@@ -91,7 +91,7 @@ class FieldSearch:
         return self._solved(values, assembly, tuple(one.refined(subdivide(one.mesh, parts)) for one in meshes))
 
     def _solved(self, values: Floats, assembly: Assembly, meshes: tuple[FieldMesh, ...]) -> FieldPoint | None:
-        """Return the point at variables z (k,) on given meshes; None where a load case has no stresses."""
+        """Return the point at variables z (k,) on given meshes; None without stresses."""
         forms = tuple(WeakEquilibrium(one.setting.problem(one.mesh), self._labels) for one in meshes)
         found = []
         for form in forms:
@@ -121,7 +121,7 @@ class FieldSearch:
         return self._solved(values, assembly, known) if len(known) == len(meshes) else None
 
     def bracket(self, point: FieldPoint) -> tuple[float, float]:
-        """Return certified bounds on the least ratio of λ to required λ over all load cases, by the meshes of a point.
+        """Return certified bounds on the governing factor, by the meshes of a point.
 
         A bound that the fields do not give is infinite.
         """

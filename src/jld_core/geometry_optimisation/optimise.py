@@ -1,4 +1,4 @@
-"""Optimise joints by a sequence of programs over forces and positions; all points are proven."""
+"""Optimise joints by programs over forces and positions; every point is proven."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def move_joints(
 def _best_of_starts(
     search: GeometrySearch, before: Evaluated | None, run: MoveRun, kept: list[Evaluated]
 ) -> tuple[Evaluated, str]:
-    """Optimise from every start, then from the best end; return the best point and why it ended.
+    """Optimise from every start, then from the best end; return best point and reason.
 
     before: the point of the scene itself, None where it does not stand. run: receives every accepted point. kept:
     receives the best point alone. Raises InputError where no position stands.

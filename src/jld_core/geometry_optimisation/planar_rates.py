@@ -1,4 +1,4 @@
-"""Derivatives of planar equilibrium by the positions of vertices (docs/method.md, section 11)."""
+"""Derivatives of planar equilibrium by positions of vertices, docs/method.md section 11."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Rates, limits and variables of a geometry optimisation in space (docs/method.md (11.5), (11.6))."""
+"""Rates, limits and variables of a geometry optimisation in space.
+
+Source: docs/method.md (11.5), (11.6).
+"""
 
 from __future__ import annotations
 

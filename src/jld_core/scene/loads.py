@@ -83,7 +83,7 @@ class FacePlace(Part):
 
 
 class FaceLoad(Part):
-    """Load spread on free faces: a pressure, a force per length of a line, or a force per area.
+    """Load on free faces: a pressure, a force per length, or a force per area.
 
     Attributes
     ----------
@@ -148,9 +148,10 @@ _KINDS: Final[dict[str, type[BodyLoad] | type[FaceLoad] | type[FillLoad]]] = {
 
 
 def _tell_the_kinds_apart(entries: Any) -> Any:
-    """Validate load entries as body loads, pressures, loads on fill or point loads, chosen by their keys.
+    """Validate load entries as the kind of load that their keys state.
 
-    Error messages then refer to the kind of load that was meant.
+    Kinds are body loads, pressures, loads on fill and point loads. Error messages then refer to the kind of load that
+    was meant.
     """
     if not isinstance(entries, list):
         return entries
@@ -256,7 +257,7 @@ class MovingLoad(Part):
 
 
 class Pushes(Part):
-    """Horizontal forces in several directions, in proportion to weight; each direction is a load case.
+    """Horizontal forces in proportion to weight; each direction is a load case.
 
     Attributes
     ----------

@@ -19,7 +19,10 @@ DRAWINGS: Final = ("dxf", "svg", "csv", "obj", "ply", "stl", "3dm", "ifc")
 
 
 class NeedsImport(InputError):
-    """Error for a drawing or a file of solids where a scene is expected; the message says how to import it."""
+    """Error for a drawing or a file of solids where a scene is expected.
+
+    The message states the command that imports it.
+    """
 
 
 def load_scene(path: str | Path) -> Scene:

@@ -242,7 +242,7 @@ def _check_by_fields(
 def _bounded(
     facts: dict[str, Any], assembly: Assembly, done: MovedJoints, labels: Bits, until: Deadline
 ) -> dict[str, Any]:
-    """Put bounds by fields into the facts of a move by fields; return the lower ones before and after.
+    """Put bounds by fields into the facts of a move; return the lower ones before and after.
 
     facts: changed in place; λ, bracket and status become those by fields. labels: (m,) True = dry. until: deadline,
     after which each bound is that of one mesh.

@@ -1,4 +1,4 @@
-"""Provide `jld report`: printed pages of one layout, and everything of a project in one file."""
+"""Provide `jld report`: printed pages of one layout, and an archive of its project."""
 
 from __future__ import annotations
 

@@ -114,7 +114,7 @@ def _weights(assembly: Assembly) -> Floats:
 
 
 def _stated(assembly: Assembly, dead: Floats) -> Floats:
-    """Return the part (n, q) of a dead load that is no self-weight, prestress or bond; rounding is removed."""
+    """Return a dead load (n, q) without self-weight, prestress, bond and rounding errors."""
     weight, stress = _weights(assembly), assembly.members.self_stress
     own = weight if stress is None else weight + stress
     rest = dead - own

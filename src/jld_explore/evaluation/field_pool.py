@@ -1,4 +1,4 @@
-"""Pool of layouts bounded by fields: a field computed for one layout bounds the others too."""
+"""Pool of layouts bounded by fields: a field computed for one bounds the others too."""
 
 from __future__ import annotations
 

@@ -274,7 +274,7 @@ class Picture(TypedDict):
 
 @with_config(_EXACT)
 class Notebook(TypedDict):
-    """What a page in a notebook has beside a report: materials that the kernel solves again with."""
+    """Additional data of a page in a notebook: materials with which the kernel solves again."""
 
     materials: dict[str, Any]
     """Materials of the scene, which the sliders begin with."""

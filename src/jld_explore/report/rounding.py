@@ -36,7 +36,7 @@ def rounded(values: Any, digits: int = PLACES) -> Any:
 
 
 def rounded_each(arrays: Sequence[Floats]) -> list[Any]:
-    """Return arrays (k, d) as `rounded` does: together, since numbers of elements are large and k is small."""
+    """Return arrays (k, d) as `rounded` does; all are rounded together, to save time."""
     if not len(arrays):
         return []
     rows, cuts = rounded(np.concatenate(arrays)), np.cumsum([0, *map(len, arrays)]).tolist()

@@ -25,7 +25,7 @@ _TOTAL: Final = 1e-8
 
 @dataclass(frozen=True)
 class _Numbers:
-    """Least and largest number of blocks that limits on single blocks leave, and the limits that decide them.
+    """Least and largest number of blocks that limits allow, and the limits that decide them.
 
     least_key, most_key: keys under "search", "" where elements and fixed labels alone decide.
     """
@@ -101,7 +101,7 @@ def _numbers_of_blocks(limits: Limits, least: Ints, most: Ints) -> _Numbers:
 def _refuse_sizes(
     limits: Limits, measure: Measure, bounds: Range, small: tuple[Ints, Floats], large: tuple[Ints, Floats]
 ) -> None:
-    """Raise InputError if a smallest block is too large by one measure, or a largest block too small.
+    """Raise InputError if a smallest block is too large, or a largest one too small.
 
     small, large: first elements and sizes of the smallest and of the largest possible blocks.
     """
@@ -181,7 +181,7 @@ def _refuse_shapes_and_sawing(
 
 
 def _shapes_alone(limits: Limits, candidates: Bools, least: Ints, graph: Connectivity) -> int:
-    """Return the number of different shapes of the blocks that no face can join to another block, at least 1.
+    """Return the number of shapes of blocks that no face can join to others, at least 1.
 
     candidates: (m,), least: (n,), as in `SearchSpace`.
     """

@@ -1,4 +1,4 @@
-"""State the live loads at collapse, λ times each entry, in a unit that people read: N, kN, kN/m."""
+"""State the live loads at collapse, λ times each, in readable units: N, kN, kN/m."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Answer for a whole scene that another program sends to the studio: λ, forces and mechanism."""
+"""Answer requests of other programs with a whole scene: λ, forces and mechanism."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Restrict access to the studio to its own page on this machine by a token in every request.
+"""Restrict access to the studio to its own page on this machine, by a token.
 
 Every response has a content security policy that lets a page load only what this server provides.
 """

@@ -92,7 +92,7 @@ class Job:
 
     @property
     def seconds_left(self) -> float | None:
-        """Return the time until the limit of a running search, s; None if it has none or does not run."""
+        """Return the time until the limit of a running search, s; None without limit or search."""
         limit, since = self.orders.get("seconds"), self.progress.get("seconds")
         if self.state != "running" or not isinstance(limit, int | float) or not isinstance(since, int | float):
             return None

@@ -1,4 +1,4 @@
-"""Solve one scene for the labels, materials, loads and vertices of joints that the page requests."""
+"""Solve one scene for labels, materials, loads and vertices that the page requests."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ class StudioSession:
         return self._mover[1].at(places), True
 
     def edited(self, changes: Mapping[str, Any], part: object) -> dict[str, Any]:
-        """Return the new value of one changed part as a scene file holds it, with numbers in place of texts.
+        """Return the new value of a changed part as in a scene file, with numbers for texts.
 
         changes: as in `setup`. part: "materials", "loads" or "search". Raises InputError, with the key in front, if
         the scene with all changes is invalid; limits must also leave something to search.
@@ -261,7 +261,10 @@ class StudioSession:
 
 
 def parsed(document: dict[str, Any]) -> Scene:
-    """Return the scene of a document; raise InputError, with the key that is wrong in front, if it is invalid."""
+    """Return the scene of a document.
+
+    Raises InputError, with the wrong key first, if it is invalid.
+    """
     try:
         return parse_scene(document, _SCENE)
     except InputError as error:
