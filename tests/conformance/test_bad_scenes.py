@@ -368,7 +368,7 @@ def test_the_scenes_that_are_spoilt_here_are_good(base: Any) -> None:
     assert solve(build_assembly(parse_scene(base()))).status in Status
 
 
-def test_a_repeated_corner_is_no_corner() -> None:
+def test_a_repeated_last_corner_is_dropped() -> None:
     """Outlines that come closed, first corner given again at the end, are common and harmless."""
     closed = changed(two_blocks(), ("elements", 1, "polygon"), [[0, 0], [1, 0], [1, 1], [1, 1], [0, 1], [0, 0]])
     plain, found = (solve(build_assembly(parse_scene(d))) for d in (two_blocks(), closed))
@@ -405,7 +405,7 @@ def test_bad_file(content: bytes, words: tuple[str, ...], tmp_path: Path, jld: C
     assert sorted(p.name for p in tmp_path.iterdir()) == ["scene.json"]
 
 
-def test_a_byte_order_mark_is_no_fault(tmp_path: Path, jld: Command) -> None:
+def test_a_byte_order_mark_is_accepted(tmp_path: Path, jld: Command) -> None:
     file = tmp_path / "scene.json"
     file.write_bytes(b"\xef\xbb\xbf" + GOOD)
     assert jld("check", file).code == 0

@@ -83,7 +83,7 @@ def test_a_tolerance_larger_than_solids_is_refused(tmp_path: Path, jld: Command)
     assert "tolerance: within 1.5 element 's' cannot be kept" in outcome.err
 
 
-def test_what_changes_nothing_is_a_warning_and_what_lies_elsewhere_an_error(tmp_path: Path, jld: Command) -> None:
+def test_values_without_effect_are_warnings_and_misplaced_ones_errors(tmp_path: Path, jld: Command) -> None:
     outcome = jld("check", written(tmp_path, {**CUBES, "thickness": 2.0}))
     assert outcome.code == 0
     assert "warning" in outcome.err

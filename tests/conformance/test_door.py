@@ -154,7 +154,7 @@ def test_a_number_too_small_to_be_held_is_refused(tmp_path: Path) -> None:
     assert load_scene(file).expected == {"zero": 0.0, "more": 0.0}
 
 
-def test_files_are_whole_or_not_there(tmp_path: Path) -> None:
+def test_files_are_written_whole_or_not_at_all(tmp_path: Path) -> None:
     """A full disk is told with the name of the file, links stay, and what is no file is left alone."""
 
     def fill() -> None:

@@ -55,7 +55,7 @@ def test_workflows_run_on_three_systems(name: str) -> None:
     assert [{system.split("-")[0] for system in each} for each in systems] == [{"ubuntu", "macos", "windows"}]
 
 
-def test_what_a_workflow_makes_and_runs_is_there() -> None:
+def test_targets_and_commands_of_workflows_exist() -> None:
     text = "".join(path.read_text("utf-8") for path in WORKFLOWS)
     for target in re.findall(r"run: make (\w+)", text):
         assert recipe(target), target
@@ -85,7 +85,7 @@ def test_citation_and_changelog_name_the_version() -> None:
     assert first.groups() == (__version__, released.isoformat())
 
 
-def test_contributing_names_what_is_there() -> None:
+def test_files_and_targets_named_in_contributing_exist() -> None:
     text = (ROOT / "CONTRIBUTING.md").read_text("utf-8")
     named = [path for path in re.findall(r"`([\w.]+(?:/[\w.]+)+)`", text) if "NAME" not in path and ".venv" not in path]
     assert len(set(named)) > 40

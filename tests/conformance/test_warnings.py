@@ -104,7 +104,7 @@ def test_they_reach_whoever_asks(
     assert found["warnings"] == told
 
 
-def test_check_says_what_the_load_adds_up_to(
+def test_check_prints_the_resultant_of_the_load(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """1000 N at x = 1.7: not moment over size, which is no force."""

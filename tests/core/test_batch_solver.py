@@ -348,7 +348,9 @@ def test_version_names_the_kernel(kernel: str, jld: Command, monkeypatch: pytest
 
 
 @pytest.mark.parametrize("name", ["wall", "no tensile strength", "running bond", "hulls"])
-def test_relaxations_bound_what_they_bounded(kernel: str, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_relaxations_in_lanes_have_the_bounds_of_the_conic_solver(
+    kernel: str, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Undecided faces in lanes: the bounds of the conic solver, alone and in company."""
     analysis = analysis_of(name)
     asked = labellings(analysis.assembly, 12)
@@ -423,7 +425,9 @@ def test_parts_are_joined_in_order(kernels: dict[str, str], most: float) -> None
         assert all(own.max() <= most for own in cells)
 
 
-def test_what_crushes_is_bounded_by_rows_that_enclose_its_hull(kernel: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_undecided_joints_that_crush_are_bounded_by_rows_that_enclose_their_hull(
+    kernel: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Undecided joints that may crush: in lanes a little above the hull itself, and never below."""
     analysis = analysis_of("crushable arch")
     asked = labellings(analysis.assembly, 12)

@@ -157,7 +157,7 @@ def test_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsy
     assert "symmetries" in checked
 
 
-def test_every_case_is_asked_whether_the_solver_takes_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_solver_must_support_every_load_case(monkeypatch: pytest.MonkeyPatch) -> None:
     """Only the first load case was asked before the work began."""
     cases = [{"name": "right", "live": RIGHT}, {"name": "left", "live": LEFT}]
     assembly = build_assembly(parse_scene(document(cases)))

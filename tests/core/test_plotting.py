@@ -268,7 +268,7 @@ def test_mechanism_moves_elements_by_scale_times_velocity(wall: LimitAnalysisRes
     assert np.hypot(*corners.T).max() <= marks.REACH * assembly.size * (1.0 + 1e-9)
 
 
-def test_rocking_sliding_and_cracking_are_told_apart(beam: LimitAnalysisResult) -> None:
+def test_rocking_sliding_and_cracking_are_distinguished(beam: LimitAnalysisResult) -> None:
     rocking = solve(block_on_ground(PUSH, angle=45.0))
     kinds, places = marks.movements(rocking)
     assert kinds == (marks.MovementSign.HINGE,)

@@ -88,7 +88,7 @@ def test_refining_again_with_the_same_seed_is_the_same() -> None:
     assert one.fingerprint == two.fingerprint != other.fingerprint
 
 
-def test_old_joints_stay_as_asked() -> None:
+def test_labels_of_old_joints_follow_the_option() -> None:
     """By block: only cells within old blocks are open. By material: faces between densities stay dry."""
     document = WALL.model_dump(mode="json", exclude_defaults=True)
     for k, entry in enumerate(document["elements"]):

@@ -204,7 +204,7 @@ def memory_grown() -> tuple[int, int]:
 
 
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="the system does not say what memory is in use")
-def test_what_is_kept_of_shrunk_labellings_does_not_keep_workspaces() -> None:
+def test_stored_conflicts_do_not_keep_workspaces_in_memory() -> None:
     """Small arrays that outlive each call: workspaces between them were lost to the heap, 78 MB in these 60 calls.
 
     In a process of its own: what other tests left of the heap is not this one's to answer for.

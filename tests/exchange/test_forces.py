@@ -77,7 +77,7 @@ def test_spellings(text: str, values: tuple[float, ...]) -> None:
         ("2*5", "'*5'"),
     ],
 )
-def test_whatever_is_left_over_is_refused_and_quoted(text: str, problem: str) -> None:
+def test_unparsed_rests_of_force_texts_are_refused_and_quoted(text: str, problem: str) -> None:
     with pytest.raises(InputError) as complaint:
         parse_force(text)
     assert problem in str(complaint.value)

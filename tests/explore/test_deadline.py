@@ -250,7 +250,7 @@ def test_a_layout_of_tight_limits_is_constructed(search: dict[str, Any]) -> None
     assert np.array_equal(found, canonical(found, space.group))
 
 
-def test_limits_that_no_layout_keeps_are_proven_so(tmp_path: Path) -> None:
+def test_limits_that_no_layout_keeps_are_proven_to_be_empty(tmp_path: Path) -> None:
     """Enumeration agrees; a search says so in one line, and not that there was no time."""
     document = samples.arch(voussoirs=7, rings=1).model_dump(mode="json", exclude_defaults=True, by_alias=True)
     scene = parse_scene({**document, "search": {"block_cells": [1, 3], "shapes": [None, 1]}})

@@ -102,7 +102,7 @@ def test_every_driver_keeps_the_assembly_constraint(driver: str, tmp_path: Path)
     assert len(done.results) == 40
 
 
-def test_what_cannot_be_laid_in_its_plane_is_laid_from_the_side(tmp_path: Path) -> None:
+def test_a_wall_that_cannot_be_laid_in_its_plane_is_laid_from_the_side(tmp_path: Path) -> None:
     rows = ["####", "#aa#", "#aa#", "####"]
     with pytest.raises(InputError, match="no layout can be laid; expected assemble_out_of_plane"):
         explore(scene_of(rows, assemble="translation"), tmp_path / "in")

@@ -88,7 +88,7 @@ def plain(tmp_path_factory: pytest.TempPathFactory) -> Exploration:
     [SPATIAL[0], *(pytest.param(one, marks=pytest.mark.long) for one in SPATIAL[1:3]), SPATIAL[3]],
     ids=["concave", "kern", "effective area", "concave without dilation"],
 )
-def test_a_search_finds_what_solving_finds(
+def test_a_search_and_solve_give_the_same_load_factors(
     model: SolveOptions, tmp_path: Path, drawn: list[LimitAnalysisResult], plain: Exploration
 ) -> None:
     done = explore(table(), tmp_path / "study", ExploreSettings(model=model))

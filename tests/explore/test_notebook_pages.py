@@ -92,7 +92,7 @@ def test_without_the_library_the_output_names_the_extra(monkeypatch: pytest.Monk
     assert page.widget() is None
 
 
-def test_the_widget_answers_what_the_page_asks(shown: NotebookPage, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_widget_answers_requests_of_the_page(shown: NotebookPage, monkeypatch: pytest.MonkeyPatch) -> None:
     """By the message handler of anywidget; the widget itself holds no page, which a saved notebook would keep twice."""
     pytest.importorskip("anywidget")
     bridge = shown.widget()

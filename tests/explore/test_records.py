@@ -180,7 +180,7 @@ def test_a_forged_status_with_a_right_checksum_is_refused(tmp_path: Path) -> Non
             Records(tmp_path, HEADER, FACES)
 
 
-def test_an_empty_record_is_no_beginning(tmp_path: Path) -> None:
+def test_an_empty_record_beside_a_scene_is_refused(tmp_path: Path) -> None:
     (tmp_path / RECORDS_FILE).touch()
     records = Records(tmp_path, HEADER, FACES)
     assert records.began_anew  # killed before anything was finished; the summary says so

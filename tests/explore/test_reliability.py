@@ -91,7 +91,7 @@ def test_the_index_is_negative_where_the_means_fail() -> None:
     assert form.beta < 0.0
 
 
-def test_a_load_far_below_what_is_carried_has_its_index() -> None:
+def test_a_load_far_below_the_capacity_has_a_reliability_index() -> None:
     """β = (μ W − m)/s, where λ = μ W/H is far from linear between the mean and the design point."""
     form = design_point(LimitFunction(sample_bounds(block(0.6, [vary(1000.0, 0.2), 0.0])), 1.0))
     assert form.beta == pytest.approx((0.6 * WEIGHT - 1000.0) / 200.0, rel=1e-6)

@@ -73,7 +73,7 @@ def test_exact_is_brute_force(count: str, sense: str, cases: bool, required: tup
 
 
 @pytest.mark.parametrize("driver", ["genetic", "hillclimb", "random", "optuna"])
-def test_others_look_for_the_count_among_what_meets_it(driver: str, tmp_path: Path) -> None:
+def test_other_drivers_optimise_the_count_among_layouts_that_meet_the_requirement(driver: str, tmp_path: Path) -> None:
     scene = scene_of("blocks", "min", 0.6)
     settings = ExploreSettings(pictures=False, driver=driver, budget=25, seed=1)
     done = explore(scene, tmp_path / "out", settings)

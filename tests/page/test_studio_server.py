@@ -321,7 +321,7 @@ def test_a_port_in_use_is_reported() -> None:
         server._listener(taken.getsockname()[1])
 
 
-def test_blocks_go_out_while_it_solves(local: Local) -> None:
+def test_blocks_are_exported_while_layouts_are_solved(local: Local) -> None:
     """Layouts are solved and exported side by side: one solver, one thread at a time (16 of 20 failed before)."""
     # other tests of the same server may have saved something there before
     asked, before = letters(local), sorted(local.root.rglob("*"))
@@ -352,7 +352,7 @@ def test_a_number_of_thousands_of_digits_is_refused(local: Local) -> None:
     assert (status, json.loads(text)) == (400, expected)
 
 
-def test_a_worker_that_says_much_comes_to_its_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_worker_that_prints_much_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """More on stderr than a pipe holds, and lines on stdout that are no reports."""
     worker = tmp_path / "worker"
     code = "import sys; print('a library says hello'); print('3'); sys.stderr.write('warning\\n' * 50_000)"
@@ -369,7 +369,7 @@ def test_a_worker_that_says_much_comes_to_its_end(tmp_path: Path, monkeypatch: p
     assert (job.state, job.error, job.progress["done"]) == ("failed", "the last", 7)
 
 
-def test_a_studio_that_ends_has_read_what_its_searches_printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_closing_the_studio_reads_the_output_of_its_searches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The pipe of a search is closed, also where something that the search began holds its other end longer."""
     worker = tmp_path / "worker"
     worker.write_text("#!/bin/sh\n(sleep 0.3; echo '{\"done\": 7}') &\necho '{\"done\": 0}'\nexec sleep 60")

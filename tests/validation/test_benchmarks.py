@@ -102,7 +102,7 @@ def test_speed_against_error(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> N
     assert len(speed_error.draw({"scene": (found, reference)}).axes) == 1
 
 
-def test_a_route_that_takes_too_long_is_shown_so() -> None:
+def test_a_route_that_exceeds_the_time_limit_is_marked() -> None:
     assembly = build_assembly(brick_wall(2, 2))
 
     def never(_: Assembly) -> speed_routes.Found:

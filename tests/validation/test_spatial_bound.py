@@ -126,7 +126,7 @@ def test_glued_cubes_topple_as_one(contact: str) -> None:
 
 
 @pytest.mark.parametrize("count", [1, 2])
-def test_products_of_a_square_lose_what_its_diagonal_lets_slip(count: int) -> None:
+def test_products_lose_slip_along_the_diagonal_of_a_friction_square(count: int) -> None:
     """Of t ≥ max(|s1|, |s2|) alone |s| cos 45° would be left. With R s = −t V the products of C ∓ V with t ∓ s add
     t ≥ 2 |s_k| + V_k s_k / C for both k, so that t ≥ (2/3)(|s1| + |s2|), |s| √8/3 at the least; other products add
     to that. With a direction along the slip nothing is lost."""

@@ -63,7 +63,7 @@ def test_given_walls_under_other_parameters(name: str, damping: float, block: in
     assert WALLS[name] * (1.0 - 1e-5) <= result.load_factor <= result.facts["associative_load_factor"] * (1.0 + 1e-8)
 
 
-def test_the_plain_loop_is_reported_for_what_it_is() -> None:
+def test_a_fixed_point_iteration_that_does_not_converge_is_uncertified() -> None:
     """On the third wall it does not settle: uncertified, with the violation it is left with."""
     result = smoothed(LimitAnalysis(wall("ferris_tinloi_4")), Smoothing())
     assert not result.facts["converged"]
