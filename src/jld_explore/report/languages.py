@@ -160,12 +160,12 @@ def words_in(language: str, words: Mapping[str, tuple[str, str, str]] = WORDS) -
     return {key: texts[place] for key, texts in words.items()}
 
 
-def stronger_cut(high: float) -> str:
+def stronger_cut(high: float, language: str = "en") -> str:
     """Say that a layout is stronger than the structure without cuts, and why this may be.
 
-    high: upper bound on λ by faces without cuts.
+    high: upper bound on λ by faces without cuts. language: one of LANGUAGES.
     """
-    return words_in("en")["stronger_cut"].format(high=f"{high:.4g}")
+    return words_in(language)["stronger_cut"].format(high=f"{high:.4g}")
 
 
 def decimal_commas(text: str) -> str:
