@@ -28,7 +28,7 @@ SCENE = grid_document(["aaaa", "aaaa", "aaaa", "####"], block_cells=[1, 3])
 
 
 @pytest.mark.parametrize("driver", DRIVERS)
-def test_however_short_the_time_there_is_something_to_show(driver: str, tmp_path: Path) -> None:
+def test_a_search_with_hardly_any_time_has_a_result(driver: str, tmp_path: Path) -> None:
     settings = ExploreSettings(driver=driver, seconds=0.0, jobs=1, pictures=False)
     done = explore(parse_scene(SCENE), tmp_path / "out", settings)
     assert (done.summary.stop_reason, len(done.results)) == ("time", 1)

@@ -32,7 +32,7 @@ def scene(tmp_path: Path, rows: list[str], live: list[dict[str, object]]) -> Pat
 Patch, Capture = pytest.MonkeyPatch, pytest.CaptureFixture[str]
 
 
-def test_one_scene_into_a_folder(tmp_path: Path, monkeypatch: Patch, capsys: Capture) -> None:
+def test_an_experiment_writes_its_folder(tmp_path: Path, monkeypatch: Patch, capsys: Capture) -> None:
     path = scene(tmp_path, ["aab", "acc", "###"], [{"body": [1, 0]}])
     out = tmp_path / "out"
     options = ("--inner", "plastic", "--dilation", "friction", "--out", out, "--json")

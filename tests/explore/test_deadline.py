@@ -137,7 +137,7 @@ class Stubborn(Driver):
         """Nothing to learn."""
 
 
-def test_a_driver_of_ones_own_is_ended_as_well(tmp_path: Path) -> None:
+def test_an_own_driver_ends_at_the_deadline(tmp_path: Path) -> None:
     scene = samples.grid(columns=3, rows=2)
     driver = Stubborn(search_space(scene, build_assembly(scene)))
     settings = ExploreSettings(driver=driver, seconds=1.0, jobs=1, small=0, pictures=False)

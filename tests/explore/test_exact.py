@@ -302,7 +302,7 @@ def test_the_proof_alone_finds_the_best(name: str, tmp_path: Path, enumerated: E
         *((name, 10) if name in BEGUN else pytest.param(name, 10, marks=pytest.mark.long) for name in TREES),
     ],
 )
-def test_the_tree_of_blocks_leaves_nothing_stronger(
+def test_the_tree_of_blocks_proves_the_optimum(
     name: str, searched: int, tmp_path: Path, enumerated: Enumerated
 ) -> None:
     rows, options = {

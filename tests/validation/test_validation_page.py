@@ -20,7 +20,7 @@ ROWS = [
 @pytest.mark.parametrize(
     "value", [pytest.param(one, id=one.what, marks=[pytest.mark.long] if one.slow else []) for one in VALUES]
 )
-def test_value(value: Value) -> None:
+def test_values_of_the_validation_page_are_reproduced(value: Value) -> None:
     ours = value.ours()
     assert value.agrees(ours)
     computed = row(value, ours)

@@ -111,11 +111,13 @@ def _refuse_sizes(
         worst = int(np.argmax(np.where(heavy, smallest, -np.inf)))
         found = f"the block of {ids[holds[worst]]!r} has {smallest[worst]:g} {measure.words}"
         problem = f"the most is {bounds.high:g}, but {found}"
-        raise InputError(where, problem, f"a most of at least {smallest[worst]:g}")
+        raise InputError(where, problem, f"a largest value of at least {smallest[worst]:g}")
     if (light := bounds.below(largest)).any():
         worst = int(np.argmin(np.where(light, largest, np.inf)))
         reached = f"the block of {ids[whole[worst]]!r} has {largest[worst]:g} {measure.words} at most"
-        raise InputError(where, f"the least is {bounds.low:g}, but {reached}", f"a least of at most {largest[worst]:g}")
+        raise InputError(
+            where, f"the least is {bounds.low:g}, but {reached}", f"a least value of at most {largest[worst]:g}"
+        )
 
 
 def _refuse_counts(limits: Limits, candidates: Bools, fixed: Bits, numbers: _Numbers) -> None:
