@@ -3,7 +3,7 @@ way.
 
 Today's way and the batch solver evaluate the same labellings in turns in one process, by processor time; the batch
 solver's time
-holds the tries it needs and the fallbacks for what it leaves open. Ratios are medians of three turns. Plain: CVXPY with
+holds the tries it needs and the ladder for what it leaves open. Ratios are medians of three turns. Plain: CVXPY with
 the program stated anew for each labelling (benchmarks/stated.py). Scenes below the line were not looked at while
 settings were chosen.
 """

@@ -1,10 +1,10 @@
-"""Labellings in lanes, hard ones: what the batch solver answers scene by scene, and what is left to the fallbacks.
+"""Labellings in lanes, hard ones: what the batch solver answers scene by scene, and what is left to the ladder.
 
 Random segmentations of walls, arches and polygons; then scenes in which forces may grow for ever, nothing rubs or
 something crushes, and faces labelled by themselves, which are no segmentations; then spatial ones. Shares are of all
 labellings of a scene: what the batch solver answers as a collapse with both bounds, as locked (a state and a ray), as
-unstable; the rest is left to the fallbacks, which say of a few what they are. Times: processor time a labelling, what is
-left counted at the time of the fallbacks, beside the usual way on some of the same labellings.
+unstable; the rest is left to the ladder, which says of a few what they are. Times: processor time a labelling, what is
+left counted at the ladder's time, beside the usual way on some of the same labellings.
 """
 
 from __future__ import annotations
