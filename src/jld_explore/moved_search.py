@@ -255,7 +255,7 @@ def _refuse(scene: Scene, layouts: int, settings: ExploreSettings) -> None:
         if asked:
             raise ParameterError(name, "layouts whose joints move do not support it", "a search without it or `move`")
     if scene.cracks != "faces":
-        raise ParameterError("move", "the search of labels with `move` needs cracks by faces", '"cracks": "faces"')
+        raise ParameterError("move", "the search of labels needs cracks by faces", '"cracks": "faces"')
     if scene.search.void is not None:
         raise ParameterError("move", "search.void leaves cells out, whose vertices have no place", "a search without")
     if scene.move is not None and scene.move.maximise != "load_factor":

@@ -98,7 +98,7 @@ def test_a_signal_leaves_the_best_moved_layout(
 @pytest.mark.parametrize(
     ("keys", "flags", "said"),
     [
-        ({"cracks": {"kind": "fields"}}, [], "--move: labels are searched by faces"),
+        ({"cracks": {"kind": "fields"}}, [], "--move: the search of labels needs cracks by faces"),
         ({"move": {"maximise": "least_friction"}}, [], "move.maximise"),
         ({"move": {"along": [{"at": [9.0, 9.0], "direction": [1, 0]}]}}, [], "no vertex lies at"),
         ({}, ["--robust"], "--robust: layouts whose joints move do not support it"),
