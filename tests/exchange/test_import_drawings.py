@@ -353,15 +353,15 @@ def nothing(path: Path) -> None:
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (bomb, ["blocks within blocks", "at most"]),
+        (bomb, ["nested blocks hold", "at most"]),
         (ouroboros, ["block 'A'", "inside itself"]),
-        (array, ["blocks within blocks"]),
+        (array, ["nested blocks hold"]),
         (truncated, ["no DXF"]),
         (binary, ["no DXF"]),
         (nan, ["no number"]),
         (huge, ["out of range"]),
         (crossing, ["element 'e1'", "self-intersection"]),
-        (hatched, ["cross one another"]),
+        (hatched, ["too many crossings"]),
         (one_circle, ["3500 arcs of one circle"]),
         (nothing, ["no closed outline and no line"]),
     ],

@@ -170,7 +170,7 @@ def test_load_cases_are_bracketed_together() -> None:
 def test_scenes_by_fields_are_opened_and_those_by_cells_are_not(tmp_path: Path) -> None:
     path = tmp_path / "scene.json"
     path.write_text(json.dumps(small_scene() | {"cracks": {"kind": "cells", "cell": 0.1}}))
-    with pytest.raises(InputError, match="faces and fields alone"):
+    with pytest.raises(InputError, match="by faces and by fields only"):
         server.opened(path)
     path.write_text(json.dumps(small_scene() | {"cracks": {"kind": "fields"}}))
     assert server.opened(path)[0].cracks != "faces"
