@@ -340,7 +340,7 @@ def test_an_open_outline_is_named_with_the_place(jld: Command, tmp_path: Path) -
     assert done.err.count("\n") == 1
 
 
-def test_options_of_drawings_are_refused_for_scenes(tmp_path: Path) -> None:
+def test_a_scene_says_its_thickness_itself(tmp_path: Path) -> None:
     """Options of drawings are refused for scenes."""
     scene = tmp_path / "scene.json"
     scene.write_text('{"elements": []}')

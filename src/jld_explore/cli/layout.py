@@ -36,7 +36,7 @@ def layout_of(source: Path, rank: int | None) -> tuple[Scene, Assembly, Bits]:
 
 
 def layout_with_distributions(source: Path, rank: int | None) -> tuple[Scene, Assembly, Bits]:
-    """Return the result of `layout_of` without a note on values with uncertainty."""
+    """Return what `layout_of` does, without a note on values with uncertainty, for commands that use them."""
     if not source.is_dir():
         if rank is not None:
             raise ParameterError("rank", f"{source} is a scene, which has no ranks", "a folder written by jld explore")

@@ -284,10 +284,7 @@ class _Measurement:
         return found
 
     def _rates(self, other: Assembly, change: float) -> list[tuple[Floats, Floats]]:
-        """Return for each case the rates (n, q) of dead and live loads with a value.
-
-        change: change of the value.
-        """
+        """Return for each case the rates (n, q) of loads with a value, changed by `change`."""
         return [
             (_rate(after.dead, before.dead, change), _rate(after.live, before.live, change))
             for after, before in zip(other.by_case, self.base.by_case, strict=True)
@@ -315,10 +312,7 @@ class _Measurement:
         ]
 
     def _grow(self, rates: list[tuple[Floats, Floats]], first: int, split: Ints | None) -> None:
-        """Add the loads that grow with the variables from position `first` on.
-
-        There is one variable for each element of `split`.
-        """
+        """Add loads that grow with the variables from `first` on, one per element of `split`."""
         for growths, (dead, live) in zip(self.growths, rates, strict=True):
             if split is None:
                 if dead.any() or live.any():
@@ -366,10 +360,7 @@ class _Measurement:
 
 
 def _rate(after: Floats, before: Floats, change: float, digits: float = 1.0) -> Floats:
-    """Return (after − before) / change; 0 where the difference is a rounding error.
-
-    Rounding errors are `digits` times that of a number.
-    """
+    """Return (after − before) / change, or 0 if within `digits` rounding errors of a number."""
     difference = after - before
     rounding = digits * 16.0 * np.finfo(float).eps * np.maximum(abs(after), abs(before))
     return np.where(abs(difference) <= rounding, 0.0, difference) / change
