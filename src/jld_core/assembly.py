@@ -364,7 +364,7 @@ class Assembly(NotebookRepr):
 
     @cached_property
     def total_live(self) -> float:
-        """Return the larger of Σ|forces| and Σ|moments| / `size` of live loads: a force that scales λ."""
+        """Return a live force that scales λ: the larger of Σ|forces| and Σ|moments| / `size`."""
         live = self.live[self.elements.free]
         forces = float(np.linalg.norm(live[:, : self.dimension], axis=1).sum())
         return max(forces, float(np.linalg.norm(live[:, self.dimension :], axis=1).sum()) / self.size)

@@ -57,7 +57,7 @@ class Showable:
     """Base class of objects that have an interactive page for notebooks."""
 
     def show(self, height: int | None = None) -> Any:
-        """Make the interactive page of this object for a notebook, with sliders for friction and strengths.
+        """Make the interactive page of this object, with sliders for friction and strengths.
 
         Make it the last line of a cell, or give it to `display`. The running kernel solves what the sliders say. A
         saved notebook keeps facts, picture and table; pages of planar structures that are not large stay interactive.

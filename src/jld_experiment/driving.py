@@ -109,7 +109,7 @@ def scout(specimen: Specimen, settled: State) -> float:
 
 @dataclass
 class _Progress:
-    """Decide from the records of a push whether it goes on; a continued push replays its records.
+    """Decide from records whether a push goes on; a continued push replays its records.
 
     unit: elastic displacement live·u at the scale of λ.
     """
@@ -124,7 +124,7 @@ class _Progress:
     fell: bool = False
 
     def add(self, distance: float, factor: float) -> bool:
-        """Take a record; return True if λ is higher than in all records before, and has not yet fallen."""
+        """Take a record; return True if λ is the highest so far and has not fallen yet."""
         best = factor > self.highest and not self.fell
         self.distance = distance
         if factor > self.highest:
@@ -136,7 +136,10 @@ class _Progress:
         return best
 
     def ends(self) -> bool:
-        """Return True if λ stays below half of its highest value or has reached a plateau; call once per record."""
+        """Return True if λ stays below half of its highest value or has reached a plateau.
+
+        Call it once per record.
+        """
         if self.highest_at > 0.0 and self.distance - self.carried > max(0.3 * self.unit, 0.2 * self.highest_at):
             return True
         if self.distance > 2.0 * self.half_at:

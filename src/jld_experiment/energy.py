@@ -7,7 +7,7 @@ from dataclasses import astuple, dataclass
 
 @dataclass(frozen=True)
 class EnergyBalance:
-    """Energies of an experiment from the unloaded structure to a state, in scene units of work.
+    """Energies from the unloaded structure to a state, in scene units of work.
 
     The work of the loads equals kinetic and elastic energy and all losses. Each is computed on its own: none is what
     the others leave.

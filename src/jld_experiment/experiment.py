@@ -16,7 +16,7 @@ from jld_experiment.specimen import Specimen, Standing, specimen_of
 
 
 def require_one_load(assembly: Assembly) -> None:
-    """Raise InputError if an assembly has load cases or members, which an experiment does not model.
+    """Raise InputError if an assembly has load cases or members, which are not modelled.
 
     Parameters
     ----------
@@ -210,7 +210,7 @@ def run_experiment(
 
 
 def _nothing(specimen: Specimen, joints: Joints, standing: Standing, moved: Floats, rising: bool = False) -> Curve:
-    """Return a curve without a push: the structure falls, has no strength, or cannot collapse."""
+    """Return the curve of a structure that is not pushed: it falls, has no strength or is locked."""
     load = 0.0 if standing is Standing.RESTS and not rising else np.nan
     return Curve(
         assembly=specimen.assembly,

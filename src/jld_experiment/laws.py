@@ -51,7 +51,7 @@ def record_loss(
     trial: tuple[float, float],
     final: tuple[float, float],
 ) -> None:
-    """Add the energy that a sub-contact loses between an elastic trial and its final stress to `Motion.work`.
+    """Add the energy lost from an elastic trial to the final stress to `Motion.work`.
 
     It is the mean stress of the step times the plastic jump, which is (trial − final)/stiffness. Sliding with a
     dilation equal to friction therefore loses nothing without cohesion. A gap that opens without tension loses nothing.

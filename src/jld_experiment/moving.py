@@ -310,7 +310,7 @@ def near_pairs(moved: Floats, plane: Plane) -> Ints:
 def corner_forces(pairs: Ints, moved: Floats, force: Floats, plane: Plane) -> None:
     """Add the forces of corners that have entered other elements, with friction.
 
-    A corner on an edge along which its element is already in contact is left to that face.
+    A corner on an edge along which its element already has a face gets no force here: the face transfers it.
 
     pairs: (k,) rows of `plane.pair` to look at. moved: (n, 3) displacements and rotations. force: (n, 3) forces and
     moments of the elements, to which is added. plane: its state is changed in place.

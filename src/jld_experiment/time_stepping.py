@@ -257,7 +257,10 @@ def march(steps: int, drive: Drive, bench: Bench, motion: Motion) -> tuple[float
 
 @compiled
 def power_of_rest(force: Floats, part: Floats, velocity: Floats) -> float:
-    """Return the power of force − part at a velocity, all (n, q); the difference is the forces added after `part`."""
+    """Return the power of force − part at a velocity, all (n, q).
+
+    The difference is the forces added after `part`.
+    """
     power = 0.0
     for i in range(force.shape[0]):
         for j in range(force.shape[1]):

@@ -1,4 +1,4 @@
-"""Certificates of proofs over boxes of positions: written, and checked by code that shares nothing with the search."""
+"""Write certificates of proofs over boxes of positions, and check them independently."""
 
 from __future__ import annotations
 

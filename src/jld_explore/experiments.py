@@ -262,7 +262,7 @@ def add_experiments(
 
 
 def _most_over_load_factor(ranked: pd.DataFrame) -> float | None:
-    """Return the largest ratio of carried load to λ in a table of experiments, None without any."""
+    """Return the largest ratio of carried load to λ of experiments, None without any."""
     bounded = ranked[ranked["load_factor"] > 0.0]
     return float((bounded["experiment"] / bounded["load_factor"]).max()) if len(bounded) else None
 

@@ -1,7 +1,7 @@
-"""Check of the best layouts of a search by faces: what their blocks carry, whatever the grid.
+"""Check the best layouts of a search by faces: bound λ of blocks that may crack anywhere.
 
-λ by faces belongs to the grid that was drawn. Bounds by fields on the coarsest mesh say, for the best layouts and for
-the structure without cuts, whether blocks of the stated material may carry as much.
+λ by faces depends on the grid of candidate faces, since blocks crack along these alone. Bounds by fields do not. They
+are computed on the coarsest mesh, for the best layouts and for the structure without cuts.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ def plan_check(scene: Scene, assembly: Assembly, space: SearchSpace, settings: E
 
 
 def _too_long(triangles: str, seconds: float) -> str:
-    """Return the reason to check no layout: what one would take."""
+    """Return the reason to check no layout: the estimated time for one."""
     return f"{triangles} triangles would take some {seconds:.1f} s for each layout"
 
 

@@ -1,4 +1,4 @@
-"""Search a space by bounds by fields: race all layouts, race the best that a driver found, or prove the strongest."""
+"""Search by fields: race all layouts, race the best of a driver, or prove the strongest."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ _UNSTABLE: Final = -float(np.finfo(float).tiny)
 class FieldStudy(Study):
     """Study of a scene whose blocks may crack anywhere.
 
-    Stress fields in the blocks bound λ from below, velocity fields from above. An exhaustive driver has all its layouts
-    race: they are bounded together, and only what may be the strongest is refined. The exact driver refines what its
-    proof asks for. Other drivers search on the coarsest mesh, and the best of what they found race at the end.
+    Stress fields in the blocks bound λ from below, velocity fields from above. With an exhaustive driver all layouts
+    race: they are bounded together, and only layouts that may be the strongest are refined. The exact driver refines
+    the layouts that its proof needs. Other drivers search on the coarsest mesh, and their best layouts race at the end.
     Parameters and attributes are those of `Study`.
     """
 
@@ -105,7 +105,7 @@ class FieldStudy(Study):
         return StopReason.TIME if late else StopReason.EXHAUSTED
 
     def _run_search(self) -> StopReason:
-        """Search on the coarsest mesh, then race what was found."""
+        """Search on the coarsest mesh, then race the layouts found."""
         whole = self.deadline
         if whole.limited:
             self._until(whole.earlier((1.0 - _SEARCHED) * whole.remaining()))
@@ -124,7 +124,7 @@ class FieldStudy(Study):
     def _run_proof(self, driver: FieldExact) -> StopReason:
         """Prove by the exact driver, then record the bounds that its fields and conflicts prove.
 
-        They are bounds on every layout on record. The result is also kept in `race`.
+        Each layout on record gets its bounds. The result is also stored in `race`.
         """
         try:
             return super().run()
@@ -138,7 +138,7 @@ class FieldStudy(Study):
             self.records.close()
 
     def _count(self, evaluations: list[Evaluation], labellings: Bits) -> None:
-        """Update progress with new evaluations and with the best bound that a proof has refined."""
+        """Update progress by new evaluations, and by the best bound of a proof so far."""
         if isinstance(self.driver, FieldExact) and self.driver.best >= 0.0 and not self.driver.best <= self._best:
             self._best, self._best_text = float(self.driver.best), ""  # the driver names its layout at the end
         super()._count(evaluations, labellings)
@@ -226,7 +226,7 @@ class FieldStudy(Study):
         }
 
     def _next(self, race: RaceResult, gap: float | None) -> str | None:
-        """Say how to narrow the gap that is left, and why it is left.
+        """Return a sentence on how to narrow the remaining gap, and on its cause.
 
         The reason is the discretisation or the search. race: result of the race. gap: None if unknown.
         """
@@ -248,7 +248,7 @@ class FieldStudy(Study):
         return finer
 
     def _next_of_count(self) -> str | None:
-        """Say why the best count of a required factor is not proven; None if it is."""
+        """Return a sentence on why the best count is not proven; None if it is."""
         if isinstance(self.driver, FieldExact) and self.driver.open_layouts:
             return "the gap is of the discretisation: some layouts of better count have the finest mesh"
         return None

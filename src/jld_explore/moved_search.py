@@ -1,4 +1,4 @@
-"""Search labels and geometry together: the best layouts are moved, and labels are searched again on the moved grid."""
+"""Search labels and geometry in turns: move the best layouts, then search again."""
 
 from __future__ import annotations
 
@@ -12,22 +12,18 @@ from typing import Final
 import joblib
 import numpy as np
 
-from jld_core.arrays import Bits, Floats
-from jld_core.assembly import Assembly
+from jld_core.arrays import Bits
 from jld_core.build import build_assembly
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError
-from jld_core.fields.governing import governing_bounds
 from jld_core.fields.requirements import require_fields
-from jld_core.geometry_optimisation.field_moves import move_by_fields
-from jld_core.geometry_optimisation.moved_scene import MovedScene
 from jld_core.geometry_optimisation.search import GeometrySearch
-from jld_core.geometry_optimisation.vertex_mesh import vertex_mesh
 from jld_core.limit import SolveOptions, Status
 from jld_core.scene import Scene
 from jld_core.scene.move import Move
 from jld_core.threads import one_thread
 from jld_explore.explore import BUSY, explore
+from jld_explore.moved_layout import MovedLayout, move_one, rank_key, refine_one
 from jld_explore.report import Exploration
 from jld_explore.settings import ExploreSettings
 from jld_explore.space import from_string, search_space
@@ -46,8 +42,6 @@ _SEARCH: Final = 0.15
 _TASKS: Final = 0.5
 """Share of a round's time in which joints move; refined bounds of the most promising layouts take the rest."""
 
-_MOVING: Final = 0.8
-"""Share of a task's time in which joints move; first bounds by fields take the rest."""
 
 _SLACK: Final = 0.8
 """Share of a task's time that is planned: the last step, mesh and solve of each part are finished."""
@@ -58,64 +52,9 @@ _WRITING: Final = 2.5
 _LEAST: Final = 4.0
 """Shortest time in which a further round can find anything, s."""
 
-_FIRST: Final = 10.0
-"""Longest time for the first bounds by fields of one layout, s."""
-
-_REFINED: Final = 120.0
-"""Longest time for refined bounds by fields of one layout, s."""
-
-_NONE: Final = (-math.inf, math.inf)
-"""Bounds where nothing is proven."""
 
 GAP: Final = 0.05
 """Default of the relative width of brackets by fields at which their refinement ends."""
-
-
-@dataclass(frozen=True, eq=False)
-class MovedLayout:
-    """One layout whose joints were moved.
-
-    Attributes
-    ----------
-    number : int
-        Round, from 1.
-    row : int
-        Row of the layout in the results of that round; 0 for the layout that the scene states.
-    labels : (m,) bool array
-        Labels, True = dry.
-    start, load_factor : float
-        λ by faces before and after; NaN where the layout did not stand.
-    fields_start, fields : (float, float)
-        Bounds on λ by fields before and after, with blocks that crack anywhere; infinite where there are none.
-    end : str
-        Reason why the optimisation ended, or why the joints cannot move.
-    scene : Scene
-        Scene with the joints where the lower bound by fields is larger: at the end, or at the start.
-    places, moved : (v, 2) arrays
-        Positions of the vertices of this scene, and how far each moved in this round.
-    """
-
-    number: int
-    row: int
-    labels: Bits
-    start: float
-    load_factor: float
-    fields_start: tuple[float, float]
-    fields: tuple[float, float]
-    end: str
-    scene: Scene
-    places: Floats
-    moved: Floats
-
-    @property
-    def low(self) -> float:
-        """Return the largest proven lower bound on λ by fields."""
-        return max(self.fields_start[0], self.fields[0])
-
-    @property
-    def high(self) -> float:
-        """Return the upper bound on λ by fields of the layout in `scene`; inf if there is none."""
-        return self.fields[1] if self.moved.any() else self.fields_start[1]
 
 
 @dataclass(frozen=True)
@@ -207,7 +146,7 @@ def explore_and_move(
         stop = _in_rounds(scene, folder, layouts, settings, deadline, gap, rounds, found, say, announce, keep)
     except Interrupted as signal:
         if rounds and found:
-            signal.done = MovedSearch(rounds[0], rounds, sorted(found, key=_order), "interrupted")
+            signal.done = MovedSearch(rounds[0], rounds, sorted(found, key=rank_key), "interrupted")
         raise
     return MovedSearch(rounds[0], rounds, found, stop)
 
@@ -253,7 +192,7 @@ def _in_rounds(
             joblib.delayed(move_one)(done.scene, done.assembly, labels, number, row, each, gap) for row, labels in tasks
         )
         if keep is not None:
-            keep(sorted(found, key=_order))
+            keep(sorted(found, key=rank_key))
         left = share * (1.0 - _SEARCH - _TASKS) if deadline.limited else math.inf
         found[:] = _refined(found, workers, settings.jobs, min(left, deadline.remaining()), gap)
         if found and found[0].low == -math.inf:  # bounds on coarse meshes may be none: spend what time is left
@@ -282,9 +221,9 @@ def _refined(
     """
     most = max((one.low for one in found), default=-math.inf)
     open_ones = [one for one in found if one.high > most + gap * abs(most)]
-    promising = sorted(open_ones, key=lambda one: (-one.high, *_order(one)))[:count]
+    promising = sorted(open_ones, key=lambda one: (-one.high, *rank_key(one)))[:count]
     refined = workers(joblib.delayed(refine_one)(one, _SLACK * seconds, gap) for one in promising)
-    return sorted([*(one for one in found if one not in promising), *refined], key=_order)
+    return sorted([*(one for one in found if one not in promising), *refined], key=rank_key)
 
 
 def _movable(scene: Scene) -> Scene:
@@ -301,7 +240,7 @@ def _movable(scene: Scene) -> Scene:
 def _refuse(scene: Scene, layouts: int, settings: ExploreSettings) -> None:
     """Raise InputError for scenes and settings that exclude the movement of joints."""
     if layouts < 1:
-        raise ParameterError("move", f"{layouts} layouts are none", "a whole number from 1")
+        raise ParameterError("move", f"{layouts} is no number of layouts", "a whole number from 1")
     plain = SolveOptions(gap=settings.model.gap, solver=settings.model.solver, condense=settings.model.condense)
     for name, asked in (
         ("resume", settings.resume),
@@ -316,7 +255,7 @@ def _refuse(scene: Scene, layouts: int, settings: ExploreSettings) -> None:
         if asked:
             raise ParameterError(name, "layouts whose joints move do not support it", "a search without it or `move`")
     if scene.cracks != "faces":
-        raise ParameterError("move", "labels are searched by faces, ranked by fields", '"cracks": "faces"')
+        raise ParameterError("move", "the search of labels needs cracks by faces", '"cracks": "faces"')
     if scene.search.void is not None:
         raise ParameterError("move", "search.void leaves cells out, whose vertices have no place", "a search without")
     if scene.move is not None and scene.move.maximise != "load_factor":
@@ -346,64 +285,3 @@ def _chosen(done: Exploration, count: int, *, own: bool) -> list[tuple[int, Bits
         if not any(np.array_equal(one, other) for _, other in found):
             found.append((int(row) + 1, one))
     return found
-
-
-@one_thread()
-def move_one(
-    scene: Scene, assembly: Assembly, labels: Bits, number: int, row: int, seconds: float, gap: float
-) -> MovedLayout:
-    """Move the joints of one layout, and bound λ by fields before and after.
-
-    The bounds before are computed only for the layout of the scene (row 0). labels: (m,) True = dry. number: of the
-    round. row: in the results of the round. seconds: time for all steps, s; inf for no limit. gap: relative width at
-    which bounds are narrow enough. If the joints cannot move, `end` of the result says why.
-    """
-    limit = min((1.0 - _MOVING) * seconds, _FIRST)
-    # the layout that the scene states is what a gain is measured by
-    before = _bounds(assembly, labels, limit, gap) if row == 0 else _NONE
-    mesh = vertex_mesh(assembly)
-    stated = MovedScene(scene, assembly, labels, mesh).at(mesh.places)
-    still = MovedLayout(
-        number, row, labels, math.nan, math.nan, before, _NONE, "", stated, mesh.places, np.zeros_like(mesh.places)
-    )
-    try:
-        done = move_by_fields(scene, assembly, labels, seconds=_MOVING * seconds)
-    except InputError as error:
-        # this layout stays where it is; the reason stands in the table
-        return replace(still, end=f"{error.where}: {error.problem}")
-    end, after = done.end, _NONE
-    try:
-        if done.after is not None:
-            after = _bounds(done.after.assembly, labels, limit, gap)
-    except InputError as error:  # a load may have lost the face on which it is spread
-        end = f"{error.where}: {error.problem}"
-    still = replace(still, start=done.start, load_factor=done.value, fields=after, end=end)
-    if not done.moved.any() or not after > before:
-        return still
-    return replace(still, scene=done.scene, places=done.places, moved=done.moved)
-
-
-def refine_one(layout: MovedLayout, seconds: float, gap: float) -> MovedLayout:
-    """Return a moved layout with refined bounds by fields.
-
-    seconds: largest time, s. gap: relative width at which refinement ends.
-    """
-    assembly = build_assembly(layout.scene)
-    low, high = _bounds(assembly, assembly.labels, min(seconds, _REFINED), gap)
-    known = layout.fields if layout.moved.any() else layout.fields_start
-    best = (max(known[0], low), min(known[1], high))
-    return replace(layout, fields=best) if layout.moved.any() else replace(layout, fields_start=best)
-
-
-@one_thread()
-def _bounds(assembly: Assembly, labels: Bits, seconds: float, gap: float) -> tuple[float, float]:
-    """Return the bounds by fields on the governing factor of one layout.
-
-    labels: (m,) True = dry. seconds: time for all load cases, s. gap: relative width at which refinement ends.
-    """
-    return governing_bounds(assembly, labels, seconds, gap=gap, lower_first=False)
-
-
-def _order(layout: MovedLayout) -> tuple[float, int, int]:
-    """Return the sort key of a moved layout: by lower bound, then round, then row."""
-    return -layout.low, layout.number, layout.row

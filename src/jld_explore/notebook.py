@@ -1,8 +1,8 @@
-"""Show scenes, results and finished searches in notebooks: the interactive page, and what is left of it when saved.
+"""Show scenes, results and finished searches in notebooks as the interactive page.
 
-The output has two parts. The first is HTML: facts, picture and table, and beside them in a frame the page itself as
-long as that is small. It needs no kernel. The second is a widget without a face of its own that connects the frame with
-the kernel; it needs the library anywidget.
+The output has two parts. The first is HTML: facts, picture and table, and the page itself in a frame if it is small
+enough. This part needs no kernel. The second is an invisible widget that connects the frame with the kernel; it needs
+the library anywidget.
 """
 
 from __future__ import annotations

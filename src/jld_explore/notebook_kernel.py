@@ -62,7 +62,7 @@ class SceneStructure:
 
 
 class AssemblyStructure:
-    """Assembly without its scene: a changed value scales the strengths of all faces in proportion.
+    """Assembly without its scene; a changed value scales the strengths of all faces.
 
     The value of a slider is the median over the faces. Faces with values of their own keep their ratio to it.
     """
@@ -102,7 +102,7 @@ class AssemblyStructure:
 
 
 def bonded(assembly: Assembly) -> bool:
-    """Return True if dry joints have a bond, by which strengths and dead loads depend on one another."""
+    """Return True if dry joints have a bond, which couples strengths and dead loads."""
     return assembly.members.bond is not None
 
 
@@ -142,7 +142,7 @@ class LayoutSolver:
         invalid.
         """
         if not isinstance(materials, dict):
-            raise InputError("materials", "they are no object", "materials as in a scene file")
+            raise InputError("materials", "they are no JSON object", "materials as in a scene file")
         name = json.dumps(materials, sort_keys=True)
         if name not in self._kept:
             self._kept[name] = CaseAnalysis(self._structure.with_materials(materials), self._model)

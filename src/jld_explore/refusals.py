@@ -27,7 +27,7 @@ def refuse_together(scene: Scene, settings: ExploreSettings, assembly: Assembly)
         raise InputError("", assembly.warnings[0], "a scene without warnings, or `strict=False`")
     refuse_beside_cracks(scene, settings, assembly)
     if settings.certificate is not None and settings.robust:
-        raise ParameterError("certificate", "it speaks of one value of each strength", "a search with `robust=False`")
+        raise ParameterError("certificate", "it proves λ at one value of each strength", "a search with `robust=False`")
     if settings.model.ranks_by_lower_bound and assembly.dimension == 3:
         raise ParameterError("objective", "spatial scenes have no bound without dilation", "zero-dilation")
     if settings.certificate is not None and settings.by_experiment:
@@ -54,7 +54,7 @@ def refuse_beside_own_objective(scene: Scene, settings: ExploreSettings) -> None
         ("search.require", scene.search.require is not None),
     ):
         if asked:
-            raise ParameterError("objective", f"{name} speaks of λ, not of a function", "one of both")
+            raise ParameterError("objective", f"{name} needs λ, and the objective is a function", "one of both")
 
 
 def refuse_beside_cracks(scene: Scene, settings: ExploreSettings, assembly: Assembly) -> None:
@@ -73,7 +73,9 @@ def refuse_beside_cracks(scene: Scene, settings: ExploreSettings, assembly: Asse
         ("search.void", scene.search.void is not None),
     ):
         if asked:
-            raise ParameterError(option, "it knows cracks by faces alone", 'a search without it, or "cracks": "faces"')
+            raise ParameterError(
+                option, "it supports cracks by faces only", 'a search without it, or "cracks": "faces"'
+            )
     if fields and assembly.dimension == 3:
         raise ParameterError(
             "cracks", "one layout in space takes minutes by fields", "a search by faces, then solve by fields"
@@ -87,7 +89,7 @@ def refuse_unfit(scene: Scene, assembly: Assembly, settings: ExploreSettings, dr
     If a certificate is requested, also restrict the exact driver to proofs that a certificate can hold.
     """
     if driver.modular and scene.cracks != "faces":
-        raise ParameterError("driver", f"{driver.name} knows cracks by faces alone", "another driver")
+        raise ParameterError("driver", f"{driver.name} supports cracks by faces only", "another driver")
     if isinstance(driver, FieldExact) and not isinstance(scene.cracks, FieldCracks):
         raise ParameterError("driver", "FieldExact proves by fields, and the scene cracks otherwise", "`Exact`")
     if driver.modular and not replace(settings.model, friction="associative").supports_bounds_over_labellings:
@@ -114,6 +116,4 @@ def refuse_beside_void(settings: ExploreSettings, driver: Driver) -> None:
         ("driver", driver.modular),
     ):
         if asked:
-            raise ParameterError(
-                option, "it speaks of one structure, and search.void leaves cells out", "a search without"
-            )
+            raise ParameterError(option, "it needs one structure, and search.void leaves cells out", "a search without")

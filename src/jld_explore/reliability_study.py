@@ -37,7 +37,7 @@ _SHARE: Final = 0.25
 
 
 def refuse_beside_reliability(scene: Scene, settings: ExploreSettings) -> None:
-    """Raise InputError for settings that exclude a ranking by reliability, or a scene without random values."""
+    """Raise InputError for settings or scenes without a ranking by reliability."""
     if settings.reliability is None:
         return
     for name, asked in (
@@ -50,7 +50,7 @@ def refuse_beside_reliability(scene: Scene, settings: ExploreSettings) -> None:
         ("search.void", scene.search.void is not None),
     ):
         if asked:
-            raise ParameterError(name, "samples of a reliability know rigid faces and dilation alone", "its default")
+            raise ParameterError(name, "reliability supports rigid faces and associative friction only", "its default")
     random_structure(scene)
 
 
@@ -91,7 +91,10 @@ def add_reliability(done: Exploration, settings: ExploreSettings, deadline: Dead
 
 
 def _index(row: dict[str, Any]) -> float:
-    """Return the index that ranks a layout: by simulation, else of first order; +inf where no sample fails."""
+    """Return the index that ranks a layout, by simulation or of first order.
+
+    It is +inf where no sample fails.
+    """
     for name in ("beta_monte_carlo", "beta_form"):
         if row[name] is not None:
             return float(row[name])

@@ -1,4 +1,4 @@
-"""Settings of a search, split by concern: model and objective, budget, parallel work, search method, output."""
+"""Settings of a search: model and objective, budget, parallel work, method, output."""
 
 from __future__ import annotations
 
@@ -136,7 +136,7 @@ class ParallelSettings:
 
     def __post_init__(self) -> None:
         if self.jobs < 1:
-            raise ParameterError("jobs", f"{self.jobs} processes evaluate nothing", "a whole number from 1")
+            raise ParameterError("jobs", f"{self.jobs} is no number of processes", "a whole number from 1")
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""λ by faces of a structure without its cuts: it is said where a cut layout is proven stronger."""
+"""λ by faces of a structure without cuts, reported if a cut layout is proven stronger."""
 
 from __future__ import annotations
 

@@ -114,7 +114,7 @@ def test_two_that_hold_one_another_leave_together() -> None:
     assert [len(step.blocks) for step in together.steps] == [2]
 
 
-def test_a_block_that_is_free_where_it_lies_may_meet_another_on_its_way() -> None:
+def test_a_block_may_be_free_at_first_and_meet_another_on_its_way_out() -> None:
     """Below a lid that does not touch it, between two posts: nothing touches it above, and it cannot leave."""
     posts = [[[0, 0], [1, 0], [1, 3], [0, 3]], [[2, 0], [3, 0], [3, 3], [2, 3]]]
     elements: list[dict[str, Any]] = [

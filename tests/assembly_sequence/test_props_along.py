@@ -87,7 +87,7 @@ def test_the_first_half_of_a_beam_is_held_by_its_lever(spacing: float) -> None:
     assert float(step.stage.along.sum()) == pytest.approx(weight * 0.125 / lever, rel=1e-6)
 
 
-def test_props_that_do_not_reach_are_told(jld: Command, tmp_path: Path) -> None:
+def test_props_that_do_not_suffice_are_reported(jld: Command, tmp_path: Path) -> None:
     """One place below the crown holds no haunch before the keystone is laid: the rest stands beside it."""
     file = tmp_path / "arch.json"
     file.write_text(samples.arch(voussoirs=7).model_dump_json(exclude_defaults=True))

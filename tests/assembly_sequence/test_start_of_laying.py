@@ -62,7 +62,7 @@ def test_every_start_is_an_order_of_all_blocks(start: str) -> None:
 def test_another_start_is_refused() -> None:
     """A name that is no start is one line."""
     assembly = row()
-    with pytest.raises(InputError, match="'middle' is no place to start"):
+    with pytest.raises(InputError, match="'middle' is no start of laying"):
         assembly_order(assembly, assembly.labels, start="middle")  # type: ignore[arg-type]
 
 

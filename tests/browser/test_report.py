@@ -98,7 +98,7 @@ def test_the_thrust_line_and_values_are_there_on_request(visit: Open, tmp_path: 
         assert found.page.locator(f"text.note{'.id' if name == 'ids' else '.value'}").count() > 0
 
 
-def test_a_face_says_its_forces_under_the_pointer(visit: Open, study: Path) -> None:
+def test_the_pointer_shows_the_forces_of_a_face(visit: Open, study: Path) -> None:
     found = visit(f"{(study / 'report.html').as_uri()}#view=forces")
     found.page.locator("line.touch").first.hover(force=True)
     tip = found.text(".stage .tip")
@@ -167,7 +167,7 @@ def test_keyboard_goes_along_the_table_and_compares(visit: Open, study: Path) ->
     assert found.page.locator(".pane").count() == 1
 
 
-def test_a_layout_without_forces_says_how_to_get_them(visit: Open, study: Path, tmp_path: Path) -> None:
+def test_a_layout_without_forces_names_the_command_that_solves_it(visit: Open, study: Path, tmp_path: Path) -> None:
     page = tmp_path / "few.html"
     page.write_text(page_of_study.study_page(read_folder(study), patience=0.0), encoding="utf-8")
     found = visit(f"{page.as_uri()}#row=2&view=forces")
@@ -176,7 +176,7 @@ def test_a_layout_without_forces_says_how_to_get_them(visit: Open, study: Path, 
     assert found.page.locator("svg.figure").is_visible()
 
 
-def test_a_search_in_which_nothing_stands_says_so(visit: Open, tmp_path: Path) -> None:
+def test_a_search_in_which_nothing_stands_is_reported(visit: Open, tmp_path: Path) -> None:
     scene = {**small_scene(rows=["abc", "#.."]), "loads": {"live": [{"body": [1, 0]}]}}
     scene["materials"]["inner"] = {"tensile_strength": 1.0, "shear_strength": 1.0}
     explore(parse_scene(scene), tmp_path / "out", ExploreSettings(jobs=1, pictures=False))
@@ -232,7 +232,7 @@ def test_each_load_case_has_its_own_drawing(visit: Open, tmp_path: Path) -> None
     assert to_the_left < 0 < to_the_right
 
 
-def test_data_that_is_not_understood_is_said(visit: Open, tmp_path: Path, study: Path) -> None:
+def test_unknown_data_are_reported(visit: Open, tmp_path: Path, study: Path) -> None:
     data = page_of_study.study_data(read_folder(study), patience=0.0)
     for change, words in (({"version": 99}, "version 99"), ({"look": {}}, "look lacks tints")):
         (tmp_path / "page.html").write_text(joined.page({**data, **change}), encoding="utf-8")
@@ -264,7 +264,7 @@ def test_blocks_and_tints_are_those_of_the_pictures(visit: Open, tmp_path: Path)
         assert colours == quantities.block_colours(assembly, labels, len(look.TINTS)).tolist()
 
 
-def test_dark_and_small(visit: Open, study: Path) -> None:
+def test_page_in_the_dark_scheme_and_on_a_phone(visit: Open, study: Path) -> None:
     dark = visit(f"{(study / 'report.html').as_uri()}#view=forces", color_scheme="dark")
     assert dark.pixels()[:, :5].mean() < 60
     looks_like(dark, "dark", "#viewer")

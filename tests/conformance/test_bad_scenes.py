@@ -108,7 +108,7 @@ IN_WALL: list[Row] = [
     (("grid",), GONE, ("the geometry is missing", '"grid" and "elements"')),
     (("elements",), two_blocks()["elements"], ("the geometry is given twice",)),
     (("thickness",), "x", ("thickness", '"x"', "a number")),
-    (("thickness",), 1.0, ("thickness", "beside a grid")),
+    (("thickness",), 1.0, ("thickness", 'together with "grid"')),
     (("materials",), 7, ("materials: 7", "an object")),
     (("materials",), GONE, ("materials: missing", '"dry"')),
     (("loads",), 7, ("loads: 7", "an object")),
@@ -188,7 +188,7 @@ IN_WALL: list[Row] = [
     (("loads", "live"), [7], ("loads.live[0]: 7", "an object")),
     (("loads", "live"), [{"body": "x"}], ("loads.live[0].body", "a vector")),
     (("loads", "live"), [{"body": [1, 0, 0]}], ("loads.live[0].body: it has 3 numbers", "2")),
-    (("loads", "live"), [{"body": [1, 0], "force": [0, 1]}], ("loads.live[0]", '"force" stands beside')),
+    (("loads", "live"), [{"body": [1, 0], "force": [0, 1]}], ("loads.live[0]", '"force" is given together with')),
     (
         ("loads", "live"),
         [{"elment": "c0r0", "force": [0, 1]}],
@@ -248,15 +248,19 @@ IN_WALL: list[Row] = [
     (("search",), {"front": {"count": "x"}}, ('search.front.count: "x"', '"dry_length"')),
     (("search",), {"front": {"counts": ["blocks", "x"]}}, ('search.front.counts[1]: "x" is no count',)),
     (("search",), {"front": {"counts": ["blocks"]}}, ("search.front.counts: it has 1 entry", "two names of counts")),
-    (("search",), {"front": {"counts": ["blocks", "blocks"]}}, ("search.front.counts: 'blocks' stands there twice",)),
-    (("search",), {"front": {"counts": ["blocks", "shapes"], "count": "shapes"}}, ("search.front.count: it stands",)),
+    (("search",), {"front": {"counts": ["blocks", "blocks"]}}, ("search.front.counts: 'blocks' is given twice",)),
+    (
+        ("search",),
+        {"front": {"counts": ["blocks", "shapes"], "count": "shapes"}},
+        ("search.front.count: it is given together",),
+    ),
     (("search",), {"front": {"sense": ["max", "min"]}}, ("search.front.sense: it has 2 entries",)),
     (("search",), {"front": {"sense": 1}}, ("search.front.sense: 1", '"max" or "min"')),
     # numbers that are JSON and yet of no use, and text that cannot be written
     (("materials", "density"), 1e300, ("materials.density: 1e+300", "a magnitude from")),
     (("materials", "density"), 10**400, ("materials.density", "401 digits", "a magnitude from")),
     (("grid", "cell"), [1e-200, 1], ("grid.cell[0]: 1e-200", "a magnitude from")),
-    (("name",), "half \ud800", ("name", "half a character")),
+    (("name",), "half \ud800", ("name", "unpaired surrogate")),
     (("a\n\u001b[31mb",), 1, ('"a\\n\\u001b[31mb": unknown key',)),
 ]
 IN_BLOCKS: list[Row] = [
@@ -364,7 +368,7 @@ def test_the_scenes_that_are_spoilt_here_are_good(base: Any) -> None:
     assert solve(build_assembly(parse_scene(base()))).status in Status
 
 
-def test_a_repeated_corner_is_no_corner() -> None:
+def test_a_repeated_last_corner_is_dropped() -> None:
     """Outlines that come closed, first corner given again at the end, are common and harmless."""
     closed = changed(two_blocks(), ("elements", 1, "polygon"), [[0, 0], [1, 0], [1, 1], [1, 1], [0, 1], [0, 0]])
     plain, found = (solve(build_assembly(parse_scene(d))) for d in (two_blocks(), closed))
@@ -386,7 +390,7 @@ FILES: list[tuple[str, bytes, tuple[str, ...]]] = [
     ("Infinity", GOOD.replace(b"1400", b"-Infinity"), ("the number -Infinity", "finite")),
     ("overflow", GOOD.replace(b"1400", b"1e999"), ("materials.density", "out of range")),
     ("thousands of digits", GOOD.replace(b"1400", b"1" * 5000), ("thousands of digits",)),
-    ("twice", GOOD.replace(b'"density"', b'"density": 1, "density"'), ("density", "stands twice")),
+    ("twice", GOOD.replace(b'"density"', b'"density": 1, "density"'), ("density", "given twice")),
     ("deep", b"[" * 100_000, ("nested too deeply", "64")),
     ("deep inside", b'{"notes":' + b"[" * 90 + b"]" * 90 + b"}", ("notes", "nested too deeply")),
 ]
@@ -401,7 +405,7 @@ def test_bad_file(content: bytes, words: tuple[str, ...], tmp_path: Path, jld: C
     assert sorted(p.name for p in tmp_path.iterdir()) == ["scene.json"]
 
 
-def test_a_byte_order_mark_is_no_fault(tmp_path: Path, jld: Command) -> None:
+def test_a_byte_order_mark_is_accepted(tmp_path: Path, jld: Command) -> None:
     file = tmp_path / "scene.json"
     file.write_bytes(b"\xef\xbb\xbf" + GOOD)
     assert jld("check", file).code == 0

@@ -60,7 +60,7 @@ def test_cited_formulas_exist() -> None:
     assert len({number for place, found in cited if "method.md" not in place for number in found}) > 25
 
 
-def test_no_text_leans_on_a_document_outside() -> None:
+def test_no_text_refers_to_documents_outside_the_repository() -> None:
     name = "|".join(OUTSIDE)
     outside = re.compile(rf"\b(?:{name})(?:\.md\b| §|, §)|[( ](?:METHOD|REFERENCE_VALUES)\)|\bshared/(?:{name})")
     assert [f"{place}: {line.strip()}" for place, line in lines() if outside.search(line)] == []

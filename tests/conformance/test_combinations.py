@@ -65,7 +65,7 @@ def test_loads_that_cancel_leave_nothing_but_a_complaint(tmp_path: Path, jld: Co
     assert "loads.live: the live load is zero" in outcome.err
 
 
-def test_what_is_lost_by_a_gap_is_told_with_the_gap(tmp_path: Path, jld: Command) -> None:
+def test_lost_contacts_are_reported_with_their_gap(tmp_path: Path, jld: Command) -> None:
     """Far from the origin as well, where five digits are no place."""
     document = spatial(
         [box("s", [1e6, 0, 0], [1e6 + 2, 1, 1], support=True), box("a", [1e6, 0, 1.005], [1e6 + 2, 1, 2])]
@@ -77,13 +77,13 @@ def test_what_is_lost_by_a_gap_is_told_with_the_gap(tmp_path: Path, jld: Command
     assert '"tolerance": 0.0055 closes' in outcome.err
 
 
-def test_a_tolerance_above_the_solids_is_what_is_wrong(tmp_path: Path, jld: Command) -> None:
+def test_a_tolerance_larger_than_solids_is_refused(tmp_path: Path, jld: Command) -> None:
     outcome = jld("check", written(tmp_path, {**CUBES, "tolerance": 1.5}))
     assert outcome.code == 2
     assert "tolerance: within 1.5 element 's' cannot be kept" in outcome.err
 
 
-def test_what_changes_nothing_is_a_warning_and_what_lies_elsewhere_an_error(tmp_path: Path, jld: Command) -> None:
+def test_values_without_effect_are_warnings_and_misplaced_ones_errors(tmp_path: Path, jld: Command) -> None:
     outcome = jld("check", written(tmp_path, {**CUBES, "thickness": 2.0}))
     assert outcome.code == 0
     assert "warning" in outcome.err
@@ -121,7 +121,7 @@ def test_no_command_writes_over_the_scene(tmp_path: Path, jld: Command) -> None:
         assert "it is the file that is read; expected another file" in outcome.err
 
 
-def test_numbers_that_are_none(tmp_path: Path, jld: Command) -> None:
+def test_invalid_numbers_are_refused(tmp_path: Path, jld: Command) -> None:
     scene = written(tmp_path, WALL)
     outcome = jld("refine", scene, "-o", tmp_path / "o.json", "--kind", "radial", "--cell=0.3,30", "--centre=nan,0")
     assert (outcome.code, outcome.err) == (2, "jld: --centre: nan,0 is no point; expected x,y\n")

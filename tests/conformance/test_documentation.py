@@ -18,7 +18,7 @@ DOCS = ROOT / "docs"
 GUIDE = sorted(DOCS.glob("guide/*.md"))
 
 
-def test_it_builds_without_a_warning_and_describes_every_public_name(tmp_path: Path) -> None:
+def test_documentation_builds_without_a_warning_and_describes_every_public_name(tmp_path: Path) -> None:
     """Built as `make docs` does, but without its look; in one test, since building is what takes time."""
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "xml", "-d", str(tmp_path / "trees")]
     done = subprocess.run([*command, str(DOCS), str(tmp_path / "xml")], capture_output=True, text=True, check=False)

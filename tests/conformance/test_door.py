@@ -154,7 +154,7 @@ def test_a_number_too_small_to_be_held_is_refused(tmp_path: Path) -> None:
     assert load_scene(file).expected == {"zero": 0.0, "more": 0.0}
 
 
-def test_files_are_whole_or_not_there(tmp_path: Path) -> None:
+def test_files_are_written_whole_or_not_at_all(tmp_path: Path) -> None:
     """A full disk is told with the name of the file, links stay, and what is no file is left alone."""
 
     def fill() -> None:
@@ -307,7 +307,7 @@ def test_every_driver_ends_quietly(kind: str, tmp_path: Path) -> None:
         assert not late
 
 
-def test_what_falls_is_named_and_drawn(tmp_path: Path) -> None:
+def test_falling_elements_are_named_and_drawn(tmp_path: Path) -> None:
     """A cantilever of dry blocks: its velocities gain energy under the dead load alone, whatever λ ≥ 0."""
     document = grid_document(["aabc", "a...", "#..."], live=[{"element": "c1r0", "force": [0, -1]}])
     result = solve(build_assembly(parse_scene(document)))
@@ -327,7 +327,7 @@ def test_what_falls_is_named_and_drawn(tmp_path: Path) -> None:
     assert any("Falls whatever the live load" in ax.get_title() for ax in figure.axes)
 
 
-def test_what_confines_is_named() -> None:
+def test_the_cause_of_a_locked_structure_is_named() -> None:
     """A row between two abutments, pushed along itself: nothing crushes, so nothing brings it down."""
     result = solve(build_assembly(parse_scene(grid_document(["#abc#"], live=[{"element": "c1r0", "force": [1, 0]}]))))
     facts = facts_of_result(result)

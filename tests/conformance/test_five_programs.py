@@ -113,19 +113,19 @@ def test_the_program_of_the_design() -> None:
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        ({"driver": "exact"}, "`driver` speaks of λ"),
-        ({"certificate": "proof.jld"}, "`certificate` speaks of λ"),
-        ({"experiment": 3}, "`experiment` speaks of λ"),
+        ({"driver": "exact"}, "`driver` needs λ"),
+        ({"certificate": "proof.jld"}, "`certificate` needs λ"),
+        ({"experiment": 3}, "`experiment` needs λ"),
     ],
 )
-def test_what_an_own_objective_excludes(more: dict[str, Any], words: str) -> None:
+def test_options_that_an_own_objective_excludes(more: dict[str, Any], words: str) -> None:
     scene = jc.parse_scene(grid_document(["aa", "##"]))
     with pytest.raises(jc.InputError, match=rf"^objective: {words}"):
         je.explore(scene, "out", objective=lambda evaluation, assembly, labels: 1.0, **more)
     assert not Path("out").exists()
 
 
-def test_what_an_objective_may_return() -> None:
+def test_values_that_an_objective_may_return() -> None:
     scene = jc.parse_scene(grid_document(["aa", "##"]))
     with pytest.raises(jc.InputError, match=r"^objective: it is nan for the labelling [di]+; expected a finite number"):
         je.explore(scene, objective=lambda evaluation, assembly, labels: float("nan"), pictures=False)
@@ -149,7 +149,7 @@ def test_settings_by_keywords_and_by_parts_are_one() -> None:
     for wrong, words in (
         ({"budget": 0}, "^budget: 0 is no number of layouts"),
         ({"seconds": -1.0}, "^seconds: -1 is no time limit"),
-        ({"jobs": 0}, "^jobs: 0 processes"),
+        ({"jobs": 0}, "^jobs: 0 is no number of processes"),
         ({"driver": "exakt"}, "^driver: no driver is named 'exakt'"),
         ({"resume": True}, "^out: a search is resumed in its own folder"),
     ):

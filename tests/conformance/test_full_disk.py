@@ -92,7 +92,7 @@ def test_a_full_disk_is_one_line(
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
 
 
-def test_a_certificate_is_whole_or_not_there(tmp_path: Path) -> None:
+def test_a_certificate_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
     rules = [certificate.Rule("none", (1, 2))] * 9
     claim = certificate.Claim({}, 1.0)
     with no_room(16), pytest.raises(OSError, match="File too large") as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import subprocess
 import sys
@@ -54,7 +55,7 @@ def test_workflows_run_on_three_systems(name: str) -> None:
     assert [{system.split("-")[0] for system in each} for each in systems] == [{"ubuntu", "macos", "windows"}]
 
 
-def test_what_a_workflow_makes_and_runs_is_there() -> None:
+def test_targets_and_commands_of_workflows_exist() -> None:
     text = "".join(path.read_text("utf-8") for path in WORKFLOWS)
     for target in re.findall(r"run: make (\w+)", text):
         assert recipe(target), target
@@ -84,7 +85,7 @@ def test_citation_and_changelog_name_the_version() -> None:
     assert first.groups() == (__version__, released.isoformat())
 
 
-def test_contributing_names_what_is_there() -> None:
+def test_files_and_targets_named_in_contributing_exist() -> None:
     text = (ROOT / "CONTRIBUTING.md").read_text("utf-8")
     named = [path for path in re.findall(r"`([\w.]+(?:/[\w.]+)+)`", text) if "NAME" not in path and ".venv" not in path]
     assert len(set(named)) > 40
@@ -134,3 +135,16 @@ def test_the_way_a_wheel_is_tried_works_here() -> None:
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 1
     assert "is a checkout, not an installation" in done.stderr
+
+
+def test_functions_are_short() -> None:
+    """Bodies of functions, without signature and docstring, have at most 60 lines."""
+    long_functions = {}
+    for path in sorted((ROOT / "src").rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                body = node.body[1:] if ast.get_docstring(node) is not None else node.body
+                lines = (node.end_lineno or 0) - body[0].lineno + 1 if body else 0
+                if lines > 60:
+                    long_functions[f"{path.relative_to(ROOT)}: {node.name}"] = lines
+    assert long_functions == {}

@@ -67,7 +67,7 @@ def test_labels_come_as_letters_numbers_or_truth_values(arch: jc.Assembly) -> No
         (lambda m: True, "an array of shape ()"),
     ],
 )
-def test_what_is_no_label_is_one_clear_error(arch: jc.Assembly, change: Any, words: str) -> None:
+def test_invalid_labels_are_refused_in_one_line(arch: jc.Assembly, change: Any, words: str) -> None:
     labels = change(len(arch.interfaces))
     with pytest.raises(jc.InputError) as caught:
         jc.solve(arch, labels)
@@ -78,7 +78,7 @@ def test_what_is_no_label_is_one_clear_error(arch: jc.Assembly, change: Any, wor
         jc.solve_many(arch, [arch.labels, labels])
 
 
-def test_what_is_no_list_of_labellings(arch: jc.Assembly) -> None:
+def test_invalid_lists_of_labellings_are_refused(arch: jc.Assembly) -> None:
     for wrong in ("d" * 24, 7, np.ones((3, 5), dtype=bool)):
         with pytest.raises(jc.InputError, match=r"^labellings: "):
             jc.solve_many(arch, wrong)  # type: ignore[arg-type]

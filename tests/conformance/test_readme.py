@@ -28,7 +28,7 @@ def test_example(
         assert line.removesuffix(" …") in printed
 
 
-def test_it_is_a_front_door() -> None:
+def test_readme_is_short_and_has_its_parts() -> None:
     """One screen and a half: what it is, a picture, two commands, Python, the command line, where to read on."""
     assert len(TEXT.splitlines()) <= 90
     code = [line for line in BLOCKS[0].splitlines() if line and not line.startswith("#")]
@@ -37,7 +37,7 @@ def test_it_is_a_front_door() -> None:
     assert len(own.splitlines()) == 5
 
 
-def test_what_it_says_of_commands_is_there() -> None:
+def test_commands_named_in_the_readme_exist() -> None:
     for name in re.findall(r"^jld (\w+)", TEXT, flags=re.M):
         assert name in overview.COMMANDS
     assert set(re.findall(r"`(\w+)`", TEXT.split("| driver |")[1].split("## ")[0])) == set(overview.DRIVERS)

@@ -45,7 +45,7 @@ def test_scenes_that_come_along_are_valid(path: Any) -> None:
     VALIDATOR.validate(json.loads(path.read_text("utf-8")))
 
 
-def test_what_names_its_schema_is_read() -> None:
+def test_a_scene_that_names_its_schema_is_read() -> None:
     document = {"$schema": "docs/scene.schema.json", **GOOD}
     VALIDATOR.validate(document)
     assert parse_scene(document) == parse_scene(GOOD)
@@ -63,7 +63,7 @@ def test_what_names_its_schema_is_read() -> None:
     ],
     ids=lambda change: next(iter(change)),
 )
-def test_what_the_program_refuses_the_schema_refuses(change: dict[str, Any]) -> None:
+def test_the_schema_refuses_the_scenes_that_the_program_refuses(change: dict[str, Any]) -> None:
     document = {**GOOD, **change}
     with pytest.raises(InputError):
         parse_scene(document)

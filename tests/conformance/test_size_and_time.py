@@ -28,7 +28,7 @@ SCENE = grid_document(["aaaa", "aaaa", "aaaa", "####"], block_cells=[1, 3])
 
 
 @pytest.mark.parametrize("driver", DRIVERS)
-def test_however_short_the_time_there_is_something_to_show(driver: str, tmp_path: Path) -> None:
+def test_a_search_with_hardly_any_time_has_a_result(driver: str, tmp_path: Path) -> None:
     settings = ExploreSettings(driver=driver, seconds=0.0, jobs=1, pictures=False)
     done = explore(parse_scene(SCENE), tmp_path / "out", settings)
     assert (done.summary.stop_reason, len(done.results)) == ("time", 1)
@@ -47,7 +47,7 @@ def test_an_evaluation_that_outlasts_the_limit_is_done_once(tmp_path: Path, monk
     assert done.summary.best == pytest.approx(alone.evaluate(done.layout(1).labels).load_factor, rel=1e-9)
 
 
-def test_what_takes_long_is_said_beforehand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_long_analyses_are_announced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     large = build_assembly(parse_scene(growth.document("planar", 80)))
     assert 5.0 < cost_estimate(large).seconds < 60.0
     assert cost_estimate(build_assembly(parse_scene(SCENE))).long is None
@@ -68,7 +68,7 @@ def test_what_takes_long_is_said_beforehand(tmp_path: Path, monkeypatch: pytest.
         (samples.wall().model_dump(mode="json", exclude_defaults=True), 1.508e8, "99 faces take some"),
     ],
 )
-def test_what_there_is_not_the_memory_for_is_refused(
+def test_a_scene_too_large_for_the_memory_is_refused(
     command: str,
     content: dict[str, Any],
     limit: float,

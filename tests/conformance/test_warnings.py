@@ -60,7 +60,7 @@ ODD = [
 
 
 @pytest.mark.parametrize(("path", "value", "what", "meant"), ODD, ids=[f"{o[0]}={o[1]}" for o in ODD])
-def test_what_can_hardly_be_meant(path: str, value: object, what: str | None, meant: str | None) -> None:
+def test_implausible_values_are_warnings(path: str, value: object, what: str | None, meant: str | None) -> None:
     assembly = build_assembly(parse_scene(with_(path, value)))
     about = [warning for warning in assembly.warnings if what is not None and what in warning]
     if what is None:
@@ -104,7 +104,7 @@ def test_they_reach_whoever_asks(
     assert found["warnings"] == told
 
 
-def test_check_says_what_the_load_adds_up_to(
+def test_check_prints_the_resultant_of_the_load(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """1000 N at x = 1.7: not moment over size, which is no force."""

@@ -83,7 +83,7 @@ def test_a_narrower_gap_than_the_kernel_gives_is_left_to_the_usual_way() -> None
     assert narrow.load_factor == pytest.approx(solve(assembly, labels).load_factor, rel=1e-6)
 
 
-def test_small_and_planar_structures_and_searches_ask_the_usual_way_first() -> None:
+def test_small_structures_and_searches_do_not_begin_with_the_batch_solver() -> None:
     small = cubes(columns=1)
     assert "batch solver" not in solve(small, np.zeros(len(small.interfaces), dtype=bool)).solve_log
     assert "batch solver" not in LimitAnalysis(cubes()).prove(labellings(cubes(), 1)[0]).solve_log

@@ -143,7 +143,7 @@ SETTLED = {
 
 
 @pytest.mark.parametrize(("name", "expected"), SETTLED.items())
-def test_kernel_settles_what_it_is_made_for(kernel: str, name: str, expected: int) -> None:
+def test_the_batch_solver_settles_scenes_of_its_kind(kernel: str, name: str, expected: int) -> None:
     analysis = analysis_of(name)
     found = lanes_of(analysis, kernel).solve(labellings(analysis.assembly, 24))
     assert int((found.verdict != OPEN).sum()) >= expected
@@ -282,7 +282,7 @@ def test_answers_given_too_early_bound_all_the_same(kernel: str, most: int, name
         assert found.high[k] >= proof.low
 
 
-def test_rows_of_another_shape_are_left_to_others(kernel: str) -> None:
+def test_rows_of_another_shape_are_left_to_other_solvers(kernel: str) -> None:
     angles = np.arange(9) * 2.0 * np.pi / 9.0
     round_hull = LimitAnalysis(cases_spatial.stools([np.column_stack([np.cos(angles), np.sin(angles)])]))
     crushed = LimitAnalysis(
@@ -348,7 +348,9 @@ def test_version_names_the_kernel(kernel: str, jld: Command, monkeypatch: pytest
 
 
 @pytest.mark.parametrize("name", ["wall", "no tensile strength", "running bond", "hulls"])
-def test_relaxations_bound_what_they_bounded(kernel: str, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_relaxations_in_lanes_have_the_bounds_of_the_conic_solver(
+    kernel: str, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Undecided faces in lanes: the bounds of the conic solver, alone and in company."""
     analysis = analysis_of(name)
     asked = labellings(analysis.assembly, 12)
@@ -423,7 +425,9 @@ def test_parts_are_joined_in_order(kernels: dict[str, str], most: float) -> None
         assert all(own.max() <= most for own in cells)
 
 
-def test_what_crushes_is_bounded_by_rows_that_enclose_its_hull(kernel: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_undecided_joints_that_crush_are_bounded_by_rows_that_enclose_their_hull(
+    kernel: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Undecided joints that may crush: in lanes a little above the hull itself, and never below."""
     analysis = analysis_of("crushable arch")
     asked = labellings(analysis.assembly, 12)

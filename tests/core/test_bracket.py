@@ -48,8 +48,8 @@ def test_nonsense_proves_nothing(name: str) -> None:
 
 
 @pytest.mark.parametrize("iterations", [1, 3, 6])
-def test_an_unconverged_solver_is_overruled_or_named(iterations: int) -> None:
-    """A solver stopped early may not change λ: the ladder proves it, or the result says uncertified."""
+def test_an_unconverged_solver_does_not_change_the_load_factor(iterations: int) -> None:
+    """A solver stopped early may not change λ: fallbacks prove it, or the result says uncertified."""
     assembly = grid_assembly(*CASES["wall"][:1])
     labels = np.random.default_rng(1).random(len(assembly.interfaces)) < 0.6
     truth = LimitAnalysis(assembly).solve(labels)

@@ -39,7 +39,7 @@ def compile_in_place(
     build.main()
 
 
-def test_the_best_variant_alone_is_compiled_and_only_where_it_is_not_there(
+def test_make_demo_compiles_the_best_variant_if_it_is_missing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """`make demo` compiles one variant, `make setup` after it the base, and `make bench` the others."""
@@ -85,7 +85,7 @@ def test_every_variant_is_compiled_into_the_package(
     assert printed.err.endswith(": exit status 1\n")
 
 
-def test_what_could_not_be_compiled_is_named_after_the_rest_is_there(
+def test_a_variant_that_fails_to_compile_is_named_after_the_others_are_compiled(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with pytest.raises(SystemExit, match=r"^avx2: no compiler that works; pip install jld\[compiler\] brings one$"):

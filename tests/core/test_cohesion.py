@@ -216,7 +216,7 @@ def test_utilisation_is_that_of_the_model() -> None:
 
 
 @pytest.mark.parametrize("bending", ["uncoupled", "kern"])
-def test_what_is_on_the_boundary_is_used_up(bending: str) -> None:
+def test_utilisation_is_one_on_the_boundary(bending: str) -> None:
     """Forces grown until they leave the set: used up there, less before."""
     materials = {"dry": {"friction_coefficient": 0.6, "cohesion": 0.2, "compressive_strength": 4.0}}
     built = cases_spatial.assembly(cases_spatial.wall(2, 2), materials=materials)
@@ -239,7 +239,7 @@ def test_what_is_on_the_boundary_is_used_up(bending: str) -> None:
         assert before.max() < 1.0 - 1e-3
 
 
-def test_exact_with_all_of_it_in_space(tmp_path: Path) -> None:
+def test_exact_with_cohesion_and_inner_friction_in_space(tmp_path: Path) -> None:
     materials = {
         "dry": {"friction_coefficient": 0.4, "cohesion": 0.1},
         "inner": {"tensile_strength": 0.2, "shear_strength": 0.3, "friction_coefficient": 0.7},

@@ -76,7 +76,7 @@ def test_condensed_equals_full_in_space() -> None:
 
 
 @pytest.mark.parametrize("strength", [1e9, 1e12, 1e15])
-def test_endless_strength_is_no_numerical_trouble(strength: float) -> None:
+def test_very_large_strengths_keep_brackets_narrow(strength: float) -> None:
     """A block that cannot crack is rigid: λ does not depend on by how much, and brackets stay narrow."""
     assembly = grid_assembly(["aaaa", "aaaa", "aaaa", "####"], tension=strength, shear=strength)
     labels = random_segmentation(assembly, 5, np.random.default_rng(8))

@@ -106,7 +106,7 @@ def test_a_bonded_corner_carries_more_than_walls_that_only_touch() -> None:
     assert walls(0.0) < 0.8 * bonded
 
 
-def test_what_is_no_wall_is_refused_in_one_line() -> None:
+def test_solids_that_are_no_wall_are_refused_in_one_line() -> None:
     skew = shapely.Polygon([(0.0, 0.0), (1.6, 0.3), (1.5, 0.5), (0.0, 0.2)])
     with pytest.raises(InputError, match="element 'w': an edge of its plan is at no right angle"):
         refine(parse_scene(document([solid(skew, 0.8)]), "c"), (0.4, 0.2), kind="bond")

@@ -91,7 +91,7 @@ def test_faces_that_are_no_rectangles_keep_their_whole_area() -> None:
     assert result.notes[0] in result.to_json()["warnings"]
 
 
-def test_a_load_factor_above_that_of_whole_faces_is_said() -> None:
+def test_a_load_factor_above_that_of_whole_faces_is_reported() -> None:
     """About its own centre of pressure a face bears shear that twists it about its centroid, so λ may rise."""
     assembly, labels = drawn(302)
     result = solve(assembly, labels, effective_area=True)

@@ -24,7 +24,11 @@ from paths import ROOT
             'range: λ of associative friction is one number; expected `friction="zero-dilation"` with it',
             "--range: λ of associative friction is one number; expected --friction zero-dilation with it",
         ),
-        ({"floor_seconds": -1.0}, "floor_seconds: -1 is no time; ", "--floor-seconds: -1 is no time; "),
+        (
+            {"floor_seconds": -1.0},
+            "floor_seconds: -1 is no number of seconds; ",
+            "--floor-seconds: -1 is no number of seconds; ",
+        ),
         ({"friction": "assoc"}, "friction: no friction is named 'assoc'", "--friction: no friction is named 'assoc'"),
         ({"solver": "abacus"}, "solver: no solver is named 'abacus'", "--solver: no solver is named 'abacus'"),
     ],

@@ -137,7 +137,7 @@ def test_a_pair_has_one_entry() -> None:
         build_assembly(parse_scene(document(twice)))
 
 
-def test_what_would_lose_them_is_refused(tmp_path: Any) -> None:
+def test_operations_that_would_lose_members_are_refused(tmp_path: Any) -> None:
     scene = parse_scene(document(FACES))
     with pytest.raises(InputError, match=r"materials\.faces"):
         refine(scene, (0.05, 0.05))

@@ -90,7 +90,7 @@ def test_a_library_of_other_sources_is_refused_unloaded(tmp_path: Path, monkeypa
         library.chosen()
 
 
-def test_what_is_built_is_taken_without_a_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_built_library_is_used_without_a_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(library, "built", dict)
     monkeypatch.setattr(library, "_compiled", lambda: pytest.fail("a compiler was run"))
     library._found.cache_clear()

@@ -59,7 +59,7 @@ def test_a_hard_case_is_proven_or_left(case: HardCase) -> None:
         assert scale * found.high[0] >= case.expected - 1e-12 * max(1.0, abs(case.expected))
 
 
-def test_a_large_structure_is_left_to_others() -> None:
+def test_a_large_structure_is_left_to_the_solver_for_large_ones() -> None:
     """A wall of 420 bricks, for which a solver made for large ones is the quicker."""
     assert not fits(LimitAnalysis(bricks(20, 10, *UNITS["kN, m"])).template)
 

@@ -100,15 +100,18 @@ def test_a_patch_overturns_a_column() -> None:
     [
         ({"face": {"along": [[0, 1], [4, 5]]}, "line": [0, 1]}, r"face\.along: of its .* is free boundary"),
         ({"face": {"along": [[0, 1], [4, 4]]}, "line": [0, 1, 0]}, r"face\.along: it is for planar scenes"),
-        ({"face": {"between": ["a", "outside"]}, "line": [0, 1]}, r'\.line: it stands without "along"'),
+        ({"face": {"between": ["a", "outside"]}, "line": [0, 1]}, r'\.line: it is given without "along"'),
         (
             {"face": {"along": [[0, 1], [4, 4]]}, "line": [0, 1], "pressure": 1.0},
-            r'\.line: it stands beside "pressure"',
+            r'\.line: it is given together with "pressure"',
         ),
         ({"face": {"along": [[0, 1], [4, 4]]}}, r"\.pressure: missing"),
-        ({"face": {"along": [[0, 1], [4, 4]]}, "traction": [0, 1]}, r'\.traction: it stands without "patch"'),
+        ({"face": {"along": [[0, 1], [4, 4]]}, "traction": [0, 1]}, r'\.traction: it is given without "patch"'),
         ({"face": {"patch": [[0, 1], [4, 4], [0, 0]]}, "pressure": 1.0}, r"\.patch: it is for spatial scenes"),
-        ({"face": {"patch": TOP, "along": [[0, 1], [4, 4]]}, "pressure": 1.0}, r'"patch" stands beside "along"'),
+        (
+            {"face": {"patch": TOP, "along": [[0, 1], [4, 4]]}, "pressure": 1.0},
+            r'"patch" is given together with "along"',
+        ),
     ],
 )
 def test_bad_loads_in_the_plane_are_one_line(live: dict[str, Any], message: str) -> None:

@@ -34,7 +34,7 @@ def single(live: list[dict[str, Any]], dead: list[dict[str, Any]] | None = None,
     return solve(build_assembly(parse_scene(scene))).load_factor
 
 
-def test_the_least_over_what_is_required_governs() -> None:
+def test_the_case_with_the_least_ratio_to_the_required_factor_governs() -> None:
     push = [{"element": "c0r0", "force": [0, -400.0]}]
     cases = [
         {"name": "right", "live": RIGHT, "required": 0.5},
@@ -75,7 +75,7 @@ def known(status: Status, low: float = math.nan, high: float = math.nan) -> Case
     return CaseBounds(status, low, high, 0.5 * (low + high))
 
 
-def test_what_governs() -> None:
+def test_the_governing_case() -> None:
     collapse, locked = known(Status.COLLAPSE, 1.0, 1.0), known(Status.LOCKED, 0.2)
     assert governing([collapse, locked], [1, 1]).status is Status.COLLAPSE
     assert governing([collapse, locked], [1, 1]).load_factor == 1.0
@@ -123,7 +123,7 @@ def test_a_bound_of_any_case_bounds_the_factor() -> None:
 @pytest.mark.parametrize(
     ("loads", "words"),
     [
-        ({"live": RIGHT, "cases": [{"name": "a", "live": RIGHT}]}, 'loads.live: it stands beside "cases"'),
+        ({"live": RIGHT, "cases": [{"name": "a", "live": RIGHT}]}, 'loads.live: it is given together with "cases"'),
         ({"cases": []}, "loads.cases"),
         ({"cases": [{"name": "a"}]}, "loads.cases[0].live: missing"),
         ({"cases": [{"name": "a", "live": []}]}, "loads.cases[0].live: the live load is zero"),
@@ -157,7 +157,7 @@ def test_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsy
     assert "symmetries" in checked
 
 
-def test_every_case_is_asked_whether_the_solver_takes_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_solver_must_support_every_load_case(monkeypatch: pytest.MonkeyPatch) -> None:
     """Only the first load case was asked before the work began."""
     cases = [{"name": "right", "live": RIGHT}, {"name": "left", "live": LEFT}]
     assembly = build_assembly(parse_scene(document(cases)))

@@ -111,7 +111,7 @@ def test_walls_balance_and_flow(name: str, friction: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["spatial_cubes", "spatial_shelf"])
-def test_spatial_scenes_balance_and_flow(name: str) -> None:
+def test_mechanisms_of_spatial_scenes_balance_and_obey_the_flow_rule(name: str) -> None:
     result = solve(build_assembly(load_scene(SCENES / f"{name}.json")))
     assert work_balance(result).error <= 1e-7
     rule = flow_rule(result)
@@ -119,7 +119,7 @@ def test_spatial_scenes_balance_and_flow(name: str) -> None:
     assert rule.gap.min() >= -1e-9
 
 
-def test_what_is_needed_is_said() -> None:
+def test_results_without_mechanism_are_refused() -> None:
     rows, options = CASES["overhang"]
     result = solve(grid_assembly(rows, **options))
     for function in (face_motions, flow_rule, work_balance):

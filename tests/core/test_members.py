@@ -394,7 +394,7 @@ def test_other_models_have_members(contact: str, friction: str) -> None:
         (bar("tendon", "b", [0, 1], "g", [0, 0], tension=1.0, prestress=2.0), "prestress: 2 exceeds the tension of 1"),
         (
             bar("tie", "b", [0, 1], "g", [0, 0], prestress=1.0, compression=2.0),
-            "2 stands beside a prestress",
+            "2 is given together with a prestress",
         ),
         (bar("pin", "b", [0, 0], "g", [0, 0], tension=1.0), "shear: a pin without shear capacity"),
         (bar("rope", "b", [0, 1], "g", [0, 0], tension=1.0), 'kind: "rope" is wrong'),

@@ -268,7 +268,7 @@ def test_mechanism_moves_elements_by_scale_times_velocity(wall: LimitAnalysisRes
     assert np.hypot(*corners.T).max() <= marks.REACH * assembly.size * (1.0 + 1e-9)
 
 
-def test_rocking_sliding_and_cracking_are_told_apart(beam: LimitAnalysisResult) -> None:
+def test_rocking_sliding_and_cracking_are_distinguished(beam: LimitAnalysisResult) -> None:
     rocking = solve(block_on_ground(PUSH, angle=45.0))
     kinds, places = marks.movements(rocking)
     assert kinds == (marks.MovementSign.HINGE,)
@@ -321,7 +321,7 @@ def test_nothing_is_drawn_over_the_structure(name: str) -> None:
     ("status", "word"),
     [(Status.LOCKED, "no live load"), (Status.UNSTABLE, "does not stand"), (Status.UNCERTIFIED, "proven")],
 )
-def test_results_without_mechanism_say_so(status: Status, word: str) -> None:
+def test_results_without_mechanism_are_drawn_with_a_note(status: Status, word: str) -> None:
     nan = float("nan")
     result = outcome(block_on_ground(PUSH), status=status, load_factor=nan, bracket=(nan, nan), gap=nan)
     figure = figure_of_result(result)

@@ -44,7 +44,7 @@ def test_a_solver_is_handed_in(condense: str) -> None:
     assert found.load_factor == pytest.approx(solve(assembly).load_factor, rel=1e-7)
 
 
-def test_a_result_says_what_was_modelled() -> None:
+def test_a_result_has_the_options_of_its_model() -> None:
     assembly = cases_spatial.assembly(cases_spatial.wall(3, 2))
     given = {"contact": "concave", "inner_bending": "kern", "condense": "off", "gap": 1e-5}
     found = solve(assembly, **given)
@@ -59,12 +59,12 @@ def test_a_result_says_what_was_modelled() -> None:
     [
         ({"contact": "glued"}, "contact: no contact is named 'glued'"),
         ({"inner_bending": "elastic"}, "uncoupled or kern"),
-        ({"effective_area": True, "contact": "concave"}, "points have no area"),
-        ({"gap": 0.0}, "gap: 0 is no width"),
+        ({"effective_area": True, "contact": "concave"}, "point contacts have no effective area"),
+        ({"gap": 0.0}, "gap: 0 is no relative width"),
         ({"solver": "simplex"}, "no solver is named"),
     ],
 )
-def test_options_that_are_none(options: dict[str, object], said: str) -> None:
+def test_invalid_options_are_refused(options: dict[str, object], said: str) -> None:
     with pytest.raises(InputError, match=said):
         solve(grid_assembly(["aa", "##"]), **options)
 

@@ -100,7 +100,7 @@ REFUSED = [
     ({"face": {"between": ["ground", "outside"]}, "pressure": 1.0}, "is a support"),
     ({"face": {"between": ["b", "outside"]}, "pressure": [0.0, 1.0]}, "the pressure varies"),
     ({"face": {}, "pressure": 1.0}, "it names no place"),
-    ({"face": {"between": ["b", "outside"], "along": [[0, 0], [0, 2]]}, "pressure": 1.0}, "stands beside"),
+    ({"face": {"between": ["b", "outside"], "along": [[0, 0], [0, 2]]}, "pressure": 1.0}, "is given together with"),
     ({"face": {"between": ["b", "outside"]}}, "missing"),
     ({"face": {"between": ["b", "outside"]}, "pressure": 1.0, "force": [0, 1]}, "force"),
 ]

@@ -128,5 +128,5 @@ def test_bad_pushes_are_one_line(pushes: dict[str, Any], message: str) -> None:
 def test_pushes_stand_beside_no_live_load() -> None:
     scene = block(0.3, {"directions": 2})
     scene["loads"]["live"] = [{"body": [1, 0]}]
-    with pytest.raises(InputError, match=r'loads\.live: it stands beside "pushes"'):
+    with pytest.raises(InputError, match=r'loads\.live: it is given together with "pushes"'):
         parse_scene(scene)

@@ -88,7 +88,7 @@ def test_refining_again_with_the_same_seed_is_the_same() -> None:
     assert one.fingerprint == two.fingerprint != other.fingerprint
 
 
-def test_old_joints_stay_as_asked() -> None:
+def test_labels_of_old_joints_follow_the_option() -> None:
     """By block: only cells within old blocks are open. By material: faces between densities stay dry."""
     document = WALL.model_dump(mode="json", exclude_defaults=True)
     for k, entry in enumerate(document["elements"]):
@@ -172,7 +172,7 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: py
     assert not bad.exists()
 
 
-def test_what_cannot_be_refined_is_said() -> None:
+def test_scenes_that_cannot_be_refined_are_refused() -> None:
     ell = [[0, 0, 0], [2, 0, 0], [2, 0, 1], [1, 0, 1], [1, 0, 2], [0, 0, 2]]
     ell += [[x, 1, z] for x, _, z in ell]
     faces = [[0, 1, 2, 3, 4, 5], [11, 10, 9, 8, 7, 6], *[[(k + 1) % 6, k, 6 + k, 6 + (k + 1) % 6] for k in range(6)]]

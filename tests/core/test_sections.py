@@ -159,7 +159,7 @@ def test_kern_rows_of_a_rectangle() -> None:
     np.testing.assert_allclose(np.abs(rows), np.tile([1.0, 6.0 / b, 6.0 / a], (4, 1)), rtol=1e-13)
 
 
-def test_rectangles_are_told_from_what_only_looks_like_one() -> None:
+def test_rectangles_are_distinguished_from_similar_quadrilaterals() -> None:
     turn = np.array([[0.6, 0.8], [-0.8, 0.6]])
     trapezoid = np.array([[0.0, 0.0], [2.0, 0.0], [1.9, 1.0], [0.1, 1.0]])
     rhombus = np.array([[0.0, 0.0], [1.0, 0.3], [1.3, 1.3], [0.3, 1.0]])

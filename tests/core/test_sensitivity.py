@@ -102,7 +102,7 @@ def test_of_the_case_that_governs() -> None:
     assert sensitivities(result)["friction_coefficient"].derivative == pytest.approx(0.5, rel=1e-6)
 
 
-def test_nothing_is_said_where_there_is_no_program() -> None:
+def test_no_sensitivities_without_a_program() -> None:
     assembly = grid_assembly(["a", "#"], friction=0.6)
     assert sensitivities(solve(assembly, friction="zero-dilation")) == {}
     assert sensitivities(solve(grid_assembly(["aaa", "#.#"], tension=0.0, shear=0.0))) == {}
@@ -136,7 +136,7 @@ def test_no_rate_towards_friction_that_locks() -> None:
     assert math.isnan(found.derivative)
 
 
-def test_rates_that_multipliers_and_steps_do_not_agree_on_are_not_told() -> None:
+def test_rates_are_unknown_where_multipliers_and_steps_disagree() -> None:
     """Multipliers are not unique in this scene with friction of 45°: they said 0.65 where both sides are 0.5."""
     assembly, labels = drawn(9075)
     result = solve(assembly, labels)

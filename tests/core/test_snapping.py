@@ -94,7 +94,7 @@ def test_there_are_no_chains() -> None:
     assert np.abs(points - first[node]).max() <= 1.0
 
 
-def test_what_is_thinner_than_the_tolerance_is_named() -> None:
+def test_elements_thinner_than_the_tolerance_are_reported() -> None:
     found = snap_polygons([square(0, 0), square(3, 0, 1.0, 1e-4)], 1e-3)
     assert found.collapsed == (1,)
 

@@ -63,7 +63,7 @@ def test_several_pieces_and_nodes_of_different_sizes() -> None:
     np.testing.assert_allclose(fronts.factor(dense[row, column]).solve(rhs), np.linalg.solve(dense, rhs), rtol=1e-10)
 
 
-def test_refuses_what_is_not_positive_definite() -> None:
+def test_an_indefinite_matrix_is_refused() -> None:
     rows, columns, places = grid_edges(12, 10)
     matrix = matrix_of(rows, columns, 120, 1, seed=4)
     row, column = matrix.coords

@@ -81,7 +81,7 @@ def test_a_head_joint_opened_by_a_micrometre_is_closed(ideal: tuple[set[tuple[st
     assert solve(assembly).load_factor == pytest.approx(ideal[1], rel=1e-4)
 
 
-def test_what_nearly_touches_is_a_warning() -> None:
+def test_elements_that_nearly_touch_are_a_warning() -> None:
     document = wall()
     for element in document["elements"]:
         if element["id"] == "c0b1":  # a head joint of 0.1 mm, open beyond the default

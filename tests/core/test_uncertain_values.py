@@ -76,7 +76,7 @@ def test_wrong_distributions_of_loads_are_one_line(force: Any) -> None:
         parse_scene(block(force=force))
 
 
-def test_the_mean_stands_for_a_value_and_a_note_says_so(jld: Command, tmp_path: Path) -> None:
+def test_uncertain_values_are_taken_at_their_means_with_a_note(jld: Command, tmp_path: Path) -> None:
     """Elsewhere than in a reliability analysis λ is that of the means: μ W / H."""
     scene = parse_scene(block(vary(0.6), [vary(6000.0), 0.0]))
     assembly = build_assembly(scene)

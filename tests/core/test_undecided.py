@@ -61,7 +61,7 @@ def crushed() -> Assembly:
 
 
 @pytest.mark.parametrize("name", [*CASES, "in space", "crushed in space"])
-def test_bound_holds_for_all_labellings_it_speaks_of(name: str) -> None:
+def test_bound_holds_for_all_labellings_of_the_partial_one(name: str) -> None:
     assembly = assemblies()[name]
     analysis = LimitAnalysis(assembly)
     relaxation = Relaxation(analysis)
@@ -166,7 +166,7 @@ def test_a_face_that_may_crush_is_taken_as_its_hull() -> None:
 
 
 @pytest.mark.parametrize("name", ["wall", "crushable wall", "in space"])
-def test_many_at_once_are_refuted_as_one_by_one(name: str) -> None:
+def test_a_batch_is_refuted_as_one_by_one(name: str) -> None:
     assembly = assemblies()[name]
     relaxation = Relaxation(LimitAnalysis(assembly))
     rng = np.random.default_rng(2)
@@ -204,7 +204,7 @@ def memory_grown() -> tuple[int, int]:
 
 
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="the system does not say what memory is in use")
-def test_what_is_kept_of_shrunk_labellings_does_not_keep_workspaces() -> None:
+def test_stored_conflicts_do_not_keep_workspaces_in_memory() -> None:
     """Small arrays that outlive each call: workspaces between them were lost to the heap, 78 MB in these 60 calls.
 
     In a process of its own: what other tests left of the heap is not this one's to answer for.

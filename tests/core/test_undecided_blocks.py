@@ -220,13 +220,13 @@ def test_in_space_blocks_bound_closer_than_faces() -> None:
 def test_confined_assemblies_have_no_relaxation_by_blocks() -> None:
     analysis = LimitAnalysis(grid_assembly(["#aa#"], live=DOWN))
     assert not applies_to(analysis)
-    with pytest.raises(TypeError, match="relaxation by blocks"):
+    with pytest.raises(TypeError, match="block relaxation does not apply"):
         BlockRelaxation(analysis, [(0,), (1,)], [(), ()])
     # unless all of their joints give way
     assert applies_to(LimitAnalysis(grid_assembly(["#aa#"], live=DOWN, crush_dry=1e5, crush_inner=1e5)))
 
 
-def test_the_kernel_proves_what_the_solver_does(case: Case) -> None:
+def test_the_batch_solver_proves_the_same_as_clarabel(case: Case) -> None:
     assert case.wedges or not case.relaxation.batched
     if not case.relaxation.batched:
         pytest.skip("no kernel, or faces that are no wedges")

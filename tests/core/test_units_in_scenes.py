@@ -55,7 +55,7 @@ def test_texts_become_numbers_of_the_units_of_the_scene() -> None:
     assert one.cohesion == pytest.approx(5e-6, rel=1e-14)
 
 
-def test_a_mass_stands_for_its_weight() -> None:
+def test_a_mass_in_place_of_a_force_is_its_weight() -> None:
     live = build_assembly(parse_scene(scene(force=[0.0, "-1 t"], at=[0.5, 1.0], moment=0.0))).live
     assert live[1] == pytest.approx([0.0, -9810.0, 0.0], abs=1e-9)
 

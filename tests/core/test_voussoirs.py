@@ -180,7 +180,7 @@ def test_a_vault_is_cut_by_voussoirs_and_courses() -> None:
         assert new.elements.volume[free].sum() == pytest.approx(old.elements.volume[0], rel=1e-9)
 
 
-def test_a_frustum_is_no_prism() -> None:
+def test_a_frustum_is_refused_as_a_prism() -> None:
     """A solid whose two caps differ has no profile, and is refused by its name."""
     vertices = [[x, y, z] for z, r in ((0.0, 1.0), (1.0, 0.5)) for x, y in ((-r, -r), (r, -r), (r, r), (-r, r))]
     sides = [[i, (i + 1) % 4, 4 + (i + 1) % 4, 4 + i] for i in range(4)]

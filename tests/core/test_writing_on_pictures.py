@@ -87,7 +87,7 @@ def test_an_animation_needs_an_ending_and_a_mechanism(tmp_path: Path, monkeypatc
     assert not (tmp_path / "m.gif").exists()
 
 
-def test_jld_plot_writes_what_it_is_asked_for(
+def test_jld_plot_writes_the_requested_format(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(animation, "FRAMES", 2)
@@ -121,7 +121,7 @@ def test_the_rules_of_drawing_are_those_of_the_pictures() -> None:
         assert annotations.MEANING[kind] == found["movements"][str(kind)]["meaning"]
 
 
-def test_numbers_in_space_stand_on_what_is_seen_of_their_block() -> None:
+def test_numbers_in_space_stand_on_visible_parts_of_their_blocks() -> None:
     """A cube is numbered on one of its faces; a small one behind it, which it hides, has no number."""
     document = samples.corner().model_dump(mode="json", exclude_defaults=True)
     document["elements"] = [

@@ -209,7 +209,7 @@ def test_dissipation_is_the_support_function(name: str, bending: InnerBending) -
 
 
 @pytest.mark.parametrize(("name", "bending"), CASES)
-def test_recession_cone_is_what_can_be_added_for_ever(name: str, bending: InnerBending) -> None:
+def test_recession_cone_contains_the_directions_without_a_bound(name: str, bending: InnerBending) -> None:
     built, sets = faces_under(name, bending, COPIES)
     rng = np.random.default_rng(7)
     for labels in labellings(len(built.interfaces)):
@@ -315,7 +315,7 @@ def test_program_equals_second_statement(variant: str) -> None:
     assert value == pytest.approx(load_factor(scene, kern=bending == "kern"), rel=1e-7)
 
 
-def test_variants_that_stand_by_strength_fall_without_it() -> None:
+def test_structures_that_stand_by_strength_fall_without_it() -> None:
     """The strengths above are at work: kern form and less strength give less, or nothing that stands."""
     built = build_assembly(parse_scene(variant_document("glued")))
     assert ClarabelSolver().solve(template(built, "kern").program(built.labels)).status is RawStatus.INFEASIBLE

@@ -124,7 +124,7 @@ def certifier(assembly: Assembly, high: float, slack: float = 1e-8) -> tuple[Mod
     return modes, region, bounded, Certifier(bounded, region, slack)
 
 
-def test_certificate_refuses_what_is_not_true() -> None:
+def test_certificate_of_a_false_bound_is_refused() -> None:
     assembly = build_assembly(halved_bond(2, 2))
     scale = LimitAnalysis(assembly).template.scaling.load
     modes, region, bounded, check = certifier(assembly, 0.66 / scale)
@@ -211,7 +211,7 @@ def solutions(assembly: Assembly) -> tuple[Modes, list[Floats]]:
 @pytest.mark.parametrize(
     "assembly", [build_assembly(OPENED), grid_assembly(["ab", "cc", "##"])], ids=["opened", "grid"]
 )
-def test_what_loops_say_of_slides_holds_in_solutions(assembly: Assembly) -> None:
+def test_conditions_of_loops_hold_in_solutions(assembly: Assembly) -> None:
     modes, mechanisms = solutions(assembly)
     assert len(modes.loops) > 0
     # around a loop the jumps add up to nothing: the two forms of a pair differ by an identity
@@ -255,7 +255,7 @@ def test_loops_of_a_bond_tie_slides_to_the_joint_between() -> None:
     assert abs(values) == pytest.approx(np.ones(len(values)), abs=1e-9)
 
 
-def test_a_loop_that_is_not_one_proves_nothing() -> None:
+def test_a_false_loop_proves_nothing() -> None:
     """What the identity of a loop leaves is charged: coefficients off by a hundredth bring no bound above the truth."""
     assembly = build_assembly(halved_bond(2, 2))
     scale = LimitAnalysis(assembly).template.scaling.load

@@ -180,7 +180,7 @@ def test_a_gain_compares_like_with_like(wall: Path) -> None:
     assert gain_of(Design(options, outline, wall.parent, trials=[known, best])) == pytest.approx(2.5)
 
 
-def test_what_fields_deny_is_not_claimed_by_faces(wall: Path) -> None:
+def test_a_gain_by_faces_that_fields_refute_is_not_claimed(wall: Path) -> None:
     """An upper bound by fields below λ by faces takes the claim away, and ranks the layout by what it can carry."""
     options = DesignOptions(**ASKED)
     outline = read_outline(wall, options)

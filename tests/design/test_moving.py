@@ -69,7 +69,7 @@ def test_a_moved_layout_is_weighed_with_its_own_materials(wall: Scene) -> None:
     assert again[1] >= found.fields[0] * (1.0 - 1e-9)
 
 
-def test_what_rounds_find_is_never_lost(wall: Scene, tmp_path: Path) -> None:
+def test_results_of_earlier_rounds_are_kept(wall: Scene, tmp_path: Path) -> None:
     """The winner after the rounds has the largest proven λ of all layouts that were moved, and more than at first."""
     assembly = build_assembly(wall)
     faces = solve(wall).bracket

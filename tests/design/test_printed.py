@@ -226,7 +226,7 @@ def test_drawings_speak_the_language_of_the_page(language: str) -> None:
     assert ax.xaxis.get_major_formatter()(0.5, 0) == "0,5"
 
 
-def test_a_stronger_uncut_structure_is_said_too() -> None:
+def test_a_stronger_uncut_structure_is_reported() -> None:
     """By faces the cuts win, by fields they lose: the page has both sentences."""
     own = layout(["aabb", "accb", "#..#"])
     page = texts(pages_of(Printed(own, (5.0, 7.1), (12.0, 12.0), "collapse", uncut=11.5, uncut_by_fields=7.2)))

@@ -88,7 +88,7 @@ def test_the_command_writes_where_stones_lie(jld: Command, tmp_path: Path) -> No
         (["--pdf", "--stock", "1,2"], "--stock: '1,2' is wrong"),
         (["--pdf", "--stock", "1,2,x"], "--stock: '1,2,x' is wrong"),
         (["--zip", "--stock", "1,2,3"], "--stock: stones are placed beside the cutting list"),
-        (["--pdf", "--kerf", "3"], "--kerf: it stands without"),
+        (["--pdf", "--kerf", "3"], "--kerf: it is given without"),
         (["--pdf", "--stock", "1,1,1"], "mm does not fit into 1 × 1 × 1 mm"),
         (["--pdf", "--stock=-1,1,1"], "--stock: a side is not above 0"),
         (["--pdf", "--stock", "9000,9000,9000", "--kerf=-1"], "--kerf: it is no width of a cut"),

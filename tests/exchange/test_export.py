@@ -421,7 +421,7 @@ def test_commands_take_a_rank(
     assert not list(tmp_path.glob("no*"))
 
 
-def test_what_a_format_cannot_hold_is_said(tmp_path: Path) -> None:
+def test_values_that_a_format_cannot_hold_are_reported(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="spatial"):
         export(layout(CASES["cubes"][0]), "svg", tmp_path / "no.svg")
     bent = parse_scene(

@@ -223,7 +223,7 @@ def noise(path: Path) -> None:
         (out_of_range, "obj", ["names vertex 99", "1 to 3"]),
         (nan, "obj", ["no number"]),
         (overlapping, "obj", ["overlap"]),
-        (endless, "obj", ["more faces than"]),
+        (endless, "obj", ["too many faces"]),
         (noise, "obj", ["bad.obj"]),
         (noise, "ply", ["PLY header"]),
         (noise, "stl", ["promises"]),

@@ -274,7 +274,7 @@ def far(model: Model) -> None:
     ],
     ids=lambda value: getattr(value, "__name__", None),
 )
-def test_what_cannot_be_read_gets_one_line(
+def test_unreadable_files_are_refused_in_one_line(
     make: Callable[[Model], None], words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip

@@ -32,7 +32,7 @@ def scene(tmp_path: Path, rows: list[str], live: list[dict[str, object]]) -> Pat
 Patch, Capture = pytest.MonkeyPatch, pytest.CaptureFixture[str]
 
 
-def test_one_scene_into_a_folder(tmp_path: Path, monkeypatch: Patch, capsys: Capture) -> None:
+def test_an_experiment_writes_its_folder(tmp_path: Path, monkeypatch: Patch, capsys: Capture) -> None:
     path = scene(tmp_path, ["aab", "acc", "###"], [{"body": [1, 0]}])
     out = tmp_path / "out"
     options = ("--inner", "plastic", "--dilation", "friction", "--out", out, "--json")
@@ -51,7 +51,7 @@ def test_one_scene_into_a_folder(tmp_path: Path, monkeypatch: Patch, capsys: Cap
     assert (out / "experiment.png").stat().st_size > 20_000
 
 
-def test_what_does_not_stand(tmp_path: Path, monkeypatch: Patch, capsys: Capture) -> None:
+def test_structures_that_do_not_stand(tmp_path: Path, monkeypatch: Patch, capsys: Capture) -> None:
     path = scene(tmp_path, ["aa", "#."], [{"element": "c1r0", "force": [0, -1]}])
     path.write_text(path.read_text("utf-8").replace("20000.0", "10.0"), "utf-8")
     done = call(monkeypatch, capsys, "experiment", path, "--json", "--out", tmp_path / "out")

@@ -75,7 +75,7 @@ def test_search_by_experiment(tmp_path: Path) -> None:
     assert len(carried) > facts["runs"]
 
 
-def test_none_better_states_what_it_assumes(tmp_path: Path, monkeypatch: Patch) -> None:
+def test_a_claim_by_experiment_states_its_assumption(tmp_path: Path, monkeypatch: Patch) -> None:
     """λ of untested layouts bounds them only by assumption; one tested layout above its λ ends the claim."""
     carried = {"share": 0.999}
 

@@ -100,7 +100,7 @@ def test_a_corner_that_meets_another_block_presses(turn: float | None) -> None:
 
 
 @SPACES
-def test_what_slides_off_its_face_is_carried_no_more(turn: float | None) -> None:
+def test_a_block_that_slid_off_its_face_is_no_longer_carried(turn: float | None) -> None:
     """A block on a base as long as itself tips once its middle has slid past the end: λ falls from μ."""
     document = block(1.0, 0.2)
     document["elements"][1]["polygon"] = [[0, -1], [1, -1], [1, 0], [0, 0]]

@@ -236,7 +236,7 @@ def test_invariance() -> None:
     assert mixed.collapse_load == pytest.approx(base, rel=1e-3)
 
 
-def test_what_cannot_give_way_is_said_to_rise() -> None:
+def test_a_locked_structure_has_no_collapse_load() -> None:
     """A cell between fixed supports is locked: no push ends, and no collapse load is made up."""
     scene = parse_scene(
         {

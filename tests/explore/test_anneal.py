@@ -56,7 +56,7 @@ def test_a_face_that_moves_is_joined() -> None:
 
 
 @pytest.mark.long
-def test_it_reaches_what_is_proven(tmp_path: Path) -> None:
+def test_the_driver_reaches_the_proven_best(tmp_path: Path) -> None:
     scene = parse_scene(grid_document(WALL, **OPTIONS))
     proven = explore(scene, tmp_path / "exact", ExploreSettings(driver="exact", pictures=False)).summary.facts
     settings = ExploreSettings(driver="anneal", budget=600, pictures=False, options={"chains": 8})

@@ -53,7 +53,7 @@ def kernel(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyP
 
 
 @pytest.mark.parametrize("name", ["wall", "beam", "overhang", "arch", "no friction", "crushable arch", "pressed"])
-def test_all_at_once_is_one_by_one(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_evaluation_in_a_batch_equals_evaluation_one_by_one(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     rows, options = CASES[name]
     assembly = build_assembly(parse_scene(grid_document(rows, **options)))
     dice = np.random.default_rng(2)
@@ -72,7 +72,7 @@ def test_all_at_once_is_one_by_one(name: str, monkeypatch: pytest.MonkeyPatch) -
             assert math.isnan(found.load_factor)
 
 
-def test_kernel_is_asked_where_it_settles() -> None:
+def test_the_batch_solver_is_used_where_it_settles() -> None:
     wall, pressed = (build_assembly(parse_scene(grid_document(*CASES[name][:1]))) for name in ("wall", "beam"))
     assert Evaluator(wall, SETTINGS).settles_nearly_all
     assert Evaluator(pressed, SETTINGS).settles_nearly_all

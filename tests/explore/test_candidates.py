@@ -90,7 +90,7 @@ def test_kept_pairs_are_fixed_whatever_their_label_was() -> None:
         (
             SQUARE,
             {"keep": {"dry": [["c0r0", "c1r0"]], "inner": [["c1r0", "c0r0"]]}},
-            "search.keep: the pair 'c0r0', 'c1r0' stands under both dry and inner",
+            "search.keep: the pair 'c0r0', 'c1r0' is listed under both dry and inner",
         ),
         (
             SQUARE,

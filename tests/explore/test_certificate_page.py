@@ -109,7 +109,7 @@ def test_the_checker_agrees_with_verify(name: str, tmp_path: Path) -> None:
         ("kept", "search.keep"),
     ],
 )
-def test_what_the_checker_does_not_know_it_names(name: str, words: str, tmp_path: Path) -> None:
+def test_keys_unknown_to_the_checker_are_named(name: str, words: str, tmp_path: Path) -> None:
     done = checked(written(SCENES[name], tmp_path))
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr.startswith("refused: ")
@@ -147,7 +147,7 @@ CHANGES: dict[str, Callable[[list[dict[str, Any]]], object]] = {
 
 
 @pytest.mark.parametrize("name", CHANGES)
-def test_both_refuse_what_was_changed(name: str, tall: list[dict[str, Any]], tmp_path: Path) -> None:
+def test_both_checkers_refuse_changed_certificates(name: str, tall: list[dict[str, Any]], tmp_path: Path) -> None:
     lines = json.loads(json.dumps(tall))
     CHANGES[name](lines)
     path = rewritten(lines, tmp_path / "changed.jld")

@@ -78,7 +78,7 @@ def test_the_race_is_right(raced: Exploration) -> None:
     assert (pruned["bracket_hi"] < best).all()
 
 
-def test_the_words_of_a_race(raced: Exploration) -> None:
+def test_summary_text_of_a_race(raced: Exploration) -> None:
     facts = words.facts_of_exploration(read_folder(raced.folder))
     assert "by fields" in facts["cracks"]
     assert "proven to within" in facts["best λ"]
@@ -92,7 +92,7 @@ def test_jobs_do_not_matter(raced: Exploration, tmp_path: Path, monkeypatch: pyt
     pd.testing.assert_frame_equal(raced.results[columns], other.results[columns])
 
 
-def test_what_processes_are_sent_can_be_sent(raced: Exploration) -> None:
+def test_data_for_processes_can_be_pickled(raced: Exploration) -> None:
     setting = FieldSetting.of(raced.assembly)
     again = cloudpickle.loads(cloudpickle.dumps(setting))
     labels = from_string(str(raced.results["labelling"][0]))
@@ -179,7 +179,7 @@ def test_a_candidate_of_one_face_changes_nothing(tmp_path: Path) -> None:
     pd.testing.assert_frame_equal(cells.results[columns], faces.results[columns], check_exact=True)
 
 
-def test_what_knows_faces_alone_is_refused(tmp_path: Path) -> None:
+def test_options_for_cracks_by_faces_alone_are_refused(tmp_path: Path) -> None:
     cells = {"kind": "cells", "cell": 0.05}
     for cracks, more in (
         (cells, {"driver": "exact"}),

@@ -70,7 +70,7 @@ def _in_threads(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("_in_threads")
 @pytest.mark.parametrize("name", SCENES)
-def test_two_prove_what_one_does(name: str, tmp_path: Path) -> None:
+def test_two_processes_prove_the_same_as_one(name: str, tmp_path: Path) -> None:
     scene = scene_of(*SCENES[name])
     for aim in ("best", "front"):
         one, _ = prove(scene, tmp_path / f"one {aim}", SOLO_PROGRAMS, aim=aim, by_blocks="off")
@@ -129,7 +129,7 @@ def test_two_threads_prove_the_same_and_hand_over_to_others(tmp_path: Path, monk
 
 
 @pytest.mark.skipif(chosen() is None, reason="without a kernel there is one thread")
-def test_what_breaks_in_a_thread_is_heard_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_exception_in_a_thread_is_raised(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(*_: Any) -> None:
         raise ArithmeticError("of a thread")
 
@@ -193,7 +193,7 @@ def test_workers_are_at_work_once_one_has_answered(monkeypatch: pytest.MonkeyPat
     workers.close(0.0)
 
 
-def test_parts_of_a_cube_are_all_of_it() -> None:
+def test_parts_of_a_cube_cover_it() -> None:
     scene = scene_of(["aaa", "aaa", "###"], WEAK)
     space = search_space(scene, build_assembly(scene))
     every = Formula(space, None)

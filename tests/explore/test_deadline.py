@@ -103,7 +103,7 @@ def hidden(cases: int = 10) -> Any:
     return parse_scene(document)
 
 
-def test_counting_a_space_knows_the_clock() -> None:
+def test_counting_a_space_ends_at_the_deadline() -> None:
     """It took 150 s in 0.2, whatever --seconds said."""
     scene = hidden()
     space = search_space(scene, build_assembly(scene))
@@ -137,7 +137,7 @@ class Stubborn(Driver):
         """Nothing to learn."""
 
 
-def test_a_driver_of_ones_own_is_ended_as_well(tmp_path: Path) -> None:
+def test_an_own_driver_ends_at_the_deadline(tmp_path: Path) -> None:
     scene = samples.grid(columns=3, rows=2)
     driver = Stubborn(search_space(scene, build_assembly(scene)))
     settings = ExploreSettings(driver=driver, seconds=1.0, jobs=1, small=0, pictures=False)
@@ -250,7 +250,7 @@ def test_a_layout_of_tight_limits_is_constructed(search: dict[str, Any]) -> None
     assert np.array_equal(found, canonical(found, space.group))
 
 
-def test_limits_that_no_layout_keeps_are_proven_so(tmp_path: Path) -> None:
+def test_limits_that_no_layout_keeps_are_proven_to_be_empty(tmp_path: Path) -> None:
     """Enumeration agrees; a search says so in one line, and not that there was no time."""
     document = samples.arch(voussoirs=7, rings=1).model_dump(mode="json", exclude_defaults=True, by_alias=True)
     scene = parse_scene({**document, "search": {"block_cells": [1, 3], "shapes": [None, 1]}})
@@ -283,7 +283,7 @@ def test_constructed_layouts_are_those_of_brute_force(low: int, high: int) -> No
     assert (first_layout(space).shape[0] == 1) is bool(truth)
 
 
-def test_a_formula_knows_the_clock() -> None:
+def test_solving_a_formula_ends_at_the_deadline() -> None:
     """The solver stops after a number of conflicts and looks at the clock, however hard the formula is."""
     holes = 9
     scene = parse_scene(grid_document(["aaa", "aaa", "###"], block_cells=[1, 2]))

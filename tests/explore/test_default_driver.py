@@ -32,7 +32,7 @@ def test_a_proof_begins_with_the_genetic_driver() -> None:
 
 
 @pytest.mark.usefixtures("without_pictures", "without_field_check")
-def test_the_proof_is_that_of_the_exact_driver(tmp_path: Path) -> None:
+def test_the_default_driver_proves_the_same_as_exact(tmp_path: Path) -> None:
     """With and without the start the same λ is proven, that of enumeration."""
     scene = parse_scene(grid_document(ROWS, block_cells=[2, 4]))
     found = [

@@ -286,7 +286,7 @@ def test_large_spaces_are_called_large_at_once() -> None:
     assert len(Enumeration(space).ask(5)) == 5
 
 
-def test_a_space_of_one() -> None:
+def test_a_space_with_one_labelling() -> None:
     space = grid_space(["a", "#"])
     driver = Enumeration(space)
     assert driver.count() == Tally(1, 1)

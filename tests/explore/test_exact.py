@@ -83,7 +83,7 @@ def enumerated(tmp_path_factory: pytest.TempPathFactory) -> Enumerated:
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_exact_is_enumeration(name: str, tmp_path: Path, enumerated: Enumerated) -> None:
+def test_exact_proves_the_same_as_enumeration(name: str, tmp_path: Path, enumerated: Enumerated) -> None:
     rows, options = SCENES[name]
     every = enumerated(rows, options)
     found = search(rows, options, tmp_path / "exact", "exact", aim="front")
@@ -144,7 +144,7 @@ def _boxes(size: tuple[int, int, int], **materials: Any) -> dict[str, Any]:
         ),
     ],
 )
-def test_exact_is_enumeration_in_space(
+def test_exact_proves_the_same_as_enumeration_in_space(
     size: tuple[int, int, int], limits: dict[str, Any], inner: dict[str, Any], tmp_path: Path
 ) -> None:
     crush = {key: value for key, value in inner.items() if key == "compressive_strength"}
@@ -227,7 +227,7 @@ def test_segmentations_are_exact_covers(options: dict[str, Any]) -> None:
     assert covers(frozenset(free)) == Enumeration(space).count().labellings
 
 
-def test_stopped_it_reports_its_gap_and_goes_on(tmp_path: Path) -> None:
+def test_a_stopped_proof_reports_its_gap_and_continues(tmp_path: Path) -> None:
     rows, options = [*["aaaa"] * 4, "####"], {"block_cells": [1, 2], "tension": 5e3, "shear": 5e3}
     # conflicts of faces alone
     first = search(rows, options, tmp_path, "exact", by_blocks="off", programs=60)
@@ -302,7 +302,7 @@ def test_the_proof_alone_finds_the_best(name: str, tmp_path: Path, enumerated: E
         *((name, 10) if name in BEGUN else pytest.param(name, 10, marks=pytest.mark.long) for name in TREES),
     ],
 )
-def test_the_tree_of_blocks_leaves_nothing_stronger(
+def test_the_tree_of_blocks_proves_the_optimum(
     name: str, searched: int, tmp_path: Path, enumerated: Enumerated
 ) -> None:
     rows, options = {
@@ -376,7 +376,7 @@ def test_a_tree_that_was_stopped_goes_on(tmp_path: Path) -> None:
     assert rest["best"] == pytest.approx(whole["best"], rel=1e-9)
 
 
-def test_whole_blocks_bound_the_root_unless_a_certificate_has_to_say_so() -> None:
+def test_the_block_relaxation_bounds_the_root_except_for_certificates() -> None:
     """Walls of blocks of two: 0.75 = µ face by face, less where a block is one body; the optimum is below either."""
     options = {"block_cells": [1, 2], "tension": 2e4, "shear": 2e4, "friction": 0.75}
     scene = parse_scene(grid_document(["aaaa"] * 5 + ["####"], **options))
@@ -413,7 +413,7 @@ def test_a_front_that_was_enumerated_is_reported(tmp_path: Path) -> None:
     assert all(row["proven"] for row in found.summary.facts["best_by_count"])
 
 
-def test_it_asks_no_more_than_it_may(tmp_path: Path) -> None:
+def test_the_exact_driver_keeps_the_budget(tmp_path: Path) -> None:
     """Labellings that nothing refutes come up several at a time; a budget is kept all the same."""
     rows, options = SCENES["weak"]
     for budget in (1, 4, 9):

@@ -54,7 +54,7 @@ def test_without_a_check_there_are_no_columns(tmp_path: Path) -> None:
     assert "fields" not in done.summary
 
 
-def test_a_time_limit_leaves_it_out_in_a_sentence(tmp_path: Path) -> None:
+def test_a_time_limit_skips_the_check_by_fields_with_a_sentence(tmp_path: Path) -> None:
     done = searched(tmp_path / "a", seconds=0.0)
     assert done.summary["fields"]["skipped"]
     assert done.results["fields_lo"].isna().all()

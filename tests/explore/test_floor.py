@@ -39,7 +39,7 @@ def test_floor_is_the_best_with_as_good_a_count() -> None:
     assert floor.thresholds(rows).tolist() == [7.0, 7.0, 7.0, 1.0]
 
 
-def test_a_bound_is_no_number_and_guides_drivers() -> None:
+def test_an_evaluation_by_a_bound_has_no_load_factor_and_guides_drivers() -> None:
     found = Evaluation(Status.UNCERTIFIED, NAN, 3.0, 2.9, settled=BOUND)
     assert np.isnan(found.load_factor)
     assert comparison_value(found) == 3.0

@@ -104,7 +104,7 @@ def test_crowding_is_that_of_the_definition() -> None:
     assert 0.0 < distances["d"] < distances["1"] < np.inf
 
 
-def test_what_has_no_number_ranks_below_all_that_have() -> None:
+def test_layouts_without_a_load_factor_rank_last() -> None:
     nan = float("nan")
     kinds = [
         Evaluation(Status.COLLAPSE, 2.0, 2.0, 2.0),

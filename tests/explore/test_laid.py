@@ -40,7 +40,7 @@ def scene_of(rows: list[str], *, assemble: str | None = None, friction: float = 
 
 
 @pytest.mark.parametrize("rows", [NECK, HOOKS, LID])
-def test_a_lock_speaks_for_others_and_never_wrongly(rows: list[str]) -> None:
+def test_a_lock_refutes_other_labellings_and_never_a_possible_one(rows: list[str]) -> None:
     scene = scene_of(rows, **WIDE)
     assembly = build_assembly(scene)
     space = search_space(scene, assembly)
@@ -94,7 +94,7 @@ def test_exact_is_brute_force(rows: list[str], assemble: Any, search: dict[str, 
 
 
 @pytest.mark.parametrize("driver", ["random", "genetic", "hillclimb"])
-def test_every_driver_keeps_it(driver: str, tmp_path: Path) -> None:
+def test_every_driver_keeps_the_assembly_constraint(driver: str, tmp_path: Path) -> None:
     scene = scene_of(LID, assemble="translation", **WIDE)
     done = explore(scene, tmp_path / "out", ExploreSettings(pictures=False, driver=driver, budget=40))
     assembly = build_assembly(scene)
@@ -102,7 +102,7 @@ def test_every_driver_keeps_it(driver: str, tmp_path: Path) -> None:
     assert len(done.results) == 40
 
 
-def test_what_cannot_be_laid_in_its_plane_is_laid_from_the_side(tmp_path: Path) -> None:
+def test_a_wall_that_cannot_be_laid_in_its_plane_is_laid_from_the_side(tmp_path: Path) -> None:
     rows = ["####", "#aa#", "#aa#", "####"]
     with pytest.raises(InputError, match="no layout can be laid; expected assemble_out_of_plane"):
         explore(scene_of(rows, assemble="translation"), tmp_path / "in")
@@ -120,13 +120,13 @@ def test_load_cases_do_not_matter_to_laying() -> None:
     assert [s.stage.stands for s in with_cases.steps] == [s.stage.stands for s in without.steps]
 
 
-def test_a_certificate_knows_nothing_of_laying(tmp_path: Path) -> None:
+def test_a_certificate_with_an_assembly_constraint_is_refused(tmp_path: Path) -> None:
     settings = ExploreSettings(driver="exact", certificate=tmp_path / "proof.json")
-    with pytest.raises(InputError, match=r"search\.assemble is no rule of it"):
+    with pytest.raises(InputError, match=r"it cannot express search\.assemble"):
         explore(scene_of(ARCH, assemble="translation"), tmp_path / "out", settings)
 
 
-def test_a_wrong_wish() -> None:
+def test_an_unknown_rule_of_assembly_is_refused() -> None:
     with pytest.raises(InputError) as caught:
         scene_of(ARCH, assemble="sideways")
     assert str(caught.value).startswith("search.assemble") or "search.assemble" in str(caught.value)
@@ -170,7 +170,8 @@ def test_a_search_for_an_order_that_stops_at_its_limit_proves_nothing(
     assembly = build_assembly(bridge)
     settings = ExploreSettings(pictures=False, driver="enumeration", jobs=1)
     for limit, decided in ((400, True), (0, False)):
-        monkeypatch.setattr("jld_core.assembly_sequence.order._STAGES", limit)
+        for module in ("order", "built_up"):
+            monkeypatch.setattr(f"jld_core.assembly_sequence.{module}.MOST_STAGES", limit)
         asked = SequenceConstraint(assembly, "standing", assembly.free_faces)
         lock = asked.lock(np.ones(len(assembly.interfaces), dtype=bool))
         assert lock is not None

@@ -103,7 +103,7 @@ def test_a_limit_on_sawing_is_kept_and_the_front_is_that_of_all_layouts() -> Non
         ({"saw_set_ups": [None, 1]}, "search.saw_set_ups: [null, 1] asked, but there can be 2 and more"),
     ],
 )
-def test_contradicting_limits_are_refused_with_what_they_contradict(search: dict[str, Any], words: str) -> None:
+def test_contradicting_limits_are_refused_with_the_contradiction(search: dict[str, Any], words: str) -> None:
     scene = parse_scene(grid_document(ROWS, **search))
     with pytest.raises(InputError) as caught:
         search_space(scene, build_assembly(scene))

@@ -222,7 +222,7 @@ def _export() -> None:
     [_fields, _experiment, _sequence, _wish, _void, _settlement, _thrust, _move, _export],
     ids=lambda use: use.__name__,
 )
-def test_one_line_refuses_members(use: Callable[[], None]) -> None:
+def test_members_are_refused_in_one_line(use: Callable[[], None]) -> None:
     words = r"members: .* does not model them \('strap'\); expected a scene without members"
     with pytest.raises(InputError, match=words):
         use()

@@ -88,7 +88,7 @@ def plain(tmp_path_factory: pytest.TempPathFactory) -> Exploration:
     [SPATIAL[0], *(pytest.param(one, marks=pytest.mark.long) for one in SPATIAL[1:3]), SPATIAL[3]],
     ids=["concave", "kern", "effective area", "concave without dilation"],
 )
-def test_a_search_finds_what_solving_finds(
+def test_a_search_and_solve_give_the_same_load_factors(
     model: SolveOptions, tmp_path: Path, drawn: list[LimitAnalysisResult], plain: Exploration
 ) -> None:
     done = explore(table(), tmp_path / "study", ExploreSettings(model=model))
@@ -123,5 +123,5 @@ def test_the_command_line_offers_the_model(tmp_path: Path, jld: Command) -> None
     assert "contact" in other.err
     wrong = jld("explore", scene, "--out", tmp_path / "x", "--contact", "concave", "--effective-area")
     assert wrong.code == 2
-    assert "points have no area" in wrong.err
+    assert "point contacts have no effective area" in wrong.err
     assert not (tmp_path / "x").exists()

@@ -98,7 +98,7 @@ def test_a_signal_leaves_the_best_moved_layout(
 @pytest.mark.parametrize(
     ("keys", "flags", "said"),
     [
-        ({"cracks": {"kind": "fields"}}, [], "--move: labels are searched by faces"),
+        ({"cracks": {"kind": "fields"}}, [], "--move: the search of labels needs cracks by faces"),
         ({"move": {"maximise": "least_friction"}}, [], "move.maximise"),
         ({"move": {"along": [{"at": [9.0, 9.0], "direction": [1, 0]}]}}, [], "no vertex lies at"),
         ({}, ["--robust"], "--robust: layouts whose joints move do not support it"),
@@ -117,5 +117,5 @@ def test_bad_input(tmp_path: Path, jld: Command, keys: dict[str, Any], flags: li
 
 
 def test_less_than_one_layout_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="0 layouts are none"):
+    with pytest.raises(InputError, match="0 is no number of layouts"):
         explore_and_move(parse_scene(wall()), tmp_path / "out", 0)

@@ -102,7 +102,7 @@ def locked() -> LimitAnalysisResult:
     )
 
 
-def test_results_without_numbers_show_what_they_are() -> None:
+def test_results_without_numbers_show_their_status() -> None:
     result = locked()
     assert "none" in result._repr_html_()
     assert str(result.status) in result._repr_html_()

@@ -92,7 +92,7 @@ def test_without_the_library_the_output_names_the_extra(monkeypatch: pytest.Monk
     assert page.widget() is None
 
 
-def test_the_widget_answers_what_the_page_asks(shown: NotebookPage, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_widget_answers_requests_of_the_page(shown: NotebookPage, monkeypatch: pytest.MonkeyPatch) -> None:
     """By the message handler of anywidget; the widget itself holds no page, which a saved notebook would keep twice."""
     pytest.importorskip("anywidget")
     bridge = shown.widget()
@@ -173,7 +173,9 @@ def test_omitted_cells_are_shown_as_omitted() -> None:
         (None, {"dry": {"colour": 1.0}}, "colour"),
     ],
 )
-def test_what_cannot_be_solved_is_one_line(shown: NotebookPage, letters: Any, materials: Any, words: str) -> None:
+def test_unsolvable_requests_are_refused_in_one_line(
+    shown: NotebookPage, letters: Any, materials: Any, words: str
+) -> None:
     own = shown._data["solutions"]["0"]["labelling"]
     if materials == {}:
         materials = shown._solver._structure.materials

@@ -133,7 +133,7 @@ def names(space: SearchSpace, labels: Bits) -> list[int]:
     return blocks_of(space.graph, labels)[space.assembly.elements.free].tolist()
 
 
-def test_what_each_operator_does() -> None:
+def test_effects_of_each_operator() -> None:
     space = space_of(["aaaa", "aaaa", "####"])
     tools, chance = Segmentations(space), rng()
     free = len(space.assembly.elements.free)

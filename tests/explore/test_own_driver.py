@@ -76,7 +76,7 @@ def named() -> Iterator[None]:
     del DRIVERS[Backwards.name]
 
 
-def test_it_is_handed_in(tmp_path: Path) -> None:
+def test_a_driver_object_can_be_given_to_explore(tmp_path: Path) -> None:
     every = run(tmp_path / "every", "enumeration")
     done = run(tmp_path / "own", Backwards(space_of(scene())))
     pd.testing.assert_frame_equal(plain(done.results), plain(every.results))
@@ -87,7 +87,7 @@ def test_it_is_handed_in(tmp_path: Path) -> None:
     assert (facts["stop_reason"], facts["proven"], facts["complete"]) == ("exhausted", False, False)
 
 
-def test_it_goes_on_where_it_was(tmp_path: Path) -> None:
+def test_a_search_with_an_own_driver_is_resumed(tmp_path: Path) -> None:
     whole = run(tmp_path / "whole", Backwards(space_of(scene())), budget=40)
     run(tmp_path / "part", Backwards(space_of(scene())), budget=15)
     rest = run(tmp_path / "part", Backwards(space_of(scene())), budget=40, resume=True)
@@ -97,14 +97,14 @@ def test_it_goes_on_where_it_was(tmp_path: Path) -> None:
         run(tmp_path / "part", Backwards(space_of(scene()), step=6), resume=True)
 
 
-def test_it_belongs_to_its_scene(tmp_path: Path) -> None:
+def test_a_driver_of_another_scene_is_refused(tmp_path: Path) -> None:
     other = parse_scene(grid_document(["aaaa", "####"], block_cells=[1, 3]))
     with pytest.raises(InputError, match="made for the space of another scene"):
         run(tmp_path / "out", Backwards(space_of(other)))
     assert not (tmp_path / "out").exists()
 
 
-def test_it_goes_by_its_name(named: None, tmp_path: Path) -> None:
+def test_a_registered_driver_is_used_by_its_name(named: None, tmp_path: Path) -> None:
     done = run(tmp_path / "out", "backwards", options={"step": 7})
     assert done.summary.driver == "backwards"
     for options, words in (

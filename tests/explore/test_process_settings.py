@@ -46,7 +46,7 @@ def test_overlapping_filters_end_without_a_filter() -> None:
         warnings.warn("some words", UserWarning, stacklevel=1)
 
 
-def test_a_filter_that_is_gone_already_is_no_error() -> None:
+def test_a_filter_that_was_removed_before_is_accepted() -> None:
     with warnings.catch_warnings():
         context = ignored_warning("some words")
         context.__enter__()

@@ -66,7 +66,7 @@ def change(path: Path, statement: str, *values: object) -> None:
     file.close()
 
 
-def test_what_was_written_is_found(tmp_path: Path) -> None:
+def test_written_records_are_found(tmp_path: Path) -> None:
     filled(tmp_path)
     records = Records(tmp_path, HEADER, FACES)
     for labels, expected in zip(labellings(6), evaluations(6), strict=True):
@@ -78,7 +78,7 @@ def test_what_was_written_is_found(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == [RECORDS_FILE]
 
 
-def test_anybody_can_read_it(tmp_path: Path) -> None:
+def test_records_are_readable_by_sqlite_alone(tmp_path: Path) -> None:
     """With nothing but SQLite, also while the study runs."""
     records = Records(tmp_path, HEADER, FACES)
     records.append(labellings(3), [1, 1, 1], evaluations(3))
@@ -94,7 +94,7 @@ def test_anybody_can_read_it(tmp_path: Path) -> None:
     records.close()
 
 
-def test_what_is_on_record_stays(tmp_path: Path) -> None:
+def test_records_are_never_changed(tmp_path: Path) -> None:
     filled(tmp_path)
     records = Records(tmp_path, HEADER, FACES)
     twice = labellings(8)[[7, 1, 7]]
@@ -176,11 +176,11 @@ def test_a_forged_status_with_a_right_checksum_is_refused(tmp_path: Path) -> Non
     path = filled(tmp_path)
     for value in ("200", "", 200):
         change(path, "UPDATE evaluations SET status = ?", value)
-        with pytest.raises(InputError, match="holds what none can"):
+        with pytest.raises(InputError, match="holds an impossible value"):
             Records(tmp_path, HEADER, FACES)
 
 
-def test_an_empty_record_is_no_beginning(tmp_path: Path) -> None:
+def test_an_empty_record_beside_a_scene_is_refused(tmp_path: Path) -> None:
     (tmp_path / RECORDS_FILE).touch()
     records = Records(tmp_path, HEADER, FACES)
     assert records.began_anew  # killed before anything was finished; the summary says so

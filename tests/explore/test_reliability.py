@@ -91,7 +91,7 @@ def test_the_index_is_negative_where_the_means_fail() -> None:
     assert form.beta < 0.0
 
 
-def test_a_load_far_below_what_is_carried_has_its_index() -> None:
+def test_a_load_far_below_the_capacity_has_a_reliability_index() -> None:
     """β = (μ W − m)/s, where λ = μ W/H is far from linear between the mean and the design point."""
     form = design_point(LimitFunction(sample_bounds(block(0.6, [vary(1000.0, 0.2), 0.0])), 1.0))
     assert form.beta == pytest.approx((0.6 * WEIGHT - 1000.0) / 200.0, rel=1e-6)
@@ -292,7 +292,7 @@ def test_a_simulation_without_failures_claims_no_certainty() -> None:
     assert none.interval == pytest.approx((0.0, 1.0 - 0.025 ** (1.0 / 400.0)))
 
 
-def test_what_the_batch_solver_leaves_open_is_solved_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_samples_left_open_by_the_batch_solver_are_solved_again(monkeypatch: pytest.MonkeyPatch) -> None:
     found = sample_bounds(block(vary(0.6), [vary(9500.0, 0.2), 0.0]))
     before = simulate(found, 1.0, 40, 0)
     nothing = GoverningBounds(np.full(40, -np.inf), np.full(40, np.inf))
@@ -361,10 +361,10 @@ def by_fields() -> dict[str, Any]:
     [
         (bonded, "materials.dry.friction_coefficient: it acts on a bond"),
         (without_distribution, "no value of the scene has uncertainty"),
-        (by_fields, "cracks: samples know cracks by faces alone"),
+        (by_fields, "cracks: reliability supports cracks by faces only"),
     ],
 )
-def test_what_samples_cannot_have_is_refused_in_one_line(scene: Any, said: str) -> None:
+def test_scenes_without_reliability_are_refused_in_one_line(scene: Any, said: str) -> None:
     parsed = parse_scene(scene())
     assembly = build_assembly(parsed)
     with pytest.raises(InputError, match=said):

@@ -73,7 +73,7 @@ def test_exact_is_brute_force(count: str, sense: str, cases: bool, required: tup
 
 
 @pytest.mark.parametrize("driver", ["genetic", "hillclimb", "random", "optuna"])
-def test_others_look_for_the_count_among_what_meets_it(driver: str, tmp_path: Path) -> None:
+def test_other_drivers_optimise_the_count_among_layouts_that_meet_the_requirement(driver: str, tmp_path: Path) -> None:
     scene = scene_of("blocks", "min", 0.6)
     settings = ExploreSettings(pictures=False, driver=driver, budget=25, seed=1)
     done = explore(scene, tmp_path / "out", settings)
@@ -104,7 +104,7 @@ def test_wrong_requirements(require: Any, words: str) -> None:
     assert words in str(caught.value)
 
 
-def test_a_front_is_not_what_is_asked_then(tmp_path: Path) -> None:
+def test_a_front_is_refused_where_a_load_factor_is_required(tmp_path: Path) -> None:
     settings = ExploreSettings(pictures=False, driver="exact", options={"aim": "front"})
     with pytest.raises(InputError, match=r"search\.require"):
         explore(scene_of("blocks", "min", 0.5), tmp_path / "out", settings)

@@ -33,7 +33,7 @@ def plain(low: bool) -> Any:
     return parse_scene(document({"friction_coefficient": mu}, {"tensile_strength": tension}))
 
 
-def test_the_nominal_value_is_what_is_built_and_the_low_one_beside_it() -> None:
+def test_the_nominal_value_is_built_and_the_low_one_kept() -> None:
     scene = parse_scene(document())
     assert parse_scene(json.loads(scene.model_dump_json())) == scene
     assert scene.fingerprint != plain(False).fingerprint

@@ -62,7 +62,7 @@ def scene_of(name: str, **more: Any) -> Any:
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_exact_is_enumeration(name: str, tmp_path: Path) -> None:
+def test_exact_proves_the_same_as_enumeration(name: str, tmp_path: Path) -> None:
     scene = scene_of(name)
     every = explore(scene, tmp_path / "every", ExploreSettings(pictures=False, driver="enumeration"))
     found = explore(scene, tmp_path / "exact", ExploreSettings(pictures=False, driver="exact"))
@@ -97,7 +97,7 @@ def test_fronts_of_cases(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["two winds", "unequal winds"])
-def test_a_tree_of_blocks_under_cases_is_enumeration(name: str) -> None:
+def test_a_tree_of_blocks_under_cases_proves_the_same_as_enumeration(name: str) -> None:
     scene = scene_of(name)
     assembly = build_assembly(scene)
     space = search_space(scene, assembly)
@@ -132,7 +132,7 @@ def test_a_mirror_maps_winds_onto_one_another() -> None:
 
 
 @pytest.mark.parametrize("driver", ["genetic", "random", "hillclimb", "anneal"])
-def test_other_drivers_rank_by_what_governs(driver: str, tmp_path: Path) -> None:
+def test_other_drivers_rank_by_the_governing_factor(driver: str, tmp_path: Path) -> None:
     scene = scene_of("bridge")
     done = explore(scene, tmp_path / "out", ExploreSettings(pictures=False, driver=driver, budget=40, jobs=1))
     assembly = build_assembly(scene)

@@ -36,7 +36,7 @@ def shapes_of(rows: list[str], **moulds: bool) -> int:
     return int(BlockShapes(assembly, **moulds).different(blocks)[0])
 
 
-def test_what_is_alike() -> None:
+def test_shapes_that_are_alike() -> None:
     dominoes = ["aab", "ccb", "###"]
     assert shapes_of(dominoes) == 2  # two lying, one standing
     assert shapes_of(dominoes, rotate=True) == 1
@@ -218,7 +218,7 @@ def _inward(cells: list[tuple[int, int]]) -> int:
 
 
 @pytest.mark.parametrize("name", LIMITS)
-def test_enumeration_and_the_exact_driver_keep_them(name: str, tmp_path: Path) -> None:
+def test_enumeration_and_the_exact_driver_keep_the_limits(name: str, tmp_path: Path) -> None:
     scene = parse_scene(_document(["aaa", "aaa", "###"], LIMITS[name]))
     every = explore(scene, tmp_path / "every", ExploreSettings(pictures=False, driver="enumeration"))
     wanted = sorted(brute(name))

@@ -46,7 +46,7 @@ def test_help_loads_nothing() -> None:
     assert max(map(len, done.stdout.splitlines())) <= 100
 
 
-def test_commands_load_what_is_slow_when_they_need_it() -> None:
+def test_commands_import_slow_modules_on_demand() -> None:
     """To solve a scene needs no tables, no pictures, no search and no other solver: they take as long as the rest.
 
     A search loads drivers and tables, but no statistics before there is something to rank.
@@ -108,7 +108,7 @@ def test_a_scene_is_drawn_where_one_stands(
     assert not SCENE.with_suffix(".png").exists()
 
 
-def test_things_say_what_they_are_in_one_line(tmp_path: Path) -> None:
+def test_repr_of_objects_is_one_line(tmp_path: Path) -> None:
     scene = load_scene(SCENE)
     assembly = build_assembly(scene)
     done = explore(scene, tmp_path / "out", ExploreSettings(driver="random", budget=3, jobs=1, pictures=False))
@@ -119,7 +119,7 @@ def test_things_say_what_they_are_in_one_line(tmp_path: Path) -> None:
         assert len(text.replace(str(tmp_path), "")) < 140
 
 
-def test_what_was_found_is_said_as_it_is(tmp_path: Path) -> None:
+def test_findings_are_reported_unchanged(tmp_path: Path) -> None:
     """Nothing stands, which is proven; the best that meets the bound known beforehand is; cases go by λ / required."""
     overhang = {**small_scene(rows=["abc", "#.."]), "loads": {"live": [{"body": [1, 0]}]}}
     overhang["materials"]["inner"] = {"tensile_strength": 1.0, "shear_strength": 1.0}
@@ -145,7 +145,7 @@ def test_what_was_found_is_said_as_it_is(tmp_path: Path) -> None:
     assert "best λ / required" in said["cases"][0]
 
 
-def test_a_folder_whose_search_was_killed_says_how_to_go_on(tmp_path: Path) -> None:
+def test_a_folder_of_a_killed_search_names_the_way_to_resume(tmp_path: Path) -> None:
     scene = parse_scene(small_scene())
     out = tmp_path / "out"
     explore(scene, out, ExploreSettings(driver="random", budget=3, jobs=1, pictures=False))

@@ -51,7 +51,9 @@ def test_an_interrupt_ends_with_the_best_so_far(mover: object) -> None:
         assert done.value == pytest.approx(done.points[1].value, rel=1e-9)
 
 
-def test_the_command_writes_what_it_has(jld: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_command_writes_its_results_when_interrupted(
+    jld: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Exit code 3, one line, and the scene of the best point; SIGTERM is taken as Ctrl-C is."""
     file, out = tmp_path / "arch.json", tmp_path / "moved.json"
     file.write_text(json.dumps(arch().model_dump(mode="json", exclude_defaults=True, by_alias=True)))

@@ -195,7 +195,7 @@ def test_convergence_shows_the_best_so_far_over_solves_and_seconds() -> None:
     assert plot_convergence({}).axes
 
 
-def test_best_is_the_full_picture(assembly: Assembly) -> None:
+def test_the_picture_of_the_best_layout_has_all_parts(assembly: Assembly) -> None:
     figure = plot_best(LimitAnalysis(assembly).solve())
     assert len(figure.axes) == 3
 
@@ -230,7 +230,7 @@ def test_pictures_are_drawn_again_as_vectors(
         ("random", {}, {"found", "visited"}),
     ],
 )
-def test_every_point_of_a_front_says_what_it_is(
+def test_every_point_of_a_front_has_its_status(
     driver: str, options: dict[str, str], expected: set[str], tmp_path: Path
 ) -> None:
     """The exact driver with --aim best printed as a front what it happened to visit, under the word proven."""

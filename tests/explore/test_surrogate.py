@@ -53,7 +53,7 @@ def test_the_best_and_the_last_are_kept() -> None:
     assert np.corrcoef(model.predict(last), worth[-SLOTS // 2 :])[0, 1] > 0.9
 
 
-def test_a_pool_guesses_as_if_it_remembered_nothing() -> None:
+def test_predictions_do_not_depend_on_stored_covariances() -> None:
     """What is alike is kept from one guess to the next, while what is remembered changes."""
     space = space_of(["aaa", "aaa", "aaa", "###"])
     rows = Enumeration(space).ask(2 * SLOTS)

@@ -9,7 +9,7 @@ import pytest
 from jld_explore.drivers.exact.schedules import TargetSchedule
 
 
-def test_without_a_bound_or_close_to_the_end_it_goes_all_the_way() -> None:
+def test_without_a_bound_or_near_the_goal_the_step_covers_the_whole_gap() -> None:
     assert TargetSchedule(100).next_target(math.inf, 0.5) == 0.5
     assert TargetSchedule(100).next_target(0.51, 0.5) == 0.5
     assert TargetSchedule(100).next_target(0.75, 0.65) == 0.65
@@ -18,7 +18,7 @@ def test_without_a_bound_or_close_to_the_end_it_goes_all_the_way() -> None:
     assert schedule.next_target(0.9, 0.5) == pytest.approx(0.7)
 
 
-def test_steps_of_a_wide_gap_are_half_of_it_and_widen_where_they_are_quick() -> None:
+def test_steps_are_half_of_a_wide_gap_and_grow_after_quick_ones() -> None:
     schedule = TargetSchedule(100)
     assert schedule.next_target(0.75, 0.25) == 0.5
     schedule.note_proven(90)

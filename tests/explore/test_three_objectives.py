@@ -33,7 +33,7 @@ def unbeaten(values: Any) -> list[bool]:
 
 
 @pytest.mark.parametrize("columns", [2, 3])
-def test_what_is_on_a_front(columns: int) -> None:
+def test_layouts_on_a_front(columns: int) -> None:
     rng = np.random.default_rng(7)
     values = rng.integers(0, 6, size=(120, columns)).astype(float)
     values[rng.random(120) < 0.1, 0] = np.nan
@@ -44,7 +44,7 @@ def test_what_is_on_a_front(columns: int) -> None:
     assert on_front(values[:, 0], values[:, 1:] * signs, *senses).tolist() == wanted
 
 
-def test_enumeration_proves_it_and_genetic_finds_it(tmp_path: Path) -> None:
+def test_enumeration_proves_the_front_of_two_counts_and_genetic_finds_it(tmp_path: Path) -> None:
     every = explore(scene_of(), tmp_path / "every", ExploreSettings(driver="enumeration"))
     ranked = every.results[every.results["status"] == "collapse"]
     # ranks are shared where λ is the same but for its brackets

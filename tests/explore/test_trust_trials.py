@@ -8,7 +8,7 @@ from benchmarks.trust_trials import trial
 
 
 @pytest.mark.parametrize("seed", [1, 4, 6, 10])
-def test_what_is_proven_is_what_brute_force_finds(seed: int) -> None:
+def test_proven_results_equal_brute_force(seed: int) -> None:
     found = trial(seed)
     assert not found.problem
     assert found.faces == int(drawn(seed)[1].candidates.sum())

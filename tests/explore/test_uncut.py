@@ -25,7 +25,7 @@ def searched(folder: Path, shear: float) -> Exploration:
     return explore(parse_scene(document), folder, settings)
 
 
-def test_said_where_it_is_proven(tmp_path: Path) -> None:
+def test_a_stronger_layout_is_reported_where_it_is_proven(tmp_path: Path) -> None:
     done = searched(tmp_path / "a", 1.0)
     space = search_space(done.scene, done.assembly)
     alone = solve(done.assembly, space.fixed & ~space.candidates)

@@ -114,7 +114,7 @@ def test_a_sliding_block_balances_exactly() -> None:
     assert not weigh({0: (-4, 3, 0)}, 2, labels).proves(Fraction(10**9))  # negative work bounds nothing
 
 
-def test_an_inner_face_dissipates_what_its_strengths_say() -> None:
+def test_dissipation_of_an_inner_face_follows_from_its_strengths() -> None:
     document = grid_document(["a", "#"], tension=2e4, shear=3e4)
     document["labels"] = {"default": "inner"}
     assembly = build_assembly(parse_scene(document))
@@ -234,7 +234,7 @@ def test_refutations_are_checked_step_by_step() -> None:
     assert found > 50
 
 
-def test_the_room_uses_nothing_that_searches() -> None:
+def test_verification_imports_nothing_that_searches_or_solves() -> None:
     outside = {"__future__", "collections", "dataclasses", "fractions", "pathlib", "typing"}
     allowed = ("jld_core.arrays", "jld_core.assembly", "jld_core.build", "jld_core.errors", "jld_core.scene")
     allowed += (
@@ -330,7 +330,7 @@ def widen(lines: list[dict[str, Any]]) -> None:
 @pytest.mark.parametrize(
     "harm", [lower, flip, drop, free, shorten, borrow, cut, stop, support, widen, excuse], ids=lambda f: f.__name__
 )
-def test_what_was_tampered_with_is_refused(
+def test_changed_certificates_are_refused(
     harm: Callable[[list[dict[str, Any]]], None], proof: list[dict[str, Any]], tmp_path: Path
 ) -> None:
     assert verify(rewritten(proof, tmp_path / "whole.jld")).mechanisms
@@ -433,7 +433,7 @@ def test_refusals_are_one_line(
          {"driver": "exact"}, "crushing in space"),
     ],
 )  # fmt: skip
-def test_what_has_no_certificate_is_refused_before_the_search(
+def test_searches_without_a_certificate_are_refused_before_they_begin(
     document: dict[str, Any], options: dict[str, Any], words: str, tmp_path: Path
 ) -> None:
     settings = ExploreSettings(pictures=False, certificate=tmp_path / "proof.jld", **options)

@@ -76,7 +76,7 @@ def _rows(every: Any, text: str) -> list[int]:
     return found
 
 
-def test_what_carries_is_what_stays(every: Any) -> None:
+def test_a_layout_with_cells_left_out_equals_the_scene_without_them(every: Any) -> None:
     """λ and counts of a layout with cells left out are those of the scene drawn without them."""
     some = every.results[every.results["labelling"].str.contains("v")].iloc[::17]
     assert len(some) > 5
@@ -155,7 +155,7 @@ def test_ranks_are_solved_drawn_and_exported(
         ({"void": {"cells": ["c1r0"]}}, "'c1r0' carries a load"),
         ({"void": {"cells": 3}}, "search.void.cells: 3"),
         ({"void": {"most": 1.0}}, "search.void.most: 1.0"),
-        ({"void": {}, "segmentation": False}, "stands beside search.segmentation"),
+        ({"void": {}, "segmentation": False}, "is given together with search.segmentation"),
         ({"void": {}, "keep": {"dry": [["c0r0", "c0r1"]]}}, "'c0r0', 'c0r1' between two of them is fixed dry"),
     ],
 )
@@ -180,10 +180,12 @@ def test_bad_input(
     ("settings", "words"),
     [
         (ExploreSettings(driver="exact"), "exact proves nothing where cells may be left out"),
-        (ExploreSettings(experiment=1), "experiment: it speaks of one structure"),
+        (ExploreSettings(experiment=1), "experiment: it needs one structure"),
     ],
 )
-def test_what_speaks_of_one_structure_is_refused(settings: ExploreSettings, words: str, tmp_path: Path) -> None:
+def test_options_for_one_structure_are_refused_with_void_cells(
+    settings: ExploreSettings, words: str, tmp_path: Path
+) -> None:
     with pytest.raises(InputError, match=words):
         explore(scene_of(void={}), tmp_path / "out", settings)
     assert not (tmp_path / "out").exists()

@@ -65,7 +65,7 @@ def test_one_job_and_two_agree() -> None:
         pool.close()
 
 
-def test_threads_give_what_one_gives() -> None:
+def test_threads_give_the_same_result_as_one() -> None:
     assembly, _, rows = wall()
     recipe = WorkerSpec.of(assembly, EvaluatorSettings(use_batch_solver=False))
     pool = Workers(recipe, 2, rows.shape[1], batch=True)

@@ -45,7 +45,7 @@ def test_meshes_are_left_alone_where_loads_end_at_corners(assembly: Assembly) ->
     assert fanned(coarse, []) is coarse
 
 
-def test_a_field_that_is_dear_to_open_is_asked_for_with_room(
+def test_a_field_whose_repair_costs_much_is_solved_with_slack(
     assembly: Assembly, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """On 674 triangles of this bridge opening by 5e-9 costs 1.6 % of λ; here the first field costs a tenth."""

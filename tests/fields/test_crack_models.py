@@ -100,7 +100,7 @@ def test_wrong_options_are_one_line(jld: Command, tmp_path: Path, option: str) -
     assert found.err.count("\n") == 1
 
 
-def test_fields_refuse_what_they_do_not_know(jld: Command, tmp_path: Path) -> None:
+def test_fields_refuse_unsupported_options(jld: Command, tmp_path: Path) -> None:
     path = written(tmp_path, BAR)
     for more in (["--contact", "concave"], ["--inner-bending", "kern"], ["--friction", "zero-dilation"]):
         found = jld("solve", path, "--cracks", "fields", *more)

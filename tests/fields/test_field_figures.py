@@ -99,7 +99,7 @@ def test_cracks_are_where_velocity_jumps(assembly: Assembly) -> None:
     assert "deforming" not in drawn
 
 
-def test_a_missing_field_is_said(assembly: Assembly) -> None:
+def test_a_missing_field_is_reported(assembly: Assembly) -> None:
     ax, other = Figure().subplots(1, 2)
     draw_stresses(ax, assembly, assembly.labels, None)
     draw_cracks(other, assembly, assembly.labels, None)

@@ -100,9 +100,9 @@ REFUSED: list[tuple[str, dict[str, Any], dict[str, Any]]] = [
     ("no free face", {"live": [{"element": "a", "force": [0, -1], "at": [0.5, 1.0]}]}, {}),
     ("no room", {"live": [{"element": "a", "force": [0, -1], "at": [0.999, 2.0]}]}, {}),
     ("no room", {"live": [{"element": "a", "force": [0, -1], "at": [0.9, 2.0]}]}, {"patch": 0.3}),
-    ("never reached", {"live": [{"body": [1, 0]}]}, {"gap": 0.0}),
-    ("0 leaves", {"live": [{"body": [1, 0]}], "tensile_strength": 0.0}, {}),
-    ("0 leaves", {"live": [{"body": [1, 0]}], "shear_strength": 0.0}, {}),
+    ("no relative gap", {"live": [{"body": [1, 0]}]}, {"gap": 0.0}),
+    ("0 is too small", {"live": [{"body": [1, 0]}], "tensile_strength": 0.0}, {}),
+    ("0 is too small", {"live": [{"body": [1, 0]}], "shear_strength": 0.0}, {}),
     ("labels: ", {"live": [{"body": [1, 0]}]}, {"labels": np.zeros(1, dtype=bool)}),
     ("patch: ", {"live": [{"body": [1, 0]}]}, {"patch": 0.0}),
 ]

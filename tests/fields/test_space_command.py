@@ -45,7 +45,7 @@ def test_both_bounds_are_printed(jld: Command, tmp_path: Path) -> None:
     assert "tetrahedra" in jld("solve", path, "--cracks", "fields:0.01").out
 
 
-def test_what_is_not_modelled_is_one_line(jld: Command, tmp_path: Path) -> None:
+def test_models_that_fields_do_not_support_are_refused_in_one_line(jld: Command, tmp_path: Path) -> None:
     path = written(tmp_path, SCENE)
     for more in (["--contact", "concave"], ["--effective-area"], ["--inner-bending", "kern"]):
         found = jld("solve", path, "--cracks", "fields", *more)

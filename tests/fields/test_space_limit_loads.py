@@ -262,7 +262,7 @@ def test_loads_are_statically_equivalent(live: list[Any]) -> None:
     assert total == pytest.approx(assembly.live[1], abs=1e-9)
 
 
-def test_what_is_refused() -> None:
+def test_refused_assemblies_and_options() -> None:
     """Cells that are not convex, forces without room, and one line for each."""
     ell = prism("ell", [[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]], 0.0, 1.0, weight=1.0)
     cube = box("a", [0, 0, 0], [1, 1, 1])

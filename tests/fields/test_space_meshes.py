@@ -146,7 +146,7 @@ def test_fitted_joints_lose_less_than_their_share() -> None:
     assert fitted.volume.sum() == pytest.approx(mesh.volume.sum(), rel=1e-12)
 
 
-def test_a_mesh_without_dry_joints_is_left_as_it_is() -> None:
+def test_a_mesh_without_dry_joints_is_not_changed() -> None:
     parts = [box("ground", [-1, -1, -1], [2, 2, 0], support=True), box("a", [0, 0, 0], [1, 1, 1], weight=1.0)]
     assembly = scene(parts, [{"body": [1, 0, 0]}], "inner")
     mesh, loads = loaded_solids(assembly)

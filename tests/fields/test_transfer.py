@@ -25,7 +25,7 @@ def frame(**more: Any) -> Assembly:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_one_field_proves_for_others(kind: str) -> None:
+def test_one_field_bounds_other_labellings(kind: str) -> None:
     """Upper bounds of mechanisms lie above every lower bound, those of the own labelling are the certified ones."""
     assembly = frame(**KINDS[kind])
     coarse = CoarseBounds(FieldSetting.of(assembly))

@@ -102,7 +102,7 @@ def test_meshes_follow_vertices() -> None:
     assert isinstance(mesh, FieldMesh)
 
 
-def test_a_small_step_keeps_what_it_promises() -> None:
+def test_a_small_step_gains_what_its_program_predicts() -> None:
     """To first order the program of a step predicts the bound at its end."""
     search = search_of(parse_scene(wall(move={"inner": "follow"})))
     fields = FieldSearch(search)
@@ -133,7 +133,7 @@ def test_moved_joints_carry_more_by_fields() -> None:
     assert values[-1] <= FRICTION * (1.0 + 1e-6)
 
 
-def test_what_fields_do_not_know_is_refused() -> None:
+def test_options_that_fields_do_not_support_are_refused() -> None:
     document = wall(move={"maximise": "least_friction"})
     scene = parse_scene(document)
     assembly = build_assembly(scene)

@@ -315,7 +315,7 @@ def test_the_command_in_space(tmp_path: Path, jld: Command) -> None:
         (["--joint", "key:0.1,0.4,0.05", "--direction", "0,0,1"], "--direction: all joints lie across it"),
         (["--joint", "key:0.9,0.4,0.05", "--direction", "0,1,0"], "a tooth of .* does not fit into .*a smaller depth"),
         (["--joint", "sine:0.9,1", "--direction", "0,1,0"], "does not fit"),
-        (["--joint", "incline:0", "--direction", "0,1,0"], "turns no joint"),
+        (["--joint", "incline:0", "--direction", "0,1,0"], "leaves the joint straight"),
         (["--direction", "0,1,0"], "--direction: it is that of shaped joints"),
     ],
 )

@@ -99,7 +99,7 @@ def test_least_thickness_of_a_semicircle() -> None:
     assert search.value_of(first) == pytest.approx(0.106710, rel=2e-5)
 
 
-def test_a_wall_reaches_what_no_geometry_can_exceed() -> None:
+def test_a_wall_reaches_the_bound_of_all_geometries() -> None:
     """λ ≤ μ for every cut that leaves the base joint: a wall pushed both ways that reaches it is proven best."""
     elements: list[Document] = [{"id": "g", "polygon": [[-1, -1], [2, -1], [2, 0], [-1, 0]], "support": True}]
     for course, cuts in enumerate(([0.0, 0.2, 0.4, 0.6], [0.0, 0.1, 0.3, 0.5, 0.6], [0.0, 0.2, 0.4, 0.6])):
@@ -118,7 +118,7 @@ def test_a_wall_reaches_what_no_geometry_can_exceed() -> None:
         assert abs(line[0] + line[1] * bed[:, 0] - bed[:, 1]).max() < 1e-8
 
 
-def test_a_step_keeps_what_it_promises() -> None:
+def test_a_step_gains_what_its_program_predicts() -> None:
     """To first order the value of a step is there (11.6): gain over promise tends to at least one."""
     document = flat_arch(15.0, 1.2, 0.2, angle=[20, 160])
     scene = parse_scene(document)
@@ -234,7 +234,7 @@ def test_elements_of_equal_shape_stay_equal() -> None:
         assert edges[0] == pytest.approx(edges[1], rel=1e-8)
 
 
-def test_equal_shapes_know_turned_and_mirrored_outlines() -> None:
+def test_equal_shapes_recognise_turned_and_mirrored_outlines() -> None:
     """An L turned, mirrored, and a longer one: the first two are equal to it, corner by corner; the third is not."""
     shape = np.array([[0, 0], [3, 0], [3, 1], [1, 1], [1, 2], [0, 2]], dtype=float)
     turned = shape @ np.array([[0.0, 1.0], [-1.0, 0.0]]) + [10.0, 0.0]

@@ -91,7 +91,7 @@ def test_rates_of_the_residual_are_those_of_the_load_factor() -> None:
     assert rates == pytest.approx(found.derivative, abs=1e-6 * abs(found.derivative).max())
 
 
-def test_a_small_step_keeps_what_it_promises() -> None:
+def test_a_small_step_gains_what_its_program_predicts() -> None:
     """To first order the gain is at least what was promised; more where other forces see more, as at a kink."""
     search = search_of(strip())
     point = search.first()
@@ -138,7 +138,9 @@ def test_joints_stay_plane_within_their_limits() -> None:
         ({"cohesion": 100.0}, "without cohesion"),
     ],
 )
-def test_what_does_not_move_is_one_line(change: Document, said: str, tmp_path: Path, jld: Command) -> None:
+def test_scenes_whose_joints_cannot_move_are_refused_in_one_line(
+    change: Document, said: str, tmp_path: Path, jld: Command
+) -> None:
     document = strip(**change.get("move", {}))
     if "cohesion" in change:
         document["materials"]["dry"] = {**document["materials"]["dry"], "cohesion": change["cohesion"]}

@@ -50,7 +50,7 @@ def test_a_dragged_joint_follows_the_closed_form(desk: StudioSession, half: floa
     assert again.joints.facts()["ties"]
 
 
-def test_what_may_move_and_how(desk: StudioSession) -> None:
+def test_vertices_that_may_move_and_their_directions(desk: StudioSession) -> None:
     """Tops slide along the outline and bottoms of the key too; corners and vertices of supports stay; ties mirror."""
     assert desk.joints is not None
     facts = json.loads(json.dumps(desk.joints.facts()))
@@ -63,7 +63,7 @@ def test_what_may_move_and_how(desk: StudioSession) -> None:
         assert [sign for _, sign in others] == [-1]
 
 
-def test_some_steps_from_what_is_drawn(desk: StudioSession) -> None:
+def test_some_steps_from_the_geometry_drawn(desk: StudioSession) -> None:
     """The improvement begins at the drawn joints, raises λ, keeps the ties, and is what the page then solves."""
     changes = {"vertices": tops(desk, 1.22), "materials": {"density": 1000.0, "dry": {"friction_angle": 21}}}
     found = desk.improve(letters(desk), changes)
@@ -79,7 +79,7 @@ def test_some_steps_from_what_is_drawn(desk: StudioSession) -> None:
 def test_bad_vertices_are_one_line(desk: StudioSession) -> None:
     name = next(iter(tops(desk, 1.2)))
     for vertices, said in (
-        ([1], "they are no object"),
+        ([1], "they are no JSON object"),
         ({"x": [0, 0]}, "no vertex that may move"),
         ({"99999": [0, 0]}, "no vertex that may move"),
         ({name: [1.0]}, "two finite numbers"),

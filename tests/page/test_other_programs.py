@@ -75,7 +75,7 @@ def arch(radius: float = 1.5) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("make", [arch, small_scene, lambda: json.loads(samples.dome(meridians=6).model_dump_json())])
-def test_a_scene_is_answered_as_the_core_solves_it(make: Any, address: str) -> None:
+def test_answers_to_other_programs_equal_solve(make: Any, address: str) -> None:
     document = make()
     status, found = post(address, {"scene": document})
     assert status == 200, found
@@ -112,8 +112,8 @@ def test_changed_geometry_is_answered_while_it_is_dragged(address: str) -> None:
 @pytest.mark.parametrize(
     ("body", "words"),
     [
-        ({}, "scene: it is no object"),
-        ({"scene": []}, "scene: it is no object"),
+        ({}, "scene: it is no JSON object"),
+        ({"scene": []}, "scene: it is no JSON object"),
         ({"scene": {}}, "expected"),
         ({"scene": {"elements": []}}, "expected"),
         ({"scene": arch(), "labelling": "ddd"}, "24 letters d or i"),
@@ -176,7 +176,7 @@ def test_the_script_for_rhino_draws_the_mechanism(metres: float, address: str) -
     assert np.flatnonzero(shift < 1e-6 * unit).tolist() == [1, 3]
 
 
-def test_the_script_says_what_is_wrong(address: str) -> None:
+def test_the_rhino_script_reports_errors(address: str) -> None:
     space = component(address, blocks=[Mesh((0, 0, 5), (1, 1, 6))], supports=[Mesh((0, 0, -1), (1, 1, 0))])
     assert space["load_factor"] is None
     assert "no path of interfaces" in space["status"]

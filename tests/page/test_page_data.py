@@ -22,8 +22,9 @@ from jld_explore import ExploreSettings, explore, read_folder
 from jld_explore.report import page as joined
 from jld_explore.report import page_of_study, page_table
 from jld_explore.report.page_contract import page_schema
-from jld_explore.report.page_data import page_data, rounded, solution_of, structure_of
+from jld_explore.report.page_data import page_data, solution_of, structure_of
 from jld_explore.report.page_of_study import scene_page, study_page
+from jld_explore.report.rounding import rounded
 from jld_explore.space import from_string
 from paths import SCENES
 from scenes_of_pages import HOSTILE, scene_of_cases, small_scene, spatial_scene
@@ -50,7 +51,7 @@ def embedded(html: str) -> dict[str, Any]:
     return dict(json.loads(gzip.decompress(base64.b64decode(text[1]))))
 
 
-def test_the_page_reads_what_is_stated() -> None:
+def test_contract_js_equals_the_contract() -> None:
     """Types and keys of contract.js are those of the contract: else run `python -m tools.page_contract`."""
     content = FILE.read_text(encoding="utf-8")
     assert with_contract(content) == content
@@ -73,7 +74,7 @@ def test_data_of_a_study_fits_the_schema(make: Any, tmp_path: Path) -> None:
     assert data["solutions"]
 
 
-def test_every_search_leaves_a_page_that_says_what_its_tables_say(folder: Path) -> None:
+def test_the_page_of_every_search_agrees_with_its_tables(folder: Path) -> None:
     data = embedded((folder / "report.html").read_text(encoding="utf-8"))
     check(data)
     results = pd.read_parquet(folder / "results.parquet")
@@ -107,7 +108,7 @@ def test_solutions_of_a_page_are_those_of_solve(folder: Path) -> None:
     assert best["scale"] == pytest.approx(quantities.mechanism_scale(done.assembly, own.mechanism), rel=1e-5)
 
 
-def test_every_load_case_is_there_with_what_governs() -> None:
+def test_the_page_has_every_load_case_and_the_governing_one() -> None:
     scene = parse_scene(scene_of_cases())
     assembly = build_assembly(scene)
     data = embedded(scene_page(scene, assembly))
@@ -125,7 +126,7 @@ def test_every_load_case_is_there_with_what_governs() -> None:
     )
 
 
-def test_columns_are_called_what_they_hold(tmp_path: Path) -> None:
+def test_titles_and_units_of_columns(tmp_path: Path) -> None:
     """With load cases what ranks is no λ, and what is a length in the plane is an area in space."""
     titles = {}
     for name, scene in (("cases", scene_of_cases()), ("space", spatial_scene())):
@@ -220,7 +221,7 @@ def test_twenty_thousand_layouts_stay_below_five_megabytes() -> None:
     assert len(joined.page(data).encode()) < 5_000_000
 
 
-def test_rounding_keeps_digits_and_says_nothing_for_none() -> None:
+def test_rounding_keeps_digits_and_writes_null_for_nan() -> None:
     values = np.array([0.1 + 0.2, 123456.789, -1e-300, 1e300, 0.0, np.nan, np.inf, 2.5e-7])
     assert rounded(values, 6) == [0.3, 123457.0, -1e-300, 1e300, 0.0, None, None, 2.5e-7]
     assert rounded(np.pi, 4) == 3.142
@@ -239,7 +240,7 @@ def test_modules_that_import_one_another_in_a_circle_are_refused(monkeypatch: py
 
 def test_a_module_that_would_end_its_script_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(joined, "asset", lambda name: 'export const a = "</script>";\n')
-    with pytest.raises(ValueError, match="end its own script"):
+    with pytest.raises(ValueError, match="would end its script"):
         joined.linked("a.js")
 
 

@@ -65,7 +65,7 @@ def wall(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_dropped_drawing_is_what_jld_import_makes_of_it(local: Local, wall: Path) -> None:
+def test_a_dropped_drawing_equals_the_result_of_jld_import(local: Local, wall: Path) -> None:
     """The scene, what was read and what was skipped; it is solved, saved and exported under its own name."""
     fits(sent(wall), "open")
     status, found = local.api("open", sent(wall))
@@ -170,7 +170,7 @@ def test_a_refusal_names_the_key_of_its_field(local: Local, part: str, value: An
     assert "\n" not in found["error"]
 
 
-def test_limits_decide_what_a_search_admits(local: Local) -> None:
+def test_limits_decide_which_layouts_a_search_admits(local: Local) -> None:
     asked = {"page": "l", "labelling": letters(small_scene())}
     limits = {"blocks": [1, 1], "keep": {"dry": [["c0r0", "c1r0"]]}}
     found = local.api("solve", {**asked, "revision": 1, "changes": {"search": {"blocks": [1, 1]}}})[1]
@@ -203,7 +203,7 @@ def test_every_edit_is_in_the_scene_and_taken_back_exactly(local: Local) -> None
     assert local.api("scene", asked) == first
 
 
-def test_supports_of_elements_and_what_is_refused(local: Local) -> None:
+def test_supports_of_elements_and_refused_changes(local: Local) -> None:
     document = spatial_scene()
     free = with_support(document, "b", True)
     assert [entry["id"] for entry in free["elements"] if entry.get("support")] == ["slab", "b"]
@@ -234,7 +234,7 @@ def test_supports_of_elements_and_what_is_refused(local: Local) -> None:
         ({}, {"body": {"mean": [0, 0.5], "cov": 0.1, "kind": "normal"}}, 2.0, "1.884 kN"),
     ],
 )
-def test_loads_at_collapse_are_said_in_units_that_people_read(
+def test_loads_at_collapse_are_given_in_readable_units(
     units: dict[str, str], entry: dict[str, Any], factor: float, text: str
 ) -> None:
     """λ times the load; thickness 0.2; six cells of 0.4 × 0.2 × 0.2 × 2000 × 9.81 N, half of their weight."""

@@ -139,7 +139,7 @@ def test_brackets_follow_the_materials(local: Local) -> None:
     assert one[1] < other[0]
 
 
-def test_what_fields_do_not_know_is_said() -> None:
+def test_scenes_that_fields_do_not_support_are_named() -> None:
     """Space, a force on an edge between cells, and too many triangles: one line each, no failure."""
     spatial = StudioSession(parse_scene(spatial_scene()))
     told = spatial.fields("d" * len(spatial.setup({}).assembly.interfaces), {})
@@ -170,7 +170,7 @@ def test_load_cases_are_bracketed_together() -> None:
 def test_scenes_by_fields_are_opened_and_those_by_cells_are_not(tmp_path: Path) -> None:
     path = tmp_path / "scene.json"
     path.write_text(json.dumps(small_scene() | {"cracks": {"kind": "cells", "cell": 0.1}}))
-    with pytest.raises(InputError, match="faces and fields alone"):
+    with pytest.raises(InputError, match="by faces and by fields only"):
         server.opened(path)
     path.write_text(json.dumps(small_scene() | {"cracks": {"kind": "fields"}}))
     assert server.opened(path)[0].cracks != "faces"
@@ -205,11 +205,11 @@ def test_a_search_by_fields_is_opened_with_a_layout(tmp_path: Path) -> None:
         (f"/{TOKEN}/assets/studio.html", {}, 404),
     ],
 )
-def test_what_is_not_for_others_is_refused(local: Local, path: str, headers: dict[str, str], status: int) -> None:
+def test_requests_of_other_pages_are_refused(local: Local, path: str, headers: dict[str, str], status: int) -> None:
     assert local.ask(path, **headers)[0] == status
 
 
-def test_a_post_needs_json_of_a_size(local: Local) -> None:
+def test_posts_other_than_json_of_moderate_size_are_refused(local: Local) -> None:
     path = f"/{TOKEN}/api/solve"
     assert local.ask(path, raw=b"a=1", content_type="application/x-www-form-urlencoded")[0] == 415
     assert local.ask(path, raw=b"{}", content_type="text/plain")[0] == 415
@@ -309,19 +309,19 @@ def test_a_saved_scene_is_replaced_only_if_that_is_asked_for(local: Local) -> No
     assert json.loads(Path(path).read_text())["grid"]
 
 
-def test_bad_materials_are_said_not_solved(local: Local) -> None:
+def test_bad_materials_are_reported_and_not_solved(local: Local) -> None:
     changes = {"materials": {"density": 2000, "dry": {"friction_coefficient": -1}}}
     status, found = local.api("solve", {"revision": 1, "labelling": letters(local), "changes": changes})
     assert status == 400
     assert "friction_coefficient" in found["error"]
 
 
-def test_a_port_that_is_taken_is_said() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(InputError, match="cannot be had"):
+def test_a_port_in_use_is_reported() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(InputError, match="cannot be opened"):
         server._listener(taken.getsockname()[1])
 
 
-def test_blocks_go_out_while_it_solves(local: Local) -> None:
+def test_blocks_are_exported_while_layouts_are_solved(local: Local) -> None:
     """Layouts are solved and exported side by side: one solver, one thread at a time (16 of 20 failed before)."""
     # other tests of the same server may have saved something there before
     asked, before = letters(local), sorted(local.root.rglob("*"))
@@ -352,7 +352,7 @@ def test_a_number_of_thousands_of_digits_is_refused(local: Local) -> None:
     assert (status, json.loads(text)) == (400, expected)
 
 
-def test_a_worker_that_says_much_comes_to_its_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_worker_that_prints_much_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """More on stderr than a pipe holds, and lines on stdout that are no reports."""
     worker = tmp_path / "worker"
     code = "import sys; print('a library says hello'); print('3'); sys.stderr.write('warning\\n' * 50_000)"
@@ -369,7 +369,7 @@ def test_a_worker_that_says_much_comes_to_its_end(tmp_path: Path, monkeypatch: p
     assert (job.state, job.error, job.progress["done"]) == ("failed", "the last", 7)
 
 
-def test_a_studio_that_ends_has_read_what_its_searches_printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_closing_the_studio_reads_the_output_of_its_searches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The pipe of a search is closed, also where something that the search began holds its other end longer."""
     worker = tmp_path / "worker"
     worker.write_text("#!/bin/sh\n(sleep 0.3; echo '{\"done\": 7}') &\necho '{\"done\": 0}'\nexec sleep 60")
@@ -407,7 +407,7 @@ def test_a_search_that_cannot_start_takes_no_place(tmp_path: Path, monkeypatch: 
     assert list((tmp_path / "studio").iterdir()) == []
 
 
-def test_a_full_disk_at_the_end_of_a_search_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_at_the_end_of_a_search_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     worker = tmp_path / "worker"
     worker.write_text("#!/bin/sh\nread line\nexit 0")
     worker.chmod(0o755)

@@ -31,7 +31,7 @@ def test_field() -> None:
         assert all(other.interfaces == mine.interfaces and other.answer.startswith("stands") for other in others)
 
 
-def test_field_says_what_is_missing(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_field_names_its_missing_library(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(field, "find_spec", lambda _: None)
     field.main()
     assert capsys.readouterr().out == field.MISSING + "\n"
@@ -102,7 +102,7 @@ def test_speed_against_error(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> N
     assert len(speed_error.draw({"scene": (found, reference)}).axes) == 1
 
 
-def test_a_route_that_takes_too_long_is_shown_so() -> None:
+def test_a_route_that_exceeds_the_time_limit_is_marked() -> None:
     assembly = build_assembly(brick_wall(2, 2))
 
     def never(_: Assembly) -> speed_routes.Found:

@@ -116,7 +116,7 @@ def test_a_hard_case_for_everything_that_was_asked() -> None:
 
 
 @pytest.mark.parametrize("force", [[1.0, 0.0], [0.9, -1.0]])
-def test_no_weight_at_all(force: list[float]) -> None:
+def test_a_structure_without_weight(force: list[float]) -> None:
     """Weightless dry blocks carry nothing, exactly, and they stand."""
     result = solve(weightless(force))
     assert result.stands_at_zero is True

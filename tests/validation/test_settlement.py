@@ -174,7 +174,7 @@ def test_one_abutment_that_sinks_and_tilts() -> None:
         assert other.value == pytest.approx(2.0 * end.value, rel=1e-7)
 
 
-def test_what_falls_has_no_thrust() -> None:
+def test_a_structure_that_falls_has_no_range_of_thrust() -> None:
     found = settled(arch(16, 0.05))
     assert found.stands is False
     assert found.least is None
@@ -219,7 +219,7 @@ def test_bad_input(
     assert words in done.err
 
 
-def test_a_scene_without_settlements_says_so(
+def test_a_scene_without_settlements_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "box.json"

@@ -126,7 +126,7 @@ def test_glued_cubes_topple_as_one(contact: str) -> None:
 
 
 @pytest.mark.parametrize("count", [1, 2])
-def test_products_of_a_square_lose_what_its_diagonal_lets_slip(count: int) -> None:
+def test_products_lose_slip_along_the_diagonal_of_a_friction_square(count: int) -> None:
     """Of t ≥ max(|s1|, |s2|) alone |s| cos 45° would be left. With R s = −t V the products of C ∓ V with t ∓ s add
     t ≥ 2 |s_k| + V_k s_k / C for both k, so that t ≥ (2/3)(|s1| + |s2|), |s| √8/3 at the least; other products add
     to that. With a direction along the slip nothing is lost."""
@@ -231,7 +231,7 @@ def test_true_solutions_obey_every_row_and_reach_no_further(live: tuple[float, f
         assert np.all(abs(w) <= check.velocity_bounds * cost * (1.0 + 1e-9))
 
 
-def test_certificate_refuses_what_is_not_true() -> None:
+def test_certificate_of_a_false_bound_is_refused() -> None:
     _, _, _, relaxed, check, scale = program(extruded(1, 1))
     true = check.bound(relaxed.multipliers)
     assert true * scale == pytest.approx(0.65, rel=1e-6)
@@ -248,7 +248,7 @@ def test_certificate_refuses_what_is_not_true() -> None:
         assert check.bound(wrong) * scale <= 0.65 * (1.0 + 1e-9)
 
 
-def test_what_has_no_bound() -> None:
+def test_problems_without_a_bound() -> None:
     """The plane has its own program; crushing and effective areas have none; large scenes the cheap bound alone."""
     flat = build_assembly(halved_bond(1, 1))
     assert space_modes_of(LimitAnalysis(flat).template, flat.labels) is None

@@ -34,7 +34,9 @@ def sample(name: str, direction: str) -> dict[str, Any]:
 @pytest.mark.parametrize("contact", ["convex", "concave"])
 @pytest.mark.parametrize("direction", DIRECTIONS)
 @pytest.mark.parametrize(("name", "tolerance"), [("spatial_cubes", 1e-6), ("spatial_shelf", 1e-5)])
-def test_sample(name: str, tolerance: float, direction: str, contact: str) -> None:
+def test_spatial_samples_have_their_expected_load_factors(
+    name: str, tolerance: float, direction: str, contact: str
+) -> None:
     document = sample(name, direction)
     expected = document["expected"].get("load_factor") or document["expected"][f"load_factor_{contact}"]
     assembly = build_assembly(parse_scene(document))

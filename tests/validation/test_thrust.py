@@ -124,7 +124,7 @@ def test_an_arch_agrees_with_an_independent_linear_program() -> None:
         assert high * (1 - np.sign(high) * 1e-9) <= one.most.bracket[1]
 
 
-def test_a_section_through_a_stack_carries_what_lies_above() -> None:
+def test_a_section_through_a_stack_carries_the_weight_above() -> None:
     """Statics: N is the weight above; V and M vanish, as no horizontal force acts. A turned scene has the same."""
 
     def cell(name: str, x: float, y: float, support: bool = False) -> dict[str, Any]:

@@ -20,7 +20,7 @@ ROWS = [
 @pytest.mark.parametrize(
     "value", [pytest.param(one, id=one.what, marks=[pytest.mark.long] if one.slow else []) for one in VALUES]
 )
-def test_value(value: Value) -> None:
+def test_values_of_the_validation_page_are_reproduced(value: Value) -> None:
     ours = value.ours()
     assert value.agrees(ours)
     computed = row(value, ours)
@@ -30,12 +30,12 @@ def test_value(value: Value) -> None:
         assert one == other or float(one) == pytest.approx(float(other), rel=1e-6, abs=1e-9)
 
 
-def test_the_page_has_all_values_and_no_other() -> None:
+def test_the_validation_page_has_exactly_the_values_of_the_corpus() -> None:
     assert len(ROWS) == len(VALUES) == len({value.what for value in VALUES})
     assert {one[0].partition(" (")[0] for one in ROWS} == {value.what.partition(" (")[0] for value in VALUES}
 
 
-def test_a_wrong_value_would_be_seen() -> None:
+def test_relations_refuse_wrong_values() -> None:
     """Each relation refuses what it must refuse."""
     for value in VALUES:
         off = value.published * (1.0 + 10.0 * value.tolerance) + 1e-6
@@ -51,7 +51,7 @@ def test_a_wrong_value_would_be_seen() -> None:
             assert not value.agrees((0.99 * value.published, 0.99 * value.published))
 
 
-def test_the_corpus_is_as_large_as_it_says() -> None:
+def test_the_corpus_has_the_stated_number_of_values() -> None:
     others = [value for value in VALUES if value.source.tier != "ours" and not value.derived]
     assert len(others) >= 50
     assert sum(value.spatial for value in others) >= 12

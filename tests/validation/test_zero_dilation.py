@@ -63,7 +63,7 @@ def test_given_walls_under_other_parameters(name: str, damping: float, block: in
     assert WALLS[name] * (1.0 - 1e-5) <= result.load_factor <= result.facts["associative_load_factor"] * (1.0 + 1e-8)
 
 
-def test_the_plain_loop_is_reported_for_what_it_is() -> None:
+def test_a_fixed_point_iteration_that_does_not_converge_is_uncertified() -> None:
     """On the third wall it does not settle: uncertified, with the violation it is left with."""
     result = smoothed(LimitAnalysis(wall("ferris_tinloi_4")), Smoothing())
     assert not result.facts["converged"]
@@ -91,7 +91,7 @@ def test_inner_faces_are_left_alone(name: str) -> None:
     assert rule.gap.min() >= -1e-6 * abs(result.load_factor)
 
 
-def test_status_of_what_does_not_collapse() -> None:
+def test_statuses_of_structures_that_do_not_collapse() -> None:
     for name, status in (("overhang", Status.UNSTABLE), ("pressed", Status.LOCKED)):
         rows, options = CASES[name]
         result = solve_zero_dilation(grid_assembly(rows, **options))

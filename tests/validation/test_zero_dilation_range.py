@@ -167,7 +167,7 @@ def test_a_load_that_grows_from_zero_has_no_lowest_below_it() -> None:
     assert 0.0 < result.load_factor == result.facts["lowest_found"]
 
 
-def test_what_does_not_collapse_has_no_range() -> None:
+def test_a_structure_that_does_not_collapse_has_no_range() -> None:
     rows, options = CASES["overhang"]
     result = solve(grid_assembly(rows, **options), friction="zero-dilation", range=True, floor_seconds=0.0)
     assert result.status is Status.UNSTABLE

@@ -19,13 +19,13 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, mini
 from jld_core.arrays import Bits, Bools, Ints
 from jld_core.assembly import Assembly
 from jld_core.assembly_sequence.blocks import blocks_of_labelling
+from jld_core.assembly_sequence.built_up import built_up
 from jld_core.assembly_sequence.freedom import Bodies, Freedom
 from jld_core.assembly_sequence.order import (
     GROUP,
     Laying,
     SequenceRule,
     assembly_order,
-    built_up,
     emptied,
     locked_blocks,
 )
@@ -119,7 +119,7 @@ class SequenceConstraint:
         return sum(lock is not None and not lock.proven for lock in self._known.values())
 
     def farthest(self) -> Laying | None:
-        """Return, of some refused labellings, the order with the largest share of steps before a stage falls.
+        """Return the order of a refused labelling with the largest share of standing steps.
 
         None if no stage of them is proven to fall. Up to eight labellings are compared, the first to be refused.
         """

@@ -24,7 +24,7 @@ SequenceRule = Literal["translation", "standing"]
 GROUP: Final = 3
 """Largest number of blocks that are moved together where single blocks are locked."""
 
-_STAGES: Final = 400
+MOST_STAGES: Final = 400
 """Largest number of stages examined in the search for an order whose stages stand."""
 
 _SAME: Final = 1e-6
@@ -89,7 +89,10 @@ class Laying:
 
     @property
     def first_fall(self) -> tuple[int, Step] | None:
-        """Return number, from 1, and step of the first stage proven to fall without props; None if none is."""
+        """Return number and step of the first stage proven to fall without props; None if none is.
+
+        Steps are numbered from 1.
+        """
         return next(((k, step) for k, step in enumerate(self.steps, 1) if step.stage.stands is False), None)
 
 
@@ -169,13 +172,12 @@ def locked_blocks(
     assembly: Assembly,
     labels: Bits,
     *,
-    sideways: bool = False,
     group: int = GROUP,
     bodies: Bodies | None = None,
 ) -> tuple[int, ...]:
     """Return the elements of blocks that prevent any assembly by translations.
 
-    These blocks lock one another wherever they occur, whatever other blocks are present.
+    These blocks lock one another in every labelling that has them.
 
     Parameters
     ----------
@@ -183,8 +185,6 @@ def locked_blocks(
         Assembly with m interfaces.
     labels : (m,) bool array
         Labels, True = dry.
-    sideways : bool
-        Allow a planar wall to be assembled out of its plane.
     group : int
         Largest number of blocks that are moved together where single blocks are locked.
     bodies : Bodies, optional
@@ -197,7 +197,7 @@ def locked_blocks(
     """
     assembly.members.refuse("an assembly sequence")
     blocks = blocks_of_labelling(assembly, labels)
-    freedom = Freedom(blocks, sideways, bodies)
+    freedom = Freedom(blocks, False, bodies)
     there = emptied(freedom, np.ones(len(blocks), dtype=bool), group)
     if not np.any(there & ~blocks.fixed):
         return ()
@@ -320,7 +320,7 @@ def _standing_order(freedom: Freedom, standing: Standing, group: int, turn: Turn
         key = np.packbits(there).tobytes()
         if key in failed:
             return None
-        if looked >= _STAGES:
+        if looked >= MOST_STAGES:
             settled = False
             return None
         for move in sorted(_moves(freedom, there, group), key=lambda m: turn(there, m[0])):
@@ -336,63 +336,6 @@ def _standing_order(freedom: Freedom, standing: Standing, group: int, turn: Turn
         return None
 
     return search(np.ones(len(blocks), dtype=bool), []), settled
-
-
-@dataclass(frozen=True)
-class Built:
-    """Result of `built_up`: whether an order of single blocks with standing stages exists.
-
-    possible: True where an order was found, False where none exists, None where the search reached its limit or a stage
-    was undecided. seen: (n,) bool mask of the elements of all blocks that were laid or tried, and of the fixed block.
-    """
-
-    possible: bool | None
-    seen: Bools
-
-
-def built_up(freedom: Freedom, standing: Standing) -> Built:
-    """Search an order of single blocks, each touching a laid one, whose every stage stands.
-
-    The search goes depth first and tries the lowest block first. If single blocks can be removed until none is left, it
-    finds an order wherever one exists. A block that touches no laid block cannot stand. The outcome therefore depends
-    on the visited blocks alone.
-    """
-    blocks = freedom.blocks
-    failed: set[bytes] = set()
-    turn = turn_of(blocks)
-    tried = blocks.fixed.copy()
-    looked, settled = 0, True
-
-    def search(laid: Bools) -> bool | None:
-        """Return True if the laid blocks can be completed, False if not, None at the limit."""
-        nonlocal looked, settled
-        key = np.packbits(laid).tobytes()
-        if laid.all():
-            return True
-        if key in failed:
-            return False
-        near = laid[blocks.first] != laid[blocks.second]
-        border = np.unique(np.concatenate([blocks.first[near], blocks.second[near]]))
-        moves = [((block,), freedom.bodies.up) for block in border[~laid[border]].tolist()]
-        for move in sorted(moves, key=lambda move: turn(laid, move[0]), reverse=True):
-            if looked >= _STAGES:
-                return None
-            looked += 1
-            tried[move[0][0]] = True
-            more = laid.copy()
-            more[move[0][0]] = True
-            stands = standing.stage(more).stands
-            settled &= stands is not None
-            if not stands or freedom.way_out(move[0][0], more) is None:
-                continue
-            found = search(more)
-            if found is not False:
-                return found
-        failed.add(key)
-        return False
-
-    possible = search(blocks.fixed.copy())
-    return Built(possible if possible or settled else None, tried[blocks.of])
 
 
 def _steps(blocks: Blocks, standing: Standing, taken: list[Move]) -> tuple[Step, ...]:

@@ -123,8 +123,8 @@ class Parts:
     """Store of solved parts of stages, shared by all labellings of one assembly.
 
     Laid elements that touch one another, apart from supports, form a part. Its prop forces depend only on its elements
-    and the labels between them. stations: places of props; others are taken only where these cannot hold a stage, or
-    a hundredth of the force does the same.
+    and the labels between them. stations: places of props. Props stand elsewhere only if these places cannot hold a
+    stage, or if a hundredth of the force suffices there.
     """
 
     def __init__(self, assembly: Assembly, stations: Stations | None = None) -> None:
@@ -219,7 +219,7 @@ class Parts:
         return _Part(np.where(props > _NONE * weight, props, 0.0), error * relative, weight, along)
 
     def _props(self, standing: Ints) -> tuple[Floats, Ints, Ints]:
-        """Return unit prop forces as columns (q·k, props), and the element and the place (props,) of each.
+        """Return unit prop forces (q·k, props), and element and place (props,) of each.
 
         standing: (k,) laid elements as indices among the free elements. Props act upwards at the centroid, at extreme
         corners of each element, and at the stations. A place is the number of a station, −1 elsewhere. A column holds

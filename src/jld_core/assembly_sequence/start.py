@@ -29,7 +29,7 @@ def turn_of(blocks: Blocks, start: LayingStart = "ground") -> Turn:
     start.
     """
     if start not in get_args(LayingStart):
-        raise ParameterError("start", f"{start!r} is no place to start", "one of " + ", ".join(get_args(LayingStart)))
+        raise ParameterError("start", f"{start!r} is no start of laying", "one of " + ", ".join(get_args(LayingStart)))
     elements = blocks.assembly.elements
     total = elements.weight[elements.free].sum(axis=0)
     if not np.any(total):

@@ -1,4 +1,4 @@
-"""Places of props along a line or an arc: below the lowest free element, at equal horizontal distances."""
+"""Places of props at equal horizontal distances below the lowest free elements."""
 
 from __future__ import annotations
 
@@ -28,13 +28,14 @@ class Stations:
 
 
 def stations_below(assembly: Assembly, spacing: float) -> Stations:
-    """Return places below a planar structure at equal horizontal distances, the same on both sides of its middle.
+    """Return places below a planar structure at equal horizontal distances.
 
-    Places above a support are left out. spacing: scene units of length. Raises ParameterError for a spacing that is not
-    above 0, leaves no place or more than 500, and for a spatial structure.
+    They are the same on both sides of its middle. Places above a support are left out. spacing: scene units of length.
+    Raises ParameterError for a spacing that is not above 0, leaves no place or more than 500, and for a spatial
+    structure.
     """
     if assembly.dimension != 2:
-        raise ParameterError("props", "props along a line are those of planar scenes", "a search without it")
+        raise ParameterError("props", "props along a line are for planar scenes", "a search without it")
     if not 0.0 < spacing < math.inf:
         raise ParameterError("props", f"a spacing of {spacing:g} is wrong", "a length above 0")
     elements = assembly.elements
@@ -64,7 +65,10 @@ def stations_below(assembly: Assembly, spacing: float) -> Stations:
 
 
 def _lowest(across: Floats, height: Floats, place: float) -> float | None:
-    """Return the lowest height of a polygon at a horizontal place; None beside it. across, height: (k,) of corners."""
+    """Return the lowest height of a polygon at a horizontal place; None beside it.
+
+    across, height: (k,) of corners.
+    """
     after, above = np.roll(across, -1), np.roll(height, -1)
     crossed = (np.minimum(across, after) <= place) & (place <= np.maximum(across, after)) & (across != after)
     if not crossed.any():

@@ -79,13 +79,12 @@ SANITIZED: Final[dict[str, tuple[str, ...]]] = {
 """Command-line options of `main` for libraries with sanitizers, and the compiler flags of each."""
 
 
-def variants(machine: str | None = None) -> tuple[str, ...]:
-    """Return the names of the batch solver's variants for a processor family, fastest first.
+def variants() -> tuple[str, ...]:
+    """Return the batch solver's variants for this family of processors, fastest first.
 
-    machine: family as in `platform.machine`; None for this machine. Its processor may lack the instructions of some
-    variants, see `runs_here`.
+    This processor may lack the instructions of some variants, see `runs_here`.
     """
-    machine = (machine or platform.machine()).lower()
+    machine = platform.machine().lower()
     if machine in ("x86_64", "amd64"):
         return ("avx512", "avx2", "base")
     return ("neon",) if machine in ("aarch64", "arm64") else ("base",)

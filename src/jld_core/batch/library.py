@@ -98,10 +98,10 @@ def _compiled() -> dict[str, Path]:
 def _found(wish: str) -> tuple[str, Path] | None:
     """Return name and path of the library that `wish` names; None where there is none.
 
-    wish: a variant, a path, "off", or "" for the fastest variant, which is compiled if none is built. The word of
-    `_BUILT` asks for the fastest one that is built already. None: "off", or no library that runs here. Raises
-    InputError for a variant that is not built or does not run here, and for a library that was not built from these
-    sources.
+    wish: name of a variant, path of a library, "off", "" or `_BUILT`. "" asks for the fastest variant, and compiles it
+    if none is built. `_BUILT` asks for the fastest variant that is built. The result is None for "off", and where no
+    library runs here. Raises InputError for a variant that is not built or does not run here, and for a library that
+    was not built from these sources.
     """
     if wish == "off":
         return None

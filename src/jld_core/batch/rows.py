@@ -50,8 +50,8 @@ def fits(template: Template, undecided: Rows | None = None) -> bool:
     Returns
     -------
     bool
-        False above `LARGEST` faces, above `MOST` products, for rows of another shape, or for a member that acts on more
-        than two elements.
+        False for more than `LARGEST` faces, more than `MOST` products in a factorisation, rows of another shape, or for
+        a member that acts on more than two elements.
     """
     return (
         len(template.assembly.interfaces) <= LARGEST
@@ -127,7 +127,7 @@ def rows_of(template: Template, undecided: Rows | None = None) -> BatchRows | No
 
 
 def rows_of_samples(own: YieldSet, labels: Bits, dimension: int) -> BatchRows | None:
-    """Compute the rows of samples of one labelling, each in the place of a label.
+    """Compute the yield rows of many samples of strengths under one labelling.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Name the verdicts of the batch solver and hold its proven bounds."""
+"""Verdicts of the batch solver, and its proven bounds."""
 
 from __future__ import annotations
 

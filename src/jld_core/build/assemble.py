@@ -139,7 +139,10 @@ def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
 
 
 def _backing(scene: Scene, elements: Elements) -> Backing | None:
-    """Return the fill of a scene on its elements, None without fill; raise InputError for a spatial scene."""
+    """Return the fill of a scene on its elements; None without fill.
+
+    Raises InputError for a spatial scene.
+    """
     if scene.fill is None:
         return None
     if scene.dimension == 3:
@@ -149,7 +152,7 @@ def _backing(scene: Scene, elements: Elements) -> Backing | None:
 
 
 def _means(scene: Scene) -> tuple[str, ...]:
-    """Return a sentence that values with uncertainty count by their means; () if there are none."""
+    """Return a note that uncertain values are taken at their means; () if there are none."""
     named = [in_words(path) for path, _ in uncertain_values(scene)]
     if not named:
         return ()
@@ -168,7 +171,7 @@ def _face_materials(scene: Scene, elements: Elements, interfaces: Interfaces) ->
         chosen = faces_of_pairs([entry.between], elements, interfaces, where)
         for face in np.flatnonzero(chosen).tolist():
             if found[face] is not None:
-                raise InputError(where, f"{' and '.join(entry.between)} stand there twice", "one entry for each pair")
+                raise InputError(where, f"{' and '.join(entry.between)} are given twice", "one entry for each pair")
             found[face] = entry
     return found
 
@@ -209,7 +212,7 @@ def _own_labels(scene: Scene, elements: Elements, interfaces: Interfaces, given:
     if np.any(inner & dry):
         face = int(np.flatnonzero(inner & dry)[0])
         pair = f"{elements.ids[interfaces.a[face]]!r}, {elements.ids[interfaces.b[face]]!r}"
-        raise InputError("labels", f"the pair {pair} stands under both inner and dry", "each pair under one")
+        raise InputError("labels", f"the pair {pair} is listed under both inner and dry", "each pair under one")
     labels = np.where(inner, INNER, np.where(dry, DRY, labels))
     for face, contact in enumerate(given):
         if contact is not None and contact.label is not None:

@@ -1,4 +1,7 @@
-"""Bond of dry joints: tensile strength, as a shift of normal forces. Source: docs/method.md (2.7a) to (2.7c)."""
+"""Bond of dry joints: tensile strength as a shift of normal forces.
+
+Source: docs/method.md (2.7a) to (2.7c).
+"""
 
 from __future__ import annotations
 

@@ -100,7 +100,7 @@ class Backing:
         return tuple(sorted(found, key=lambda edge: float(edge.place.mean())))
 
     def permanent(self) -> list[PointLoad]:
-        """Return the weight of fill and surcharge, and the active pressure, as forces on free elements.
+        """Return weight of fill and surcharge, and active pressure, as forces on free elements.
 
         Each covered edge has one vertical force, and one horizontal force unless it is level.
         """
@@ -183,9 +183,10 @@ class Backing:
         return float(point @ self._right)
 
     def pressures(self) -> Members:
-        """Return the pressure beyond the active one as bars in compression, from free elements to supports.
+        """Return the pressure beyond the active one as bars from free elements to supports.
 
-        A bar pushes an element horizontally with a force between 0 and the difference of passive and active pressure.
+        The bars act in compression. A bar pushes an element horizontally with a force between 0 and the difference of
+        passive and active pressure.
         """
         supports = np.flatnonzero(self.elements.support)
         across = self.elements.centroid[supports] @ self._right
@@ -303,7 +304,7 @@ class Backing:
         return [PointLoad(element=self.elements.ids[edge.element], force=force.tolist(), at=at, width=length)]
 
     def _below(self, edge: CoveredEdge, level: float) -> Iterator[CoveredEdge]:
-        """Yield the piece of an edge below a height; nothing if there is none longer than rounding."""
+        """Yield the piece of an edge below a height; nothing if it is not longer than rounding."""
         first, last = edge.height.tolist()
         low, high = 0.0, 1.0
         if first > level and last > level:
@@ -322,7 +323,7 @@ class Backing:
         return tolerances.ON_OUTLINE * self.elements.size
 
     def _outlines(self) -> Iterator[tuple[int, Floats, Floats]]:
-        """Yield the element, the start and the end (position, height) of each edge, counter-clockwise."""
+        """Yield element, start and end (position, height) of each edge, counter-clockwise."""
         turn = np.column_stack([self._right, -self.down])
         for index, shape in enumerate(self.elements.shape):
             corners = shape @ turn
@@ -330,7 +331,7 @@ class Backing:
                 yield index, first, last
 
     def _top(self) -> Iterator[CoveredEdge]:
-        """Yield the pieces of the highest boundary from left to right, one for each edge that appears there."""
+        """Yield the pieces of the highest boundary from left to right, one for each edge."""
         upper = [  # outlines are counter-clockwise, so that edges of the upper side run to the left
             (index, last, first) for index, first, last in self._outlines() if first[0] - last[0] > self._reach
         ]

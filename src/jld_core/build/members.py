@@ -96,7 +96,7 @@ def _members(assembly: Assembly, entries: Sequence[Member]) -> Members:
         axes.append(_axis(assembly, entry, elements, places, where))
     twice = next((name for k, name in enumerate(names) if name in names[:k]), None)
     if twice is not None:
-        raise InputError(f"members[{names.index(twice)}].name", f"{twice!r} stands there twice", "a name for each")
+        raise InputError(f"members[{names.index(twice)}].name", f"{twice!r} is given twice", "a name for each")
     return Members(
         names=tuple(names),
         kinds=tuple(entry.kind for entry in entries),

@@ -19,7 +19,7 @@ from jld_core.scene.loads import FaceLoad
 
 
 def patch_loads(elements: Elements, interfaces: Interfaces, entry: FaceLoad, where: str) -> list[PointLoad]:
-    """Return the forces of a uniform load on a patch, one for each face of an element below it.
+    """Return the forces of a uniform load on a patch, one for each element face below it.
 
     Parameters
     ----------
@@ -71,7 +71,10 @@ def patch_loads(elements: Elements, interfaces: Interfaces, entry: FaceLoad, whe
 
 
 def _corners(elements: Elements, entry: FaceLoad, key: str) -> Floats:
-    """Return the corners (k, 3) of a patch; raise InputError for a planar scene or uneven pressure."""
+    """Return the corners (k, 3) of a patch.
+
+    Raises InputError for a planar scene or uneven pressure.
+    """
     points = [*(entry.face.patch or []), *([entry.traction] if entry.traction is not None else [])]
     if elements.centroid.shape[1] == 2 or any(len(point) != 3 for point in points):
         raise InputError(
@@ -97,7 +100,7 @@ def _parts(
     frame: Floats,
     origin: Floats,
 ) -> list[tuple[Floats, shapely.Geometry]]:
-    """Return the free parts of a patch on the faces of one element, each with the outward normal (3,).
+    """Return the free parts of a patch on one element, each with the outward normal (3,).
 
     patch: in the coordinates of `frame` (2, 3) about `origin` (3,). normal: (3,) of the patch.
     """

@@ -44,7 +44,7 @@ class Boundary:
     backing: Backing | None = None
 
     def plain(self, entries: Sequence[LoadEntry], key: str) -> list[PlacedLoad]:
-        """Replace pressures and loads on fill by statically equivalent forces and moments on elements.
+        """Replace pressures and loads on fill by statically equivalent forces and moments.
 
         Parameters
         ----------
@@ -140,11 +140,11 @@ class Boundary:
         return found
 
     def _along(self, entry: FaceLoad, along: list[list[float]], where: str) -> list[PointLoad]:
-        """Return the forces of a pressure or a line load along a polyline on the free boundary (planar).
+        """Return the forces of a pressure or line load along a polyline on the free boundary.
 
-        entry: supplies the pressures at both ends, between which it is linear. along: points of the polyline. where:
-        key in the scene. Supports get no load. Raises InputError for a spatial scene, coinciding points, or a part of
-        the polyline that is no free boundary.
+        Planar scenes only. entry: supplies the pressures at both ends, between which it is linear. along: points of the
+        polyline. where: key in the scene. Supports get no load. Raises InputError for a spatial scene, coinciding
+        points, or a part of the polyline that is no free boundary.
         """
         if self.elements.centroid.shape[1] == 3 or any(len(point) != 2 for point in (*along, entry.line or (0, 0))):
             raise InputError(f"{where}.face.along", "it is for planar scenes", '"between" or "patch"')

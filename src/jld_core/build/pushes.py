@@ -83,7 +83,10 @@ def _horizontal(count: int, first: Floats, downwards: Floats) -> list[Floats]:
 
 
 def _unit(vector: list[float], dimension: int, where: str) -> Floats:
-    """Return the unit vector (d,) of a direction; raise InputError for a wrong length or a zero vector."""
+    """Return the unit vector (d,) of a direction.
+
+    Raises InputError for a wrong length or a zero vector.
+    """
     if len(vector) != dimension:
         raise InputError(where, f"it has {len(vector)} numbers", f"{dimension} in this scene")
     length = float(np.linalg.norm(vector))
@@ -93,7 +96,7 @@ def _unit(vector: list[float], dimension: int, where: str) -> Floats:
 
 
 def _angles(unit: Floats, first: Floats, downwards: Floats) -> str:
-    """Return the angle of a direction as text, in degrees, and in space its slope where it has one."""
+    """Return the angle of a direction as text, degrees; in space also its slope, if any."""
     if len(first) == 2:
         return f"at {_degrees(float(unit @ -downwards), float(unit @ first))}°"
     second = np.cross(-downwards, first)

@@ -1,4 +1,4 @@
-"""What a file of another program says of each block: mass, mould, order of laying, faces and load factor."""
+"""Data of a block in files of other programs: mass, mould, order of laying, λ."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cells of a planar drawing: from outlines, the lines across and between them, and openings."""
+"""Cells of a planar drawing: from outlines, lines across and between them, and openings."""
 
 from __future__ import annotations
 
@@ -240,9 +240,7 @@ def _refuse_crossings(segments: list[shapely.LineString]) -> None:
     for begin in range(0, len(segments), _CHUNK):
         total += tree.query(np.array(segments[begin : begin + _CHUNK]), predicate="intersects").shape[1]
         if total > _CROSSINGS * MOST:
-            raise InputError(
-                "", "its lines cross one another more often than those of a structure", "a network of cells"
-            )
+            raise InputError("", "its lines have too many crossings", "a network of cells")
 
 
 def _one_outline_each(outlines: list[int], paths: list[Path], snapped: Snapped, notes: Notes) -> list[int]:

@@ -61,7 +61,7 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes) -> Impo
             "", "it holds no closed outline and no line", "outlines, or a network of lines, to be elements"
         )
     if sum(len(path.points) for path in paths) > MOST:
-        raise InputError("", "it holds more corners than a structure has", f"at most {MOST}")
+        raise InputError("", "it holds too many corners", f"at most {MOST}")
     size = float(max(np.ptp(np.concatenate([path.points[:, :2] for path in paths]), axis=0)))
     places = [np.array(mark.at) for mark in marks] + [path.points[:, :2] for path in loads]
     if not all((np.abs(place) <= _MOST_SIZE).all() for place in places):

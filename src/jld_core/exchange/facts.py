@@ -38,7 +38,7 @@ def facts_of(layout: Layout, *, cells: bool, spatial: bool) -> dict[str, Any]:
     cells: True where the file holds every element; otherwise point loads refer to blocks. spatial: True where a planar
     scene is extruded: vectors (x, y) become (x, 0, y), and places lie in the middle of the thickness. Raises InputError
     for a scene with "materials.faces", which such a file cannot hold, and for moving loads where `spatial`. Pressures
-    stay as they are in a planar file of elements, and are the forces that they add up to elsewhere.
+    stay pressures in a planar file of elements; elsewhere their resultant forces replace them.
     """
     layout = layout.drawn_from or layout
     document = document_of(layout)

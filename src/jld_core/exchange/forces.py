@@ -157,7 +157,7 @@ def _joined(parts: list[tuple[str, float, bool]], text: str, dimension: int) -> 
         raise _refused(text, "a force in the plane has no component along z")
     if any(axes):
         if "" in axes or len(set(axes)) < len(axes):
-            raise _refused(text, "not all of its numbers are named a component of their own")
+            raise _refused(text, "some of its numbers name no component, or the same one")
         stated = dict(zip(axes, values, strict=True))
         values = [stated.get(axis, 0.0) for axis in "xyz"[:dimension]]
     elif len(values) not in (1, dimension):

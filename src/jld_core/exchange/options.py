@@ -171,9 +171,10 @@ class Imported:
     scale: float = 1.0
 
     def in_unit_of_file(self, error: InputError, option: str) -> InputError:
-        """Return an error about the scene with its tolerance as an option of the import, in the unit of the file.
+        """Convert an error about a scene's tolerance to one about the option of the import.
 
-        error: raised when the document was parsed or built. option: name of the option for the user.
+        The tolerance is in the unit of the file. error: raised when the document was parsed or built. option: name of
+        the option for the user.
         """
 
         def stated(match: re.Match[str]) -> str:

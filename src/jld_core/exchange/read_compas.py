@@ -102,7 +102,7 @@ def _nodes(graph: dict[str, Any]) -> tuple[list[Part], dict[str, str]]:
 def _elements(model: dict[str, Any], graph: dict[str, Any]) -> tuple[list[Part], dict[str, str]]:
     """Return the elements of a model (compas_dem) and their names by node of its graph.
 
-    Blocks have the names that they state, unless these are those of their class.
+    The name of a block is the one that it states; a stated name that equals the name of its class is ignored.
     """
     node_of = {str(attributes.get("element")): key for key, attributes in graph["node"].items()}
     materials = {guid: data_of(material) for guid, material in (model.get("materials") or {}).items()}

@@ -67,7 +67,7 @@ def read_csv(path: File, notes: Notes) -> Drawing:
         if len(row) != len(head):
             raise InputError(f"line {number}", f"it has {len(row)} fields", f"{len(head)} as in line 1")
         if number > MOST:
-            raise InputError("", "it holds more corners than a structure has", f"at most {MOST}")
+            raise InputError("", "it holds too many corners", f"at most {MOST}")
         entry = {name: cell.strip() for name, cell in zip(head, row, strict=True)}
         if not entry["id"]:
             raise InputError(f"line {number}", "its id is empty", "the name of an element")

@@ -23,7 +23,7 @@ def data_of(value: Any) -> dict[str, Any]:
     """
     inner = value["data"] if isinstance(value, dict) and "dtype" in value else value
     if not isinstance(inner, dict):
-        raise InputError("", "it holds no object where COMPAS has one", "an assembly or a block model")
+        raise InputError("", "a value is no JSON object where COMPAS expects one", "an assembly or a block model")
     return inner
 
 

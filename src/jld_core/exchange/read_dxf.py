@@ -74,7 +74,7 @@ def _refuse_large_blocks(document: Any, space: Any) -> None:
         return total
 
     if amount(space, 0) > MOST:
-        raise InputError("", "its blocks within blocks come to more than a structure has", f"at most {MOST} entities")
+        raise InputError("", "its nested blocks hold too many entities", f"at most {MOST} entities")
 
 
 class _Reader:
@@ -116,7 +116,7 @@ class _Reader:
             return {}
         found = json.loads(text)
         if not isinstance(found, dict):
-            raise InputError(FACTS, "the property holds no object", "what jld export wrote")
+            raise InputError(FACTS, "the property holds no JSON object", "what jld export wrote")
         return {key: found[key] for key in _KEYS if key in found}
 
     def _read(self, entity: Any, layer: str | None, depth: int) -> None:
@@ -197,7 +197,7 @@ class _Reader:
             return False
         self.paths.append(Path(points, closed, layer, holes=holes))
         if len(points) > MOST or len(self.paths) > MOST:
-            raise InputError("", "it holds more lines than a structure has", f"at most {MOST}")
+            raise InputError("", "it holds too many lines", f"at most {MOST}")
         return True
 
     def _lwpolyline(self, entity: Any, layer: str) -> bool:

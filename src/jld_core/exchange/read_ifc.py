@@ -1,4 +1,7 @@
-"""Reader of IFC (by ifcopenshell): faceted B-reps, face sets and extruded areas with straight edges as solids."""
+"""Reader of IFC: faceted B-reps, face sets and extruded areas with straight edges.
+
+Uses ifcopenshell.
+"""
 
 from __future__ import annotations
 
@@ -90,13 +93,13 @@ def _moved(points: Floats, matrix: Floats) -> Floats:
 
 
 def _bodies(product: Any, title: str) -> list[tuple[Floats, Faces]]:
-    """Read the solids of a product in its own axes and the unit of the file, without its openings."""
+    """Read the solids of a product, without its openings, in its own axes and the file's unit."""
     shapes = [s for s in product.Representation.Representations if s.RepresentationIdentifier in _BODY]
     return [solid for shape in shapes for item in shape.Items for solid in _solids(item, title)]
 
 
 def _opened(product: Any, title: str) -> tuple[Floats, Faces]:
-    """Return a product less its openings, in m: the difference that the geometry kernel of ifcopenshell computes.
+    """Return a product with its openings cut out by ifcopenshell, in m.
 
     Raises InputError where an opening is no polyhedron, or takes the whole product away.
     """
@@ -206,7 +209,7 @@ def _profile(profile: Any, title: str) -> Region:
 
 
 def _rectangles(profile: Any, title: str) -> list[Floats]:
-    """Return the corners (4, 2) of a rectangular profile, and those of its hole where it is hollow."""
+    """Return the corners (4, 2) of a rectangular profile, and of its hole if hollow."""
     fillets = [getattr(profile, name, None) for name in ("RoundingRadius", "InnerFilletRadius", "OuterFilletRadius")]
     if any(fillets):
         raise _refused(profile, title)

@@ -38,7 +38,7 @@ def read_mesh(path: File, notes: Notes) -> Solids:
         warnings.simplefilter("ignore")  # meshio overflows where it takes a text for a count
         points, groups = {"obj": _obj, "ply": _ply, "stl": _stl}[kind](meshio, data)
     if sum(len(faces) for _, faces in groups) > MOST:
-        raise InputError("", "it holds more faces than a structure has", f"at most {MOST}")
+        raise InputError("", "it holds too many faces", f"at most {MOST}")
     if not np.isfinite(points).all():
         raise InputError("", "it holds a coordinate that is no number", "finite numbers only")
     parts = [part for name, faces in groups for part in _parts(name, points, faces)]
@@ -159,7 +159,7 @@ def _refuse_counts(kind: str, data: bytes) -> None:
     """
     size = len(data)
     if kind == "obj" and max(data.count(b"\nf"), data.count(b"\nv ") // 4) > MOST:
-        raise InputError("", "it holds more faces than a structure has", f"at most {MOST}")
+        raise InputError("", "it holds too many faces", f"at most {MOST}")
     if kind == "ply":
         head = data[: data.find(b"end_header")] if b"end_header" in data[:65536] else b""
         counts = [int(number) for number in re.findall(rb"element\s+\w+\s+(\d{1,18})", head)]
@@ -170,7 +170,7 @@ def _refuse_counts(kind: str, data: bytes) -> None:
         if sum(counts) > size:
             raise InputError("", f"its header promises {sum(counts)} entries in {size} bytes", "a whole file")
     if kind == "stl" and (size // 50 if _is_binary(data) else data.count(b"endfacet")) > MOST:
-        raise InputError("", "it holds more triangles than a structure has", f"at most {MOST}")
+        raise InputError("", "it holds too many triangles", f"at most {MOST}")
     if kind == "stl" and not _is_binary(data) and not data[:512].lstrip().lower().startswith(b"solid"):
         count = int.from_bytes(data[80:84], "little") if size >= 84 else -1
         raise InputError("", f"its header promises {count} triangles in {size} bytes", "a whole file")

@@ -1,4 +1,7 @@
-"""Reader of Rhino 3DM (by rhino3dm): solids, or closed curves in one plane, with layers, names and user text."""
+"""Reader of Rhino 3DM: solids, or closed curves in one plane, with their user text.
+
+Uses rhino3dm. Layers and names are read as well.
+"""
 
 from __future__ import annotations
 
@@ -115,7 +118,7 @@ class _Reader:
             return {}
         found = json.loads(stored[FACTS])
         if not isinstance(found, dict):
-            raise InputError(FACTS, "the user text holds no object", "what jld export wrote")
+            raise InputError(FACTS, "the user text holds no JSON object", "what jld export wrote")
         return {key: found[key] for key in _KEYS if key in found}
 
     def _layer(self, index: int, parent: str | None) -> tuple[str, bool]:
@@ -145,7 +148,7 @@ class _Reader:
             return
         self._count += 1
         if self._count > MOST:
-            raise InputError("", "it holds more objects than a structure has", f"at most {MOST}")
+            raise InputError("", "it holds too many objects", f"at most {MOST}")
         kind = type(geometry).__name__
         if kind == "InstanceReference":
             self._instance(geometry, layer, moves)

@@ -45,9 +45,9 @@ def read_svg(path: File, options: ImportOptions, notes: Notes) -> Drawing:
     svg = library("svgelements", path)
     text = text_of(path)
     if re.search(r"<!ENTITY", text, flags=re.I):
-        raise InputError("", "it defines entities, which may unfold to anything", "an SVG without a DTD of its own")
+        raise InputError("", "it defines XML entities, which are not expanded", "an SVG without a DTD of its own")
     if text.count("<use") > 1000 or text.count("<") > 2 * MOST:
-        raise InputError("", "it holds more shapes than a structure has", f"at most {MOST}")
+        raise InputError("", "it holds too many shapes", f"at most {MOST}")
     stated = None if options.unit else _stated_unit(text)
     # drop the page size and viewBox: lengths are those in which the drawing was made
     text = re.sub(r"<svg\b[^>]*>", lambda tag: re.sub(_PAGE, "", tag[0]), text, count=1)
@@ -57,7 +57,7 @@ def read_svg(path: File, options: ImportOptions, notes: Notes) -> Drawing:
 
 
 def _stated_unit(text: str) -> tuple[float, str] | None:
-    """Return the length of one unit of the viewBox and its unit, as the page of an SVG text states it.
+    """Return length and unit of one unit of the viewBox, as the page of an SVG states it.
 
     It is None where width, height and viewBox do not state the same scale in mm, cm or inches.
     """
@@ -78,7 +78,10 @@ def _stated_unit(text: str) -> tuple[float, str] | None:
 
 
 def _in_stated_unit(drawing: Drawing, stated: tuple[float, str] | None) -> Drawing:
-    """Return a drawing in the unit that its page states: (length of one unit of the file, unit); None for no unit."""
+    """Convert a drawing to the unit that its page states.
+
+    stated: length of one unit of the file, and the unit; None for no unit.
+    """
     if stated is None:
         return drawing
     scale, unit = stated
@@ -109,7 +112,7 @@ def _drawing(svg: Any, root: Any, name: str, options: ImportOptions, notes: Note
                     if len(points) > (2 if closed and not points[:, 2].any() else 1):
                         paths.append(Path(points, closed, own.get("data-layer") or layer, own.get("data-name")))
                     if len(paths) > MOST:
-                        raise InputError("", "it holds more shapes than a structure has", f"at most {MOST}")
+                        raise InputError("", "it holds too many shapes", f"at most {MOST}")
             elif not isinstance(item, svg.Title):
                 kind = type(item).__name__
                 unread[kind] = unread.get(kind, 0) + 1

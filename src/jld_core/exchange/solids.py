@@ -115,7 +115,7 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes) -> Import
     if not parts:
         raise InputError("", "it holds no solid", "closed surfaces, one for each block")
     if sum(len(part.faces) + len(part.vertices) for part in parts) > 4 * MOST:
-        raise InputError("", "it holds more faces than a structure has", f"at most {MOST}")
+        raise InputError("", "it holds too many faces", f"at most {MOST}")
     scale, unit, drawn_in = _scale(found, options, notes)
     names = _names([part.name for part in parts])
     vertices = [scale * part.vertices for part in parts]

@@ -1,4 +1,4 @@
-"""Writer of compas_dem JSON: an analysis with model and problems, and results with forces and mechanism."""
+"""Writer of compas_dem JSON: an analysis with model, problems, forces and mechanism."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ class _Dem:
         return [float(f"{value:.12g}") for value in found]
 
     def _frame(self, points: Floats, face: int) -> Floats:
-        """Return the axes e1, e2 and n (3, 3) of an interface in space."""
+        """Return the axes e1, e2 and n of an interface in space, as the rows of an array (3, 3)."""
         faces = self._layout.assembly.interfaces
         if self._layout.assembly.dimension == 3:
             return np.array([faces.e1[face], faces.e2[face], faces.normal[face]])

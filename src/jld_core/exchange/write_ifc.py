@@ -1,4 +1,7 @@
-"""Writer of IFC 4 files (by ifcopenshell): an element with a faceted B-rep and a property set for each block."""
+"""Writer of IFC 4 files: a faceted B-rep and a property set for each block.
+
+Uses ifcopenshell.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Writer of Rhino 3DM (by rhino3dm): blocks on layers by shape with user text, faces, mechanism and thrust."""
+"""Writer of Rhino 3DM: blocks on layers by shape, faces, mechanism and thrust.
+
+Uses rhino3dm. Blocks have user text.
+"""
 
 from __future__ import annotations
 

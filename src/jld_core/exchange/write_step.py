@@ -1,4 +1,4 @@
-"""Writer of faceted STEP files: ISO 10303-21 text of AP214, a closed shell of plane faces for each solid."""
+"""Writer of faceted STEP files (ISO 10303-21, AP214): a shell of plane faces per solid."""
 
 from __future__ import annotations
 

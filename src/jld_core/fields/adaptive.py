@@ -1,4 +1,4 @@
-"""Both fields of one labelling on one mesh, and the finer mesh that they ask for."""
+"""Stress and velocity field of one labelling on one mesh, and the choice of the next mesh."""
 
 from __future__ import annotations
 
@@ -159,8 +159,8 @@ class Fields:
         """Return the next mesh: refined where the fields disagree, or everywhere.
 
         adaptive: False splits every triangle in four. True splits the triangles with the largest criterion of
-        docs/method.md (9.12). Without a stress field, that for the dead load alone takes its place; without either, all
-        but the smallest triangles are split. steps: False marks more triangles at once, for fewer meshes.
+        docs/method.md (9.12). Without a stress field the criterion uses that for the dead load alone. Without either
+        field all but the smallest triangles are split. steps: False marks more triangles at once, for fewer meshes.
         """
         if not adaptive:
             return refine(self.mesh, np.ones(len(self.mesh), dtype=bool))
@@ -264,8 +264,8 @@ def _marks(problem: Problem, stress: StressField | None, velocity: VelocityField
     """Mark the triangles to split, (t,) True, by the criterion of docs/method.md (9.12).
 
     stress: None marks all but the smallest triangles. velocity: None leaves the disagreement of the fields out. wanted:
-    share of the summed criterion that the marked triangles hold, 0 to 1. By the disagreement alone the lower bound
-    stalls: on the flagship [5.89, 6.49] instead of [6.15, 6.46] in 3 s.
+    share of the summed criterion that the marked triangles hold, 0 to 1. With the disagreement alone as criterion the
+    lower bound stalls: on the flagship [5.89, 6.49] instead of [6.15, 6.46] in 3 s.
     """
     count = len(problem.mesh)
     small = problem.mesh.area < _LEAST_AREA * problem.mesh.area.sum()
@@ -337,9 +337,9 @@ def _singular_corners(problem: Problem, stress: StressField | None) -> Ints:
 def disagreement(problem: Problem, stress: StressField, velocity: VelocityField) -> Floats:
     """Compute each triangle's share (t,) of the gap between the bounds, scaled λ.
 
-    It is the dissipation of the velocity field less the power of the stress field on it. Each triangle counts with half
-    of its edges. Up to the opening that `UpperBound.certify` added, the sum is upper less lower bound. Both fields
-    belong to `problem` and one labelling; the result steers refinement.
+    The share is the dissipation of the velocity field minus the power of the stress field on its strain rates. Half of
+    the dissipation of an edge belongs to each of its triangles. Up to the opening that `UpperBound.certify` added, the
+    sum is upper less lower bound. Both fields belong to `problem` and one labelling; the result steers refinement.
     """
     p, e = problem, problem.edges
     v = velocity.velocity

@@ -1,4 +1,4 @@
-"""Two-sided bounds on λ of the blocks themselves, refined where the two fields disagree."""
+"""Bounds on λ of blocks that crack anywhere, refined where the two fields disagree."""
 
 from __future__ import annotations
 
@@ -280,11 +280,11 @@ class FieldRefinement:
 
     @property
     def expected(self) -> float:
-        """Expected value of `spent` after one more step, seconds; extrapolated from the last of its kind."""
+        """Expected value of `spent` after one more step, seconds, extrapolated from earlier steps."""
         return self.expected_with(self.upper_due)
 
     def expected_with(self, upper: bool) -> float:
-        """Return the expected value of `spent` after a step with or without an upper bound, seconds."""
+        """Return the expected value of `spent`, s, after a step with or without an upper bound."""
         known = self._times.get(upper) or self._times.get(True)
         if known is None:
             return self._spent
@@ -356,7 +356,7 @@ class _Best:
         self.velocities: Velocities | None = None
 
     def take(self, fields: Fields) -> None:
-        """Take over each bound of a mesh, with its field, that is better than the one held."""
+        """Replace each stored bound, with its field, by that of a mesh if it is better."""
         units, mesh, (lower, upper) = fields.problem.units, fields.mesh, fields.bounds
         if fields.stress is not None and lower > self.lower:
             m, d, s = np.moveaxis(fields.stress.stress, -1, 0)

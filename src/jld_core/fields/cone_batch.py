@@ -1,6 +1,7 @@
-"""Many cone programs of one sparsity in a compiled interior point, several at a time in the vectors of the processor.
+"""Solve many cone programs of one sparsity by a compiled interior-point method.
 
-Every answer is a proposal: bounds are computed from it by `LowerBound` and `UpperBound`, as from those of Clarabel.
+SIMD lanes solve several programs at once. No answer is proven: `LowerBound` and `UpperBound` compute bounds from it, as
+from those of Clarabel.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ class Regularisation:
 
 @dataclass(frozen=True)
 class Stopping:
-    """When the interior point ends a program.
+    """Stopping criteria of the interior-point method.
 
     Attributes
     ----------
@@ -80,9 +81,9 @@ class Stopping:
 
 @dataclass(frozen=True)
 class ConeAnswers:
-    """Answers of k programs; nothing of them is proven.
+    """Unproven answers to k programs.
 
-    status: one of the values of `STATUS` each. iterations: (k,). point: (k, n) variables, or a ray. dual: (k, m)
+    status: (k,) values of `STATUS`. iterations: (k,). point: (k, n) variables, or a ray. dual: (k, m)
     multipliers. objective: (k,) values.
     """
 

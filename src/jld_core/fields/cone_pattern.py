@@ -1,4 +1,4 @@
-"""Sparsity of the linear systems of many cone programs: order of elimination, factor and terms, found once.
+"""Symbolic factorisation of the linear systems of many cone programs, computed once.
 
 The reduced system is docs/method.md (9.17). Cones are eliminated first, so that only variables and equations remain.
 """
@@ -66,7 +66,7 @@ class Terms:
 
 
 def independent_rows(matrix: sp.csr_array) -> Bools:
-    """Return (rows,) True for rows that together are independent and span all rows."""
+    """Return a mask (rows,) of independent rows that span all rows."""
     square = sp.csc_matrix(matrix @ matrix.T)
     size = float(square.diagonal().max())
     square = sp.csc_matrix(square + _SMALL * size * sp.eye_array(square.shape[0]))
@@ -113,9 +113,9 @@ def _hessian_pattern(matrix: sp.csr_array, sizes: tuple[int, int, int]) -> sp.cs
 
 
 def _minimum_degree(pattern: sp.csr_array) -> Ints:
-    """Return the place (k,) of each unknown in a minimum-degree elimination order.
+    """Return the position (k,) of each of k unknowns in a minimum-degree elimination order.
 
-    pattern: (k, k) symmetric.
+    pattern: (k, k) symmetric sparse matrix, whose entries are the edges of the graph.
     """
     dummy = pattern.copy()
     dummy.data = np.full(len(dummy.data), -1.0)

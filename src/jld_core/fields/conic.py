@@ -1,4 +1,4 @@
-"""Conic programs, set up once and updated where labels change rows: by Clarabel, or many by a compiled solver."""
+"""Cone programs for Clarabel or a compiled solver, updated where labels change rows."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class Rows:
 
 @dataclass(frozen=True)
 class Answer:
-    """Answer of the solver to one cone program; nothing of it is proven.
+    """Unproven answer of the solver to one cone program.
 
     point: (columns,) variables. dual: (rows,) multipliers. objective: value of the objective. usable: True where the
     point is worth repairing; False where the program was infeasible, unbounded or failed. status: name of the status by

@@ -1,4 +1,4 @@
-"""Bounds by fields on the load factor that governs several load cases, within a time limit."""
+"""Bounds by fields on the governing load factor of several load cases."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ def governing_bounds(
 ) -> tuple[float, float]:
     """Bound the governing load factor of a planar layout whose blocks crack anywhere.
 
-    Each step refines the mesh of the load case with the least lower bound, since this case governs what is proven. A
-    case that others exceed keeps its coarse mesh.
+    Each step refines the mesh of the load case with the least lower bound, since the lower bound on the governing
+    factor is that one. Cases that do not govern keep their coarse mesh.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Lower bound: stress fields in equilibrium and within yield, linear in each triangle.
 
-Formulas: docs/method.md (9.6) to (9.9). The solver proposes a field; what counts is computed here: its projection onto
-equilibrium, and the room to every yield condition.
+Formulas: docs/method.md (9.6) to (9.9). The solver proposes a field. This module proves the bound: it projects the
+field onto equilibrium and checks every yield condition.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ class LowerBound:
         return [self._bound_by(answer, labels) for answer, labels in zip(answers, labellings, strict=True)]
 
     def _bound_by(self, answer: Answer, labels: Bits) -> StressField | None:
-        """Certify an answer of the solver, or what further programs propose instead; see `bound`."""
+        """Certify a solver's answer; where that fails, those of further programs."""
         self.status = answer.status
         if not answer.usable:
             return None
@@ -302,10 +302,10 @@ class LowerBound:
         return rows.matrix(9 * self._triangles)
 
     def _project(self, stress: Floats, factor: float, labels: Bits) -> tuple[Floats, float]:
-        """Return the nearest stresses (9t,) in equilibrium under λ, and the stress to charge.
+        """Return the nearest stresses (9t,) in equilibrium under λ, and a bound on their error.
 
-        stress: (9t,), factor: λ, both scaled. The charge is twice the last correction plus the largest residual. It is
-        infinite where the residual exceeds rounding: no correction mends equations that contradict each other.
+        stress: (9t,), factor: λ, both scaled. The error, a scaled stress, is at most twice the last correction plus the
+        largest residual. It is inf where the residual exceeds rounding, since the equations then contradict each other.
         """
         matrix, solver = self._equalities(labels)
         whole, rhs = self.equilibrium

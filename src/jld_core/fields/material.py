@@ -1,4 +1,4 @@
-"""Material of the blocks: its yield set in plane stress, and the dissipation.
+"""Material of the blocks: yield set in plane stress, and dissipation of strain rates.
 
 With m = (σx + σy)/2, d = (σx − σy)/2, s = τxy and R = √(d² + s²), tension positive, the set is R ≤ τ cos φ − m sin φ
 (Mohr–Coulomb), R ≤ σt − m (tension cut-off), R ≤ σc + m (crushing); tan φ = μi. Formulas: docs/method.md (9.1) to
@@ -152,7 +152,7 @@ def material_of(assembly: Assembly) -> Material:
     tension, cohesion, friction, crushing = (float(value) for value in named[0])
     for key, value in (("tensile_strength", tension), ("shear_strength", cohesion)):
         if not value > 0.0:
-            raise InputError(f"materials.inner.{key}", f"{value:g} leaves stress fields no room", "a stress above 0")
+            raise InputError(f"materials.inner.{key}", f"{value:g} is too small for stress fields", "a stress above 0")
     if friction:
         # at the apex of friction the cut-off idles
         tension = min(tension, cohesion / friction)

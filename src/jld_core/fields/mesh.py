@@ -289,7 +289,7 @@ def subdivide(mesh: Mesh, parts: int) -> Mesh:
 
 
 def refine(mesh: Mesh, marked: Bools, singular: Ints | None = None) -> Mesh:
-    """Split marked triangles in four, and others where conformity asks for it.
+    """Split marked triangles in four, and others as conformity requires.
 
     Each triangle is bisected at its longest edge before its other edges (Plaza & Carey 2000, 4T-LE), so that angles
     stay bounded away from 0; a marked one with a singular corner is bisected at that corner.

@@ -73,10 +73,11 @@ def _convex_gradients(problem: Problem, number: Ints) -> Floats | None:
 
 
 def _cell_motion(problem: Problem, number: Ints, centre: Floats, count: int) -> tuple[Floats, float] | None:
-    """Find affine motions of the cells (count, 6) with the most room in all flow rules.
+    """Find affine motions of the cells (count, 6) with the largest slack in all flow rules.
 
     number: (t,) cell of each triangle, counted from 0. centre: (count, 2) points that the first two coefficients move;
-    the others are velocity gradients. No coefficient exceeds one. Also returns the room; None where there is none.
+    the others are velocity gradients. No coefficient exceeds one. Also returns the slack. None where no motion has a
+    positive one.
     """
     p, e, rows = problem, problem.edges, problem.on_faces
     width = 6 * count + 1

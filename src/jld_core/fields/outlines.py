@@ -1,4 +1,4 @@
-"""Outlines of free cells with common nodes at corners, ends of interfaces and of loads."""
+"""Outlines of free cells over common nodes at corners, ends of interfaces and of loads."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The non-dimensional planar problem that both bounds share, with numbers of order one."""
+"""Non-dimensional planar problem of both bounds, with numbers of order one."""
 
 from __future__ import annotations
 
@@ -19,8 +19,9 @@ from jld_core.fields.outlines import FREE
 class Units:
     """Units of a scaled problem: scene value = unit × scaled value.
 
-    length, stress: in scene units. load: unit of λ, and of power at live work one. velocity: of velocities on which the
-    live load does unit work, one over a force. origin: (2,) or (3,) point of the scene that becomes zero.
+    length, stress: in scene units. load: unit of λ, and of power at unit work of the live load. velocity: unit of the
+    velocities on which the live load does unit work, in 1 / force. origin: (2,) or (3,) point of the scene that becomes
+    zero.
     """
 
     length: float

@@ -1,4 +1,4 @@
-"""What bounds by fields ask of an assembly, and one line for what lacks it."""
+"""Check that an assembly, labels and options allow bounds by fields."""
 
 from __future__ import annotations
 
@@ -11,15 +11,13 @@ from jld_core.fields.loads import loaded_mesh
 from jld_core.fields.material import material_of
 
 
-def require_fields(assembly: Assembly, patch: float | None = None) -> None:
+def require_fields(assembly: Assembly) -> None:
     """Raise InputError if λ of an assembly cannot be bounded by fields, whatever its labels.
 
     Parameters
     ----------
     assembly : Assembly
         Assembly, with or without load cases.
-    patch : float, optional
-        As in `bounds_by_fields`.
 
     Raises
     ------
@@ -30,7 +28,7 @@ def require_fields(assembly: Assembly, patch: float | None = None) -> None:
     require_planar(assembly)
     material_of(assembly)
     for case in assembly.by_case:
-        loaded_mesh(case, patch)
+        loaded_mesh(case)
 
 
 def require_planar(assembly: Assembly) -> None:
@@ -63,7 +61,7 @@ def require_refinement(assembly: Assembly, labels: Bits | None, gap: float, patc
     if len(assembly.cases) > 1:
         raise InputError("loads.cases", "fields take one load case", "one of Assembly.by_case")
     if not gap > 0.0:
-        raise InputError("gap", f"{gap:g} is never reached", "a number above 0")
+        raise InputError("gap", f"{gap:g} is no relative gap", "a number above 0")
     if patch is not None and not patch > 0.0:
         raise InputError("patch", f"{patch:g} is wrong", "a length above 0")
     return require_labels(assembly, labels)

@@ -1,4 +1,4 @@
-"""Both fields of one labelling in space on one mesh, and the finer mesh that they ask for."""
+"""Stress and velocity field of one labelling in space on one mesh, and the next mesh."""
 
 from __future__ import annotations
 

@@ -276,15 +276,13 @@ def _improved(best: SpatialBounds, fields: SpatialFields, seconds: float, gap: f
     return replace(best, status=status_of_bounds(best.lower, best.upper, gap))
 
 
-def require_spatial_fields(assembly: Assembly, patch: float | None = None) -> None:
+def require_spatial_fields(assembly: Assembly) -> None:
     """Raise InputError if fields cannot bound λ of a spatial assembly, whatever its labels.
 
     Parameters
     ----------
     assembly : Assembly
         Assembly, with or without load cases.
-    patch : float, optional
-        As in `spatial_bounds`.
 
     Raises
     ------
@@ -294,7 +292,7 @@ def require_spatial_fields(assembly: Assembly, patch: float | None = None) -> No
     """
     material_of(assembly)
     for case in assembly.by_case:
-        loaded_solids(case, patch)
+        loaded_solids(case)
 
 
 def _require(assembly: Assembly, labels: Bits | None, gap: float, patch: float | None) -> Bits:

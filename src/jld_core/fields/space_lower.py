@@ -1,7 +1,7 @@
 """Lower bound in space: stresses in equilibrium and within yield, linear in tetrahedra.
 
-Formulas: docs/method.md (10.1), (10.4) and (10.5). The solver proposes a field; what counts is computed here: its
-projection onto equilibrium, and the room to every yield condition by the eigenvalues of the stresses.
+Formulas: docs/method.md (10.1), (10.4) and (10.5). The solver proposes a field. This module proves the bound: it
+projects the field onto equilibrium and checks every yield condition by the eigenvalues of stresses.
 """
 
 from __future__ import annotations
@@ -223,10 +223,11 @@ class SpatialLowerBound:
         return matrix, splu(square, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
 
     def _project(self, stress: Floats, factor: float) -> tuple[Floats, float]:
-        """Return the nearest stresses (24t,) in equilibrium under λ, and the stress to charge.
+        """Return the nearest stresses (24t,) in equilibrium under λ, and a bound on their error.
 
-        stress: (24t,), factor: λ, both scaled. The charge is twice the last correction plus the largest residual. It is
-        infinite where the residual exceeds rounding: no correction mends equations that contradict each other.
+        stress: (24t,), factor: λ, both scaled. The error, a scaled stress, is at most twice the last correction plus
+        the largest residual. It is inf where the residual exceeds rounding, since the equations then contradict each
+        other.
         """
         (matrix, solver), (whole, rhs) = self._statics, self.equilibrium
         rhs = rhs - factor * whole[:, [-1]].toarray().ravel()

@@ -69,7 +69,7 @@ class Surface:
     patches : tuple
         For each load patch its facet, and the nodes of its outline and holes.
     reach : float
-        Distance within which places are one node, scene units.
+        Distance up to which two points count as one node, scene units.
     """
 
     points: Floats

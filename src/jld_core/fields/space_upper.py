@@ -1,7 +1,7 @@
 """Upper bound in space: velocity fields, linear in tetrahedra, with jumps between them.
 
-Formulas: docs/method.md (10.2) and (10.6). The solver proposes velocities that keep a margin to every flow rule; what
-counts is computed here: flow rules are checked, then dissipation and work follow from the velocities alone.
+Formulas: docs/method.md (10.2) and (10.6). The solver proposes velocities that keep a margin to every flow rule.
+This module proves the bound: it checks the flow rules and computes dissipation and work from the velocities alone.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ class SpatialUpperBound:
     def bound(self) -> SpatialVelocity | None:
         """Find a velocity field and certify it, with larger margins where that fails.
 
-        The factor is below 0 for blocks that collapse under their dead load, whatever λ ≥ 0. None: the solver failed,
+        The factor is below 0 for blocks that collapse under their dead load alone. None: the solver failed,
         or no field obeys all flow rules, as for enclosed cells.
         """
         for margin in _MARGINS:
@@ -191,11 +191,11 @@ class SpatialUpperBound:
         return np.asarray(c * slip + crushed)
 
     def propose(self, margin: float) -> Answer:
-        """Solve for the velocities of least dissipation less dead work at live work one.
+        """Minimise dissipation minus dead-load work, at unit work of the live load.
 
-        They are not certified yet, see `certify`. margin: room that the solver keeps to every flow rule, scaled
-        velocity. `Answer.point` begins with the velocities (12t,), as (t, 4, 3) in C order. The objective is the scaled
-        λ that the solver expects.
+        The velocities are not certified yet, see `certify`. margin: room that the solver keeps to every flow rule,
+        scaled velocity. `Answer.point` begins with the velocities (12t,), as (t, 4, 3) in C order. The objective is the
+        scaled λ that the solver expects.
         """
         program = _Program(self.problem, self.live, self.dead, margin)
         return program.solve()

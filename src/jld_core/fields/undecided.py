@@ -1,7 +1,7 @@
 """Upper bounds of partial labellings: velocity fields for any labels of undecided faces.
 
-A face that may have either label dissipates at most the larger of what both labels dissipate, and is subject to the
-flow rules of both. Formulas: docs/method.md (9.15) and (9.16).
+An undecided face dissipates at most the larger of its dissipations under the two labels, and obeys both flow rules.
+Formulas: docs/method.md (9.15) and (9.16).
 """
 
 from __future__ import annotations

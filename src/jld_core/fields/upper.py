@@ -1,7 +1,7 @@
 """Upper bound: velocity fields that are linear in each triangle, with jumps on every edge.
 
-Formulas: docs/method.md (9.10) and (9.11). The solver proposes velocities; what counts is computed here: velocities are
-opened until every flow rule holds, then their dissipation and work are recomputed.
+Formulas: docs/method.md (9.10) and (9.11). The solver proposes velocities. This module proves the bound: it
+adds opening until every flow rule holds, and recomputes dissipation and work.
 """
 
 from __future__ import annotations
@@ -124,7 +124,7 @@ class UpperBound:
         """Find a velocity field for one labelling, and certify it.
 
         labels: (m,) True = dry. Where repairs cost much of λ, the program is solved again with room in every flow rule.
-        The factor is below 0 for blocks that collapse under their dead load, whatever λ ≥ 0. None: the solver failed,
+        The factor is below 0 for blocks that collapse under their dead load alone. None: the solver failed,
         or no field could be repaired.
         """
         return self._bound_by(self.propose(labels), labels)

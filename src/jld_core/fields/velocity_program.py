@@ -1,4 +1,4 @@
-"""The cone program of the upper bound: least dissipation less dead work at live work one."""
+"""Cone program of the upper bound on λ by velocity fields."""
 
 from __future__ import annotations
 
@@ -45,9 +45,9 @@ def strain_entries(problem: Problem, rows: Ints, size: Floats) -> tuple[Entries,
 class VelocityProgram:
     """Cone program of the upper bound on one mesh, set up once for all labellings.
 
-    It minimises dissipation less dead work at live work one, docs/method.md (9.10). Labels switch rows and costs.
-    Columns are the velocities (6t,), the multipliers y1 and y3 of (9.3) for triangles and edge ends, and slips and
-    crushings of interface ends. y2 = e − sin φ y1 + y3 is eliminated.
+    It minimises dissipation minus work of the dead load at unit work of the live load, docs/method.md (9.10). Labels
+    switch rows and costs. Columns are the velocities (6t,), the multipliers y1 and y3 of (9.3) for triangles and edge
+    ends, and slips and crushings of interface ends. y2 = e − sin φ y1 + y3 is eliminated.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Dual of the upper bound: stresses in weak equilibrium, and how they depend on the positions of nodes.
+"""Dual of the upper bound: stresses in weak equilibrium, and derivatives by nodes.
 
 By strong duality their largest λ is that of the best velocity field on the mesh (docs/method.md (11.9)). Stresses are
 constant in triangles and linear along edges, yield does not depend on the geometry, and equilibrium is polynomial in
@@ -64,7 +64,10 @@ class WeakEquilibrium:
         return upper.live, upper.dead
 
     def _pairs(self) -> list[tuple[Ints, int, Ints, Ints]]:
-        """Return edges, end, and the columns of N (as sum of two at panels) and of S, for each kind of edge end."""
+        """Return edges, ends and columns of N and S for each kind of edge end.
+
+        The columns of N are two at panels, where N is their sum.
+        """
         count, found = len(self.problem.mesh), []
         for end in (0, 1):
             panel = 3 * (count + end * len(self._material) + np.arange(len(self._material)))
@@ -108,7 +111,7 @@ class WeakEquilibrium:
         return ConeRows(whole, right, (6 * count, linear.count, self._panels))
 
     def _corners(self, own: Ints, end: int, axis: int) -> list[tuple[Ints, float, Ints]]:
-        """Return rows, sign and the edges used, for the triangles on both sides of edges at one end."""
+        """Return rows, signs and edges of the triangles on both sides of edges at one end."""
         e = self.problem.edges
         some = np.flatnonzero(e.b[own] >= 0)
         every = np.arange(len(own))
@@ -135,7 +138,7 @@ class WeakEquilibrium:
         return linear
 
     def solve(self) -> tuple[Floats, float] | None:
-        """Return the stresses (width,) of largest λ, and λ, all scaled; None where the solver has no answer.
+        """Return the stresses (width,) of largest λ, and λ, scaled; None without an answer.
 
         λ is inf, and the stresses mean nothing, where no live load is too large.
         """
@@ -148,7 +151,7 @@ class WeakEquilibrium:
         return (answer.point, float(answer.point[-1])) if answer.usable else None
 
     def stands(self) -> bool:
-        """Return True unless the mesh refutes that the dead load stands alone; True without dead load."""
+        """Return False if the mesh proves that the dead load alone cannot be carried, else True."""
         p = self.problem
         if not p.dead.any():
             return True
@@ -158,10 +161,10 @@ class WeakEquilibrium:
         return found is None or found[1] >= 1.0
 
     def rates(self, point: Floats) -> sp.csr_array:
-        """Return the derivatives (6t, 2p) of the equations of `rows`, A x − b, by the positions of the p nodes.
+        """Return the derivatives (6t, 2p) of A x − b of `rows` by the positions of p nodes.
 
-        point: (width,) stresses and λ, held; so are loads per volume and nodal forces of tractions. Column 2·node +
-        axis, scaled lengths.
+        point: (width,) stresses and λ, held constant like loads per volume and nodal forces of tractions. Column
+        2·node + axis belongs to one coordinate of a node, scaled length.
         """
         p, mesh = self.problem, self.problem.mesh
         count, found = len(mesh), _Entries()

@@ -1,4 +1,4 @@
-"""Count contacts that are certain from corners and bounding boxes alone, without a search for contacts."""
+"""Count contacts that corners and bounding boxes alone prove."""
 
 from __future__ import annotations
 

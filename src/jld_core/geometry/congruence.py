@@ -88,8 +88,8 @@ class Kinds:
         return np.array(found)
 
 
-def shape_numbers(outlines: Sequence[Outline], reach: float, *, rotate: bool = True, flip: bool = False) -> list[int]:
-    """Assign numbers to outlines by shape, from 1 by first appearance.
+def shape_numbers(outlines: Sequence[Outline], reach: float, *, flip: bool) -> list[int]:
+    """Assign numbers to outlines by shape, from 1; rotated copies have the same shape.
 
     Parameters
     ----------
@@ -97,15 +97,15 @@ def shape_numbers(outlines: Sequence[Outline], reach: float, *, rotate: bool = T
         Outlines to number.
     reach : float
         Half the largest distance at which two corners coincide, scene units; see `reach_of`.
-    rotate, flip : bool
-        Treat rotated or mirrored copies as the same shape, as in `Kinds`.
+    flip : bool
+        Treat mirrored copies as the same shape, as in `Kinds`.
 
     Returns
     -------
     list of int
         Shape number of each outline.
     """
-    kinds = Kinds(reach, rotate=rotate, flip=flip)
+    kinds = Kinds(reach, rotate=True, flip=flip)
     return [kinds.number(outline) + 1 for outline in outlines]
 
 

@@ -47,7 +47,7 @@ def merge_points(points: Floats, tolerance: float) -> Ints:
 
 
 def _clusters(points: Floats, tolerance: float) -> Ints:
-    """Return the cluster (n,) of each point; points of two clusters are further apart than the tolerance.
+    """Return the cluster (n,) of each point; clusters are further apart than the tolerance.
 
     points: (n, d). Clusters are numbered by their first points.
     """

@@ -13,6 +13,8 @@ import shapely
 
 from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Assembly
+from jld_core.geometry.rings import PLACE, SNAP, beside, straightened
+from jld_core.geometry.skin import Facet, facets_of, skin
 from jld_core.geometry.vectors import across, area_vector
 
 if TYPE_CHECKING:
@@ -21,11 +23,6 @@ if TYPE_CHECKING:
 _REACH: Final = 1e-6
 """Distance within which corners of congruent blocks coincide, relative to the size of the structure."""
 
-_SNAP: Final = 1e-3
-"""Grid width for uniting the elements of a block, relative to `reach_of(assembly)`."""
-
-_PLACE: Final = 0.37
-"""Offset of the rounding grid, in steps: coordinates on halves of a step would round to either side."""
 
 _FLAT: Final = 1e-5
 """Excess of the hull's volume over the block's volume (relative) up to which a solid block counts as convex."""
@@ -39,36 +36,6 @@ _Corner = tuple[int, int]
 
 _Edges = list[tuple[tuple[_Corner, _Corner], tuple[_Corner, _Corner], tuple[float, float]]]
 """Edges of a polygon: the edge (start, end), the reversed edge (end, start), and its start point."""
-
-
-@dataclass(frozen=True)
-class _Facet:
-    """Face of a solid element, prepared for the union of elements.
-
-    Attributes
-    ----------
-    ring : (k, 3) array
-        Corners in order, scene units.
-    normal : (3,) array
-        Unit normal, outwards.
-    offset : float
-        Distance of the plane from the origin along the normal.
-    area : float
-        Area, scene units.
-    corners : frozenset of (int, int, int)
-        Corners in grid steps: equal for a face of a neighbour that covers this one exactly.
-    """
-
-    ring: Floats
-    normal: Floats
-    offset: float
-    area: float
-    corners: frozenset[tuple[int, ...]]
-
-    @property
-    def length(self) -> float:
-        """Return the length of the boundary, scene units."""
-        return float(np.linalg.norm(np.diff(self.ring, axis=0, append=self.ring[:1]), axis=1).sum())
 
 
 @dataclass(frozen=True)
@@ -121,7 +88,7 @@ def reach_of(assembly: Assembly) -> float:
 
 
 def boundary(corners: Floats, faces: Sequence[Sequence[int]] | None = None) -> float:
-    """Return the length of the outline of a polygon (k, 2), or the area of the surface of a solid with corners (k, 3).
+    """Return the perimeter of a polygon (k, 2), or the surface area of a solid (k, 3).
 
     faces: corners of each face of the solid, in order; None for a polygon.
     """
@@ -131,7 +98,7 @@ def boundary(corners: Floats, faces: Sequence[Sequence[int]] | None = None) -> f
 
 
 def different_lines(vectors: Floats) -> int:
-    """Return the number of different lines among unit vectors (k, d); opposite vectors are one line.
+    """Count the different lines among unit vectors (k, d); opposite vectors are one line.
 
     Lines are equal if their angle is at most 1e-6.
     """
@@ -153,7 +120,7 @@ class Outlines:
     def __init__(self, assembly: Assembly) -> None:
         self._elements, self._planar, self._reach = assembly.elements, assembly.dimension == 2, reach_of(assembly)
         self._edges: dict[int, _Edges] = {}
-        self._facets: dict[int, list[_Facet]] = {}
+        self._facets: dict[int, list[Facet]] = {}
 
     def of(self, members: Ints) -> Outline:
         """Return the outline of the union of some elements.
@@ -172,14 +139,14 @@ class Outlines:
         if not self._planar:
             for e in members.tolist():
                 if e not in self._facets:
-                    self._facets[e] = _facets(elements.shape[e], elements.faces[e], _SNAP * reach)
+                    self._facets[e] = facets_of(elements.shape[e], elements.faces[e], SNAP * reach)
             corners = np.concatenate([elements.shape[e] for e in members])
             facets = [facet for e in members.tolist() for facet in self._facets[e]]
             volumes = np.abs(elements.volume[members])
             return _solid_outline(corners, facets, volumes, elements.centroid[members], reach)
         for e in members.tolist():
             if e not in self._edges:
-                self._edges[e] = _edges(elements.shape[e], _SNAP * reach)
+                self._edges[e] = _edges(elements.shape[e], SNAP * reach)
         known = [self._edges[e] for e in members.tolist()]
         return flat_outline([elements.shape[e] for e in members], reach, known)
 
@@ -191,16 +158,16 @@ def flat_outline(polygons: Sequence[Floats], reach: float, edges: Sequence[_Edge
     a corner is left out; a share of it is the grid of the union. edges: edges of each polygon, where already computed.
     """
     if edges is None:
-        edges = [_edges(polygon, _SNAP * reach) for polygon in polygons]
+        edges = [_edges(polygon, SNAP * reach) for polygon in polygons]
     region = shapely.Polygon(polygons[0]) if len(polygons) == 1 else _whole(edges)
     if region is None:
-        region = shapely.union_all([shapely.Polygon(polygon) for polygon in polygons], grid_size=_SNAP * reach)
+        region = shapely.union_all([shapely.Polygon(polygon) for polygon in polygons], grid_size=SNAP * reach)
     centre = shapely.get_coordinates(region.centroid)[0]
     corners, middles, edges_of, inwards = [], [], [], 0
     for part in shapely.get_parts(region):
         for ring, outer in [(part.exterior, True), *((hole, False) for hole in part.interiors)]:
-            points = _straightened(shapely.get_coordinates(ring)[:-1], reach)
-            last, following = _beside(points)
+            points = straightened(shapely.get_coordinates(ring)[:-1], reach)
+            last, following = beside(points)
             before, after = points - last, following - points
             turn = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
             way = 1.0 if ring.is_ccw else -1.0
@@ -224,7 +191,7 @@ def _edges(polygon: Floats, step: float) -> _Edges:
     points = [(x, y) for x, y in polygon.tolist()]
     if sum(points[k - 1][0] * y - x * points[k - 1][1] for k, (x, y) in enumerate(points)) < 0.0:
         points.reverse()
-    names = [(math.floor(x / step + _PLACE), math.floor(y / step + _PLACE)) for x, y in points]
+    names = [(math.floor(x / step + PLACE), math.floor(y / step + PLACE)) for x, y in points]
     return [((names[k - 1], name), (name, names[k - 1]), points[k - 1]) for k, name in enumerate(names)]
 
 
@@ -259,36 +226,19 @@ def _whole(polygons: Sequence[_Edges]) -> shapely.Polygon | None:
     return found if found.is_valid else None  # some edges overlap only in part
 
 
-def _facets(corners: Floats, faces: tuple[tuple[int, ...], ...], step: float) -> list[_Facet]:
-    """Prepare the faces of a solid element.
-
-    corners: (k, 3). faces: corners of each face in order. step: grid width to which corners are rounded.
-    """
-    places = [tuple(place) for place in np.floor(corners / step + _PLACE).astype(np.int64).tolist()]
-    found = []
-    for loop in faces:
-        ring = corners[list(loop)]
-        vector = area_vector(ring)
-        area = float(np.linalg.norm(vector))
-        normal = vector / area
-        offset = float(ring.mean(axis=0) @ normal)
-        found.append(_Facet(ring, normal, offset, area, frozenset(places[k] for k in loop)))
-    return found
-
-
 def _solid_outline(
-    corners: Floats, facets: Sequence[_Facet], volumes: Floats, centroids: Floats, reach: float
+    corners: Floats, facets: Sequence[Facet], volumes: Floats, centroids: Floats, reach: float
 ) -> Outline:
     """Compute the outline of the union of solids.
 
-    corners: (k, 3) of all solids. facets: faces of all solids. volumes: (n,). centroids: (n, 3). reach: see `_skin`.
+    corners: (k, 3) of all solids. facets: faces of all solids. volumes: (n,). centroids: (n, 3). reach: see `skin`.
     """
     volume = float(volumes.sum())
     from scipy.spatial import ConvexHull  # local imports here and below: slow to import and seldom needed
 
     hull = ConvexHull(corners)
     convex = hull.volume <= (1.0 + _FLAT) * volume
-    outline = _skin(facets, reach)
+    outline = skin(facets, reach)
     unique = _merged(np.concatenate(outline), reach)
     middles = np.array([face.mean(axis=0) for face in outline])
     centre = np.average(centroids, axis=0, weights=volumes)
@@ -296,38 +246,6 @@ def _solid_outline(
     normals = np.array([area_vector(face) for face in outline])
     lines = different_lines(normals / np.linalg.norm(normals, axis=1)[:, None])
     return Outline(points, len(unique), volume, _box_aspect(corners[hull.vertices], hull), int(not convex), lines)
-
-
-def _beside(points: Floats) -> tuple[Floats, Floats]:
-    """Return the previous and the next corners, (k, 2) each, of the corners of a ring (k, 2).
-
-    It takes a fifth of the time of `numpy.roll`.
-    """
-    return np.concatenate((points[-1:], points[:-1])), np.concatenate((points[1:], points[:1]))
-
-
-def _straightened(points: Floats, reach: float) -> Floats:
-    """Remove corners of a ring (k, 2) that lie within `reach` of the line of their neighbours."""
-    exact = True  # corners in line up to rounding are removed together first: on a grid these are nearly all
-    while len(points) > 3:
-        before, after = _beside(points)
-        chord = after - before
-        length = np.hypot(*chord.T)
-        arm = points - before
-        off = abs(chord[:, 0] * arm[:, 1] - chord[:, 1] * arm[:, 0]) / np.where(length > 0.0, length, 1.0)
-        idle = off <= reach
-        if not idle.any():
-            return points
-        if exact:
-            exact, told = False, off <= _SNAP * reach
-            if 3 <= len(points) - int(told.sum()) < len(points):
-                points = points[~told]
-                continue
-        # Neighbours may both lie in line: remove one corner at a time, the one with the smallest distance first.
-        kept = np.ones(len(points), dtype=bool)
-        kept[int(np.argmin(np.where(idle, off, np.inf)))] = False
-        points = points[kept]
-    return points
 
 
 def _merged(points: Floats, reach: float) -> Floats:
@@ -338,75 +256,6 @@ def _merged(points: Floats, reach: float) -> Floats:
     kept = np.ones(len(points), dtype=bool)
     kept[pairs[:, 1]] = False
     return points[kept]
-
-
-def _skin(facets: Sequence[_Facet], reach: float) -> list[Floats]:
-    """Compute the boundary loops (k, 3) of the outer faces of a union of solids.
-
-    facets: faces of all solids. Parts of faces that two solids share are left out, and so are corners in straight
-    edges. reach: distance from the line of its neighbours within which a corner is left out, and width up to which a
-    face is.
-    """
-    seen: dict[frozenset[tuple[int, ...]], _Facet] = {}
-    for facet in facets:
-        # two solids that share a whole face have it with opposite normals
-        other = seen.get(facet.corners)
-        if other is not None and other.normal @ facet.normal < 0.0:
-            del seen[facet.corners]
-        else:
-            seen[facet.corners] = facet
-    found: list[Floats] = []
-    for members in _planes(list(seen.values()), reach):
-        if len(members) > 1:
-            found += _united(members, reach)
-        elif members[0].area > reach * members[0].length:
-            plane = across(members[0].normal)
-            flat = _straightened(members[0].ring @ plane.T, reach)
-            found.append(flat @ plane + members[0].offset * members[0].normal)
-    return found
-
-
-def _planes(facets: Sequence[_Facet], reach: float) -> list[list[_Facet]]:
-    """Group facets by the plane they lie in, with normals of either sense.
-
-    reach: largest distance of the middle of a facet from the plane of the first one.
-    """
-    normals = np.array([facet.normal for facet in facets])
-    middles = np.array([facet.ring.mean(axis=0) for facet in facets])
-    found, left = [], np.ones(len(facets), dtype=bool)
-    for k, facet in enumerate(facets):
-        if not left[k]:
-            continue
-        parallel = abs(abs(normals @ facet.normal) - 1.0) < 1e-9
-        here = left & parallel & (abs(middles @ facet.normal - facet.offset) < reach)
-        here[k] = True
-        left &= ~here
-        found.append([facets[j] for j in np.flatnonzero(here).tolist()])
-    return found
-
-
-def _united(facets: Sequence[_Facet], reach: float) -> list[Floats]:
-    """Unite the facets of one plane, and return the boundary loops (k, 3) of their regions.
-
-    Regions where facets of opposite normals meet lie inside the union of solids and are left out. reach: see `_skin`.
-    """
-    normal, offset, grid = facets[0].normal, facets[0].offset, _SNAP * reach
-    plane = across(normal)
-    members: tuple[list[shapely.Polygon], list[shapely.Polygon]] = ([], [])
-    for facet in facets:
-        members[int(facet.normal @ normal < 0.0)].append(shapely.Polygon(facet.ring @ plane.T))
-    front, back = (shapely.union_all(side, grid_size=grid) for side in members)
-    outer = [front]
-    if members[1]:
-        outer = [shapely.difference(*pair, grid_size=grid) for pair in ((front, back), (back, front))]
-    found = []
-    for part in [part for region in outer for part in shapely.get_parts(region)]:
-        if part.geom_type != "Polygon" or part.area <= reach * part.length:
-            continue
-        for ring in [part.exterior, *part.interiors]:
-            flat = _straightened(shapely.get_coordinates(ring)[:-1], reach)
-            found.append(flat @ plane + offset * normal)
-    return found
 
 
 def _box_aspect(corners: Floats, hull: ConvexHull) -> float:

@@ -56,7 +56,7 @@ class Facets:
 
     @cached_property
     def four(self) -> tuple[Ints, Floats]:
-        """Facets with four corners and no hole: row (f,) of each, −1 for others, and corners (q, 4, 3) by row."""
+        """Facets with four corners and no hole: row (f,) or −1, and corners (q, 4, 3) by row."""
         simple = [index for index, loops in enumerate(self.loops) if len(loops) == 1 and len(loops[0]) == 4]
         row = np.full(len(self), -1, dtype=np.int64)
         row[simple] = np.arange(len(simple))

@@ -128,7 +128,7 @@ def _planes(place: Floats, loops: _Loops, solid: Ints, tolerance: float) -> tupl
         size[which], row[which] = number, np.arange(len(which))
 
     def farthest(faces: Ints, planes: Ints) -> Floats:
-        """Return the largest distance of the corners of faces (p,) from the planes of other faces (p,)."""
+        """Return the largest distance (p,) of corners of faces from planes of other faces."""
         found = np.zeros(len(faces))
         for number, (_, stack) in enumerate(stacks):
             mine = np.flatnonzero(size[faces] == number)
@@ -140,7 +140,7 @@ def _planes(place: Floats, loops: _Loops, solid: Ints, tolerance: float) -> tupl
     own = farthest(every, every)
 
     def parallel(one: Ints, two: Ints) -> Bools:
-        """Return a mask (p,) of pairs of faces whose normals are nearly parallel."""
+        """Return a mask (p,) of pairs of faces, True where normals are nearly parallel."""
         cosine = np.einsum("ij,ij->i", normal[one], normal[two])
         # Faces of two solids are opposite or continue one another; faces of one solid continue one another.
         return np.asarray(np.where(solid[one] == solid[two], cosine, np.abs(cosine)) > _FLAT)
@@ -162,11 +162,12 @@ def _planes(place: Floats, loops: _Loops, solid: Ints, tolerance: float) -> tupl
 
 
 def _leaders(key: Floats, one: Ints, two: Ints, farthest: Callable[[Ints, Ints], Floats], tolerance: float) -> Ints:
-    """Return the face (faces,) in whose plane each face lies, the face itself for the first one of its plane.
+    """Return the face (faces,) that defines the plane of each face.
 
-    Groups grow along pairs from the face of least key; every candidate is compared with that face, so that chains do
-    not drift. key: (faces,) sort key. one, two: (p,) pairs of faces in nearly one plane. farthest: function that
-    returns the distances (k,) of faces (k,) from the planes of other faces (k,).
+    The first face of a plane defines it. Groups grow along pairs from the face of least key; every candidate is
+    compared with that face, so that chains do not drift. key: (faces,) sort key. one, two: (p,) pairs of faces in
+    nearly one plane. farthest: function that returns the distances (k,) of faces (k,) from the planes of other faces
+    (k,).
     """
     order = np.argsort(key, kind="stable")
     rank = np.empty(len(key), dtype=np.int64)

@@ -100,7 +100,7 @@ def near_pairs(
 
 
 def nearer_pairs(lower: Floats, upper: Floats, reach: Floats, pairs: tuple[Ints, Ints]) -> tuple[Ints, Ints]:
-    """Select the pairs of boxes that touch or overlap with a shorter reach than the pairs were found with.
+    """Select the pairs of boxes that touch or overlap within a shorter reach.
 
     lower, upper, reach: as of `near_pairs`. pairs: the pairs (p,) that it found. The result has the same form.
     """

@@ -1,4 +1,4 @@
-"""Upper bound on λ over a box of positions, by one mechanism that is valid in the whole box (docs/method.md (11.7))."""
+"""Upper bound on λ over a box of positions by one mechanism, docs/method.md (11.7)."""
 
 from __future__ import annotations
 
@@ -254,7 +254,7 @@ class BoxProblem:
     def _weighed(
         self, velocity: Floats, forces: Floats, sizes: Floats, dead: Floats, live: Floats, parameters: int
     ) -> tuple[float, Floats | None]:
-        """Repair a mechanism over a box; return the scaled bound on λ that it proves, and itself.
+        """Repair a mechanism over a box; return its scaled bound on λ, and the repaired mechanism.
 
         velocity: (3·free,) mechanism. forces, sizes: (g, 3·free) of `generators`. dead, live: (4^p, 3·free) of `loads`.
         parameters: p. Possible rounding errors count against the proof. The bound is −inf where no position stands;

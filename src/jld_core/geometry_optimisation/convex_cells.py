@@ -1,4 +1,4 @@
-"""Convex polyhedra, cut by planes: both parts share the vertices of the cut, so that their volumes add up."""
+"""Convex polyhedra cut by planes; both parts share the vertices of the cut."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class ConvexCell:
         return hull - self.volume <= _CONVEX * hull
 
     def cut(self, plane: Plane) -> tuple[ConvexCell | None, ConvexCell | None]:
-        """Cut the polyhedron by a plane; return the parts inside and outside, None for an empty one."""
+        """Cut the polyhedron by a plane; return the parts inside and outside, None if empty."""
         normal, offset = plane
         height = self.vertices @ normal - offset
         height[abs(height) <= _ON * self.size] = 0.0
@@ -90,9 +90,9 @@ class ConvexCell:
 
 
 def _around(points: Floats, names: list[int], normal: Floats) -> list[int]:
-    """Return the names of points (k, 3) in a plane in the order around their middle, counter-clockwise.
+    """Return the names of points (k, 3) of a plane, counter-clockwise around their middle.
 
-    normal: (3,) of the plane, towards the eye.
+    normal: (3,) of the plane, towards the viewer.
     """
     arm = points - points.mean(axis=0)
     first = arm[int(np.argmax(np.linalg.norm(arm, axis=1)))]
@@ -117,7 +117,7 @@ def inside(cell: ConvexCell, planes: Sequence[Plane]) -> ConvexCell | None:
 
 
 def subtract(cell: ConvexCell, planes: Sequence[Plane]) -> tuple[ConvexCell | None, list[ConvexCell]]:
-    """Cut a cell by one plane after the other; return the part inside all, and the parts outside in the order cut."""
+    """Cut a cell by successive planes; return the part inside all, and the parts cut off."""
     left: ConvexCell | None = cell
     parts = []
     for plane in planes:

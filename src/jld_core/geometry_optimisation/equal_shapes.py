@@ -1,4 +1,4 @@
-"""Elements of equal shape that stay equal while joints move: equations between their distances of corners."""
+"""Equations on distances of corners that keep elements congruent while joints move."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Proven value of one geometry: λ, least friction or least thickness, with the forces that the next step needs."""
+"""Proven value of one geometry: λ, least friction or least thickness.
+
+Forces for the next step are kept with it.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +47,8 @@ class Evaluated:
     objective : float
         Number that is maximised: λ, or minus the least friction factor, thickness or missing strength.
     result : LimitAnalysisResult or None
-        Analysis at this geometry; None where the objective is not proven: missing strength, or forces of a step.
+        Analysis at this geometry. None where the objective has no proof: a missing strength, and forces that are
+        predicted by the program of a step.
     states : list of CaseState
         Forces of the load cases that can govern.
     friction : float

@@ -81,9 +81,9 @@ class FieldMesh:
         return sp.csr_array(sp.kron(self.inside @ self.follow, sp.eye_array(2)))
 
     def at(self, assembly: Assembly, moved: Floats) -> FieldMesh | None:
-        """Return the mesh with vertices moved by (v, 2); None where triangles turn over or loads lose their faces.
+        """Return the mesh with vertices moved by (v, 2); None where it is no longer valid.
 
-        assembly: the load case at these positions.
+        Triangles may turn over, or loads may lose their faces. assembly: the load case at these positions.
         """
         old = self.setting
         points = self.base.points + self.follow @ moved
@@ -156,7 +156,7 @@ def _weights(mesh: Mesh, own: Ints, vertex: Ints, loaded: Ints, count: int) -> s
 
 
 def _interpolation(coarse: Mesh, mesh: Mesh) -> sp.csr_array:
-    """Return the weights (p, c) of the nodes of a mesh in the triangles of the mesh that it was refined from."""
+    """Return the weights (p, c) of nodes of a mesh in the triangles of its coarser mesh."""
     nodes, first = np.unique(mesh.triangles.ravel(), return_index=True)
     root = mesh.root[first // 3]
     away = mesh.points[nodes][:, None] - coarse.corners[root]

@@ -62,7 +62,7 @@ def move_by_fields(
     if assembly.dimension != 2:
         raise InputError("cracks", "joints in space move by faces alone", '"faces"')
     if scene.move is not None and scene.move.maximise != "load_factor":
-        raise InputError("move.maximise", f'"{scene.move.maximise}" is not known by fields', '"load_factor"')
+        raise InputError("move.maximise", f'"{scene.move.maximise}" is not supported by fields', '"load_factor"')
     if assembly.nominal is not None:
         raise InputError("cracks", "fields take nominal values of materials alone", '"faces", or nominal values')
     require_fields(assembly)
@@ -109,7 +109,7 @@ def _improve(
     deadline: float,
     report: Callable[[FieldPoint, float, float], None],
 ) -> tuple[FieldPoint, str] | None:
-    """Improve variables z (k,) on coarse, then on finer meshes; return the last point and why the search ended.
+    """Improve variables z (k,) on coarse, then finer meshes; return last point and reason.
 
     Where blocks do not stand at z, joints first move by faces. deadline: time of `time.perf_counter`, s. None where
     blocks stand nowhere on the way.
@@ -138,7 +138,7 @@ def _improve(
 
 
 def _stood(search: GeometrySearch, values: Floats, deadline: float) -> Floats | None:
-    """Return variables z (k,) at which the structure stands by faces, with joints moved for a larger λ.
+    """Return variables z (k,) at which the structure stands by faces, moved for a larger λ.
 
     None where no such position is found in half of the time until `deadline`.
     """

@@ -1,7 +1,8 @@
-"""Search for positions of joints at which blocks carry most, wherever they crack: steps over stresses and positions.
+"""Search for positions of joints with the largest λ of blocks that may crack anywhere.
 
-The objective of a step is the bound by fields from above on a coarse mesh, which lies near λ where bounds from below
-are still far (docs/method.md (11.9)). It proves nothing: results are bounded from both sides afterwards.
+The program of a step has stresses and positions as variables. Its objective is the upper bound by fields on a coarse
+mesh, which is nearer to λ than lower bounds on such meshes (docs/method.md (11.9)). It proves nothing: results are
+bounded from both sides afterwards.
 """
 
 from __future__ import annotations
@@ -79,7 +80,7 @@ class FieldSearch:
         self.solves = 0
 
     def start(self, values: Floats, parts: int = 1) -> FieldPoint | None:
-        """Return the point at variables z (k,); None where it is no structure, or a load case has no stresses.
+        """Return the point at variables z (k,); None if it is invalid or has no stresses.
 
         parts: number of parts of each edge of the coarsest meshes. Raises InputError where fields refuse the structure.
         """
@@ -90,7 +91,7 @@ class FieldSearch:
         return self._solved(values, assembly, tuple(one.refined(subdivide(one.mesh, parts)) for one in meshes))
 
     def _solved(self, values: Floats, assembly: Assembly, meshes: tuple[FieldMesh, ...]) -> FieldPoint | None:
-        """Return the point at variables z (k,) on given meshes; None where a load case has no stresses."""
+        """Return the point at variables z (k,) on given meshes; None without stresses."""
         forms = tuple(WeakEquilibrium(one.setting.problem(one.mesh), self._labels) for one in meshes)
         found = []
         for form in forms:
@@ -120,7 +121,7 @@ class FieldSearch:
         return self._solved(values, assembly, known) if len(known) == len(meshes) else None
 
     def bracket(self, point: FieldPoint) -> tuple[float, float]:
-        """Return certified bounds on the least ratio of λ to required λ over all load cases, by the meshes of a point.
+        """Return certified bounds on the governing factor, by the meshes of a point.
 
         A bound that the fields do not give is infinite.
         """
@@ -191,7 +192,7 @@ def _program(point: FieldPoint, region: Region, required: Floats) -> tuple[ConeP
     groups: list[list[tuple[sp.csr_array, Floats]]] = [[], [], []]
 
     def add(group: int, rows: sp.csr_array, at: int, right: Floats) -> None:
-        """Add rows whose first column is column `at` of the program."""
+        """Add rows, from column `at` on, and their right-hand sides to one of three groups."""
         own = sp.coo_array(rows)
         wide = sp.csr_array((own.data, (own.row, own.col + at)), shape=(rows.shape[0], start[-1] + count + 1))
         groups[group].append((wide, right))

@@ -1,4 +1,4 @@
-"""Profiles of joints with a shape: keys, sine waves and inclined joints, along and across a face of length 1."""
+"""Profiles of shaped joints on a face of length 1: keys, sine waves and inclined joints."""
 
 from __future__ import annotations
 
@@ -107,9 +107,9 @@ class Incline:
         return [(first, -side), (second, side)]
 
     def check(self) -> None:
-        """Raise ParameterError for a slope that turns no joint."""
+        """Raise ParameterError for a slope that leaves the joint straight."""
         if not 0.0 < abs(self.slope) < np.inf:
-            raise ParameterError("joint", f"slope {self.slope:g} turns no joint", "a slope above or below 0")
+            raise ParameterError("joint", f"slope {self.slope:g} leaves the joint straight", "a slope above or below 0")
 
 
 Shape = Key | Sine | Incline

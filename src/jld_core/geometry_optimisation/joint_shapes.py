@@ -1,4 +1,4 @@
-"""Joints with a shape in the place of straight faces, meshed with crack planes at the roots of their teeth."""
+"""Replace straight joints by shaped ones, with crack planes at the roots of teeth."""
 
 from __future__ import annotations
 

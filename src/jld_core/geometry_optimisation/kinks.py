@@ -1,4 +1,7 @@
-"""One-sided derivatives of λ by vertices, where forces or mechanism are not unique (docs/method.md (11.4))."""
+"""One-sided derivatives of λ where forces or mechanism are not unique.
+
+Source: docs/method.md (11.4).
+"""
 
 from __future__ import annotations
 

@@ -52,11 +52,11 @@ class LimitValues:
 
 
 class Limits:
-    """Limits of planar joints as r numbers, each with a least or an exact value.
+    """Limits on the geometry of planar joints: r functions with least or exact values.
 
     They limit angles, edges, areas, masses, draft, equal shapes and places of loads.
 
-    A limit that the start does not keep is relaxed to what the start keeps.
+    A limit that the start violates is relaxed to its value at the start.
 
     Parameters
     ----------
@@ -103,7 +103,6 @@ class Limits:
             if any(bound is not None for bound in move.block_mass)
             else sp.csr_array((0, len(free)))
         )
-        self._fixed_mass = self._masses @ np.ones(len(free)) if self._masses.shape[0] else np.zeros(0)
         self._joints = np.flatnonzero(labels & moving[mesh.ends].any(axis=1)) if move.draft else np.empty(0, np.int64)
         outlines = [_corners_alone(loop, mesh.places) for loop in mesh.loops]
         changing = np.array([moving[loop].any() for loop in mesh.loops])
@@ -168,7 +167,7 @@ class Limits:
         return np.concatenate([angle + _BEND, _BEND - angle]), both
 
     def _of_angles(self, places: Floats) -> tuple[Floats, sp.csr_array]:
-        """Return angles less the least and largest less angles at corners, rad, and derivatives."""
+        """Return angle − least and largest − angle at corners, rad, with derivatives."""
         angle, rates = _angle(places, self._corners), _angle_rates(places, self._corners)
         low, high = np.radians(self._move.angle)
         return np.concatenate([angle - low, high - angle]), sp.csr_array(sp.vstack([rates, -rates]))
@@ -182,7 +181,7 @@ class Limits:
         return length / self._edge - 1.0, sparse_rows(np.concatenate([-along, along], axis=1), columns, places.size)
 
     def _of_areas(self, rates: AreaRates) -> tuple[Floats, sp.csr_array]:
-        """Return element areas relative to the start, less the least share, and their derivatives."""
+        """Return area / area at the start − least share of elements, with derivatives."""
         start = self._areas[self._elements]
         scaled = sp.diags_array(1.0 / start) @ rates.by_area[self._elements]
         return rates.area[self._elements] / start - LEAST_AREA, sp.csr_array(scaled)
@@ -222,9 +221,9 @@ class Limits:
         )
 
     def _of_draft(self, places: Floats, drafted: bool) -> tuple[Floats, sp.csr_array]:
-        """Return sines between joints and lifting direction less the least one, and derivatives.
+        """Return sine − least sine between joints and lifting direction, with derivatives.
 
-        drafted: as in `at`. No values without a draft.
+        drafted: as in `at`. Empty without a draft.
         """
         draft = self._move.draft
         if draft is None:

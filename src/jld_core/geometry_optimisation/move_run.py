@@ -1,4 +1,4 @@
-"""One optimisation of joints from several starts: its options, its clock and all accepted points."""
+"""One optimisation of joints from several starts: options, time limit and accepted points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Optimise the geometry of joints: a sequence of programs over forces and positions, every accepted point proven."""
+"""Optimise joints by programs over forces and positions; every point is proven."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def move_joints(
     labels: Bits,
     **options: Unpack[MoveOptions],
 ) -> MovedJoints:
-    """Move the joints of a structure to optimise what its key "move" asks for.
+    """Move the joints of a structure to optimise the objective that its key "move" states.
 
     The objective is the largest λ, or the least friction or thickness at which the dead load stands.
 
@@ -118,10 +118,10 @@ def move_joints(
 def _best_of_starts(
     search: GeometrySearch, before: Evaluated | None, run: MoveRun, kept: list[Evaluated]
 ) -> tuple[Evaluated, str]:
-    """Climb from every start, and on from the best end; return the best point and why its search ended.
+    """Optimise from every start, then from the best end; return best point and reason.
 
-    before: the scene itself, None where it does not stand. run: receives every accepted point. kept: receives the
-    strongest one alone. Raises InputError where no position stands.
+    before: the point of the scene itself, None where it does not stand. run: receives every accepted point. kept:
+    receives the best point alone. Raises InputError where no position stands.
     """
     best: tuple[Evaluated, str] | None = None
 

@@ -1,4 +1,4 @@
-"""Derivatives of planar equilibrium by the positions of vertices (docs/method.md, section 11)."""
+"""Derivatives of planar equilibrium by positions of vertices, docs/method.md section 11."""
 
 from __future__ import annotations
 
@@ -82,9 +82,9 @@ def _by_length(loops: tuple[Ints, ...]) -> Iterator[tuple[Ints, Ints]]:
 def residual_rates(assembly: Assembly, mesh: VertexMesh, forces: Floats, load_factor: float) -> sp.csr_array:
     """Return the derivatives (3·free, 2v) of the equilibrium residual by the vertices.
 
-    The residual is A_eq F + b + λ b_λ, see (11.1) and (11.2). Resultants N, V and M / (l/2) are held, and moments are
-    taken about the present centroids. Rows are force x, force y and moment of each free element; column 2·vertex +
-    axis. All is in scene units.
+    The residual is A_eq F + b + λ b_λ, see (11.1) and (11.2). Resultants N, V and M / (l/2) are held constant, and
+    moments are taken about the present centroids. Rows are force x, force y and moment of each free element; column
+    2·vertex + axis. All is in scene units.
 
     forces: (m, 3) N, V, M.
     """
@@ -117,7 +117,7 @@ class FaceRates:
 def face_rates(assembly: Assembly, mesh: VertexMesh, forces: Floats) -> FaceRates:
     """Compute the derivatives by the vertices of the forces of interfaces on free elements.
 
-    Moments are taken about the present centroids, which are held. forces: (m, 3) N, V, M, scene units.
+    Moments are taken about the present centroids, which are held constant. forces: (m, 3) N, V, M, scene units.
     """
     faces, elements = assembly.interfaces, assembly.elements
     start, end = mesh.places[mesh.ends[:, 0]], mesh.places[mesh.ends[:, 1]]

@@ -1,4 +1,4 @@
-"""Trust region search for the best positions of joints: steps, restoration, phase one and further starts."""
+"""Trust region search for positions of joints: steps, restoration, phase one, starts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Derivatives of λ by the positions of all vertices, from one result and without a further solve."""
+"""Derivatives of λ by the positions of all vertices, from one result without a solve."""
 
 from __future__ import annotations
 

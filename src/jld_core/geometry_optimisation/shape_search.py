@@ -1,4 +1,4 @@
-"""Best shape of keyed, wavy or inclined joints: compass search over its parameters, every value proven."""
+"""Best shape of keyed, wavy or inclined joints by compass search; every value is proven."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ def shape_joints(
 def _improve(
     kept: list[tuple[Shape, float]], value: Callable[[Shape], float], trials: list[tuple[Shape, float]], until: float
 ) -> str:
-    """Search from the shape in `kept`, replace it by each stronger one, and return why the search ended.
+    """Search from the shape in `kept`, replace it by stronger ones; return why it ended.
 
     kept: one shape and its λ. value: returns λ of a shape, NaN where it is not proven. trials: receives shapes that do
     not fit. until: end of the search, a time of `time.perf_counter`, s.

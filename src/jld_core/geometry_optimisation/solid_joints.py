@@ -1,4 +1,4 @@
-"""Joints with a shape in space: teeth that run along a direction, cut out of convex elements by planes."""
+"""Shaped joints in space: teeth along a direction, cut out of convex elements by planes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _PLANE: Final = 1e-9
 
 
 def solids_with_shape(scene: Scene, assembly: Assembly, labels: Bits, shape: Shape, direction: Floats | None) -> Scene:
-    """Return a spatial scene whose dry faces have a shape; arguments and errors as in `shaped_scene`."""
+    """Return a spatial scene with shaped dry faces; arguments as of `shaped_scene`."""
     if direction is None or not np.linalg.norm(direction) > 0.0 or not np.isfinite(direction).all():
         problem = "joints in space run along a direction" if direction is None else "it is no direction"
         raise ParameterError("direction", problem, "X,Y,Z along the joints, as 0,1,0")
@@ -82,7 +82,7 @@ class SolidJoint:
         faces = assembly.interfaces
         self._assembly, self._polygon = assembly, faces.polygon[face]
         self._sides = int(faces.a[face]), int(faces.b[face])
-        self._normal, self._area = faces.normal[face], float(faces.area[face])
+        self._normal = faces.normal[face]
         run = direction - (direction @ self._normal) * self._normal
         self.across = bool(np.linalg.norm(run) < _ACROSS)
         if self.across:
@@ -150,13 +150,16 @@ class SolidJoint:
         return [self._plane(normal, point) for normal, point in sides]
 
     def _plane(self, normal: Floats, point: Floats) -> Plane:
-        """Return a plane along the direction by its unit normal (2,) and a point (2,), shares of the length."""
+        """Return a plane along the direction through a point (2,) with unit normal (2,).
+
+        Both are in shares of the length.
+        """
         space = normal[0] * self._along + normal[1] * self._normal
         place = self._start + self._length * (point[0] * self._along + point[1] * self._normal)
         return space, float(space @ place)
 
     def _ends(self, receiver: int) -> list[Plane]:
-        """Return the planes over the edges of the joint, and those of the receiver's faces at the ends of teeth.
+        """Return the planes over the joint's edges, and over the receiver's faces at tooth ends.
 
         A tooth reaches as far as the joint, and its ends follow the faces of the element that receives it. Raises
         InputError for a joint that is not convex.
@@ -191,7 +194,7 @@ class SolidJoint:
 
 
 def _taken(cell: ConvexCell, planes: list[Plane]) -> tuple[ConvexCell | None, list[ConvexCell]]:
-    """Cut what lies inside all planes out of a cell, by one plane where one is enough; return it and the rest."""
+    """Divide a cell into its part inside all planes and the rest; return both."""
     tooth = inside(cell, planes)
     if tooth is None:
         return None, [cell]
@@ -203,7 +206,10 @@ def _taken(cell: ConvexCell, planes: list[Plane]) -> tuple[ConvexCell | None, li
 
 
 def _parts_of(own: dict[str, Any], cells: list[ConvexCell]) -> list[dict[str, Any]]:
-    """Return the entries of the cells of an element; own: entry of the whole, whose weight and volume are shared."""
+    """Return the entries of the cells of an element.
+
+    own: entry of the whole element, whose weight and volume the cells share.
+    """
     if len(cells) == 1 and "vertices" in own and len(own["vertices"]) == len(cells[0].vertices):
         return [own]
     whole, found = sum(cell.volume for cell in cells), []
@@ -219,7 +225,7 @@ def _parts_of(own: dict[str, Any], cells: list[ConvexCell]) -> list[dict[str, An
 
 
 def _state_places(loads: dict[str, Any], assembly: Assembly) -> None:
-    """Write the centroid as the place of every force without one: that of the cut body is elsewhere.
+    """State the centroid as the place of every force without one, before elements are cut.
 
     loads: entry of the scene, changed in place.
     """

@@ -1,4 +1,4 @@
-"""Vertices that elements and interfaces of a spatial assembly share, and scenes with them at other places."""
+"""Vertices that elements and interfaces of a spatial assembly share, and moved scenes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Rates, limits and variables of a geometry optimisation in space (docs/method.md (11.5), (11.6))."""
+"""Rates, limits and variables of a geometry optimisation in space.
+
+Source: docs/method.md (11.5), (11.6).
+"""
 
 from __future__ import annotations
 
@@ -99,7 +102,7 @@ def _columns(vertices: Ints) -> Ints:
 
 
 class SpatialLimits:
-    """Limits of joints in space as r numbers, each with a least or an exact value.
+    """Limits on the geometry of joints in space: r functions with least or exact values.
 
     They limit planes of joints, lengths of edges, volumes of elements and masses of blocks.
 
@@ -185,7 +188,7 @@ class SpatialLimits:
     def _of_volumes(self, places: Floats) -> list[tuple[Floats, sp.csr_array]]:
         """Return limits on volumes of elements and masses of blocks, with their derivatives.
 
-        Values are volume over that at the start less the least share, mass / least − 1 and 1 − mass / largest.
+        Values are (volume / volume at the start − least share), (mass / least − 1) and (1 − mass / largest).
         """
         share, rates = np.ones(len(self._volumes)), sp.lil_array((len(self._volumes), places.size))
         for k in self._elements.tolist():

@@ -1,4 +1,7 @@
-"""Derivatives of λ by the vertices of spatial structures with dry faces (docs/method.md (11.5))."""
+"""Derivatives of λ by vertices of spatial structures with dry faces.
+
+Source: docs/method.md (11.5).
+"""
 
 from __future__ import annotations
 

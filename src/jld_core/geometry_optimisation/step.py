@@ -1,4 +1,7 @@
-"""Program of one step of a geometry optimisation, over forces and positions at once (docs/method.md (11.6))."""
+"""Program of one step of a geometry optimisation, over forces and positions.
+
+Source: docs/method.md (11.6).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Variables of a geometry optimisation: vertices that slide along lines and circles, and ties between them."""
+"""Variables of a geometry optimisation: sliding vertices, and ties between them."""
 
 from __future__ import annotations
 

@@ -190,10 +190,10 @@ class BlockProgram(AllBlocksProgram):
             add(self.balance[part], parts.joint_block, -inner.tension[parts.joint_face][:, None] * arm[:, :, 0])
 
     def _shear(self, inner: CoulombWedge, bends: Ints, shear: Ints) -> None:
-        """Add the rows |V| ≤ τA x + μN of the inner faces of the blocks.
+        """Add the rows |V| ≤ τA x + μN of inner faces of blocks chosen by x.
 
-        With N' − σtA x in the place of N, the constant is the strength τA − μ σtA. bends: (j, 3) columns of r, r' and
-        V. shear: (j, 2) rows.
+        N = N' − σtA x is eliminated, so that the constant is (τA − μ σtA) x. bends: (j, 3) columns of the variables r,
+        r' and V of j inner faces. shear: (j, 2) rows.
         """
         parts, add = self._parts, self._entries.add
         mu = inner.friction[parts.joint_face]

@@ -135,7 +135,7 @@ class BlockRelaxation:
         seconds: float = math.inf,
     ) -> None:
         if not applies_to(analysis):
-            raise TypeError("no relaxation by blocks is known of this assembly")
+            raise TypeError("the block relaxation does not apply to this assembly")
         self.template = analysis.template
         self.solves = 0
         self._parts = block_parts(analysis.template, members, inside)
@@ -155,7 +155,7 @@ class BlockRelaxation:
         self._opening = None if opening is None else self._parts.halved(opening)
         self._opening_margin = np.inf if self._opening is None else self._margin(*self._opening)
         if not self._opening_margin > 0.0:
-            raise ArithmeticError("the motion that opens all faces does not open them on both sides")
+            raise ArithmeticError("the opening motion does not open all faces on both sides")
         self._batch_program: BatchBlockProgram | None = None
         self._batch_program_made = False
         limit: dict[str, Any] = {} if seconds == math.inf else {"time_limit": seconds}

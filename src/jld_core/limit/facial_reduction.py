@@ -351,9 +351,10 @@ SEARCHES: Final[tuple[_Search, ...]] = (polygonal_support, _along_axes, _without
 def _tangent(rows: Floats, direction: Floats, jump: Floats, place: int, speed: float) -> list[Floats]:
     """Return the rows that replace a second-order cone on whose boundary a self-stress lies.
 
-    The first row (columns,) is the ray of the self-stress. Where the face slides, the slip of the motion gives the ray
-    instead, and a second row turns it to first order. rows: (size, columns) of the cone. direction: (size − 1,) of the
-    self-stress. jump: (q,) of its face, whose columns begin at `place`. speed: largest velocity of the motion.
+    The first row (columns,) is the tangent plane of the cone along the ray of the self-stress. Where the face slides,
+    the slip of the motion gives the direction of the ray, and a second row rotates the plane to first order. rows:
+    (size, columns) of the cone. direction: (size − 1,) of the self-stress. jump: (q,) of its face, whose columns begin
+    at `place`. speed: largest velocity of the motion.
     """
     tail = rows[1:]
     where = [np.flatnonzero(row) for row in tail]

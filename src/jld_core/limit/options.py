@@ -86,11 +86,15 @@ class SolveOptions:
                 "range", "λ of associative friction is one number", '`friction="zero-dilation"` with it'
             )
         if self.effective_area and self.contact == "concave":
-            raise ParameterError("effective_area", "points have no area", '`contact="convex"` with it')
+            raise ParameterError(
+                "effective_area", "point contacts have no effective area", '`contact="convex"` with it'
+            )
         if not self.floor_seconds >= 0.0:
-            raise ParameterError("floor_seconds", f"{self.floor_seconds:g} is no time", "seconds, 0 for no bound")
+            raise ParameterError(
+                "floor_seconds", f"{self.floor_seconds:g} is no number of seconds", "seconds, 0 for no bound"
+            )
         if not 0.0 < self.gap < math.inf:
-            raise ParameterError("gap", f"{self.gap:g} is no width", "a number above 0")
+            raise ParameterError("gap", f"{self.gap:g} is no relative width", "a number above 0")
         if isinstance(self.solver, str):
             require_solver(self.solver)
 

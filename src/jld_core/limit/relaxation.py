@@ -60,7 +60,7 @@ class Relaxation(PartialLabellingBounds):
         self._balances = WorkBalances(self.template, analysis.prover, analysis.repair)
         hull = self.template.yield_set.hull()
         if hull is None:
-            raise TypeError("no hull is known of these yield sets")
+            raise TypeError("the hull of these yield sets is not known")
         self._open = self.template.with_rows(hull)
         strengths, planar = self.template.assembly.strengths, self.template.assembly.dimension == 2
         # The hull has exact rows only as long as dry joints never crush.

@@ -142,7 +142,7 @@ def _reserve(assembly: Assembly, labels: Bits, bracket: tuple[float, float], for
     turned[:, 5:] = 0.0
     share, bending = yields.utilisation(scaled, labels), yields.utilisation(turned, labels)
     if share is None or bending is None:
-        raise ValueError("the yield sets of this structure know no share of capacity")
+        raise ValueError("the yield sets of this structure define no share of capacity")
     shear = friction.shear_of(scaled)
     capacity = friction.cohesion_of(labels) + friction.friction_of(labels) * scaled[:, 0]
     slip = np.minimum(used(shear, capacity, _IDLE * float(np.abs(scaled[:, :2]).max(initial=0.0))), 1.0)

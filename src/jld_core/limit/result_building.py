@@ -75,9 +75,10 @@ def result_of(
 
 
 def _scene(template: Template, forces: Floats, *, ray: bool = False) -> Floats:
-    """Convert scaled resultants (m, q) to scene units, without bond and idle ones of members.
+    """Convert scaled resultants (m, q) to scene units, and subtract the bond from normal forces.
 
-    ray: True for forces that grow with λ, from which no bond is subtracted. See `without_idle`.
+    Resultants of members that cannot occur become zero, see `without_idle`. ray: True for forces that grow with λ; no
+    bond is subtracted from these.
     """
     assembly = template.assembly
     if ray and assembly.members.bond is not None:

@@ -1,4 +1,4 @@
-"""Result without the interfaces of members, for what draws or lists faces."""
+"""Reduce a result to faces: leave out the interfaces of members, for drawings and tables."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ class SharedHull:
     def __init__(self, template: Template) -> None:
         sets, pattern, matrix = template.yield_set, template.yield_set.pattern, template.matrix.tocoo()
         if pattern.extra:
-            raise ValueError("rows with extra columns have no perspective here")
+            raise ValueError("the perspective of rows with extra columns is not defined")
         faces, (equalities, resultants) = len(template.assembly.interfaces), template.matrix.shape
         q = template.assembly.freedoms
         every = np.ones(faces, dtype=bool)

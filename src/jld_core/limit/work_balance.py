@@ -26,16 +26,16 @@ class WorkBalance:
     Attributes
     ----------
     velocities : (k, q·free) array
-        Mechanisms, scaled, with the opening that rounding required.
+        Mechanisms, scaled: q velocities of each free element, with the opening motion that repairs rounding errors.
     work : (k,) array
         Work of the live load, scaled.
     total : (k,) array
-        Dissipation minus dead work, plus possible rounding, scaled; without meaning where `sound` is False.
+        Dissipation minus work of the dead load, plus a bound on rounding errors, scaled; valid where `sound` is True.
     sound : (k,) bool array
         True where the dissipation is finite and the work not negative.
     own, either : (k, m) arrays
-        Dissipation of each face, scaled; inf where it is not finite. `either`: the larger one of both labels. `own`:
-        that under its label, but `either` for undecided faces.
+        Dissipation of each face, scaled, or inf. `either`: the larger of its dissipations under the two labels.
+        `own`: its dissipation under its own label; equal to `either` for undecided faces.
     """
 
     velocities: Floats

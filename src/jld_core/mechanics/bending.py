@@ -1,4 +1,4 @@
-"""Bending sets of spatial faces: rows, corners, and the solids of inner faces with compressive strength.
+"""Bending sets of spatial faces: rows, corners, and solids of inner faces that crush.
 
 With a list of rows c per face, a dry face requires c·m ≤ N and an inner face c·m ≤ N + σtA.
 """

@@ -1,4 +1,7 @@
-"""Equilibrium of free elements, A_eq F + b + λ b_λ = 0; only this module builds its matrices."""
+"""Equilibrium of free elements, A_eq F + b + λ b_λ = 0.
+
+Only this module builds its matrices.
+"""
 
 from __future__ import annotations
 

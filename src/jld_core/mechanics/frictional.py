@@ -1,4 +1,4 @@
-"""Common part of planar and spatial yield sets: strengths of both labels, cohesion and friction in shear."""
+"""Common part of planar and spatial yield sets: strengths, cohesion and friction."""
 
 from __future__ import annotations
 

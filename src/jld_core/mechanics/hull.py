@@ -1,4 +1,4 @@
-"""Rows of faces whose label is undecided: they enclose the sets of both labels, docs/method.md (6.3).
+"""Rows of undecided faces, which enclose the sets of both labels, docs/method.md (6.3).
 
 Without a bound on N, the closed convex hull of the dry and the inner set is the dry set moved to N = −σtA and widened
 in shear: {|m| ≤ N + σtA, |V| ≤ w + μ (N + σtA)}. Here μ is the larger one of both labels and w = max(c − μ σtA, τA −

@@ -1,4 +1,4 @@
-"""Yield sets with frozen state: friction from prescribed normal forces, and frozen effective areas.
+"""Yield sets with friction from prescribed normal forces, and constant effective areas.
 
 The conic programs of associative limit analysis stay the same. Only the numbers in the rows |V| + |MT|/c_T ≤ c + μN
 change. Programs, bounds and repairs take these sets like any other yield set.

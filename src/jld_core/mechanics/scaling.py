@@ -1,4 +1,4 @@
-"""Non-dimensional scaling: solvers see values of order one, whatever the units of the scene.
+"""Non-dimensional scaling: solvers see values of order one in any units of the scene.
 
 The accuracy on large assemblies depends on scaling (docs/method.md (8.1)). Forces are divided by the weight of a pile
 of elements, and live work is normalised to the sum of live loads. Velocities are then of order one, so that the

@@ -1,4 +1,4 @@
-"""Planar yield sets of dry and inner faces in scaled resultants: rows for solvers, functions for proofs.
+"""Planar yield sets in scaled resultants: rows for solvers, functions for proofs.
 
 A scaled planar resultant is (N, V, m) with m = M / (l/2). Every row is of order one whatever the strengths. Both labels
 of a face share one sparsity pattern, so that relabelling changes only numbers. A row that a label does not use keeps

@@ -1,4 +1,4 @@
-"""Spatial yield sets in scaled resultants: rows for solvers, slacks and support functions for proofs.
+"""Spatial yield sets in scaled resultants: rows, slacks and support functions.
 
 A scaled spatial resultant is (N, V1, V2, m1, m2, mT) with m1 = M1 / (l2/2), m2 = M2 / (l1/2), mT = MT / c_T. Bending
 has one form for every shape. With a list of rows c per face, a dry face requires c·m ≤ N and an inner face c·m ≤ N +

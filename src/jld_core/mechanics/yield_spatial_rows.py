@@ -1,4 +1,4 @@
-"""Solver rows of spatial yield sets: linear rows, then cones, in one pattern for both labels.
+"""Solver rows of spatial yield sets: linear rows, then cones, for both labels.
 
 A row that a label does not use keeps its place. Some rows hold variables that no other row would hold under that label.
 They keep their coefficients with right-hand side one, so that no direction is unbounded.

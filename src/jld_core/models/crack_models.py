@@ -43,7 +43,7 @@ def require_cracks(
     default = SolveOptions()
     for name, value in vars(options or default).items():
         if value != getattr(default, name):
-            raise ParameterError(name, "cracks by fields do not know it", "the default, or cracks by faces")
+            raise ParameterError(name, "cracks by fields do not support it", "the default, or cracks by faces")
     # Local imports: `jld check` and `jld solve` without fields are to start quickly.
     if assembly.dimension == 3:
         from jld_core.fields.space_bounds import require_spatial_fields

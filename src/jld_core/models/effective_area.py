@@ -335,11 +335,11 @@ def _notes(analysis: LimitAnalysis, labels: Bits, plain: Proof, proof: Proof) ->
 def _iterate(
     analysis: LimitAnalysis, labels: Bits, forces: Floats, most: int, weight: float
 ) -> tuple[State, Proof, Floats, int]:
-    """Iterate on forces and effective areas until the areas are those of the forces.
+    """Iterate on forces and effective areas until the areas belong to the forces.
 
-    `_STEPS` free steps come first, then steps that hold the forces. labels: (m,) True = dry. forces: (m, q) scaled
-    start. most, weight: as in `prove_effective_area`. The results are a state, the proof with the areas frozen, the
-    change (m,) of areas that is left, and the number of programs.
+    `_STEPS` free steps come first, then steps that keep the forces near those before. labels: (m,) True = dry. forces:
+    (m, q) scaled start. most, weight: as in `prove_effective_area`. The results are a state, the proof with constant
+    areas, the remaining change (m,) of areas, and the number of programs.
     """
     template, count = analysis.template, analysis.template.matrix.shape[1]
     margin, residual = template.precision.margin, template.precision.residual

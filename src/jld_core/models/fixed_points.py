@@ -57,18 +57,18 @@ _PARALLEL: Final = 0.1
 
 @dataclass(frozen=True)
 class FixedPoint:
-    """Forces, their own effective areas, and a mechanism of the problem frozen at these areas.
+    """Forces, their effective areas, and a mechanism of the problem with these areas held constant.
 
     Attributes
     ----------
     state : State
-        Forces under the areas; a lower bound on λ of the frozen problem if admissible.
+        Forces under the areas; a lower bound on λ of the problem with constant areas if admissible.
     areas : EffectiveAreas
         Effective areas of the forces.
     prover : Prover
-        Prover of the frozen problem.
+        Prover of the problem with constant areas.
     motion : Motion or None
-        Mechanism of the frozen problem with finite dissipation.
+        Mechanism of that problem with finite dissipation.
     width : float
         Relative width of the bracket; inf if an end is missing.
     starts : int
@@ -151,7 +151,8 @@ def find_fixed_point(analysis: LimitAnalysis, labels: Bits, starts: int = STARTS
 def _checked(analysis: LimitAnalysis, labels: Bits, point: PathPoint, starts: int) -> FixedPoint:
     """Evaluate an iterate of a central path as a fixed point, with a proven bracket of λ.
 
-    The bracket is that of the problem frozen at the areas of the iterate; its width is inf if an end is missing.
+    The bracket is that of the problem whose effective areas are held at those of the iterate. Its width is inf if an
+    end is missing.
     labels: (m,) True = dry. point: the iterate. starts: number of paths followed.
     """
     state, areas, frozen = under_own_areas(analysis.prover, analysis.prover.state(point.y, labels), labels)
@@ -170,9 +171,9 @@ def _checked(analysis: LimitAnalysis, labels: Bits, point: PathPoint, starts: in
 
 
 def _with_frozen_mechanism(analysis: LimitAnalysis, labels: Bits, found: FixedPoint) -> FixedPoint:
-    """Solve the problem frozen at the areas of a fixed point, for a better mechanism.
+    """Improve the mechanism of a fixed point by an analysis at its effective areas.
 
-    The mechanism of the solution is more accurate than the multipliers of an iterate. The narrower bracket is kept.
+    The mechanism of that analysis is more accurate than the multipliers of an iterate. The narrower bracket is kept.
     labels: (m,) True = dry.
     """
     proof = analysis.with_template(found.prover.template, labels).prove(labels)

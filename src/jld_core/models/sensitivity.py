@@ -63,21 +63,10 @@ _BENT: Final = 1e-2
 class Sensitivity:
     """Rate of change of λ with one parameter.
 
-    Parameters
-    ----------
-    derivative : float
-        Two-sided rate, NaN where λ has a kink, or where the rate is not known well enough.
-    left : float
-        Rate for a decrease of the parameter, NaN where unknown.
-    right : float
-        Rate for an increase of the parameter, NaN where unknown.
-    unit : str
-        Unit of the parameter, empty for a number without unit.
-
     Attributes
     ----------
     derivative : float
-        Two-sided rate, NaN where the two sides differ.
+        Two-sided rate; NaN where λ has a kink, or where the rate is not known well enough.
     left : float
         Rate for a decrease of the parameter, NaN where unknown.
     right : float

@@ -123,11 +123,6 @@ def voussoir_cells(
     return VoussoirCells(cells, min(fan.width for fan in fans), min(fan.depth for fan in fans))
 
 
-def has_arcs(region: shapely.Geometry) -> bool:
-    """Return True if a structure has an arc from which voussoirs can be found."""
-    return any(find_arcs(region_of(part).shell) for part in shapely.get_parts(region))
-
-
 def _fans(
     part: shapely.Polygon,
     down: Floats,

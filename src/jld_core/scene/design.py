@@ -1,4 +1,4 @@
-"""Keys of the design check, and named sets of partial factors with the clauses that they come from."""
+"""Keys of the design check, and named sets of partial factors with their sources."""
 
 from __future__ import annotations
 

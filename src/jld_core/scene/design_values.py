@@ -1,4 +1,4 @@
-"""Design values of the materials and members of a scene: characteristic values by partial factors."""
+"""Design values of materials and members: characteristic values by partial factors."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def at_design_values(scene: Scene, factors: PartialFactors, prestress: float) ->
 
 
 def _apply(entry: dict[str, Any], key: str, change: Callable[[float], float]) -> None:
-    """Change a value in place, or both the nominal and the low one; do nothing where it is absent.
+    """Change a value in place, or both nominal and low one; do nothing if it is absent.
 
     A value with uncertainty becomes its characteristic value first, a prestress its mean.
     """

@@ -55,7 +55,7 @@ class Fill(Part):
 
     @model_validator(mode="after")
     def _least_below_most(self) -> Self:
-        """Check that the passive pressure is never below the active one, and that the range is not empty."""
+        """Check that passive pressure is at least the active one, and that the range has a length."""
         if self.passive * self.passive_coefficient < self.active / self.passive_coefficient:
             problem = f"{self.passive:g} of the passive pressure is below {self.active:g} of the active one"
             least = self.active / self.passive_coefficient**2
@@ -66,7 +66,7 @@ class Fill(Part):
 
     @property
     def passive_coefficient(self) -> float:
-        """Return Rankine's coefficient of passive pressure; that of active pressure is its reciprocal."""
+        """Return Rankine's coefficient of passive pressure; the active one is its reciprocal."""
         return math.tan(math.pi / 4.0 + math.radians(self.friction_angle) / 2.0) ** 2
 
 

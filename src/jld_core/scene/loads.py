@@ -44,9 +44,9 @@ class PointLoad(Part):
         if self.force is None and "moment" not in self.model_fields_set:
             raise InputError("", "it does nothing", '"force" or "moment"')
         if self.at is not None and self.force is None:
-            raise InputError(".at", 'it stands without "force"', "a force to apply there")
+            raise InputError(".at", 'it is given without "force"', "a force to apply there")
         if self.width is not None and self.force is None:
-            raise InputError(".width", 'it stands without "force"', "a force to spread")
+            raise InputError(".width", 'it is given without "force"', "a force to spread")
         return self
 
 
@@ -76,14 +76,14 @@ class FacePlace(Part):
         """Check that exactly one of the places is given."""
         given = [key for key in ("between", "along", "patch") if getattr(self, key) is not None]
         if len(given) != 1:
-            problem = f'"{given[1]}" stands beside "{given[0]}"' if given else "it names no place"
+            problem = f'"{given[1]}" is given together with "{given[0]}"' if given else "it names no place"
             expected = f'"between": [element, "{OUTSIDE}"], or "along" or "patch" with points'
             raise InputError("", problem, expected)
         return self
 
 
 class FaceLoad(Part):
-    """Load spread on free faces: a pressure, a force per length of a line, or a force per area.
+    """Load on free faces: a pressure, a force per length, or a force per area.
 
     Attributes
     ----------
@@ -113,10 +113,10 @@ class FaceLoad(Part):
         if len(given) != 1:
             if not given:
                 raise InputError(".pressure", "missing", 'a force per area, or "line" or "traction"')
-            raise InputError(f".{given[1]}", f'it stands beside "{given[0]}"', "one of both")
+            raise InputError(f".{given[1]}", f'it is given together with "{given[0]}"', "one of both")
         for key, place in (("line", "along"), ("traction", "patch")):
             if given == [key] and getattr(self.face, place) is None:
-                raise InputError(f".{key}", f'it stands without "{place}"', f'"face" with "{place}"')
+                raise InputError(f".{key}", f'it is given without "{place}"', f'"face" with "{place}"')
         return self
 
     @property
@@ -148,9 +148,10 @@ _KINDS: Final[dict[str, type[BodyLoad] | type[FaceLoad] | type[FillLoad]]] = {
 
 
 def _tell_the_kinds_apart(entries: Any) -> Any:
-    """Validate load entries as body loads, pressures, loads on fill or point loads, chosen by their keys.
+    """Validate load entries as the kind of load that their keys state.
 
-    Error messages then refer to the kind of load that was meant.
+    Kinds are body loads, pressures, loads on fill and point loads. Error messages then refer to the kind of load that
+    was meant.
     """
     if not isinstance(entries, list):
         return entries
@@ -165,7 +166,7 @@ def _tell_the_kinds_apart(entries: Any) -> Any:
             other = next(key for key in entry if key != "body")
             raise InputError(
                 f"[{index}]",
-                f'"{other}" stands beside "body"',
+                f'"{other}" is given together with "body"',
                 "a body load alone, others in entries of their own",
             )
         try:
@@ -256,7 +257,7 @@ class MovingLoad(Part):
 
 
 class Pushes(Part):
-    """Horizontal forces in several directions, in proportion to weight; each direction is a load case.
+    """Horizontal forces in proportion to weight; each direction is a load case.
 
     Attributes
     ----------
@@ -311,7 +312,7 @@ class Loads(Part):
         if self.live is None and not several:
             raise InputError(".live", "missing", 'a list of loads that are multiplied by λ, or "cases"')
         if self.live is not None and several:
-            raise InputError(".live", f'it stands beside "{several}"', "the live loads of each case inside it")
+            raise InputError(".live", f'it is given together with "{several}"', "the live loads of each case inside it")
         require_unique_names(".cases", [case.name for case in self.cases or []])
         require_unique_names(".moving", [one.name for one in self.moving or []])
         return self

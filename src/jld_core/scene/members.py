@@ -76,7 +76,7 @@ class Member(Part):
         elif self.kind == "tie" and not (self.tension or self.compression or self.prestress):
             raise InputError(".tension", "a tie without capacity", "a force above 0")
         if self.prestress and self.compression:
-            problem = f"{self.compression:g} stands beside a prestress, which never becomes less"
+            problem = f"{self.compression:g} is given together with a prestress, which never becomes less"
             raise InputError(".compression", problem, "one of both")
         if self.through and self.compression:
             raise InputError(

@@ -43,7 +43,7 @@ class Path(Part):
         if self.direction is not None and not any(self.direction):
             raise InputError(".direction", "it has no length", "a vector")
         if self.supports and self.circle is None:
-            raise InputError(".supports", 'it stands without "circle"', "joints on a circle")
+            raise InputError(".supports", 'it is given without "circle"', "joints on a circle")
         if self.circle is not None and len(self.circle) != 2:
             raise InputError(".circle", f"it has {len(self.circle)} numbers", "2: circles are for planar scenes")
         return self

@@ -19,7 +19,10 @@ DRAWINGS: Final = ("dxf", "svg", "csv", "obj", "ply", "stl", "3dm", "ifc")
 
 
 class NeedsImport(InputError):
-    """Error for a drawing or a file of solids where a scene is expected; the message says how to import it."""
+    """Error for a drawing or a file of solids where a scene is expected.
+
+    The message states the command that imports it.
+    """
 
 
 def load_scene(path: str | Path) -> Scene:
@@ -152,7 +155,7 @@ def _refuse_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for key, value in pairs:
         if key in found:
-            raise InputError(key, "the key stands twice in one object", "each key once")
+            raise InputError(key, "the key is given twice in one object", "each key once")
         found[key] = value
     return found
 
@@ -208,4 +211,4 @@ def _words(path: _Path) -> str:
 def _refuse_surrogates(where: _Path, text: object) -> None:
     """Raise InputError for a text with unpaired surrogates."""
     if isinstance(text, str) and any("\ud800" <= letter <= "\udfff" for letter in text):
-        raise InputError(_words(where), f"{text!a} holds half a character", "text in UTF-8")
+        raise InputError(_words(where), f"{text!a} contains an unpaired surrogate", "text in UTF-8")

@@ -261,7 +261,7 @@ class Scene(Part, Showable):
             how = "missing" if self.grid is None else "given twice"
             raise InputError("", f"the geometry is {how}", 'exactly one of "grid" and "elements"')
         if self.grid is not None and self.thickness is not None:
-            raise InputError(".thickness", "it stands beside a grid", 'the thickness inside "grid"')
+            raise InputError(".thickness", 'it is given together with "grid"', 'the thickness inside "grid"')
         require_unique_names(".settlements", [one.name for one in self.settlements])
         require_unique_names(".members", [one.name for one in self.members if one.name is not None])
         if self.elements is not None:

@@ -80,9 +80,9 @@ class Front(Part):
     def _agree(self) -> Self:
         """Check that count, counts and sense are consistent."""
         if self.counts is not None and self.count != self.counts[0]:
-            raise InputError(".count", 'it stands beside "counts"', "one of them")
+            raise InputError(".count", 'it is given together with "counts"', "one of them")
         if self.counts is not None and self.counts[0] == self.counts[1]:
-            raise InputError(".counts", f"{self.count!r} stands there twice", "two different counts")
+            raise InputError(".counts", f"{self.count!r} is given twice", "two different counts")
         if isinstance(self.sense, list) and len(self.sense) != len(self.counts or [self.count]):
             raise InputError(".sense", f"it has {len(self.sense)} entries", "one for each count")
         return self

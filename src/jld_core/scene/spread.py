@@ -51,7 +51,7 @@ class MaySpread:
 
 
 def _read(value: Any, number: ValidatorFunctionWrapHandler) -> Any:
-    """Validate a number, or an object {"nominal", "low"}, which becomes a `Spread`, or one with uncertainty.
+    """Validate a number, an object {"nominal", "low"}, or an object with uncertainty.
 
     number: validator of the number. Raises InputError for other keys, or a low value above the nominal one.
     """
@@ -72,7 +72,7 @@ def _read(value: Any, number: ValidatorFunctionWrapHandler) -> Any:
 
 
 def _written(value: Any) -> Any:
-    """Return a value for JSON: an object for a `Spread` or a value with uncertainty, else unchanged."""
+    """Return a value for JSON: an object for low or uncertain values, else unchanged."""
     return {"nominal": float(value), "low": value.low} if isinstance(value, Spread) else uncertain.written(value)
 
 

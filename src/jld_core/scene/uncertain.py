@@ -81,7 +81,10 @@ def read_uncertain(value: dict[str, Any], number: ValidatorFunctionWrapHandler, 
 
 
 def _distribution(value: dict[str, Any], *, each: bool) -> tuple[float, str, bool]:
-    """Return the coefficient of variation, the kind and "each" of an object; raise InputError if one is wrong."""
+    """Return coefficient of variation, kind and "each" of an object.
+
+    Raises InputError if one of them is wrong.
+    """
     form = f"a number, or {_FORM}"
     odd = next((key for key in value if key not in (*KEYS, *([EACH] if each else []))), None)
     if odd is not None:
@@ -160,7 +163,7 @@ class MayVaryInSize:
 
 
 def _read_vector(value: Any, vector: ValidatorFunctionWrapHandler) -> Any:
-    """Validate a vector, or an object with the mean vector, which becomes an `UncertainVector`."""
+    """Validate a vector, or an object with a mean vector, as an `UncertainVector`."""
     if isinstance(value, UncertainVector) or not is_uncertain(value):
         return value if isinstance(value, UncertainVector) else vector(value)
     cov, kind, _ = _distribution(value, each=False)
@@ -185,7 +188,7 @@ Path = tuple[str | int, ...]
 
 
 def uncertain_values(part: Any, path: Path = ()) -> Iterator[tuple[Path, Uncertain | UncertainVector]]:
-    """Yield the path and the value of everything in a scene that has uncertainty, in its order.
+    """Yield path and value of every value of a scene with uncertainty, in its order.
 
     part: a scene, or a part of one. path: where it stands. Values with a coefficient of variation of 0 are left out.
     """

@@ -1,4 +1,4 @@
-"""Units of force and length, and numbers of a scene that are written as text with a unit: `"10 kN"`, `"2 kN/m²"`."""
+"""Units of force and length, and numbers as text with a unit: `"10 kN"`, `"2 kN/m²"`."""
 
 from __future__ import annotations
 

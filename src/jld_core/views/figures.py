@@ -250,15 +250,13 @@ def draw_rest(ax: Axes, assembly: Assembly) -> list[Artist]:
     return [*ax.plot(*np.vstack(rings).T, color=REST, linewidth=0.5, zorder=0.9, label="rest")]
 
 
-def figure_of_assembly(
-    assembly: Assembly, labels: Bits | None = None, *, ids: bool = False, values: bool = False
-) -> Figure:
+def figure_of_assembly(assembly: Assembly, *, ids: bool = False, values: bool = False) -> Figure:
     """Return a figure of an assembly under the name of the scene.
 
-    labels: (m,) True = dry. ids, values: also write the ids of elements and the values of live loads.
+    ids, values: also write the ids of elements and the values of live loads.
     """
     figure, axes = figure_for(assembly, 1)
-    draw_assembly(axes[0], assembly, labels)
+    draw_assembly(axes[0], assembly)
     if ids:
         write_ids(axes[0], assembly)
     if values:

@@ -1,4 +1,4 @@
-"""Drawing of members: ties, tendons, pins and pressures of fill as lines, with their forces; and of fill itself."""
+"""Drawing of fill, and of ties, tendons, pins and pressures of fill as lines."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ class PathValue:
 
 
 def path_values(result: LimitAnalysisResult) -> list[PathValue]:
-    """Return the load factor at each position of the moving loads of a result, none without any."""
+    """Return λ at each position of the moving loads of a result; empty without any."""
     found = []
     for case in result.assembly.cases:
         if case.place is not None:
@@ -91,7 +91,10 @@ def draw_path(ax: Axes, values: list[PathValue], length: str, *, distance: str =
 
 
 def figure_of_path(assembly: Assembly, values: list[PathValue]) -> Figure:
-    """Return a figure of λ along the paths of moving loads; assembly: supplies name and units. values: at least one."""
+    """Return a figure of λ along the paths of moving loads.
+
+    assembly: supplies name and units. values: at least one.
+    """
     figure = Figure(figsize=(6.4, 3.4), layout="constrained")
     ax = figure.add_subplot()
     draw_path(ax, values, assembly.units[0])

@@ -167,7 +167,7 @@ def utilisation(result: LimitAnalysisResult) -> Floats:
         forces[: len(bond), 0] += bond
     used = sets.utilisation(forces / scaling.face, result.labels)
     if used is None:
-        raise TypeError("these yield sets do not say what is used of them")
+        raise TypeError("these yield sets define no utilisation")
     if bond is not None:
         # Full tension is the tip of the set, where no other share is defined.
         pulled = np.divide(-result.forces[: len(bond), 0], bond, out=np.zeros(len(bond)), where=bond > 0.0)

@@ -1,4 +1,4 @@
-"""Drawings that stay small in a notebook: SVG text, or PNG in few colours where that would be large."""
+"""Small drawings for notebooks: SVG text, or PNG in few colours if SVG would be large."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _COLOURS: Final = 64
 
 
 def drawing_of(figure: Figure) -> str | bytes:
-    """Return a figure as SVG text, or as the content of a PNG file where the text would be large."""
+    """Return a figure as SVG text, or as PNG content if the text would be large."""
     text = svg_of(figure)
     return text if len(text) <= _SVG else png_of(figure)
 

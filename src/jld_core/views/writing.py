@@ -86,7 +86,7 @@ def write_loads(ax: Axes, assembly: Assembly) -> list[Artist]:
 def write_numbers(
     ax: Axes, assembly: Assembly, blocks: Sequence[Sequence[int]], centroids: Sequence[Any], size: float = 7.0
 ) -> list[Text]:
-    """Write the number of each block, from 1, into a drawing of an assembly on axes; return the texts.
+    """Write the number of each block, from 1, into a drawing; return the texts.
 
     In the plane a number stands at the block's centroid. In space it stands on the largest part of the block that the
     viewer sees; a block of which too little is seen has none. blocks: indices of the elements of each block; supports
@@ -101,7 +101,7 @@ def write_numbers(
 
 
 def _seen_places(assembly: Assembly, blocks: Sequence[Sequence[int]]) -> list[Floats | None]:
-    """Return the middle (2,) of the largest part of each block that is seen on the paper; None where little is."""
+    """Return the middle (2,) of the largest visible part of each block; None if too small."""
     projection, elements = projection_of(assembly), assembly.elements
     free = ~elements.support
     owner = {element: number for number, block in enumerate(blocks) for element in block if free[element]}

@@ -103,7 +103,7 @@ def assembly(
 
 
 def _draw(laying: Laying, out: Path, title: str, stages: bool, animation: bool, deadline: Deadline) -> list[str]:
-    """Draw an assembly sequence into a folder, and return the names of pictures for which there was no time.
+    """Draw an assembly sequence into a folder; return pictures left out for lack of time.
 
     title: of the strip. stages: one picture per stage as well. animation: an animated GIF as well.
     """
@@ -139,7 +139,7 @@ def _save_stage(laying: Laying, number: int, path: Path) -> None:
 
 
 def _words_along(laying: Laying, stations: Stations) -> str:
-    """Describe the props along a line: how many, the largest force, and where they do not hold a stage."""
+    """Describe props along a line: number, largest force, stages that they do not hold."""
     length, force = laying.blocks.assembly.units
     forces = np.array([step.stage.along for step in laying.steps])
     step, place = (int(k) for k in np.unravel_index(int(forces.argmax()), forces.shape))
@@ -220,7 +220,7 @@ def words_of(laying: Laying) -> str:
 
 
 def _centring(laying: Laying) -> list[str]:
-    """Describe from when to when props stand, and when they may be struck; no line where none is needed.
+    """Describe during which steps props stand; no line where none is needed.
 
     A stage that was not solved counts as one that needs props.
     """

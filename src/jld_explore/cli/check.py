@@ -40,7 +40,7 @@ def load(path: Path, strict: bool = False) -> tuple[Scene, Assembly]:
 
 
 def warn_of(path: Path, assembly: Assembly) -> None:
-    """Write the plausibility warnings and the notes of an assembly to stderr, each with the file's name.
+    """Write warnings and notes of an assembly to stderr, each with the file's name.
 
     Call it after all checks that may refuse the scene.
     """

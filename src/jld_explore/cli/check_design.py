@@ -1,4 +1,4 @@
-"""Define `jld check-design`: utilisation of a layout with partial factors, and the page of it."""
+"""Define `jld check-design`: utilisation of a layout with partial factors, and its page."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def check_design(
     language: Annotated[Literal["en", "de", "it"], typer.Option(help="Language of the page.")] = "en",
     as_json: AsJson = False,
 ) -> None:
-    """Check a layout with partial factors: utilisation of every load case, reactions, joints near their limit.
+    """Check a layout with partial factors: utilisation, reactions, joints near their limit.
 
     Design values: loads times γG and γQ, strengths and tan φ over γM. Permanent loads are tried as favourable and as
     unfavourable. Utilisation is required factor over λ, the factor of the design live load; at most 1 is verified.

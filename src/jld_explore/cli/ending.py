@@ -53,9 +53,10 @@ def raise_on_signals() -> None:
 
 
 def interrupt_on_signals() -> None:
-    """Make SIGTERM and SIGHUP raise KeyboardInterrupt as SIGINT does, so that commands end with one line.
+    """Make SIGTERM and SIGHUP raise KeyboardInterrupt, as SIGINT does.
 
-    Signals that the process ignores stay ignored, and other threads than the main one change nothing.
+    Commands then end with one line. Signals that the process ignores stay ignored, and other threads than the main one
+    change nothing.
     """
     if threading.current_thread() is not threading.main_thread():
         return

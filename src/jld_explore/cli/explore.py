@@ -168,7 +168,7 @@ def _check_jobs(jobs: int | None) -> None:
     """Raise InputError for more worker processes than the machine can serve."""
     most = _JOBS * (os.cpu_count() or 1)
     if jobs is not None and jobs > most:
-        raise ParameterError("jobs", f"{jobs} processes would starve one another", f"at most {most} on this machine")
+        raise ParameterError("jobs", f"{jobs} processes are too many", f"at most {most} on this machine")
 
 
 def _say_found(done: Exploration, as_json: bool) -> None:

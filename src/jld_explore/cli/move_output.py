@@ -1,4 +1,4 @@
-"""Write what `jld move` found: scene, table and picture beside one another, and numbers as text."""
+"""Write the result of `jld move`: scene, table, picture, and text."""
 
 from __future__ import annotations
 

@@ -112,12 +112,12 @@ def move(
         _check_certificate(source, out, certificate, prove)
     if joint is not None and (prove is not None or starts > 1):
         given = "prove" if prove is not None else "starts"
-        raise ParameterError(given, "it moves vertices, not the shape of joints", "one without the other")
+        raise ParameterError(given, "it applies to moved vertices, not to shaped joints", "one without the other")
     if direction is not None and joint is None:
         raise ParameterError("direction", "it is that of shaped joints, and none are asked for", "it with `joint`")
     if robust and (joint is not None or prove is not None):
         given = "joint" if joint is not None else "prove"
-        raise ParameterError(given, "it knows nominal values of materials alone", "one without `robust`")
+        raise ParameterError(given, "it supports nominal values of materials only", "one without `robust`")
     scene, assembly, labels = layout_of(source, rank)
     scene = with_cracks(scene, cracks)
     by_fields = isinstance(scene.cracks, FieldCracks)
@@ -242,7 +242,7 @@ def _check_by_fields(
 def _bounded(
     facts: dict[str, Any], assembly: Assembly, done: MovedJoints, labels: Bits, until: Deadline
 ) -> dict[str, Any]:
-    """Put bounds by fields into the facts of a move by fields; return the lower ones before and after.
+    """Put bounds by fields into the facts of a move; return the lower ones before and after.
 
     facts: changed in place; λ, bracket and status become those by fields. labels: (m,) True = dry. until: deadline,
     after which each bound is that of one mesh.

@@ -1,4 +1,4 @@
-"""Provide `jld report`: printed pages of one layout, and everything of a project in one file."""
+"""Provide `jld report`: printed pages of one layout, and an archive of its project."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def _sides(stock: str | None, pdf: bool, kerf: float) -> tuple[float, float, flo
     """
     if stock is None:
         if kerf:
-            raise ParameterError("kerf", "it stands without `stock`", "both")
+            raise ParameterError("kerf", "it is given without `stock`", "both")
         return None
     if not pdf:
         raise ParameterError("stock", "stones are placed beside the cutting list", "`pdf` as well")

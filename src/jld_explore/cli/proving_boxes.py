@@ -38,7 +38,7 @@ def prove_positions(
     """
 
     def progress(best: float, bound: float, boxes: int) -> None:
-        """Print the bounds now and then, once a position is found that stands: without one nothing is printed."""
+        """Print the bounds at intervals, once a position that stands is found."""
         if not as_json and best > -math.inf and boxes & (boxes - 1) == 0:
             say(f"{boxes:>6} boxes  {value_text(best)} ≤ λ ≤ {value_text(bound)}")
 

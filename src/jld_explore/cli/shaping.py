@@ -51,7 +51,10 @@ def shape_of(text: str) -> Shape:
 
 
 def direction_of(text: str | None) -> Floats | None:
-    """Return the vector (3,) that a text states, None for None; raise ParameterError for anything else."""
+    """Return the vector (3,) that a text states; None for None.
+
+    Raises ParameterError for any other text.
+    """
     if text is None:
         return None
     try:

@@ -77,7 +77,7 @@ def _timed(work: Design, name: str, make: Callable[[Design, Deadline], Check], u
 def _winner(work: Design) -> Trial:
     """Return the winner of a design; raise ValueError if there is none."""
     if work.winner is None:
-        raise ValueError("a design without a layout has nothing to check")
+        raise ValueError("the design has no layout to check")
     return work.winner
 
 

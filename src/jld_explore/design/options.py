@@ -1,4 +1,4 @@
-"""Options of a design, and what they say about the scene of an outline."""
+"""Options of a design, and the keys that they set in the scene of an outline."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class DesignOptions:
             problem = f"{self.seconds:g} s are too short to cut and solve anything"
             raise ParameterError("seconds", problem, f"at least {LEAST_SECONDS:g}; a wall takes some minutes")
         if self.jobs < 1:
-            raise ParameterError("jobs", f"{self.jobs} processes evaluate nothing", "a whole number from 1")
+            raise ParameterError("jobs", f"{self.jobs} is no number of processes", "a whole number from 1")
         if self.along not in (*SIDES, EXTRADOS) and points_of(self.along) is None:
             wish = f"{', '.join(SIDES)}, {EXTRADOS}, or two points X,Y,X,Y of an edge"
             raise ParameterError("along", f"{self.along!r} is no part of an outline", wish)
@@ -121,7 +121,7 @@ class DesignOptions:
     def _check_friction(self) -> None:
         """Raise ParameterError if the low friction exceeds the nominal one, or stands without it."""
         if self.friction_low is not None and self.friction is None:
-            raise ParameterError("friction_low", "it stands without `friction`", "both values")
+            raise ParameterError("friction_low", "it is given without `friction`", "both values")
         if self.friction_low is not None and self.friction is not None and self.friction_low > self.friction:
             problem = f"{self.friction_low:g} is above the friction, {self.friction:g}"
             raise ParameterError("friction_low", problem, "a value at most that of `friction`")

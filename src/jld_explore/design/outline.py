@@ -62,7 +62,7 @@ def read_outline(file: File, options: DesignOptions) -> Outline:
         for name in ("thickness", "unit", "support"):
             if getattr(options, name):
                 raise ParameterError(
-                    name, "the outline is a scene, which says so itself", "a drawing, or no such option"
+                    name, "the outline is a scene, which states this itself", "a drawing, or no such option"
                 )
         notes = Notes()
         with reading(file):

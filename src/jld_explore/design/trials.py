@@ -1,4 +1,4 @@
-"""Layouts that a design has found, with what is proven about each."""
+"""Layouts that a design has found, with the bounds that are proven for each."""
 
 from __future__ import annotations
 
@@ -239,17 +239,6 @@ def one_case(scene: Scene, number: int) -> Scene:
         dead = [*document["loads"].get("dead", []), *own.get("dead", [])]
         document["loads"] = {"live": own["live"], "dead": dead}
     return parse_scene(document, scene.name)
-
-
-def mass_and_shapes(assembly: Assembly, scene: Scene) -> tuple[int, float, int]:
-    """Return number of blocks, largest mass and number of shapes under a scene's own labels.
-
-    Supports do not count. assembly: of the scene.
-    """
-    from jld_core.exchange import Layout
-
-    blocks = [one for one in Layout(scene, assembly, assembly.labels).blocks if one.cells]
-    return len(blocks), max(one.mass for one in blocks), len({one.shape for one in blocks})
 
 
 def built(trial: Trial) -> Assembly:

@@ -1,4 +1,4 @@
-"""Design check with partial factors: utilisation, reactions, joints near their limit, and a page of it.
+"""Design check with partial factors: utilisation, reactions, joints near their limit.
 
 Functions are imported from the modules that define them.
 """

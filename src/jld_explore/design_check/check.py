@@ -1,4 +1,4 @@
-"""Design check of one layout: utilisation of every load case under the worst combination of partial factors."""
+"""Design check of one layout under the worst combination of partial factors."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class CaseCheck:
 
     @property
     def utilisation(self) -> float:
-        """Return required factor over λ; 0 for a locked case, inf where permanent loads cannot stand."""
+        """Required factor over λ; 0 for a locked case, inf where permanent loads cannot stand."""
         least, most = self.range
         if least == most or not math.isfinite(self.bounds.load_factor):
             return most
@@ -93,7 +93,7 @@ class CaseCheck:
         return self.required / load_factor if load_factor > 0.0 else math.inf
 
     def to_json(self) -> dict[str, Any]:
-        """Return the check of the case as plain values; None stands for infinite and unknown numbers."""
+        """Return the check of the case as plain values; None for infinite and unknown numbers."""
         return {
             "utilisation": number(self.utilisation),
             "utilisation_bracket": [number(end) for end in self.range],
@@ -274,7 +274,7 @@ def _cases(
 
 
 def _worst(cases: tuple[CaseCheck, ...]) -> CaseCheck:
-    """Return the case that counts: a refuted one, else an undecided one, else one of largest utilisation.
+    """Return the governing case: refuted, else undecided, else of largest utilisation.
 
     Of several with overlapping bounds it is the first.
     """

@@ -63,8 +63,9 @@ def combinations_of(assembly: Assembly, factors: PartialFactors) -> list[Combina
 def at_design_loads(assembly: Assembly, factors: PartialFactors, combination: Combination) -> Assembly:
     """Return a structure whose loads are multiplied by partial factors.
 
-    assembly: with design values of materials and of prestress already. factors: of the set. combination: which factors
-    of self-weight and dead loads count. Body loads keep the characteristic weight as their base.
+    assembly: structure with design values of materials and prestress. factors: partial factors of the chosen set.
+    combination: choice of favourable or unfavourable factors of self-weight and dead loads. Body loads remain shares of
+    the characteristic weight.
     """
     chosen = combination.factors(factors)
     weight, stress = _weights(assembly), assembly.members.self_stress
@@ -113,7 +114,7 @@ def _weights(assembly: Assembly) -> Floats:
 
 
 def _stated(assembly: Assembly, dead: Floats) -> Floats:
-    """Return the part (n, q) of a dead load that is no self-weight, prestress or bond; rounding is removed."""
+    """Return a dead load (n, q) without self-weight, prestress, bond and rounding errors."""
     weight, stress = _weights(assembly), assembly.members.self_stress
     own = weight if stress is None else weight + stress
     rest = dead - own

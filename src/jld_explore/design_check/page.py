@@ -124,7 +124,7 @@ def _line(size: float) -> float:
 
 
 def _drop(size: float) -> float:
-    """Return the height from the top of a line to its base line, relative to the sheet; size: points."""
+    """Return the height from a line's top to its base line over the sheet; size: points."""
     return 0.8 * size / 72.0 / _PAPER[1]
 
 
@@ -134,7 +134,7 @@ def _wrapped(text: str, size: float) -> list[str]:
 
 
 def _fitting(content: Content, room: float) -> float:
-    """Return the size of letters, points, at which tables and notes take the given height of the sheet."""
+    """Return the font size, points, at which tables and notes fit a height of the sheet."""
     size = _SIZE
     while size > 3.5:
         lines = sum(
@@ -178,7 +178,7 @@ def _table(figure: Figure, top: float, table: Table, content: Content, size: flo
 def _draw(
     check: DesignCheck, content: Content, figure: Figure, left: float, width: float, low: float, height: float
 ) -> None:
-    """Draw the structure, the governing mechanism and, for moving loads, λ along the path, side by side.
+    """Draw structure, governing mechanism and λ along the path of moving loads.
 
     left, width, low, height: of the area, relative to the figure.
     """

@@ -78,7 +78,7 @@ def _result(check: DesignCheck, words: Mapping[str, str]) -> list[str]:
 
 
 def _combination(check: DesignCheck, one: CaseCheck, words: Mapping[str, str]) -> str:
-    """Describe the factors of permanent loads of a combination, those that differ or act alone."""
+    """Describe the factors of permanent loads that differ or act alone."""
     chosen = one.combination.factors(check.factors)
     varied = {
         name for other in check.tried[0] for name, value in vars(other.combination).items() if value != "unfavourable"
@@ -107,7 +107,7 @@ def _factors(check: DesignCheck, words: Mapping[str, str]) -> Table:
 
 
 def _materials(check: DesignCheck, words: Mapping[str, str]) -> Table:
-    """Return the table of the values of joints and blocks, those that the scene states for all faces."""
+    """Return the table of the values that the scene states for all joints and blocks."""
     low, _ = check.factors.prestressing
     scenes = (check.scene, at_design_values(check.scene, check.factors, low))
     parts: list[tuple[str, str, list[float]]] = []
@@ -258,7 +258,7 @@ def _joint(check: DesignCheck, reserve: Reserve, face: int) -> dict[str, Any]:
 
 
 def blocks_near_cracking(check: DesignCheck) -> list[dict[str, Any]]:
-    """Return each block that may crack, with the inner face that uses most of its strength, nearest first."""
+    """Return each block that may crack, with its most utilised inner face, nearest first."""
     reserve, structure = check.reserve, check.governing.structure
     if reserve is None:
         return []
@@ -278,7 +278,7 @@ def blocks_near_cracking(check: DesignCheck) -> list[dict[str, Any]]:
 
 
 def members_of(check: DesignCheck) -> list[dict[str, Any]]:
-    """Return the forces of members, with the share of the capacity beyond the prestress that they use."""
+    """Return forces of members, and the share used of the capacity beyond the prestress."""
     reserve, structure = check.reserve, check.governing.structure
     if reserve is None or not structure.members:
         return []

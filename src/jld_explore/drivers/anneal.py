@@ -239,7 +239,7 @@ class Anneal(Searcher):
             place = self._chains[self.rng.below(len(self._chains))].labelling
             other = own if place is None else place
         if other is None:
-            raise ValueError(f"chain {number} has no place yet, so it cannot be crossed")
+            raise ValueError(f"chain {number} has no labelling yet, so it cannot be crossed")
         image: Bits = other[group[self.rng.below(len(group))]]
         return image
 

@@ -1,4 +1,4 @@
-"""Choose the default driver, and describe what would prove or narrow another result.
+"""Choose the default driver, and describe options that would prove or narrow its result.
 
 A space that is known to hold few classes is enumerated. A space of at most `REACH` faces that may be dry or inner is
 given to the exact driver. It proves such spaces within seconds, whatever the size of blocks and the strength of the

@@ -291,7 +291,7 @@ class Enumeration(Driver):
         return labels
 
     def _decide(self, rows: _Frontier) -> _Frontier:
-        """Decide one more face: return each row with it inner and dry, unless hopeless."""
+        """Decide one more face: return each row with the face inner and dry, if limits can still hold."""
         level, search = rows.level, self.search
         i, j = self._ends[level]
         p, q = rows.block[i], rows.block[j]

@@ -33,7 +33,7 @@ class ProofAim(Protocol):
     Attributes
     ----------
     count : Count or None
-        Count that targets are told apart by; None where there is one target alone.
+        Count whose values are the targets; None where all labellings are one target.
     gap : float
         Relative distance between the best lower bound and the bound at which a target is reached.
     in_steps : bool

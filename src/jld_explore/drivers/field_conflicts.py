@@ -1,6 +1,6 @@
-"""Keep the conflicts of a proof by fields on disk, with their velocity fields.
+"""Store the conflicts of a proof by fields on disk, with their velocity fields.
 
-Every conflict that is loaded is weighed again, and its bound is the one computed then: nothing on disk is believed.
+The bound of a loaded conflict is computed again from its velocity field: nothing on disk is believed.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def save_conflicts(folder: Path, proof: FieldProof) -> None:
 
 
 def load_conflicts(folder: Path, proof: FieldProof) -> list[Conflict]:
-    """Read the conflicts that an earlier run of a study kept, and weigh each of them again.
+    """Read the conflicts that an earlier run of a study stored, and compute their bounds again.
 
     The meshes of the file are added to the proof. The caller adds the conflicts.
 
@@ -101,7 +101,7 @@ def load_conflicts(folder: Path, proof: FieldProof) -> list[Conflict]:
 
 
 def _conflicts_in(content: dict[str, Any], proof: FieldProof) -> list[Conflict]:
-    """Weigh the conflicts of a file again, and return those with finite bounds.
+    """Compute the bounds of the conflicts of a file again, and return those with finite bounds.
 
     Adds the meshes of the file to `proof`. Empty where the number of load cases differs.
     """

@@ -244,8 +244,8 @@ class FieldExact(Driver):
     def ask(self, limit: int | None = None) -> Bits:
         """Return the next labellings to evaluate, (k, m), True = dry.
 
-        The first ones come from a search. Later calls work on the proof until it needs labellings evaluated. Empty: the
-        proof ended, was given up, or has no time left.
+        The first labellings come from a search. Later calls continue the proof until it needs evaluations. The result
+        is empty if the proof ended, was given up, or has no time left.
         """
         if not self._asked:
             self._asked = True
@@ -284,7 +284,7 @@ class FieldExact(Driver):
 
 
 def _listed(space: SearchSpace) -> PossibleBlocks | None:
-    """List the possible blocks of a space; None also if that takes too much of the time."""
+    """List the possible blocks of a space; None if they are too many, or listing takes too long."""
     try:
         with Deadline(_LISTING * time_left()).enforced():
             return possible_blocks(space)
@@ -295,7 +295,7 @@ def _listed(space: SearchSpace) -> PossibleBlocks | None:
 def _require_formula(space: SearchSpace, blocks: PossibleBlocks | None, aim: ProofAim) -> None:
     """Raise InputError if cells may be left out, or if no formula expresses a count.
 
-    Checked are the limited counts and the count of the aim. blocks: possible blocks, None where not listed.
+    The limited counts and the count of the aim must have a formula. blocks: possible blocks, None where not listed.
     """
     if space.void is not None:
         raise ParameterError("driver", "exact proves nothing where cells may be left out", "enumeration or genetic")

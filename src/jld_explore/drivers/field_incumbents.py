@@ -52,7 +52,7 @@ class FieldIncumbents:
         self._rows: dict[bytes, int] = {}
 
     def counts_of(self, labellings: Bits) -> Floats:
-        """Return the count of each labelling, (k,), by which the aim tells labellings apart.
+        """Return the value (k,) of the aim's count for each labelling.
 
         labellings: (k, m), True = dry. All are 0 where the aim has no count.
         """

@@ -1,7 +1,7 @@
-"""Meshes that all labellings share, refined where the field of all dissipates most.
+"""Meshes for all labellings, refined where the velocity field that bounds all of them dissipates most.
 
-One program in which every face is undecided bounds all labellings. Its velocity field shows where they fail alike, and
-meshes refined there refute many of them by conflicts of few faces. On the 4 × 6 wall of
+One program in which every face is undecided bounds all labellings. Its velocity field shows where many of them fail,
+and meshes refined there refute many labellings by conflicts of few faces. On the 4 × 6 wall of
 benchmarks/results/fields_search.md 438 such triangles bound all labellings as closely as 1 280 of one size.
 """
 

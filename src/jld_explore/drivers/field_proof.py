@@ -336,7 +336,7 @@ class FieldProof:
         return bool(drawn)
 
     def _hand_over(self, labels: Bits) -> None:
-        """Put a canonical labelling (m,) into the pool, or let it wait if it has no evaluation."""
+        """Add a canonical labelling (m,) to the pool; one without evaluation waits for it first."""
         if self.incumbents.is_known(labels):
             self._join([labels])
         else:

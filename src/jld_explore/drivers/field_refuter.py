@@ -162,7 +162,7 @@ class FieldRefuter:
         return conflicts
 
     def _levels(self) -> tuple[int, ...]:
-        """Return the levels of meshes to try first; those that rarely refute only now and then."""
+        """Return the levels of meshes to try first; levels that rarely refute are tried at intervals only."""
         self._batches += 1
         again = not self._batches % _AGAIN
         return tuple(level for level, share in enumerate(self._share) if share >= _RARELY or again)

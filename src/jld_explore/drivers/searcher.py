@@ -114,7 +114,7 @@ class Register:
 class Searcher(Driver):
     """Driver with random proposals (abstract base class).
 
-    Each call of `propose` gives about `size` labellings, whatever the limits given to `ask`.
+    Each call of `propose` gives about `size` labellings, independent of the limits given to `ask`.
 
     Parameters
     ----------

@@ -181,7 +181,7 @@ class Surrogate:
         # the transpose of the symmetric matrix has the column order that LAPACK needs
         _, weights, failed = sposv(matrix.T, (shares - self._mean).astype(np.float32), lower=True, overwrite_a=True)
         if failed:
-            raise ArithmeticError("the likeness of labellings is no positive definite matrix")
+            raise ArithmeticError("the covariance matrix of labellings is not positive definite")
         self._weights = np.asarray(weights, dtype=np.float32)
         return self._weights
 

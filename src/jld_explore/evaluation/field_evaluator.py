@@ -147,7 +147,7 @@ class MakeCellEvaluator:
     cells: CrackCells
 
     def __call__(self, assembly: Assembly, settings: EvaluatorSettings) -> LabellingEvaluator:
-        """Return an evaluator of labellings of the joint grid, which itself is not solved."""
+        """Return an evaluator of labellings of the joint grid that solves the finer cells."""
         return CellEvaluator(self.cells, settings)
 
 

@@ -1,4 +1,4 @@
-"""Pool of layouts bounded by fields: every field that one of them asks for bounds the others too."""
+"""Pool of layouts bounded by fields: a field computed for one bounds the others too."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class FieldStep:
 def step_of(fields: Fields, start: float, more: Any = None) -> FieldStep:
     """Make the `FieldStep` of fields that have been solved: their bounds and the next mesh.
 
-    start: time at which they were begun, of `time.perf_counter`, s. more: see `FieldStep.more`.
+    start: start of their computation as `time.perf_counter` counts, s. more: see `FieldStep.more`.
     """
     stresses, mechanism = fields.for_all
     finer = fields.finer()
@@ -130,7 +130,7 @@ class FieldPool:
     def add(self, labellings: Bits, low: Floats | None = None, high: Floats | None = None) -> None:
         """Add labellings (k, m) to the pool, with bounds that are known.
 
-        low, high: (k,) bounds on the governing factor, NaN where there are none; None for none at all.
+        low, high: (k,) bounds on the governing factor, NaN where unknown; None if all are unknown.
         """
         count, cases = len(labellings), len(self.settings)
         self.labellings = np.concatenate([self.labellings, labellings])

@@ -1,7 +1,8 @@
-"""Race layouts whose blocks crack anywhere: refine only what may still be the strongest.
+"""Race layouts by fields: refine only those that may still be the strongest.
 
-Every velocity field bounds λ of all layouts, every stress field that of many. The layout with the greatest upper bound
-is refined next; once its own bracket is closed, no other layout has a greater upper bound, and the race is decided.
+Every velocity field bounds λ of all layouts from above, every stress field λ of many from below. The layout with the
+greatest upper bound is refined next; once its own bracket is closed, no other layout has a greater upper bound, and the
+race is decided.
 """
 
 from __future__ import annotations
@@ -103,8 +104,8 @@ class FieldRace:
     def _place(self) -> None:
         """Bound from below, on the coarsest mesh, the layouts that may be the strongest.
 
-        These are layouts without a lower bound whose upper bound is at least the best lower bound. The greatest upper
-        bound comes first. It ends early at the deadline if some layout has a lower bound.
+        These are layouts without a lower bound whose upper bound is at least the best lower bound. Layouts with the
+        greatest upper bounds come first. At the deadline the method returns early if some layout has a lower bound.
         """
         pool = self.pool
         low, high = pool.low(), pool.high()

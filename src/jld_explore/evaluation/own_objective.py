@@ -1,4 +1,4 @@
-"""Evaluate labellings by an objective of the user in the place of λ."""
+"""Evaluate labellings by an objective function of the user instead of λ."""
 
 from __future__ import annotations
 

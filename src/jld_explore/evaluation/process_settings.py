@@ -1,4 +1,4 @@
-"""Change settings of the whole process for as long as a pool of workers needs them, and restore them."""
+"""Change settings of the process while a pool of workers exists, then restore them."""
 
 from __future__ import annotations
 

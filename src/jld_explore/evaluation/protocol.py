@@ -1,6 +1,6 @@
 """Define the interface of all evaluators: labellings in, evaluations out.
 
-The docstrings of the methods are stated here once. A class names only what it does differently.
+Methods are documented here. Classes that implement them document differences alone.
 """
 
 from __future__ import annotations

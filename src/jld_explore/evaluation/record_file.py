@@ -1,4 +1,4 @@
-"""Define the tables of the record file, and turn errors of SQLite into errors that name the file."""
+"""Define the tables of the record file; convert SQLite errors to ones with its name."""
 
 from __future__ import annotations
 

@@ -162,7 +162,7 @@ class Records:
             try:
                 rows, wrong = from_columns(self.type, content)
             except (KeyError, TypeError, ValueError, OverflowError):
-                raise self._damaged("a record holds what none can") from None
+                raise self._damaged("a record holds an impossible value") from None
             if wrong is not None:
                 raise self._damaged(f"record {self._count + wrong + 1} is not as it was written")
             self._index.update(zip(keys_of(rows), range(self._count, self._count + len(rows)), strict=True))

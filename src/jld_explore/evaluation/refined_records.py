@@ -1,7 +1,7 @@
-"""Keep bounds that finer meshes prove, beside the record of a study and under its lock.
+"""Store bounds from finer meshes beside the record of a study, under its lock.
 
-A driver that is resumed is told what it was told before, so that the record itself keeps the evaluations on the
-coarsest mesh. Tables show the narrower bounds.
+The record itself keeps the evaluations on the coarsest mesh, because a resumed driver must see the same evaluations as
+before. Tables of results show the narrower bounds.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Run a few tasks at a time, in this process or in local ones, with results in the order of the tasks."""
+"""Run a few tasks at a time, in this or other processes; return results in order."""
 
 from __future__ import annotations
 

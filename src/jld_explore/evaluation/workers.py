@@ -77,7 +77,7 @@ def batch_size(faces: int, requested: int) -> int:
 
 
 def _timed_batch(task: tuple[Any, ...]) -> tuple[tuple[int, list[Evaluation]], float]:
-    """Return the result of `evaluate_batch` for a tuple of arguments, and the processor time of its thread, s."""
+    """Return the result of `evaluate_batch`, and the processor time of its thread, s."""
     begun = time.thread_time()
     return evaluate_batch(*task), time.thread_time() - begun
 
@@ -200,7 +200,7 @@ class Workers:
         return [partial(self._result, pool.submit(_timed_batch, task)) for task in tasks]
 
     def _result(self, task: Future[tuple[tuple[int, list[Evaluation]], float]]) -> tuple[int, list[Evaluation]]:
-        """Wait for a task; add its time to that of all tasks, and return its batch number and evaluations."""
+        """Wait for a task and record its time; return batch number and evaluations."""
         found, seconds = task.result()
         self._seconds_of_tasks += seconds
         return found

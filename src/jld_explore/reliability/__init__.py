@@ -1,4 +1,4 @@
-"""Reliability of a layout: random variables, first-order method, simulation, and comparison of layouts.
+"""Reliability of a layout: first-order method, simulation, comparison of layouts.
 
 Its functions are imported from the modules that define them.
 """

@@ -49,11 +49,11 @@ class ReliabilityOptions:
         if not 0.0 < self.required < float("inf"):
             raise ParameterError("required", f"{self.required:g} is no load factor to be carried", "a number above 0")
         if self.samples < 1:
-            raise ParameterError("samples", f"{self.samples} samples estimate nothing", "a whole number from 1")
+            raise ParameterError("samples", f"{self.samples} is no number of samples", "a whole number from 1")
         if self.seed < 0:
             raise ParameterError("seed", f"{self.seed} is negative", "a whole number from 0")
         if self.jobs < 1:
-            raise ParameterError("jobs", f"{self.jobs} threads compute nothing", "a whole number from 1")
+            raise ParameterError("jobs", f"{self.jobs} is no number of threads", "a whole number from 1")
 
 
 @dataclass(frozen=True)
@@ -125,10 +125,10 @@ def structure_of(scene: Scene, assembly: Assembly, labels: Bits) -> RandomStruct
     values with uncertainty, and for models that samples do not have.
     """
     if scene.cracks != "faces":
-        raise InputError("cracks", "samples know cracks by faces alone", '"faces"')
+        raise InputError("cracks", "reliability supports cracks by faces only", '"faces"')
     structure = random_structure(scene)
     if len(labels) != len(structure.assembly.interfaces) or len(assembly.elements) != len(structure.assembly.elements):
-        raise InputError("search.void", "samples know the whole structure alone", "a scene without cells left out")
+        raise InputError("search.void", "reliability supports whole structures only", "a scene without cells left out")
     return structure
 
 

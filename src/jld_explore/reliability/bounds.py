@@ -1,4 +1,4 @@
-"""Proven bounds on the governing load factor of samples of a random structure, by the batch solver."""
+"""Proven bounds on the governing load factor of samples, by the batch solver."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _OPTIONS = SolveOptions()
 
 @dataclass(frozen=True)
 class GoverningBounds:
-    """Bounds on the governing factor of k samples: the least λ over the required one of all load cases.
+    """Bounds on the governing factor of k samples: least λ / required of all load cases.
 
     Attributes
     ----------
@@ -79,16 +79,16 @@ class SampleBounds:
 
     @cached_property
     def _stacked(self) -> FrictionSet:
-        """Return yield sets of the faces of all samples of a call, whose strengths are then replaced."""
+        """Return yield sets of the faces of all samples of a call, to receive their strengths."""
         assembly, template = self.structure.assembly, self.analyses[0].template
         faces = np.tile(np.arange(len(self.labels)), SAMPLES_OF_A_CALL)
         many = replace(assembly, interfaces=assembly.interfaces.take(faces), strengths=assembly.strengths.take(faces))
         return yield_set(many, template.scaling)
 
     def _rows(self, case: int, values: Floats) -> BatchRows | None:
-        """Return the rows of samples under a load case; those of one sample stand for all in `_plain`.
+        """Return the yield rows of samples under a load case.
 
-        values: (k, v), one sample or as many as a call takes.
+        The rows of one sample are kept for all in `_plain`. values: (k, v), one sample or as many as a call takes.
         """
         assembly, template = self.structure.assembly, self.analyses[case].template
         count, unit = len(values), assembly.interfaces.area / template.scaling.force
@@ -142,7 +142,7 @@ class SampleBounds:
         return share * low, share * high
 
     def proven(self, values: Floats) -> GoverningBounds:
-        """Compute bounds one sample at a time by the route of `jld solve`, for what the batch solver leaves open."""
+        """Compute bounds of single samples that the batch solver left open."""
         brackets = np.array([self._proven(one) for one in values]).reshape(-1, 2)
         return GoverningBounds(brackets[:, 0], brackets[:, 1])
 
@@ -156,7 +156,7 @@ class SampleBounds:
         return low, high
 
     def solved(self, values: Floats, case: int) -> tuple[LimitAnalysis, Proof]:
-        """Solve a load case at values (v,) of the variables, and return its analysis and what is proven."""
+        """Solve a load case at values (v,) of the variables; return analysis and proof."""
         analysis = limit_analysis(
             self.structure.at(values, case), _OPTIONS, reference=self.labels, single_labelling=True
         )
@@ -173,7 +173,7 @@ def _repeated(rows: BatchRows | None, count: int) -> BatchRows | None:
 
 
 def bracket_of(analysis: LimitAnalysis, proof: Proof) -> tuple[float, float]:
-    """Return the proven bounds on λ, scene units: −inf for both where unstable, +inf where locked."""
+    """Return proven bounds on λ, scene units: both −inf where unstable, +inf where locked."""
     if proof.status is Status.UNSTABLE:
         return -math.inf, -math.inf
     if proof.status is Status.LOCKED:

@@ -1,4 +1,4 @@
-"""First-order reliability method: the design point, by the iteration of Hasofer, Lind, Rackwitz and Fiessler."""
+"""First-order reliability method by the iteration of Hasofer, Lind, Rackwitz, Fiessler."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Limit:
 
     @property
     def distance(self) -> float:
-        """Return the distance to the linearised failure surface, positive on the safe side; inf if unknown."""
+        """Distance to the linearised failure surface, positive if safe; inf if unknown."""
         if self.gradient is None or not math.isfinite(self.value):
             return math.inf
         size = float(np.linalg.norm(self.gradient))
@@ -100,7 +100,10 @@ class Form:
 
     @property
     def direction(self) -> Floats:
-        """Return α (v,), the unit vector from the means to the design point; its squares are shares of variance."""
+        """Unit vector α (v,) from the means to the design point.
+
+        Its squares are the shares of the variables in the variance.
+        """
         return self.point / self.beta if self.beta else np.zeros_like(self.point)
 
 
@@ -158,7 +161,7 @@ class LimitFunction:
 
 
 def _by_strength(sets: FrictionSet, jumps: Floats, normal: Floats, labels: np.ndarray) -> dict[str, Floats]:
-    """Return the derivatives (m,) of scaled λ by the scaled strengths of a mechanism with unit live work.
+    """Return the derivatives (m,) of scaled λ by scaled strengths, at unit live work.
 
     jumps: (m, q). normal: (m,) normal forces of the collapse state. labels: (m,) True = dry.
     """
@@ -191,7 +194,7 @@ class _Iteration:
         return found
 
     def nearest(self, around: bool) -> Floats:
-        """Return the point (v,) nearest to the means at which linearised limit functions are at most 0.
+        """Return the point (v,) nearest to the means where linearised limit functions are ≤ 0.
 
         around: take all gradients met near the present point, at both sides of a kink, where the structure fails by no
         mechanism alone; else the present one. Where they exclude each other, the present one counts.
@@ -208,7 +211,7 @@ class _Iteration:
         return np.asarray(sides[0] * slopes[0]) if found is None else found
 
     def step(self, target: Floats) -> bool:
-        """Move towards a target by the largest of a few shares that is an improvement; return False for none."""
+        """Move towards a target by the largest share that improves; return False if none does."""
         assert self.here.gradient is not None
         far = max(float(np.linalg.norm(self.point)), float(np.linalg.norm(target)))
         penalty = (2.0 * far + 1.0) / float(np.linalg.norm(self.here.gradient))
@@ -222,7 +225,7 @@ class _Iteration:
         return False
 
     def arrived(self, target: Floats) -> bool:
-        """Return True if the present point lies on the failure surface, and the target is the same point."""
+        """Return True if the point lies on the failure surface and equals the target."""
         if abs(self.here.distance) > _SURFACE:
             return False
         return float(np.linalg.norm(target - self.point)) <= _POINT * max(1.0, float(np.linalg.norm(self.point)))
@@ -286,6 +289,6 @@ def design_point(function: LimitFunction, start: Floats | None = None) -> Form:
 
 
 def _found(work: _Iteration, steps: int, inside: bool, kink: bool) -> Form:
-    """Return the result of an iteration that arrived; β is negative if the structure fails at the means."""
+    """Return the result of a converged iteration; β < 0 if the structure fails at the means."""
     size = float(np.linalg.norm(work.point))
     return Form(-size if inside else size, work.point, steps, kink)

@@ -1,4 +1,7 @@
-"""Monte Carlo simulation of a layout: every sample decided by proven bounds, rare failures by importance sampling."""
+"""Monte Carlo simulation of a layout; proven bounds decide every sample.
+
+Rare failures are sampled around the design point (importance sampling).
+"""
 
 from __future__ import annotations
 
@@ -62,12 +65,12 @@ class MonteCarlo:
 
     @property
     def beta_interval(self) -> tuple[float | None, float | None]:
-        """Return the confidence interval of the reliability index; None for an end that is unbounded."""
+        """Confidence interval of the reliability index; None for an unbounded end."""
         return index_of(self.interval[1]), index_of(self.interval[0])
 
 
 def index_of(probability: float) -> float | None:
-    """Return the reliability index of a probability of failure; None for 0 and 1, which have none."""
+    """Return the reliability index of a probability of failure; None for 0 and 1."""
     return -float(ndtri(probability)) if 0.0 < probability < 1.0 else None
 
 
@@ -122,7 +125,7 @@ def simulate(
 
 
 def in_threads(one: Callable[[int], _Result], parts: int, jobs: int) -> list[_Result]:
-    """Call a function for each portion of the samples in `jobs` threads; return the results in order."""
+    """Call a function for portions of the samples in `jobs` threads; keep their order."""
     if jobs == 1 or parts == 1:
         return [one(part) for part in range(parts)]
     with ThreadPoolExecutor(min(jobs, parts)) as pool:
@@ -177,7 +180,7 @@ class _Drawing:
         return points, 1.0 / (share + (1.0 - share) * ratio)
 
     def _strata(self, index: Ints, within: Floats) -> Floats:
-        """Return a probability (k,) for each sample, stratified: each lies in an interval of its own.
+        """Return stratified probabilities (k,) of samples, each in an interval of its own.
 
         index: (k,) numbers of the samples. within: (k,) position of each in its interval, 0 to 1. Samples around the
         means and samples around `shift` are stratified apart, since each group has to cover the whole distribution.
@@ -192,7 +195,7 @@ class _Drawing:
 
 
 def decided(bounds: SampleBounds, required: float, values: Floats) -> tuple[Bools, Bools, int]:
-    """Decide samples (k, v) by proven bounds, those that the batch solver leaves open by the route of `jld solve`.
+    """Decide samples (k, v) by proven bounds; solve those again that the batch leaves open.
 
     Returns masks (k,) of those that surely fail and of those that stay open, and how many were solved again.
     """
@@ -216,7 +219,10 @@ def _counted(bounds: SampleBounds, required: float, points: Floats, weights: Flo
 
 
 def _exact_interval(failures: int, undecided: int, samples: int) -> tuple[float, float]:
-    """Return the interval of Clopper and Pearson; undecided samples are safe at its lower end and fail at the upper."""
+    """Return the Clopper–Pearson interval of a probability.
+
+    Undecided samples count as safe at the lower end and as failures at the upper one.
+    """
     tail = 0.5 * (1.0 - CONFIDENCE)
     most = failures + undecided
     low = 0.0 if failures == 0 else float(betaincinv(failures, samples - failures + 1, tail))
@@ -263,7 +269,7 @@ class Comparison:
 
 
 def compare(one: SampleBounds, other: SampleBounds, samples: int, seed: int, jobs: int = 1) -> Comparison:
-    """Compare two layouts of the same structure on the same samples, by proven bounds on their load factors.
+    """Compare two layouts of a structure on the same samples, by proven bounds on λ.
 
     samples, seed, jobs: as in `simulate`.
     """
@@ -285,7 +291,7 @@ def compare(one: SampleBounds, other: SampleBounds, samples: int, seed: int, job
 
 
 def _prove_open(bounds: SampleBounds, found: GoverningBounds, values: Floats) -> None:
-    """Replace bounds of samples (k, v) without one of two bounds by those of the route of `jld solve`."""
+    """Solve samples (k, v) again that lack one of two bounds, and replace their bounds."""
     again = np.flatnonzero(np.isneginf(found.low) != np.isneginf(found.high))
     again = np.union1d(again, np.flatnonzero(np.isposinf(found.low) != np.isposinf(found.high)))
     if len(again) and bounds.batched:

@@ -52,9 +52,9 @@ class _Follower:
 
 @dataclass(frozen=True)
 class _Growth:
-    """Loads of one case that grow with random variables: product of (x − mean) over `variables`, times loads.
+    """Loads of one case that grow with random variables: Π (x − mean) times loads.
 
-    variables: one or two. dead, live: (n, q) loads.
+    The product is over `variables`. variables: one or two. dead, live: (n, q) loads.
     """
 
     variables: tuple[int, ...]
@@ -136,7 +136,7 @@ class RandomStructure:
 
     @cached_property
     def _linear(self) -> list[tuple[Ints, Floats, Floats] | None]:
-        """Return for each case the variables (r,) that loads are linear in, and the rates (r, n·q)."""
+        """Return for each case the variables (r,) of linear loads, and their rates (r, n·q)."""
         found: list[tuple[Ints, Floats, Floats] | None] = []
         for growths in self.growths:
             plain = [one for one in growths if len(one.variables) == 1]
@@ -155,7 +155,7 @@ class RandomStructure:
     def rates(
         self, values: Floats, case: int, by_strength: dict[str, Floats], by_load: tuple[Floats, Floats]
     ) -> Floats:
-        """Return the derivatives (v,) of a quantity by the variables, from those by strengths and loads.
+        """Return derivatives (v,) by the variables, from derivatives by strengths and loads.
 
         values: (v,) of the variables. case: position of the load case. by_strength: (m,) derivatives by fields of
         `Strengths`. by_load: (n, q) derivatives by dead and by live loads.
@@ -238,7 +238,7 @@ class _Measurement:
         return build_assembly(scene, None if fresh else self.geometry)
 
     def _add(self, path: Path, value: Uncertain | UncertainVector) -> list[int]:
-        """Add the variables of one value and what depends on them; return their positions."""
+        """Add the variables of one value of the scene, and return their positions."""
         position = [one for one, _ in self.found].index(path)
         size = value.size if isinstance(value, UncertainVector) else value
         step = _STEP
@@ -262,7 +262,7 @@ class _Measurement:
         return list(range(first, first + many))
 
     def _following(self, path: Path, other: Assembly, change: float) -> list[tuple[str, Any, bool]]:
-        """Return the fields of strengths that follow a value: name, mask of faces (m,), whether by its tangent.
+        """Return the strengths that follow a value: name, faces (m,), True if by its tangent.
 
         other: assembly with the value changed by `change`. Raises InputError where strengths change in another way.
         """
@@ -284,7 +284,7 @@ class _Measurement:
         return found
 
     def _rates(self, other: Assembly, change: float) -> list[tuple[Floats, Floats]]:
-        """Return for each case the rates (n, q) of dead and live loads with a value, changed by `change`."""
+        """Return for each case the rates (n, q) of loads with a value, changed by `change`."""
         return [
             (_rate(after.dead, before.dead, change), _rate(after.live, before.live, change))
             for after, before in zip(other.by_case, self.base.by_case, strict=True)
@@ -293,7 +293,7 @@ class _Measurement:
     def _split(
         self, path: Path, size: Uncertain, faces: list[tuple[str, Any, bool]], rates: list[tuple[Floats, Floats]]
     ) -> Ints | None:
-        """Return the faces or elements that have variables of their own; None if one variable serves all."""
+        """Return the faces or elements with variables of their own; None for one shared variable."""
         loaded = np.any([np.any(load, axis=1) for pair in rates for load in pair], axis=0)
         if faces and loaded.any():
             raise _unknown(path)
@@ -312,7 +312,7 @@ class _Measurement:
         ]
 
     def _grow(self, rates: list[tuple[Floats, Floats]], first: int, split: Ints | None) -> None:
-        """Add the loads that grow with the variables from position `first` on, one for each element of `split`."""
+        """Add loads that grow with the variables from `first` on, one per element of `split`."""
         for growths, (dead, live) in zip(self.growths, rates, strict=True):
             if split is None:
                 if dead.any() or live.any():
@@ -360,7 +360,7 @@ class _Measurement:
 
 
 def _rate(after: Floats, before: Floats, change: float, digits: float = 1.0) -> Floats:
-    """Return (after − before) / change; 0 where the difference is rounding, `digits` times that of a number."""
+    """Return (after − before) / change, or 0 if within `digits` rounding errors of a number."""
     difference = after - before
     rounding = digits * 16.0 * np.finfo(float).eps * np.maximum(abs(after), abs(before))
     return np.where(abs(difference) <= rounding, 0.0, difference) / change

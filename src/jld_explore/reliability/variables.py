@@ -1,4 +1,4 @@
-"""Random variables of a scene, and their transformation to independent standard normal ones."""
+"""Random variables of a scene, and their transformation to standard normal ones."""
 
 from __future__ import annotations
 

@@ -169,15 +169,16 @@ def stronger_cut(high: float, language: str = "en") -> str:
 
 
 def decimal_commas(text: str) -> str:
-    """Write the decimal points of numbers in a text as commas, and the commas between entries as semicolons."""
+    """Write decimal points of numbers in a text as commas, commas between entries as ";"."""
     apart = _VECTOR.sub(lambda found: found.group().replace(", ", "; "), text)
     return _DECIMAL.sub(r"\1,\2", apart)
 
 
 def localise(page: Figure, language: str, names: Container[str] = ()) -> None:
-    """Write numbers and legends of a page as its language does: 5.062 is five thousand in German and Italian.
+    """Write numbers and legends of a page in the format of its language.
 
-    page: changed in place; English ones stay. names: texts that stay, as names of stones.
+    5.062 would be five thousand in German and Italian. page: changed in place; English ones stay. names: texts that
+    stay, as names of stones.
     """
     from matplotlib.text import Text
 

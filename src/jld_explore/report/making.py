@@ -1,4 +1,4 @@
-"""What the stones of a layout ask of a workshop: saw cuts, set-ups, stock, moulds and masses."""
+"""Work for the stones of a layout: saw cuts, set-ups, stock, moulds and masses."""
 
 from __future__ import annotations
 

@@ -93,7 +93,7 @@ def linked(entry: str, instead: Mapping[str, str] | None = None) -> str:
     visit(entry, ())
     script = "const $modules = {};\n" + "".join(done.values())
     if "</script" in script.lower() or "<!--" in script:
-        raise ValueError("a module holds text that would end its own script")
+        raise ValueError("a module contains text that would end its script")
     return script
 
 
@@ -145,7 +145,7 @@ def page(data: Mapping[str, Any]) -> str:
 
 
 def packed(data: Mapping[str, Any]) -> str:
-    """Return data as base64 of gzipped JSON, which is safe in HTML whatever it holds.
+    """Return data as base64 of gzipped JSON, which is safe in HTML for any content.
 
     Raises ValueError for NaN and infinities.
     """

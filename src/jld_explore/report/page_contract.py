@@ -1,8 +1,8 @@
-"""State the contract of a page: what Python sends to it and what it reads.
+"""Define the data format of a page, which Python writes and the page reads.
 
 `page_schema` makes a JSON schema of it. `tools/page_contract.py` writes it into `assets/contract.js`, for the type
 checks of the page and for its check of keys. Lengths and forces are in the units of the scene. The text below a key
-says what it means.
+states its meaning.
 """
 
 from __future__ import annotations
@@ -274,7 +274,7 @@ class Picture(TypedDict):
 
 @with_config(_EXACT)
 class Notebook(TypedDict):
-    """What a page in a notebook has beside a report: materials that the kernel solves again with."""
+    """Additional data of a page in a notebook: materials with which the kernel solves again."""
 
     materials: dict[str, Any]
     """Materials of the scene, which the sliders begin with."""

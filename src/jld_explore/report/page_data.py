@@ -10,12 +10,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
-from typing import Any, Final, Literal, cast
+from typing import Any, Literal, cast
 
 import numpy as np
 
-from jld_core.arrays import Bools, Floats
+from jld_core.arrays import Bools
 from jld_core.assembly import Assembly
 from jld_core.limit import LimitAnalysisResult
 from jld_core.limit.member_results import effects
@@ -38,13 +37,9 @@ from jld_explore.report.page_contract import (
     Structure,
     Table,
 )
+from jld_explore.report.rounding import DIGITS, rounded, rounded_each
 from jld_explore.space import to_string
 from jld_explore.space.void import beside_nothing, omitted
-
-PLACES: Final = 9
-"""Significant digits of coordinates and load factors."""
-DIGITS: Final = 6
-"""Significant digits of forces, velocities and utilisations."""
 
 
 def page_data(
@@ -131,8 +126,8 @@ def structure_of(assembly: Assembly, candidates: Bools) -> Structure:
     elements, faces = assembly.elements, assembly.interfaces
     planar, bars = assembly.dimension == 2, assembly.members
     weight = rounded(np.linalg.norm(elements.weight, axis=1), DIGITS)
-    shapes, centroids = _rounded_each(elements.shape), rounded(elements.centroid)
-    polygons, areas = _rounded_each(faces.polygon), rounded(faces.area, DIGITS)
+    shapes, centroids = rounded_each(elements.shape), rounded(elements.centroid)
+    polygons, areas = rounded_each(faces.polygon), rounded(faces.area, DIGITS)
     origins, normals = rounded(faces.origin), rounded(faces.normal)
     return {
         "dimension": 2 if planar else 3,
@@ -204,14 +199,6 @@ def _bare_edges(assembly: Assembly) -> list[Edge]:
                 low, high = ([x + place * along[0], y + place * along[1]] for place in part)
                 pieces.append({"element": element, "from": rounded(low), "to": rounded(high)})
     return pieces
-
-
-def _rounded_each(arrays: Sequence[Floats]) -> list[Any]:
-    """Return arrays (k, d) as `rounded` does: together, since numbers of elements are large and k is small."""
-    if not len(arrays):
-        return []
-    rows, cuts = rounded(np.concatenate(arrays)), np.cumsum([0, *map(len, arrays)]).tolist()
-    return [rows[start:end] for start, end in pairwise(cuts)]
 
 
 def _gaps(covered: Iterable[tuple[float, float]], length: float, near: float) -> list[tuple[float, float]]:
@@ -372,31 +359,3 @@ def _case(name: str, result: LimitAnalysisResult, required: float) -> CaseSoluti
             "places": rounded(places, DIGITS),
         }
     return found
-
-
-def rounded(values: Any, digits: int = PLACES) -> Any:
-    """Round numbers to significant digits and return them in the form of JSON.
-
-    values: a number or an array of any shape. The result is a number or nested lists; NaN and infinities become None.
-    """
-    array = np.asarray(values, dtype=float)
-    if array.ndim == 0:
-        return float(f"{array:.{digits}g}") if np.isfinite(array) else None
-    with np.errstate(divide="ignore", invalid="ignore"):
-        power = np.where((array == 0.0) | ~np.isfinite(array), 0.0, np.floor(np.log10(abs(array))))
-    clean = abs(power) < 280
-    factor = 10.0 ** np.where(clean, digits - 1 - power, 0.0)
-    # Division by a power of ten gives the double nearest to the decimal number, which prints short.
-    shift = 10.0 ** np.where(clean, np.abs(digits - 1 - power), 0.0)
-    whole = np.round(np.where(digits - 1 - power >= 0, array * shift, array / shift))
-    short = np.where(digits - 1 - power >= 0, whole / shift, whole * shift)
-    return _plain(np.where(clean & np.isfinite(factor), short, array))
-
-
-def _plain(array: Floats) -> Any:
-    """Return an array as nested lists, with None for values that are not finite."""
-    if np.all(np.isfinite(array)):
-        return array.tolist()
-    if array.ndim > 1:
-        return [_plain(row) for row in array]
-    return [float(v) if np.isfinite(v) else None for v in array]

@@ -11,7 +11,7 @@ import numpy as np
 from jld_core.assembly import Assembly
 from jld_explore.report.columns import ranked_by
 from jld_explore.report.page_contract import Column, Curve, Table
-from jld_explore.report.page_data import rounded
+from jld_explore.report.rounding import rounded
 from jld_explore.space import Count, registered
 from jld_explore.space.labelling import pack
 from jld_explore.space.void import beside_nothing, dry_of

@@ -266,7 +266,7 @@ def _stones(book: _Book) -> None:
 
 
 def _making_words(book: _Book) -> str:
-    """Describe the sums over all stones."""
+    """Return the paragraph on numbers, cuts, masses, stock and waste of all stones."""
     sums, words = book.making, book.words
     metres = factor_to("m", book.scene.units.length)
     said = words["making_words"].format(

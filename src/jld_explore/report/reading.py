@@ -139,7 +139,7 @@ def _summary(path: Path, faces: int) -> dict[str, Any]:
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
         if not isinstance(found, dict):
-            raise _damaged(path, "it holds no object")
+            raise _damaged(path, "it holds no JSON object")
         _Summary.model_validate(found)
     except InputError:
         raise
@@ -173,7 +173,7 @@ def _results(path: Path, assembly: Assembly, counts: list[str]) -> pd.DataFrame:
         if not pd.api.types.is_numeric_dtype(table[name]):
             raise InputError(str(path), f"column {name} holds no numbers", LEFT)
     if not table["status"].isin([str(status) for status in Status]).all():
-        raise InputError(str(path), "column status holds what is none", LEFT)
+        raise InputError(str(path), "column status holds an unknown status", LEFT)
     faces = assembly.faces
     wrong = np.flatnonzero([not is_labelling(text, faces) for text in table["labelling"]])
     if len(wrong):

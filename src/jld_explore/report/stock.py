@@ -1,4 +1,4 @@
-"""Stones sawn from stock cuboids: several from one, against a proven least number of cuboids."""
+"""Place stones in stock cuboids, and bound the least number of cuboids."""
 
 from __future__ import annotations
 
@@ -78,12 +78,13 @@ class Stock:
 def stock_of(
     stones: list[Stone], size: tuple[float, float, float], kerf: float = 0.0, said: tuple[float, str] = (1.0, "")
 ) -> Stock:
-    """Place the smallest cuboids of stones in stock cuboids, by cuts that each pass through a whole piece.
+    """Place the smallest cuboids of stones in stock cuboids by guillotine cuts.
 
-    Stones are placed from the largest to the smallest, in the free piece that they fill best, turned about the axes as
-    they fit (guillotine cuts; the least leftover side decides). stones: of one layout. size: sides of a stock cuboid.
-    kerf: width of a cut. All are lengths in the unit of the scene. said: factor to the unit of messages, and its name
-    after a space. Raises ParameterError if a size is wrong or a stone does not fit.
+    Each cut passes through a whole piece. Stones are placed from the largest to the smallest, in the free piece that
+    they fill best, turned about the axes as they fit (guillotine cuts; the least leftover side decides). stones: of one
+    layout. size: sides of a stock cuboid. kerf: width of a cut. All are lengths in the unit of the scene. said: factor
+    to the unit of messages, and its name after a space. Raises ParameterError if a size is wrong or a stone does not
+    fit.
     """
     if not all(0.0 < side < math.inf for side in size):
         raise ParameterError("stock", "a side is not above 0", "three sides above 0, as 1.2,0.8,0.3")
@@ -139,7 +140,7 @@ def _three(values: tuple[float, ...]) -> tuple[float, float, float]:
 def _best(
     stone: Stone, free: list[tuple[int, tuple[float, ...], tuple[float, ...]]]
 ) -> tuple[int, tuple[float, ...]] | None:
-    """Return the index of the free piece that a stone fills best, and its sides there; None if it fits nowhere.
+    """Return the free piece that a stone fills best, and its sides there; None if none fits.
 
     free: cuboid number, corner and sides of each piece. The piece with the smallest least leftover wins.
     """
@@ -157,7 +158,7 @@ def _best(
 def _rest(
     corner: tuple[float, ...], room: tuple[float, ...], sides: tuple[float, ...], kerf: float
 ) -> list[tuple[tuple[float, ...], tuple[float, ...]]]:
-    """Return the pieces, corner and sides, that are left beside a stone at the corner of a piece.
+    """Return the pieces (corner, sides) that remain beside a stone at a piece's corner.
 
     Cuts pass through the whole piece: the first one where the most is left over.
     """
@@ -193,7 +194,7 @@ def stock_table(stock: Stock, own: str, unit: str) -> pd.DataFrame:
 
 
 def words_of_stock(stock: Stock) -> str:
-    """Describe the number of stock cuboids, the waste, and what is proven about both, in one line."""
+    """Describe in one line the number of cuboids, the waste, and bounds on both."""
     proven = "the least number" if stock.cuboids == stock.least else f"any cutting needs {stock.least} or more"
     least = "" if stock.cuboids == stock.least else f", at least {100.0 * stock.least_waste:.3g} % in any case"
     return (

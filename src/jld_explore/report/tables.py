@@ -159,7 +159,7 @@ def results_table(
 def _insert_late(
     table: pd.DataFrame, late: Sequence[Count], labellings: Bits, space: SearchSpace, deadline: Deadline
 ) -> None:
-    """Insert the columns of counts that need outlines of blocks into a table, each at its place.
+    """Insert the columns of counts that need block outlines into a table, in their order.
 
     labellings: (k, m) of the rows, True = dry. Values that are not computed by the deadline are NA.
     """

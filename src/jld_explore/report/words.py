@@ -183,17 +183,14 @@ def apart(done: Exploration) -> dict[str, str]:
     return found
 
 
-def exploration(done: Exploration, top: int = 10) -> str:
-    """Return the text that `jld explore` prints at its end: findings, best rows and front.
-
-    top: largest number of rows.
-    """
+def exploration(done: Exploration) -> str:
+    """Return the text that `jld explore` prints at its end: findings, ten best rows and front."""
     return "\n".join(
         [
             aligned(facts_of_exploration(done)),
             *([aligned(others)] if (others := apart(done)) else []),
             "",
-            _table(best_rows(done, top)),
+            _table(best_rows(done, 10)),
             "",
             f"front        {front_name(done)}",
             _table(done.front[[*columns(done), COLUMN]]),

@@ -25,7 +25,7 @@ _TOTAL: Final = 1e-8
 
 @dataclass(frozen=True)
 class _Numbers:
-    """Least and largest number of blocks that limits on single blocks leave, and the limits that decide them.
+    """Least and largest number of blocks that limits allow, and the limits that decide them.
 
     least_key, most_key: keys under "search", "" where elements and fixed labels alone decide.
     """
@@ -55,7 +55,7 @@ def may_join(limits: Limits, least: Ints, graph: Connectivity) -> Bools:
 def refuse_contradictions(
     limits: Limits, candidates: Bools, fixed: Bits, least: Ints, most: Ints, graph: Connectivity
 ) -> None:
-    """Raise InputError for a limit that can be shown to leave no labelling, with what it contradicts and a remedy.
+    """Raise InputError for a limit that provably excludes every labelling.
 
     candidates, fixed: (m,), least, most: (n,), graph: all as in `SearchSpace`.
     """
@@ -101,7 +101,7 @@ def _numbers_of_blocks(limits: Limits, least: Ints, most: Ints) -> _Numbers:
 def _refuse_sizes(
     limits: Limits, measure: Measure, bounds: Range, small: tuple[Ints, Floats], large: tuple[Ints, Floats]
 ) -> None:
-    """Raise InputError if a smallest block is too large by one measure, or a largest block too small.
+    """Raise InputError if a smallest block is too large, or a largest one too small.
 
     small, large: first elements and sizes of the smallest and of the largest possible blocks.
     """
@@ -111,11 +111,13 @@ def _refuse_sizes(
         worst = int(np.argmax(np.where(heavy, smallest, -np.inf)))
         found = f"the block of {ids[holds[worst]]!r} has {smallest[worst]:g} {measure.words}"
         problem = f"the most is {bounds.high:g}, but {found}"
-        raise InputError(where, problem, f"a most of at least {smallest[worst]:g}")
+        raise InputError(where, problem, f"a largest value of at least {smallest[worst]:g}")
     if (light := bounds.below(largest)).any():
         worst = int(np.argmin(np.where(light, largest, np.inf)))
         reached = f"the block of {ids[whole[worst]]!r} has {largest[worst]:g} {measure.words} at most"
-        raise InputError(where, f"the least is {bounds.low:g}, but {reached}", f"a least of at most {largest[worst]:g}")
+        raise InputError(
+            where, f"the least is {bounds.low:g}, but {reached}", f"a least value of at most {largest[worst]:g}"
+        )
 
 
 def _refuse_counts(limits: Limits, candidates: Bools, fixed: Bits, numbers: _Numbers) -> None:
@@ -181,7 +183,7 @@ def _refuse_shapes_and_sawing(
 
 
 def _shapes_alone(limits: Limits, candidates: Bools, least: Ints, graph: Connectivity) -> int:
-    """Return the number of different shapes of the blocks that no face can join to another block, at least 1.
+    """Return the number of shapes of blocks that no face can join to others, at least 1.
 
     candidates: (m,), least: (n,), as in `SearchSpace`.
     """

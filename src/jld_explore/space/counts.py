@@ -194,9 +194,10 @@ def _mass(layouts: Layouts) -> Floats:
 
 
 def _sawn_length(layouts: Layouts) -> Floats:
-    """Return (k,) total length, in space area, of the faces of all blocks, those at supports included.
+    """Return (k,) total length, in space area, of the faces of all blocks.
 
-    It is the boundary of all elements without the inner faces, each of which two elements share, or one and a support.
+    Faces at supports are included. It is the boundary of all elements without the inner faces, each of which two
+    elements share, or one and a support.
     """
     assembly, faces = layouts.assembly, layouts.assembly.interfaces
     elements, stays = assembly.elements, layouts.stays

@@ -92,7 +92,7 @@ def _members(space: SearchSpace, block: Ints, name: int) -> Ints:
 
 
 def _block(space: SearchSpace, block: Ints, name: int, wrong: Bools) -> str:
-    """Return words for the block `name`, with the number of blocks that violate a limit.
+    """Describe the block `name` for a message, with the number of blocks that violate a limit.
 
     block: (n,) block of each element. wrong: (n,) True at the names of the blocks that violate the limit.
     """

@@ -190,7 +190,7 @@ def search_space(
     keep_inner = faces_of_pairs(search.keep.inner, assembly.elements, assembly.interfaces, "search.keep.inner")
     if np.any(keep_dry & keep_inner):
         pair = _pair(assembly, keep_dry & keep_inner)
-        raise InputError("search.keep", f"the pair {pair} stands under both dry and inner", "each pair under one")
+        raise InputError("search.keep", f"the pair {pair} is listed under both dry and inner", "each pair under one")
     fixed = np.where(keep_dry, DRY, np.where(keep_inner, INNER, assembly.labels)).astype(bool)
     chosen = candidates & ~keep_dry & ~keep_inner
     graph = connectivity(assembly)
@@ -250,8 +250,8 @@ def _pair(assembly: Assembly, mask: Bools) -> str:
 def _require_materials(limits: Limits, candidates: Bools, fixed: Bits, least: Ints, graph: Connectivity) -> None:
     """Raise InputError if a label that can occur has no material.
 
-    candidates, fixed: (m,) as in `SearchSpace`. least: (n,) number of the block of each element where only faces that
-    are always inner join elements.
+    candidates, fixed: (m,) as in `SearchSpace`. least: (n,) block of each element if only faces that are inner in every
+    labelling join elements.
     """
     may_be_dry = least[graph.a] != least[graph.b] if limits.search.segmentation else candidates
     may_be_inner = may_join(limits, least, graph)

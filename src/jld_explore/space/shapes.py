@@ -161,7 +161,7 @@ class BlockShapes:
         return np.asarray((new & (kind >= 0)).sum(axis=1), dtype=np.int64)
 
     def total(self, blocks: Ints, name: str, sink: int = -1, *, once: bool = False) -> Ints:
-        """Return (k,) sums of a whole-number attribute of outlines over the blocks of each row (k, n).
+        """Return (k,) sums of a whole-number attribute of outlines over the blocks (k, n).
 
         name: of the attribute of `Outline`. sink: as for `different`. once: add one of several blocks of one shape.
         """

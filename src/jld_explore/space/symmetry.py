@@ -186,7 +186,7 @@ def _image(
 
 
 def _image_of_members(assembly: Assembly, to: Ints, matrix: Floats, centre: Floats, reach: float) -> Ints | None:
-    """Return the interfaces onto which those of members are mapped, or None if a member has no image.
+    """Return the images of the interfaces of members; None if a member has no image.
 
     to: (n,) image of each element. The image of a member has the same capacities and the moved points, in either order.
     """

@@ -181,7 +181,7 @@ def void_of(scene: Scene, assembly: Assembly) -> Void | None:
         return None
     for key, odd in (("segmentation", not scene.search.segmentation), ("assemble", scene.search.assemble is not None)):
         if odd:
-            raise InputError("search.void", f"it stands beside search.{key}", "searches of blocks without it")
+            raise InputError("search.void", f"it is given together with search.{key}", "searches of blocks without it")
     assembly.members.refuse("a search that leaves cells out")
     cases = scene.loads.cases or []
     lists = [scene.loads.dead, scene.loads.live or [], *(part for case in cases for part in (case.dead, case.live))]

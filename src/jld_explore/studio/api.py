@@ -1,4 +1,4 @@
-"""Answer the requests under `api/` of the studio: state of the page in, solutions, scenes and files out."""
+"""Answer the requests under `api/` of the studio: solutions, scenes, searches and files."""
 
 from __future__ import annotations
 
@@ -99,11 +99,11 @@ class Api:
         return {**opened, "report": [list(line) for line in found.report], "unit": found.unit}
 
     def show(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Return "scene" and "data" of a scene that the studio has opened before, by the name "scene"."""
+        """Return "scene" and "data" of a scene opened before; "scene" is its name."""
         return self._opened(str(asked.get("scene")))
 
     def support(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Make an element a support, or none, in a scene of its own that has the labels and changes of the page.
+        """Make an element a support, or free, in a new scene with labels and changes of the page.
 
         asked: state, "element" and "support" (true or false). The answer has "scene" and "data" as of `open`. Raises
         InputError if the new scene is not possible.
@@ -121,7 +121,7 @@ class Api:
         return {"value": self._desk(asked).edited(_changes(asked), asked.get("part"))}
 
     def drawing(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Return what the page draws layouts of a search in: data without a solution, for the search of a "name"."""
+        """Return the page data without solutions, in which layouts of the search "name" are drawn."""
         job = self.jobs.find(str(asked.get("name")))
         return {**drawing_data(load_scene(job.scene_file))}
 
@@ -208,7 +208,7 @@ class Api:
         return {**study_data(read_folder(job.results), patience=0.3, studio=self._shown(job))}
 
     def _shown(self, job: Job) -> dict[str, Any]:
-        """Return "scene" and "changes" of the layouts of a search; its own scene where it names none that is known."""
+        """Return "scene" and "changes" of the layouts of a search."""
         if job.kind == "study":
             return {"scene": self.scenes.first_name, "changes": {}}
         if job.shown and self.scenes.has(job.shown.get("scene")):
@@ -224,10 +224,10 @@ class Api:
         return {"name": f"{job.name}.html", "text": study_page(read_folder(job.results))}
 
     def keep(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Write the candidates of the page to `candidates.json` in `root`, replacing the file, and their scenes.
+        """Write the candidates of the page to `candidates.json`, and their scenes.
 
-        asked: "candidates", a list of at most 500 entries. The answer is {"kept": number of entries}. Raises InputError
-        for anything else.
+        The file in `root` is replaced. asked: "candidates", a list of at most 500 entries. The answer is {"kept":
+        number of entries}. Raises InputError for anything else.
         """
         kept = asked.get("candidates")
         if not isinstance(kept, list) or len(kept) > 500:
@@ -308,5 +308,5 @@ def _changes(asked: dict[str, Any]) -> dict[str, Any]:
     """Return the changes of a request; raise InputError if they are not an object."""
     changes = asked.get("changes", {})
     if not isinstance(changes, dict):
-        raise InputError("changes", "they are no object", "an object")
+        raise InputError("changes", "they are no JSON object", "an object")
     return changes

@@ -1,4 +1,4 @@
-"""State the live loads at collapse, λ times each entry, in a unit that people read: N, kN, kN/m."""
+"""State the live loads at collapse, λ times each, in readable units: N, kN, kN/m."""
 
 from __future__ import annotations
 
@@ -70,12 +70,15 @@ def _text(entry: LoadEntry, scene: Scene, weight: float, factor: float | None) -
 
 
 def _range(values: Sequence[float], unit: str, behind: str) -> str:
-    """State one number, or two as a range. behind: what follows the unit of force."""
+    """State one force, or two as a range. behind: text after the unit, such as "/m"."""
     return " to ".join(_size(value, unit, behind) for value in values)
 
 
 def _size(value: float, unit: str, behind: str = "") -> str:
-    """State a force with four digits, in the metric unit that fits its size where the scene has a metric one."""
+    """State a force with four digits, metric ones in a unit that fits their size.
+
+    behind: text after the unit, such as "/m".
+    """
     if unit in METRIC:
         newtons = value * NEWTONS[unit]
         unit = next((name for name in METRIC if abs(newtons) >= NEWTONS[name]), unit)

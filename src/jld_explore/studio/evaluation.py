@@ -1,4 +1,4 @@
-"""Answer for a whole scene that another program sends to the studio: λ, forces and mechanism."""
+"""Answer requests of other programs with a whole scene: λ, forces and mechanism."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def evaluate(asked: Mapping[str, Any]) -> dict[str, Any]:
     if unknown:
         raise InputError(unknown[0], "the request has no such entry", " or ".join(KEYS))
     if not isinstance(asked.get("scene"), dict):
-        raise InputError("scene", "it is no object", "a scene document")
+        raise InputError("scene", "it is no JSON object", "a scene document")
     assembly = build_assembly(parse_scene(asked["scene"], ""))
     labels = assembly.labels
     letters = asked.get("labelling")

@@ -92,7 +92,7 @@ class Job:
 
     @property
     def seconds_left(self) -> float | None:
-        """Return the time until the limit of a running search, s; None if it has none or does not run."""
+        """Return the time until the limit of a running search, s; None without limit or search."""
         limit, since = self.orders.get("seconds"), self.progress.get("seconds")
         if self.state != "running" or not isinstance(limit, int | float) or not isinstance(since, int | float):
             return None
@@ -223,7 +223,7 @@ class Jobs:
             return self.all[name]
 
     def close(self) -> None:
-        """Stop all running searches and wait for their processes and for what these printed.
+        """Stop all running searches; wait for their processes and read their remaining output.
 
         A process that is still running after 10 s is killed.
         """

@@ -1,4 +1,4 @@
-"""Vertices of joints that the studio's page drags, and steps of `jld move` from what it shows."""
+"""Vertices of joints that a user drags on the page, and steps of `jld move`."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ class JointVertices:
         or a vertex that may not move.
         """
         if not isinstance(vertices, dict):
-            raise InputError("vertices", "they are no object", "an object from vertex to [x, y]")
+            raise InputError("vertices", "they are no JSON object", "an object from vertex to [x, y]")
         found = self.mesh.places.copy()
         for name, place in vertices.items():
             if not name.isdecimal() or int(name) not in self._movable:
@@ -132,7 +132,8 @@ class JointVertices:
     def improved(self, scene: Scene, assembly: Assembly, labels: Bits, places: Floats) -> dict[str, Any]:
         """Move joints by some steps of `jld move` from the state that a page shows.
 
-        Vertices of inner faces follow where the scene has no key "move". λ is maximised, whatever the key says.
+        Vertices of inner faces follow where the scene has no key "move". λ is maximised, even if the key states another
+        objective.
 
         Parameters
         ----------

@@ -29,7 +29,7 @@ KNOWN: Final = (*LAYERS, *NUMBERS, "unit")
 
 @dataclass(frozen=True)
 class OpenedFile:
-    """Scene of a file, with what an import says about it.
+    """Scene of a file, with the report of its import.
 
     Attributes
     ----------
@@ -75,9 +75,14 @@ def open_file(name: object, content: object, options: object) -> OpenedFile:
 
 
 def require_followed(scene: Scene, where: str) -> Scene:
-    """Return a scene; raise InputError where the studio cannot follow it. where: name of its file."""
+    """Return a scene; raise InputError if the studio does not support it.
+
+    where: name of its file.
+    """
     if isinstance(scene.cracks, CellCracks):
-        raise InputError(f"{where}: cracks", "the studio knows faces and fields alone", '"faces" or "fields"')
+        raise InputError(
+            f"{where}: cracks", "the studio supports cracks by faces and by fields only", '"faces" or "fields"'
+        )
     return scene
 
 
@@ -97,7 +102,10 @@ def _read(path: Path, options: ImportOptions) -> OpenedFile:
 
 
 def _scene_of(found: Imported, path: Path) -> Scene:
-    """Return the scene of an import that can be built; raise InputError with the name of the file otherwise."""
+    """Return the scene of an import if it can be built.
+
+    Raises InputError with the name of the file otherwise.
+    """
     try:
         scene = parse_scene(found.document, "")
         build_assembly(scene)
@@ -118,9 +126,9 @@ def _on_page(text: str) -> str:
 
 
 def _options(options: object) -> ImportOptions:
-    """Return the options of an import that a request states; raise InputError for anything else."""
+    """Return the options of an import that a request states; raise InputError for others."""
     if not isinstance(options, Mapping):
-        raise InputError("options", "they are no object", "an object")
+        raise InputError("options", "they are no JSON object", "an object")
     given: dict[str, Any] = {}
     for key, value in options.items():
         if key not in KNOWN:

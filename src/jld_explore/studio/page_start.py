@@ -34,7 +34,10 @@ def first_data(desk: StudioSession, root: Path, study: Path | None) -> PageData:
 
 
 def scene_data(desk: StudioSession, root: Path) -> PageData:
-    """Return the data with which the page shows a scene with its own labels, solved. Arguments as of `first_data`."""
+    """Return the page data of a scene with its own labels, solved.
+
+    Arguments are those of `first_data`.
+    """
     setup = desk.setup({})
     assembly = setup.assembly
     return page_data(
@@ -55,7 +58,7 @@ def drawing_data(scene: Scene) -> PageData:
 
 
 def _extra(desk: StudioSession, root: Path) -> dict[str, Any]:
-    """Return what only the studio needs of a scene: folder, formats, parts that may change, and movable vertices."""
+    """Return data for the studio alone: folder, formats, changeable keys, vertices."""
     return {
         "folder": str(root),
         "formats": list(FORMATS),

@@ -1,4 +1,4 @@
-"""Keep the scenes that pages of the studio have opened or made, so that undo finds each again."""
+"""Store the scenes that pages of the studio opened or made, for undo."""
 
 from __future__ import annotations
 
@@ -57,7 +57,10 @@ class SceneStore:
         return name
 
     def find(self, name: object) -> StudioSession:
-        """Return the solver of a scene by its name, None for the first; raise InputError for an unknown name."""
+        """Return the solver of a scene by name, None for the first.
+
+        Raises InputError for an unknown name.
+        """
         if name is None or name == self.first_name:
             return self._first
         with self._turn:
@@ -71,7 +74,7 @@ class SceneStore:
         return name in self._documents or self._file(name).exists()
 
     def write(self, name: object) -> None:
-        """Write a scene into the folder of kept candidates, unless it is the first or there already."""
+        """Write a scene into the folder of candidates, unless it is the first or exists there."""
         if name in (None, self.first_name) or self._file(name).exists():
             return
         with self._turn:
@@ -80,7 +83,7 @@ class SceneStore:
         write_text(self._file(name), json.dumps(document))
 
     def _file(self, name: object) -> Path:
-        """Return the file of a kept scene; raise InputError for what is no name of a scene."""
+        """Return the file of a stored scene; raise InputError for an invalid name."""
         if not isinstance(name, str) or not _NAME.fullmatch(name):
             raise InputError("scene", f"there is none named {str(name)[:60]!r}", "one that the studio has opened")
         return self._folder / f"{name}.json"

@@ -126,5 +126,5 @@ def _listener(port: int) -> socket.socket:
         listener.listen()  # a browser may connect before the server is ready
     except (OSError, OverflowError) as error:
         listener.close()
-        raise ParameterError("port", f"{port} cannot be had ({error})", "a free port, or none for any") from None
+        raise ParameterError("port", f"{port} cannot be opened ({error})", "a free port, or none for any") from None
     return listener

@@ -1,4 +1,4 @@
-"""Solve one scene for the labels, materials, loads and vertices of joints that the page requests."""
+"""Solve one scene for labels, materials, loads and vertices that the page requests."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ from jld_core.scene import Scene, parse_scene
 from jld_core.scene.cracks import FieldCracks
 from jld_core.sub_assembly import faces_of, with_members
 from jld_core.threads import one_thread
-from jld_explore.report.page_data import DIGITS, cases_of, loads_of, rounded, solution_of
+from jld_explore.report.page_data import cases_of, loads_of, solution_of
+from jld_explore.report.rounding import DIGITS, rounded
 from jld_explore.space import LETTERS, SearchSpace, from_string, search_space
 from jld_explore.space.reasons import reasons_against
 from jld_explore.studio.collapse_loads import collapse_loads
@@ -133,7 +134,7 @@ class StudioSession:
         return self._mover[1].at(places), True
 
     def edited(self, changes: Mapping[str, Any], part: object) -> dict[str, Any]:
-        """Return the new value of one changed part as a scene file holds it, with numbers in place of texts.
+        """Return the new value of a changed part as in a scene file, with numbers for texts.
 
         changes: as in `setup`. part: "materials", "loads" or "search". Raises InputError, with the key in front, if
         the scene with all changes is invalid; limits must also leave something to search.
@@ -260,7 +261,10 @@ class StudioSession:
 
 
 def parsed(document: dict[str, Any]) -> Scene:
-    """Return the scene of a document; raise InputError, with the key that is wrong in front, if it is invalid."""
+    """Return the scene of a document.
+
+    Raises InputError, with the wrong key first, if it is invalid.
+    """
     try:
         return parse_scene(document, _SCENE)
     except InputError as error:

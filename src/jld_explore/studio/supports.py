@@ -62,7 +62,10 @@ def with_support(document: Mapping[str, Any], element: object, support: object) 
 
 
 def _rows(rows: list[str], element: object, support: bool) -> list[str]:
-    """Return the rows of a grid with a cell as a support or free; raise InputError for no such cell."""
+    """Return the rows of a grid with a cell as support or free.
+
+    Raises InputError if there is no such cell.
+    """
     place = _CELL.fullmatch(element) if isinstance(element, str) else None
     column, row = (int(place[1]), int(place[2])) if place else (-1, -1)
     if not (0 <= row < len(rows) and 0 <= column < len(rows[row]) and rows[row][column] != "."):

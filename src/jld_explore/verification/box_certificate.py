@@ -1,4 +1,4 @@
-"""Read and write certificates of proofs over boxes of positions: JSON lines with the claim, a tree and a digest.
+"""Read and write certificates of proofs over boxes: JSON lines with claim, tree, digest.
 
 The tree is written node by node, a split before both of its halves, the lower one first.
 """

@@ -1,4 +1,7 @@
-"""Dry structure whose corners move with parameters: faces and loads as exact polynomials, from its scene alone."""
+"""Dry structure with corners that move: faces and loads as exact polynomials.
+
+Everything is computed from its scene alone.
+"""
 
 from __future__ import annotations
 

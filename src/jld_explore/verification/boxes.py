@@ -1,6 +1,7 @@
-"""Check the certificate of a proof over a box of positions, exactly: docs/method.md (11.7), docs/certificate.md.
+"""Check the certificate of a proof over a box of positions exactly.
 
-The check shares the reading of the scene with the search, and nothing else: no geometry, loads or bounds.
+Formulas: docs/method.md (11.7), docs/certificate.md. The check shares the reading of the scene with the search, and
+nothing else: no geometry, loads or bounds.
 """
 
 from __future__ import annotations

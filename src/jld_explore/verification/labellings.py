@@ -84,7 +84,7 @@ class Labellings:
             strange = name not in _STATED | _NARROWER | _IDLE
             if strange and getattr(scene.search, name) != field.get_default(call_default_factory=True):
                 key = f"search.{field.alias or name}"
-                raise InputError(key, "certificates do not know this key", "a search without it")
+                raise InputError(key, "certificates do not support this key", "a search without it")
         faces, elements = assembly.interfaces, assembly.elements
         self._ends = list(zip(faces.a.tolist(), faces.b.tolist(), strict=True))
         self.fixed = self._fixed()

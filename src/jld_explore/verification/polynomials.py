@@ -1,4 +1,4 @@
-"""Polynomials with exact coefficients, and their signs over the unit box by Bernstein coefficients."""
+"""Exact polynomials, and their signs over the unit box by Bernstein coefficients."""
 
 from __future__ import annotations
 

@@ -190,7 +190,7 @@ class Checker:
 def _wrong(reason: Reason) -> str:
     """Return the error message for a reason that does not hold."""
     if isinstance(reason, Mechanism):
-        return "its mechanism does not keep all labellings it speaks of below the bound"
+        return "its mechanism does not prove the bound for all labellings of the reason"
     if isinstance(reason, Lemma):
         return "the lemma does not follow from the reasons it names"
     return f"the rule {reason.kind!r} does not follow from the scene"

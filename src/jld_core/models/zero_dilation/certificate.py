@@ -171,8 +171,8 @@ class Certifier:
     def _correction(self, of_products: Floats, price: Floats) -> Any:
         """Return a function that computes changes of the multipliers which reduce a residual R.
 
-        R is the part of the identity in the module docstring that is not yet zero. of_products, price: present
-        multipliers of products, and of rows times b_λ·u; small ones change in proportion to their size. The function
+        R is the violation of the identity in the module docstring. of_products, price: present multipliers of
+        products, and of the products of rows with b_λ·u; small ones change in proportion to their size. The function
         maps R to changes of the multipliers M, g and p, as binary fractions.
         """
         largest = self.largest

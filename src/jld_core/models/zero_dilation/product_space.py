@@ -117,7 +117,7 @@ class ProductSpace:
 
     @property
     def ones(self) -> Ints:
-        """Return a column (5, 1) of ones; times numbers of modes it has the shape of `rows`."""
+        """Return a column (5, 1) of ones, which broadcasts mode numbers (f,) to the shape of `rows`."""
         return np.ones((5, 1), dtype=np.int64)
 
     @cached_property

@@ -110,7 +110,7 @@ def face_blocks(structure: Structure) -> FaceBlocks:
     face_column = np.flatnonzero(touched & ~apart)
     border = np.flatnonzero(apart)
     if len(border) > 8 or own.max(initial=0) > _MOST:
-        raise SolverError("the columns of this program do not fall apart into faces")
+        raise SolverError("the columns of this program are not separable by face")
     faces, column_face = np.unique(part[face_column], return_inverse=True)
     row_part = part[columns + head]
     place = np.minimum(np.searchsorted(faces, row_part), max(len(faces) - 1, 0))

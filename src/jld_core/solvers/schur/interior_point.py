@@ -83,10 +83,10 @@ class SchurSolver(Solver):
         return RawSolution(status, point, dual, iterations, time.perf_counter() - start, note=run.note)
 
     def _block_equations(self, program: ConicProgram) -> BlockEquations | None:
-        """Return the change to equations of whole blocks, for the labelling of a program.
+        """Return the transformation of a program to equilibrium of whole blocks.
 
-        None for a program without `bodies`, and where every block is one element. The last change is kept and reused if
-        it fits.
+        None for a program without `bodies`, and where every block is one element. The last transformation is stored and
+        reused if it fits the program.
         """
         bodies, known = program.bodies, self._equations
         if bodies is None:

@@ -78,27 +78,29 @@ def check_certifiable(driver: Driver, model: SolveOptions, scene: Scene) -> None
     search = driver.space.search
     for key, given in (("assemble", search.assemble), ("require", search.require)):
         if given is not None:
-            raise ParameterError("certificate", f"search.{key} is no rule of it", "a search without that")
+            raise ParameterError("certificate", f"it cannot express search.{key}", "a search without that")
     if driver.space.assembly.nominal is not None:
-        raise ParameterError("certificate", "it holds the values of the scene, not the low ones", "`robust=False`")
+        raise ParameterError(
+            "certificate", "it proves λ at nominal values of materials, not at low ones", "`robust=False`"
+        )
     if not isinstance(driver, Exact):
         raise ParameterError("certificate", f"the driver {driver.name} has no proof to write", '`driver="exact"`')
     assembly, limits = driver.space.assembly, driver.space.limits
     if limits.on_shapes:
-        raise ParameterError("certificate", "limits on the shape of blocks are no rules of it", "a search without them")
+        raise ParameterError("certificate", "it cannot express limits on the shape of blocks", "a search without them")
     Labellings(scene, assembly)  # raises InputError for a rule that the checker lacks
     for count, _ in limits.on_counts:
         terms = count.terms(assembly) if count.terms else None
         if terms is None or terms.blocks:
-            raise ParameterError("certificate", f"search.{count.name} is no rule of it", "a search without that limit")
+            raise ParameterError("certificate", f"it cannot express search.{count.name}", "a search without that limit")
     if driver.aim != "best":
-        raise ParameterError("certificate", "a whole front has none", '`aim="best"`')
+        raise ParameterError("certificate", "it cannot prove a whole front", '`aim="best"`')
     if not model.supports_bounds_over_labellings or model.friction != "associative":
-        raise ParameterError("certificate", "it speaks of associative friction alone", '`objective="associative"`')
+        raise ParameterError("certificate", "it proves λ of associative friction only", '`objective="associative"`')
     for case in assembly.by_case:
         Balances(case)  # raises InputError for a face without a work balance
     if driver.exhaustive:
-        raise ParameterError("certificate", "of this space there is no proof but enumeration", _REMEDY)
+        raise ParameterError("certificate", "this space is proven by enumeration, which writes none", _REMEDY)
 
 
 def certify(driver: Exact, scene: Scene, path: Path, found: tuple[Bits, float] | None) -> None:
@@ -264,7 +266,7 @@ class Certifier:
                     for rule in rules:
                         clause = self._checker.clause(rule)
                         if clause is None or any((literal < 0) == labels[abs(literal) - 1] for literal in clause):
-                            raise ArithmeticError(f"a rule that the check does not know as broken: {rule}")
+                            raise ArithmeticError(f"the check does not know how to break the rule {rule}")
                         self._add(clause, rule)
                         solver.add_clause(clause)
                     continue

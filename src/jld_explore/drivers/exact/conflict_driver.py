@@ -288,10 +288,11 @@ class ConflictDriver(Driver):
             one = replace(one, evidence=Evidence.BLOCKS, by_blocks=proof)
         self._state.add_conflicts([one])
 
-    def _add_conflict(self, conflict: Conflict) -> None:
-        """Add a conflict to the state of the proof and to the formula."""
-        self._state.add_conflicts([conflict])
-        self.formula.forbid(conflict.faces, conflict.labels, conflict.bound)
+    def _add_conflicts(self, conflicts: Sequence[Conflict]) -> None:
+        """Add conflicts to the state of the proof and to the formula."""
+        self._state.add_conflicts(conflicts)
+        for one in conflicts:
+            self.formula.forbid(one.faces, one.labels, one.bound)
 
     def _bound_at_root(self) -> float:
         """Bound all labellings by one relaxation with all free faces undecided.

@@ -1,8 +1,8 @@
 """Draw labellings from a formula in batches, refute them and minimise the conflicts.
 
-Labellings of one batch would be refuted for one reason if they were alike, so each is drawn with random preferred
-labels. A labelling that has given a conflict also gives **neighbours**: the same labelling with one face of the
-conflict undecided. Neighbours are nearly always refuted as well, for another reason, and need no call of the solver.
+Similar labellings would give the same conflicts, so each labelling of a batch is drawn with random preferred labels. A
+labelling that has given a conflict also gives **neighbours**: the same labelling with one face of the conflict
+undecided. Neighbours are nearly always refuted as well, for another reason, and need no call of the solver.
 
 **Conflict minimization** reduces a weak labelling to the few labels that make it weak. A mechanism bounds λ of every
 labelling by a sum over faces (docs/method.md (6.2)). Faces whose label changes that sum by less than the excess can
@@ -11,9 +11,9 @@ batch solver minimises many labellings in one call (`Relaxation.minimize_conflic
 same rules.
 
 Slabs across the length of the structure, its **windows**, are minimised before the whole labelling. Faces outside a
-window are undecided from the start, so its conflict consists of faces close together. Such conflicts interact: soon no
-labelling of the window is left, and then no labelling at all. Conflicts of faces from everywhere rule out few
-labellings (benchmarks/results/exact.md).
+window are undecided from the start, so its conflict consists of faces close together. Such conflicts share faces, so a
+few of them exclude all labellings of a window. Conflicts whose faces lie far apart exclude few labellings
+(benchmarks/results/exact.md).
 """
 
 from __future__ import annotations
@@ -119,7 +119,7 @@ def conflict_of(
     tries: int = _FAILED_TRIES,
     decided: Bools | None = None,
 ) -> Conflict | None:
-    """Find few labels of a labelling that already exclude a λ: a conflict that refutes it.
+    """Find a small set of labels of a labelling that prevents a λ: a conflict that refutes it.
 
     Parameters
     ----------
@@ -132,9 +132,9 @@ def conflict_of(
     threshold : float
         Scaled λ that the labelling must not reach.
     tries : int
-        Single faces that may be tried in vain.
+        Number of failed attempts to leave a face out of the conflict, after which minimisation ends.
     decided : (m,) bool array, optional
-        Candidates that have their labels from the start; by default all of them.
+        Candidates whose labels the conflict may use, the others are undecided; by default all.
 
     Returns
     -------

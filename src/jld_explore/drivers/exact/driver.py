@@ -26,6 +26,7 @@ from jld_explore.drivers.exact.block_bounds import BlockBoundTightening
 from jld_explore.drivers.exact.block_search import BlockSearch, ByBlocks
 from jld_explore.drivers.exact.conflict_driver import ConflictDriver
 from jld_explore.drivers.exact.conflict_generation import conflict_of
+from jld_explore.drivers.exact.heuristics import Heuristics
 from jld_explore.drivers.exact.schedules import AnnealingSchedule, ScheduledStep, TargetSchedule
 from jld_explore.drivers.exact.targets import Best, Incumbents, Targets, claims_of, front, front_count, front_of_all
 from jld_explore.drivers.genetic import Genetic
@@ -80,7 +81,7 @@ class Exact(ConflictDriver):
 
     Raises
     ------
-    InputError
+    ParameterError
         If cells may be left out of the structure.
     """
 
@@ -110,22 +111,17 @@ class Exact(ConflictDriver):
             enumerates=aim == "front" and self._count is None,
         )
         self._load_scale = load_scale(space.assembly)
-        self._block_search: BlockSearch | None = None
-        self._tightening: BlockBoundTightening | None = None
-        if self._context is not None:
-            self._block_search = BlockSearch(self._context, by_blocks)
-            self._tightening = BlockBoundTightening(self._context, wanted=by_blocks != "off")
-        self._heuristic = Genetic(space, seed, aim=aim) if aim == "front" else Anneal(space, seed)
-        self._labellings_to_anneal = search * int(space.candidates.sum())
-        self._starter: Genetic | None = None
-        self._labellings_to_start = 0
+        context = self._context
+        self._block_search = BlockSearch(context, by_blocks) if context else None
+        self._tightening = BlockBoundTightening(context, wanted=by_blocks != "off") if context else None
+        heuristic = Genetic(space, seed, aim=aim) if aim == "front" else Anneal(space, seed)
+        self._heuristics = Heuristics(heuristic, search * int(space.candidates.sum()))
         self._incumbents = Incumbents(space, self._count)
-        batched = self._context is not None and self._context.relaxation.batched
+        batched = context is not None and context.relaxation.batched
         self._conflicts_per_step = step_after or _CONFLICTS_PER_STEP[not batched]
         self._annealing_schedule = AnnealingSchedule(batched=batched, disabled=search == 0)
         self._nothing_proposed = self._use_block_bounds = True
         self._targets = Targets(space, self._count, self._incumbents, self._load_scale)
-        self._limit: int | None = None
         self._steps = self._search()
 
     @property
@@ -210,10 +206,7 @@ class Exact(ConflictDriver):
         Call it before the search. starter: driver of the same space. labellings: their number.
         """
         if self._enumeration is None:
-            self._starter, self._labellings_to_start = starter, labellings
-            self._labellings_to_anneal = 0
-
-    # --- ask and tell -----------------------------------------------------------------------------------
+            self._heuristics.begin_with(starter, labellings)
 
     def ask(self, limit: int | None = None) -> Bits:
         """Return the next labellings (k, m) to evaluate; see `Driver.ask`.
@@ -224,15 +217,15 @@ class Exact(ConflictDriver):
             return self._enumeration.ask(limit)
         if self._sources is not None:
             self._sources.exchange()
-        self._limit = limit
+        self._heuristics.limit = limit
         # the driver that begins needs no time after its last labelling: the study ends it
-        while not len(self._waiting) and self._targets_left and (self._labellings_to_start or not self._time_is_up):
+        while not len(self._waiting) and self._targets_left and (self._heuristics.starting or not self._time_is_up):
             found = self._next_labellings()
             if found is None:
                 break
             self._waiting = found
         if self._nothing_proposed and not len(self._waiting) and not self._incumbents:
-            self._waiting = self._heuristic.ask(1)  # even after the deadline, so that the study has one result
+            self._waiting = self._heuristics.driver.ask(1)  # even after the deadline, so that the study has one result
         given = self._take_waiting(limit)
         self._nothing_proposed &= not len(given)
         if not len(given) and not self._targets_left and self._proof_check is None and not self._given_up:
@@ -245,11 +238,8 @@ class Exact(ConflictDriver):
         if self._enumeration is not None:
             self._enumeration.tell(labellings, evaluations)
             return
-        self._heuristic.tell(labellings, evaluations)
-        if self._starter is not None:
-            self._starter.tell(labellings, evaluations)
-        self._state.note_evaluated(labellings)
-        self._learn(labellings, evaluations)
+        self._heuristics.tell(labellings, evaluations)
+        self.restore(labellings, evaluations)
 
     def _learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         """Take in evaluations and raise the best λ of each target."""
@@ -270,37 +260,18 @@ class Exact(ConflictDriver):
             self._steps = self._search()
             raise
 
-    # --- the search -------------------------------------------------------------------------------------
-
     def _search(self) -> Iterator[Bits]:
         """Yield labellings (k, m) to evaluate, maybe none, until every target is settled.
 
         After each item the caller checks the time. The evaluations of an item are known when the next one is sought.
         """
-        yield from self._start()
-        yield from self._anneal()
+        yield from self._heuristics.start()
+        yield from self._heuristics.run()
         while self._targets_left:
             target = self._targets_left[0]
             yield from self._refute(target)
             self._settle(target)
             yield self._no_labellings
-
-    def _start(self) -> Iterator[Bits]:
-        """Yield labellings (k, m) of the driver that begins, until none is due."""
-        while self._starter is not None and self._labellings_to_start > 0:
-            due = self._labellings_to_start
-            found = self._starter.ask(due if self._limit is None else min(self._limit, due))
-            self._labellings_to_start = due - len(found) if len(found) else 0
-            yield found
-        self._starter = None
-
-    def _anneal(self) -> Iterator[Bits]:
-        """Yield labellings (k, m) that annealing proposes, until none is due."""
-        while self._labellings_to_anneal > 0:
-            due = self._labellings_to_anneal
-            found = self._heuristic.ask(due if self._limit is None else min(self._limit, due))
-            self._labellings_to_anneal = due - len(found) if len(found) else 0
-            yield found
 
     def _refute(self, target: int | None) -> Iterator[Bits]:
         """Yield labellings (k, m) to evaluate until none left may exceed a target's best λ."""
@@ -310,13 +281,13 @@ class Exact(ConflictDriver):
         step = self._begin_step(target, schedule)
         while not self.found[target].proven:
             proposed = self._no_labellings
-            while not (len(proposed) or self._labellings_to_anneal or self._time_is_up):
+            while not (len(proposed) or self._heuristics.due or self._time_is_up):
                 threshold = max(step.threshold, self.least(target))
                 if blocks.active:
                     proposed = self._step_block_tree(blocks, threshold)
                     step = replace(step, conflicts=self.conflicts)
                     self._heartbeat()
-                    self._labellings_to_anneal = blocks.labellings_due()
+                    self._heuristics.due = blocks.labellings_due()
                     continue
                 if target is None and self._tighten(self._tightening):
                     if self.found[None].proven:
@@ -335,9 +306,9 @@ class Exact(ConflictDriver):
                     continue
                 if schedule.is_stuck(found, self.found[target].bound, threshold):
                     step = self._begin_step(target, schedule)
-                self._labellings_to_anneal = self._annealing_schedule.labellings_due(self.relaxations)
+                self._heuristics.due = self._annealing_schedule.labellings_due(self.relaxations)
             yield proposed
-            yield from self._anneal()
+            yield from self._heuristics.run()
         self._keep_open_nodes()
 
     def _bound_first_target(self, blocks: BlockSearch) -> None:
@@ -386,8 +357,7 @@ class Exact(ConflictDriver):
         formula = self.formula
         formula.raise_threshold(threshold / self._scale)
         step = search.step(formula, threshold / self._scale, self._time_is_up_after_heartbeat)
-        for conflict in step.conflicts:
-            self._add_conflict(conflict)
+        self._add_conflicts(step.conflicts)
         self._state.conflicts.save()
         if step.complete is not None and formula.next(np.arange(len(step.complete)), step.complete) is None:
             return self._no_labellings  # the tree ignores limits on counts and assembly sequences
@@ -396,7 +366,7 @@ class Exact(ConflictDriver):
             if refuting is None:
                 self._hand_over(step.complete)
                 return self._labellings_to_evaluate()
-            self._add_conflict(refuting)
+            self._add_conflicts([refuting])
             self._keep_open_nodes()
             search.note_inaccurate_bound()
             return self._no_labellings

@@ -157,7 +157,7 @@ class Batches:
         return inside
 
     def _moving(self, name: Ints, cut: Bits, old: Ints, new: Ints, joint: Ints, here: Ints, single: Bools) -> Bools:
-        """Return the atoms that a move takes across a joint into the next block, (k, atoms) bool.
+        """Return a mask (k, atoms) of the atoms that a move transfers to the block beyond a joint.
 
         Where `single`, only atom `here` moves. Elsewhere all atoms of block `old` move that touch block `new` along the
         straight line of the joint. name: (k, atoms) block of each atom. cut: (k, pairs) True = dry. old, new: (k, 1)

@@ -178,7 +178,8 @@ class Cutter:
     def _as_they_are(self, members: list[int], root: dict[int, int]) -> list[list[int]] | None:
         """Return the parts joined so far if all are allowed, else None.
 
-        No other cuts agree better with the keys. root: parent of each atom in the disjoint sets of the parts.
+        Such parts cut exactly the pairs whose key exceeds the threshold. root: parent of each atom in the disjoint sets
+        of the parts.
         """
         least, most = self._least, self._most
         cells = self.graph.cells
@@ -198,9 +199,10 @@ class Cutter:
         return list(parts.values())
 
     def grow(self, members: list[int], keyed: list[tuple[float, int, int, int]], threshold: float) -> list[list[int]]:
-        """Join pairs in ascending order of keys, up to the threshold, where the union `fits`.
+        """Join parts in ascending order of the keys of pairs, where the union `fits`.
 
-        Arguments are as in `assemble`. The result is the parts; those that remain too small are kept.
+        Pairs whose key exceeds the threshold stay apart. Returns all parts, among them those that remain too small.
+        Arguments are as in `assemble`.
         """
         name = {a: a for a in members}
         parts = {a: [a] for a in members}

@@ -132,7 +132,7 @@ export const VERSION = 1;
  */
 
 /**
- * @typedef {object} Notebook What a page in a notebook has beside a report: materials that the kernel solves again with.
+ * @typedef {object} Notebook Additional data of a page in a notebook: materials with which the kernel solves again.
  * @property {Record<string, unknown>} materials Materials of the scene, which the sliders begin with.
  * @property {string} why Why the sliders do nothing without a kernel.
  * @property {boolean} fixed True if the sliders do nothing with a kernel either.
