@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 from command import Command
-from jld_core import InputError, Scene, build_assembly, load_scene, solve
+from jld_core import InputError, Scene, build_assembly, load_scene, parse_scene, solve
 from jld_core.deadline import Deadline
 from jld_core.refinement import refine
+from jld_core.samples import box
 from jld_explore.design import checks, run, tessellations
 from jld_explore.design.loads import with_loads
 from jld_explore.design.options import DesignOptions
@@ -23,6 +24,7 @@ from jld_explore.design.page import facts_of, gain_of, words_of
 from jld_explore.design.tessellations import Tessellation
 from jld_explore.design.trials import NONE, Design, Trial, at_low_friction, field_bounds, labelled, one_case
 from jld_explore.study_state import Interrupted
+from solids import solid_of
 
 WALL = "id,x,y\n" + "".join(f"w,{x},{y}\n" for x, y in [(0, 0), (1.2, 0), (1.2, 0.8), (0, 0.8)])
 ASKED: dict[str, Any] = {"load": "10 kN", "places": "0.3", "push": 0.1, "thickness": 0.3, "block_mass": 150.0}
@@ -405,3 +407,39 @@ def test_without_time_for_a_search_the_usual_bond_is_the_best(
     with pytest.raises(InputError, match="no layout keeps the limits"):
         run.design_outline(wall, tmp_path / "none", limited)
     assert json.loads((tmp_path / "none" / "summary.json").read_text())["best"] is None
+
+
+@pytest.mark.parametrize("door", [True, False])
+def test_a_room_is_cut_with_lintels_or_flat_arches_and_loaded_on_its_nearest_wall(door: bool) -> None:
+    """In the middle of the room nothing lies below a force: it acts on the front wall, in every tessellation."""
+    levels = [[0.0, 0.2, 0.8, 1.4, 2.2, 2.4], [0.0, 0.2, 1.8, 2.0], [0.0, 0.8, 1.2]]
+    cells = np.ones((5, 3, 2), dtype=bool)
+    cells[1:4, 1] = False
+    cells[2, 0, 0] = not door
+    given = parse_scene(
+        {
+            "elements": [
+                solid_of("w", cells, levels),
+                box("ground", (-0.4, -0.4, -0.2), (2.8, 2.4, 0.0), support=True),
+            ],
+            "materials": {
+                "density": 2000.0,
+                "dry": {"friction_coefficient": 0.6},
+                "inner": {"tensile_strength": 2e5, "shear_strength": 2e5},
+            },
+            "loads": {"live": [{"body": [1.0, 0.0, 0.0]}]},
+        },
+        "room",
+    )
+    options = DesignOptions(load="10 kN", places="0.5", push=0.1)
+    found = {one.name: one for one in tessellations.tessellations(given, options)}
+    cut = [found[name].scene for name in ("walls", "arches")]
+    if not door:
+        assert found["arches"].problem == "the same stones as walls"
+    assert [one is not None for one in cut] == [True, door]
+    for one in cut[: 1 + door]:
+        assert one is not None
+        case = next(case for case in one.loads.cases or [] if case.name.startswith("load"))
+        x, y, z = (case.live or [])[0].model_dump()["at"]
+        assert (x, z) == pytest.approx((1.2, 1.2))
+        assert 0.0 < y < 0.2

@@ -38,6 +38,9 @@ _SMALLER: Final = 0.88
 _SNAP: Final = 0.25
 """Distance, relative to a cell, within which its corners move to those of the outline or to one another."""
 
+_WEDGES: Final = 5
+"""Number of wedges of a flat arch over an opening in a wall drawn as a solid."""
+
 _TRIES: Final = 12
 """Number of sizes that are tried for a tessellation."""
 
@@ -79,9 +82,9 @@ def tessellations(outline: Scene, options: DesignOptions, until: Deadline | None
     found: list[Tessellation] = []
     for name, words, make in kinds:
         late = bool(found) and until is not None and until.passed()
-        found.append(
-            Tessellation(name, words, None, "no time was left") if late else _made(name, words, make, options, side)
-        )
+        made = Tessellation(name, words, None, "no time was left") if late else _made(name, words, make, options, side)
+        alike = [one.name for one in found if made.scene is not None and one.scene == made.scene]
+        found.append(Tessellation(name, words, None, f"the same stones as {alike[0]}") if alike else made)
     if all(one.scene is None for one in found):
         reasons = "; ".join(f"{one.name}: {one.problem}" for one in found)
         raise InputError(
@@ -111,6 +114,8 @@ def _made(name: str, words: str, make: _Make, options: DesignOptions, side: Floa
         if options.block_mass is None or heaviest <= options.block_mass:
             return Tessellation(name, f"{words}, {len(elements.free)} cells", scene)
         problem = f"a cell of {heaviest:.4g} exceeds the block mass"
+        if len(elements.free) > _MOST:
+            break
         size *= _SMALLER
     return Tessellation(name, words, None, problem)
 
@@ -196,15 +201,21 @@ def _spatial(outline: Scene, assembly: Assembly, options: DesignOptions) -> list
         sizes = tuple(_fitting(float(length), size * cell) for length in extent)
         return _ready(refine(outline, sizes).scene, [])
 
-    def walls(size: float) -> Scene:
-        """Cut into courses of stretchers."""
-        course = _fitting(height, size * cell / math.sqrt(2.0))
-        return _ready(refine(outline, (1.6 * size * cell, course), kind="bond").scene, [])
+    def walls(lintel: int) -> _Make:
+        """Return the function that cuts walls into stretchers, with so many stones over an opening."""
+
+        def cut(size: float) -> Scene:
+            """Cut into courses of stretchers."""
+            course = _fitting(height, size * cell / math.sqrt(2.0))
+            return _ready(refine(outline, (1.6 * size * cell, course), kind="bond", lintel=lintel).scene, [])
+
+        return cut
 
     return [
         ("bond", "voussoirs in shifted courses", vault("running")),
         ("courses", "voussoirs in courses in line", vault("stack")),
-        ("walls", "courses of stretchers, bonded at the corners", walls),
+        ("walls", "courses of stretchers, bonded at the corners", walls(1)),
+        ("arches", "the same with flat arches over openings", walls(_WEDGES)),
         ("grid", "a grid", grid),
     ]
 
