@@ -302,7 +302,7 @@ def test_checks_that_fail_leave_no_pipe_open(monkeypatch: pytest.MonkeyPatch, wa
     ("flags", "words"),
     [
         (["--seconds", "2"], "--seconds: 2 s are too short"),
-        (["--block-mass", "0.01"], "--block-mass: blocks of 0.01"),
+        (["--block-mass", "0.01"], "1920 kg would be 192000 blocks of that mass; expected at least 9.6 kg"),
         (["--block-mass", "-1"], "--block-mass"),
         (["--shapes", "0"], "--shapes"),
         (["--load", "10 apples"], "--load"),
@@ -443,3 +443,14 @@ def test_a_room_is_cut_with_lintels_or_flat_arches_and_loaded_on_its_nearest_wal
         x, y, z = (case.live or [])[0].model_dump()["at"]
         assert (x, z) == pytest.approx((1.2, 1.2))
         assert 0.0 < y < 0.2
+
+
+def test_limits_that_nothing_meets_leave_no_folder_and_name_the_time(jld: Command, tmp_path: Path, wall: Path) -> None:
+    """An empty folder that was there stays, and the same command can be given again."""
+    folder = tmp_path / "out"
+    folder.mkdir()
+    flags = ["--block-mass", "60", "--shapes", "1", "--thickness", "0.3", "--load", "1 kN", "--laid", "standing"]
+    done = jld("design", wall, "-o", folder, *flags, "--seconds", "10", "--jobs", "1")
+    assert (done.code, done.out.count("written")) == (2, 0)
+    assert "no layout keeps the limits and stands" in done.err
+    assert list(folder.iterdir()) == []

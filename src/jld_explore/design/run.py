@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shutil
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -96,7 +97,8 @@ def design_outline(
     deadline = Deadline(options.seconds, started)
     say = announce or (lambda _: None)
     require_folder(folder)
-    if folder.exists() and any(folder.iterdir()):
+    there = folder.exists()
+    if there and any(folder.iterdir()):
         raise InputError(str(folder), "the folder is not empty", "an empty or new folder")
     try:
         outline = read_outline(file, options)
@@ -128,12 +130,15 @@ def design_outline(
         stop.words = f"stopped; the best so far is in {folder}" if work.winner else "stopped; no layout was found yet"
         raise
     work.seconds = deadline.elapsed()
-    # a picture takes seconds on a busy machine
-    write_design(work, pictures=deadline.remaining() + max(_OVER[0] * options.seconds, _OVER[1]) > busy * _PICTURE)
     if work.winner is None:
+        shutil.rmtree(folder)
+        if there:
+            folder.mkdir()
         reasons = "; ".join(f"{name}: {words}" for name, words in work.searched.items())
         wish = "weaker limits, a longer time, or a smaller load"
         raise InputError(str(file), f"no layout keeps the limits and stands ({reasons})", wish)
+    # a picture takes seconds on a busy machine
+    write_design(work, pictures=deadline.remaining() + max(_OVER[0] * options.seconds, _OVER[1]) > busy * _PICTURE)
     return work
 
 
@@ -174,10 +179,11 @@ def _search_all(work: Design, until: Deadline, say: Say) -> None:
     cannot be met are noted in `work.searched`.
     """
     fitting = [one for one in work.tessellations if one.scene is not None]
-    spatial = work.outline.scene.dimension == 3
-    # a design moves planar joints only, so that searches of solids get that time as well
     left = until.remaining()
-    total = (1.0 - _CHECKS) * left if spatial else max(_SEARCHES * left, min(_LEAST * len(fitting), _SHORT * left))
+    total = max(_SEARCHES * left, min(_LEAST * len(fitting), _SHORT * left))
+    if not _moves(work):  # searches get that time as well
+        refining = _REFINING if work.outline.scene.dimension == 2 else 0.0
+        total = (1.0 - _CHECKS - refining) * left
     for one in fitting:
         each = until.within(total / len(fitting))
         if each.remaining() < 1.0:
@@ -247,13 +253,17 @@ def _move_best(work: Design, until: Deadline, say: Say) -> None:
 
     until: deadline of the design. Nothing happens in space, with a limit on shapes or laying, or without enough time.
     """
-    options = work.options
-    if work.outline.scene.dimension == 3 or options.shapes is not None or options.laid is not None:
+    if not _moves(work):
         return
-    deadline = until.earlier((_CHECKS + _REFINING) * options.seconds)
+    deadline = until.earlier((_CHECKS + _REFINING) * work.options.seconds)
     if deadline.remaining() > _MOVED:
         say(f"joints       move, {deadline.remaining():.0f} s")
         move_in_rounds(work, deadline, say)
+
+
+def _moves(work: Design) -> bool:
+    """Return True if joints may move: in the plane, without a limit on shapes or laying."""
+    return work.outline.scene.dimension == 2 and work.options.shapes is None and work.options.laid is None
 
 
 def _refine_promising(work: Design, until: Deadline, say: Say) -> None:

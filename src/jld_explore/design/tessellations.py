@@ -234,8 +234,12 @@ def _cell_size(assembly: Assembly, measure: float, dimension: int, options: Desi
         each = min(each, 0.5 * options.block_mass / mass * measure)
         if measure / each > _MOST:
             least = 2.0 * mass / _MOST
-            problem = f"blocks of {options.block_mass:g} are {mass / options.block_mass:.0f} of a mass of {mass:.4g}"
-            raise ParameterError("block_mass", problem, f"at least {least:.3g}, for {_MOST} cells at the most")
+            kg = " kg" if assembly.units == ("m", "N") else ""
+            problem = f"the structure of {mass:.4g}{kg} would be {mass / options.block_mass:.0f} blocks of that mass"
+            wish = f"at least {least:.3g}{kg}, for {_MOST} cells at the most"
+            if dimension == 2 and options.thickness is None:
+                wish += ", or the `thickness` of the structure (1 where the outline states none)"
+            raise ParameterError("block_mass", problem, wish)
     return float(each ** (1.0 / dimension))
 
 
