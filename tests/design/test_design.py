@@ -59,7 +59,7 @@ def test_supports_are_added_below_the_lowest_edges(opening: Path) -> None:
     outline = read_outline(opening, DesignOptions(**ASKED))
     elements = build_assembly(outline.scene).elements
     assert int(elements.support.sum()) == 2
-    assert any("supports below the 2 lowest edges" in note for note in outline.assumed)
+    assert any("supports below the lowest edges" in note for note in outline.assumed)
     assert any("low friction 0.48" in note for note in outline.assumed)
     assert not any("no load" in note for note in outline.assumed)
 
@@ -230,7 +230,7 @@ def test_a_design_leaves_page_scene_and_proven_load(jld: Command, tmp_path: Path
     # sliding on the base bounds every layout: μ over the push
     assert facts["best"] <= 6.0 * (1.0 + 1e-6)
     page = (out / "report.html").read_text()
-    for words in ("Not proven: that no stronger layout exists", "low friction 0.48", "supports below the 1 lowest"):
+    for words in ("Not proven: that no stronger layout exists", "low friction 0.48", "supports below the lowest"):
         assert words in page
     assert (out / "blocks.csv").read_text().count("\n") > 1
     assert {one["name"] for one in facts["checks"]} == {
@@ -406,7 +406,7 @@ def test_without_time_for_a_search_the_usual_bond_is_the_best(
     limited = DesignOptions(push=0.1, thickness=0.3, seconds=40.0, jobs=1, shapes=1)
     with pytest.raises(InputError, match="no layout keeps the limits"):
         run.design_outline(wall, tmp_path / "none", limited)
-    assert json.loads((tmp_path / "none" / "summary.json").read_text())["best"] is None
+    assert not (tmp_path / "none").exists()
 
 
 @pytest.mark.parametrize("door", [True, False])

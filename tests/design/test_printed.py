@@ -18,7 +18,7 @@ from jld_core import build_assembly, parse_scene, samples, solve
 from jld_core.assembly_sequence import assembly_order
 from jld_core.exchange import Layout
 from jld_core.views.figures import draw_assembly
-from jld_explore.report.languages import LANGUAGES, LEGEND, WORDS, decimal_commas, localise, words_in
+from jld_explore.report.languages import LANGUAGES, LEGEND, WORDS, decimal_commas, digits, localise, words_in
 from jld_explore.report.making import making_of, smallest_rectangle, stones_of, stones_table
 from jld_explore.report.printed import Printed, pages_of
 
@@ -106,6 +106,41 @@ def test_pages_say_loads_times_the_proven_factor(language: str) -> None:
     assert ("2.5 kN" if language == "en" else "2,5 kN") in told
     assert words_in(language)["not_strongest"] in told
     assert f"{words_in(language)['page']} 1/{len(pages)}" in told
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_loads_of_a_design_are_one_row_each_in_the_language_of_the_page(language: str) -> None:
+    """12 N and 4 N on two stones are 16 N at three parts to one; large masses have no exponent."""
+    document = grid_document(["ab", "##"])
+    document["loads"] = {
+        "cases": [
+            {"name": "push to the left", "live": [{"body": [-0.1, 0.0]}]},
+            {
+                "name": "load at 0.1",
+                "live": [
+                    {"element": "c0r0", "force": [0.0, -12.0], "at": [0.05, 0.2]},
+                    {"element": "c1r0", "force": [0.0, -4.0], "at": [0.15, 0.2]},
+                ],
+            },
+        ]
+    }
+    scene = parse_scene(document)
+    assembly = build_assembly(scene)
+    laying = assembly_order(assembly, assembly.labels)
+    assumed = ("supports below the lowest edges: the drawing names none", "low friction 0.4, 0.8 of 0.5")
+    own = Layout(scene, assembly, assembly.labels)
+    pages = pages_of(
+        Printed(own, (0.5, 0.5), (0.5, 0.5), "collapse", laying=laying, assumed=assumed), language=language
+    )
+    told = texts(pages)
+    place = LANGUAGES.index(language)
+    assert ("push to the left", "Schub nach links", "spinta verso sinistra")[place] in told
+    assert ("0.016 kN on stones 1, 2", "0,016 kN auf den Steinen 1, 2", "0,016 kN sui conci 1, 2")[place] in told
+    assert ("(0.075, 0.2) m", "(0,075; 0,2) m", "(0,075; 0,2) m")[place] in told
+    assert ("from above", "von oben", "dall'alto")[place] in told
+    assert ("below the lowest", "unter den tiefsten", "sotto i bordi")[place] in told
+    assert "low friction" not in told
+    assert digits(14973.4) == "14970"
 
 
 def test_a_locked_layout_claims_no_number() -> None:

@@ -172,12 +172,14 @@ def _defaults(options: DesignOptions) -> list[str]:
     """List the default material values in words, without those that the options state."""
     given = DEFAULT_MATERIALS
     values = {
-        "density": ("density", given["density"]),
-        "friction": ("friction", given["dry"]["friction_coefficient"]),
-        "tension": ("tensile strength of the stone", given["inner"]["tensile_strength"]),
-        "shear": ("shear strength of the stone", given["inner"]["shear_strength"]),
+        "density": ("density", given["density"], " kg/m³"),
+        "friction": ("friction", given["dry"]["friction_coefficient"], ""),
+        "tension": ("tensile strength of the stone", given["inner"]["tensile_strength"] / 1e6, " N/mm²"),
+        "shear": ("shear strength of the stone", given["inner"]["shear_strength"] / 1e6, " N/mm²"),
     }
-    return [f"{words} {value:g}" for name, (words, value) in values.items() if getattr(options, name) is None]
+    return [
+        f"{words} {value:g}{unit}" for name, (words, value, unit) in values.items() if getattr(options, name) is None
+    ]
 
 
 def _refuse_open(drawing: Drawing, how: ImportOptions) -> None:
@@ -228,7 +230,7 @@ def _on_feet(drawing: Drawing, how: ImportOptions, notes: Notes) -> Drawing:
         for x0, x1 in feet
     ]
     if boxes:
-        notes.assumed.append(f"supports below the {len(boxes)} lowest edges: the drawing has no layer of supports")
+        notes.assumed.append("supports below the lowest edges: the drawing names none")
     return replace(drawing, paths=[*drawing.paths, *boxes])
 
 
@@ -260,7 +262,7 @@ def _solids_on_feet(solids: Solids, how: ImportOptions, notes: Notes) -> Solids:
         sides = [(i, (i + 1) % count, count + (i + 1) % count, count + i) for i in range(count)]
         loops = (tuple(range(count))[::-1], tuple(range(count, 2 * count)), *sides)
         feet.append(Part(f"foot{k}", "supports", np.concatenate([top - down, top]), loops, support=True))
-    notes.assumed.append(f"supports below the {len(feet)} lowest faces: the file names none")
+    notes.assumed.append("supports below the lowest faces: the file names none")
     return replace(solids, parts=[*solids.parts, *feet])
 
 

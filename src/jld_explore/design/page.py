@@ -127,7 +127,9 @@ def words_of(work: Design) -> str:
         return "no layout was found that keeps the limits and stands"
     lines = [f"best         {_name(winner)}: {_claim(winner)}"]
     gain = gain_of(work)
-    if work.usual is not None and gain is not None:
+    if work.usual is winner:
+        lines.append("usual bond   is the best that was found")
+    elif work.usual is not None and gain is not None:
         lines.append(f"usual bond   {_claim(work.usual)}; the best is proven to carry {gain:.3g} times that most")
     lines += [f"checked      {one.words}" for one in work.checks]
     lines += [f"assumed      {one}" for one in work.outline.assumed]
@@ -153,11 +155,11 @@ def _claim(trial: Trial) -> str:
         told = (
             f"carries at most {high:.4g} times the load where blocks crack anywhere; no lower bound was found in time"
         )
-        return f"{told} (by faces λ = {trial.load_factor:.4g})"
+        return f"{told} ({trial.by_faces})"
     low, high = trial.faces
     if math.isfinite(low):
         return f"carries {low:.4g} times the load if its blocks crack along the faces of its cells only"
-    return f"λ = {trial.load_factor:.4g}, without a proof"
+    return f"{trial.by_faces}, without a proof"
 
 
 def _page(work: Design, pictured: bool) -> str:
@@ -170,6 +172,7 @@ def _page(work: Design, pictured: bool) -> str:
     else:
         gain = gain_of(work)
         more = f" That is {gain:.3g} times the most that the usual bond can carry." if gain is not None else ""
+        more = " That is the usual bond." if work.usual is winner else more
         claim = f"The best layout ({_name(winner)}) {_claim(winner)}.{more}"
         parts.append(f"<p class=big>{html.escape(claim)}</p>")
         if pictured:
@@ -225,8 +228,8 @@ def _span(trial: Trial) -> str:
     if high < 0.0:
         return "does not stand"
     if math.isfinite(high):
-        return f"at most {high:.4g} (by faces {trial.load_factor:.4g})"
-    return f"by faces {trial.load_factor:.4g}"
+        return f"at most {high:.4g} ({trial.by_faces})"
+    return trial.by_faces
 
 
 def _proven(work: Design) -> list[str]:

@@ -224,7 +224,8 @@ def _keep(work: Design, tessellation: Tessellation, done: Exploration, seconds: 
     only `work.searched` is written.
     """
     facts = done.summary.facts
-    work.searched[tessellation.name] = f"{facts['evaluated']} layouts, {'proven' if facts['proven'] else 'not proven'}"
+    number, proven = facts["evaluated"], "proven" if facts["proven"] else "not proven"
+    work.searched[tessellation.name] = f"{number} layout{'s' * (number != 1)}, {proven}"
     table = done.results[done.results["status"].isin([str(Status.COLLAPSE), str(Status.LOCKED)])]
     if not len(table):
         work.searched[tessellation.name] += ": none of them stands"
@@ -244,8 +245,10 @@ def _keep(work: Design, tessellation: Tessellation, done: Exploration, seconds: 
 
 def _said(trial: Trial) -> str:
     """Describe λ of a trial by faces and by fields, for the terminal."""
-    by_fields = "" if trial.fields == NONE else f", by fields {trial.fields[0]:.4g} to {trial.fields[1]:.4g}"
-    return f"λ = {trial.load_factor:.4g} by faces{by_fields}; {trial.words}"
+    low, high = trial.fields
+    known = f"at most {high:.4g}" if math.isinf(low) else f"{low:.4g} to {high:.4g}"
+    by_fields = "" if trial.fields == NONE else f", by fields {known}"
+    return f"{trial.by_faces}{by_fields}; {trial.words}"
 
 
 def _move_best(work: Design, until: Deadline, say: Say) -> None:
