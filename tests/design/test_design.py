@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from command import Command
-from jld_core import InputError, Scene, build_assembly, load_scene, parse_scene, solve
+from jld_core import InputError, Scene, build_assembly, load_scene, parse_scene, samples, solve
 from jld_core.deadline import Deadline
 from jld_core.refinement import refine
 from jld_core.samples import box
@@ -454,3 +454,22 @@ def test_limits_that_nothing_meets_leave_no_folder_and_name_the_time(jld: Comman
     assert (done.code, done.out.count("written")) == (2, 0)
     assert "no layout keeps the limits and stands" in done.err
     assert list(folder.iterdir()) == []
+
+
+def test_every_command_takes_the_folder_of_a_design(jld: Command, tmp_path: Path) -> None:
+    """The layout of the folder is its best, which has no rank."""
+    folder = tmp_path / "out"
+    folder.mkdir()
+    scene = samples.arch(voussoirs=5)
+    (folder / "best.json").write_text(scene.model_dump_json(exclude_defaults=True))
+    told = json.loads(jld("solve", folder, "--json").out)
+    assert told["load_factor"] == pytest.approx(solve(scene).load_factor)
+    for command in (
+        ["assembly", folder],
+        ["thrust", folder],
+        ["export", folder, "--format", "dxf", "-o", tmp_path / "blocks.dxf"],
+        ["plot", folder, "--out", tmp_path / "arch.png"],
+    ):
+        done = jld(*command)
+        assert done.code == 0, done.err
+    assert "is a scene, which has no ranks" in jld("solve", folder, "--rank", "2").err

@@ -141,6 +141,7 @@ def test_loads_of_a_design_are_one_row_each_in_the_language_of_the_page(language
     assert ("below the lowest", "unter den tiefsten", "sotto i bordi")[place] in told
     assert "low friction" not in told
     assert digits(14973.4) == "14970"
+    assert "λ = 0" in texts(pages_of(Printed(own, (-np.inf, np.inf), (0.5, 0.5), "collapse"), language=language))
 
 
 def test_a_locked_layout_claims_no_number() -> None:

@@ -22,12 +22,18 @@ _MOST: Final = 6
 """Largest number of layouts drawn side by side."""
 
 
+def best_of_design(source: Path) -> Path:
+    """Return the scene of the best layout of a folder of `jld design`; any other source as it is."""
+    best = source / "best.json"
+    return best if source.is_dir() and best.exists() else source
+
+
 def layout_of(source: Path, rank: int | None) -> tuple[Scene, Assembly, Bits]:
     """Return the scene, assembly and labels (m,) of the layout that a command refers to.
 
-    source: scene file, or results folder. rank: row of the folder's results from 1; None for the strongest. The layout
-    of a scene file is its own labelling. Raises InputError for a rank with a scene file, or a rank that the folder does
-    not have.
+    source: scene file, results folder, or folder of a design, which has one best layout. rank: row of the folder's
+    results from 1; None for the strongest. The layout of a scene file is its own labelling. Raises InputError for a
+    rank without results, or a rank that the folder does not have.
     """
     found = layout_with_distributions(source, rank)
     for note in found[1].notes:
@@ -37,6 +43,7 @@ def layout_of(source: Path, rank: int | None) -> tuple[Scene, Assembly, Bits]:
 
 def layout_with_distributions(source: Path, rank: int | None) -> tuple[Scene, Assembly, Bits]:
     """Return what `layout_of` does, without a note on values with uncertainty, for commands that use them."""
+    source = best_of_design(source)
     if not source.is_dir():
         if rank is not None:
             raise ParameterError("rank", f"{source} is a scene, which has no ranks", "a folder written by jld explore")

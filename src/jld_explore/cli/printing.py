@@ -22,6 +22,7 @@ from jld_core.limit import LimitAnalysisResult
 from jld_core.models import solve
 from jld_core.scene import load_scene
 from jld_core.scene.units import METRES
+from jld_explore.cli.layout import best_of_design
 from jld_explore.cli.options import Rank, refuse_itself
 from jld_explore.cli.streams import say
 from jld_explore.report import csv_of, read_folder
@@ -124,8 +125,8 @@ def _placed(layout: Layout, sides: tuple[float, float, float] | None, kerf: floa
 
 def content_of(source: Path, rank: int | None) -> Printed:
     """Return the content of the report of a scene or a results folder."""
-    design = source / "best.json"
-    if source.is_dir() and design.exists():
+    design = best_of_design(source)
+    if design != source:
         if rank is not None:
             raise ParameterError("rank", f"{source} is a design, which has one best layout", "no rank")
         facts = json.loads((source / "summary.json").read_text(encoding="utf-8"))

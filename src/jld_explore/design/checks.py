@@ -199,7 +199,7 @@ def _laid(work: Design, until: Deadline) -> Check:
             sideways = winner.scene.search.assemble_out_of_plane
             found = assembly_order(assembly, assembly.labels, sideways=sideways, start=start)
     except DeadlinePassed:
-        return Check("laying", "order of laying: no time was left; jld assembly says it")
+        return Check("laying", f"order of laying: no time was left; jld assembly {work.folder}")
     if not found.possible:
         names = ", ".join(found.blocks.name(block) for block in found.locked)
         return Check("laying", f"order of laying: none by translations, {names} lock one another", {"possible": False})

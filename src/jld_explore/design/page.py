@@ -252,16 +252,16 @@ def _proven(work: Design) -> list[str]:
             "Blocks that crack elsewhere may carry less."
         )
     for name, words in work.searched.items():
-        if "layouts" in words and "not proven" not in words:
+        if " layout" in words and "not proven" not in words:
             crushed = "" if work.outline.scene.dimension == 3 else ", where faces crush as blocks do,"
             found.append(f"Proven: of the cells of {name}{crushed} no other choice of joints is stronger by faces.")
     tried = sum(one.scene is not None for one in work.tessellations)
-    found.append(
-        f"Not proven: that no stronger layout exists. {tried} kinds of cells were tried; moves end at a local best."
-    )
+    moved = any(one.kind == "moved" for one in work.trials)
+    ends = "; moves end at a local best" if moved else ""
+    kinds = "1 kind of cells was" if tried == 1 else f"{tried} kinds of cells were"
+    found.append(f"Not proven: that no stronger layout exists. {kinds} tried{ends}.")
     if work.options.shapes is not None or work.options.laid is not None:
         found.append("Joints were not moved: a limit on shapes or on laying holds for the cells as they are.")
-    found.append("Not tried: cells aligned to the thrust; moved joints take their place.")
     return found
 
 

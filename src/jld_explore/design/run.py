@@ -156,7 +156,7 @@ def _solve_usual(work: Design) -> None:
         allowed = bool(feasible(search_space(first.scene, assembly), assembly.labels[None])[0])
     except InputError:  # limits that nothing satisfies: the search says so
         allowed = False
-    faces = faces_of(found.bracket)
+    faces = (-math.inf, -math.inf) if found.status is Status.UNSTABLE else faces_of(found.bracket)
     work.trials.append(Trial(first.name, "stated", first.scene, found.load_factor, faces, NONE, "no search", allowed))
 
 

@@ -70,6 +70,8 @@ class Trial:
     @property
     def by_faces(self) -> str:
         """Text for λ by faces; of locked layouts, which have none, for its lower bound."""
+        if self.faces[1] < 0.0:
+            return "does not stand"
         if math.isfinite(self.load_factor):
             return f"λ = {self.load_factor:.4g} by faces"
         return f"λ ≥ {self.faces[0]:.4g} by faces" if math.isfinite(self.faces[0]) else "λ by faces unknown"

@@ -38,6 +38,11 @@ WORDS: Final[dict[str, tuple[str, str, str]]] = {
         "Risse nur entlang der Zellflächen: λ liegt zwischen {low} und {high}.",
         "Fessure solo lungo le facce delle celle: λ è compreso tra {low} e {high}.",
     ),
+    "at_faces": (
+        "Cracks along the faces of the cells only: λ = {low}.",
+        "Risse nur entlang der Zellflächen: λ = {low}.",
+        "Fessure solo lungo le facce delle celle: λ = {low}.",
+    ),
     "locked": (
         "No live load of this pattern is too large for the model: the stones are locked.",
         "Keine Last dieser Art ist dem Modell zu groß: die Steine sind verkeilt.",
@@ -116,7 +121,7 @@ WORDS: Final[dict[str, tuple[str, str, str]]] = {
     "from_below": ("from below", "von unten", "dal basso"),
     "from_left": ("from the left", "von links", "da sinistra"),
     "from_right": ("from the right", "von rechts", "da destra"),
-    "along": ("along {way}", "entlang {way}", "lungo {way}"),
+    "along": ("along {axis}", "entlang {axis}", "lungo {axis}"),
     "stands": ("stands", "steht", "sta in piedi"),
     "undecided": ("undecided", "offen", "indeciso"),
     "no_order": (

@@ -202,8 +202,8 @@ def _proven(book: _Book) -> list[str]:
         low, high = content.fields
         found.append(words["by_fields"].format(low=f"{low:.4g}", high=finite(high, lambda x: f"{x:.4g}")))
     elif math.isfinite(content.faces[0]) and content.status != "locked":
-        low, high = content.faces
-        found.append(words["by_faces"].format(low=f"{low:.4g}", high=finite(high, lambda x: f"{x:.4g}")))
+        least, most = (finite(one, lambda x: f"{x:.4g}") for one in content.faces)
+        found.append(words["by_faces" if least != most else "at_faces"].format(low=least, high=most))
     elif content.status == "locked":
         found.append(words["locked"])
     else:
@@ -225,7 +225,7 @@ def _stones(book: _Book) -> None:
     rows = []
     for stone in book.stones[:_ROWS]:
         size = " × ".join(digits(book.length * side) for side in stone.size)
-        waste = f"{100.0 * (1.0 - stone.volume / stone.stock):.0f} %"
+        waste = f"{100.0 * max(0.0, 1.0 - stone.volume / stone.stock):.0f} %"
         mass = f"{digits(stone.mass)} kg" if book.scene.units.force in NEWTONS else digits(stone.mass)
         name = textwrap.shorten(stone.name, 14, placeholder="…")
         rows.append([str(stone.number), name, str(stone.shape), mass, size, str(stone.cuts), str(stone.set_ups), waste])
@@ -249,7 +249,7 @@ def _making_words(book: _Book) -> str:
         mass=f"{digits(sums.mass)} kg",
         heaviest=f"{digits(sums.heaviest)} kg",
         stock=f"{digits(metres**3 * sums.stock)} m³",
-        waste=f"{100.0 * sums.waste:.0f} %",
+        waste=f"{100.0 * max(0.0, sums.waste):.0f} %",
     )
     return f"{said} {words['least' if book.content.layout.assembly.dimension == 2 else 'axes']}"
 
@@ -346,13 +346,16 @@ def _way(book: _Book, motion: Floats) -> str:
     motion: (d,) unit vector of its movement.
     """
     words, axes = book.words, np.eye(len(motion))
-    ways = [("from_above", -axes[-1]), ("from_below", axes[-1])]
+    ways = [(words["from_above"], -axes[-1]), (words["from_below"], axes[-1])]
     if len(motion) == 2:
-        ways += [("from_left", axes[0]), ("from_right", -axes[0])]
-    name = next((name for name, axis in ways if float(motion @ axis) > _STRAIGHT), None)
-    if name is not None:
-        return words[name]
-    return words["along"].format(way="(" + ", ".join(f"{x:.2f}" for x in motion) + ")")
+        ways += [(words["from_left"], axes[0]), (words["from_right"], -axes[0])]
+    else:
+        signed = [(sign, k) for k in (0, 1) for sign in (1.0, -1.0)]
+        ways += [
+            (words["along"].format(axis=f"{'+' if sign > 0.0 else '−'}{'xy'[k]}"), sign * axes[k]) for sign, k in signed
+        ]
+    vector = "(" + ", ".join(f"{x:.2f}" for x in motion) + ")"
+    return next((name for name, axis in ways if float(motion @ axis) > _STRAIGHT), vector)
 
 
 def _numbers(book: _Book, laying: Laying, blocks: Sequence[int]) -> list[str]:
