@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal
 import numpy as np
 import typer
 
+from jld_core.arrays import Ints
 from jld_core.assembly_sequence import Laying, assembly_order
 from jld_core.assembly_sequence.freedom import Bodies
 from jld_core.assembly_sequence.order import words_of_fall
@@ -18,6 +19,7 @@ from jld_core.assembly_sequence.standing import Parts
 from jld_core.assembly_sequence.stations import Stations, stations_below
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import ParameterError, error_context
+from jld_core.exchange import Layout
 from jld_core.files import require_folder, write_text
 from jld_explore.cli.layout import layout_of
 from jld_explore.cli.options import Rank, Source
@@ -85,7 +87,7 @@ def assembly(
             if quick is None:
                 raise ParameterError("seconds", f"no order was found in {seconds:g} s", "a longer time") from None
             laying = quick
-    table = table_of(laying, stations)
+    table = table_of(laying, Layout(scene, found, labels).block_of + 1, stations)
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
         write_text(out / "assembly.csv", csv_of(table))
@@ -155,10 +157,11 @@ def _words_along(laying: Laying, stations: Stations) -> str:
     return told
 
 
-def table_of(laying: Laying, stations: Stations | None = None) -> pd.DataFrame:
+def table_of(laying: Laying, stone_of: Ints, stations: Stations | None = None) -> pd.DataFrame:
     """Return the table of an assembly sequence: one row per step, in the order of laying.
 
-    Its columns are step, blocks, elements, direction of arrival, whether the stage stands, and prop forces. It has no
+    stone_of: (n,) number of the stone of each element, as in `blocks.csv` and printed reports, from 1. Its columns are
+    step, numbers of stones, blocks, elements, direction of arrival, whether the stage stands, and prop forces. It has no
     rows where there is no order. Props of stages that were not solved are NaN. stations: places of props along a line,
     whose forces are one more column.
     """
@@ -174,6 +177,7 @@ def table_of(laying: Laying, stations: Stations | None = None) -> pd.DataFrame:
         rows.append(
             {
                 "step": number,
+                "stone": " + ".join(str(stone_of[blocks.elements(block)[0]]) for block in step.blocks),
                 "block": " + ".join(blocks.name(block) for block in step.blocks),
                 "elements": " ".join(ids[e] for block in step.blocks for e in blocks.elements(block)),
                 "moves_along": "(" + ", ".join(f"{x:.4g}" for x in comes) + ")",
@@ -186,7 +190,7 @@ def table_of(laying: Laying, stations: Stations | None = None) -> pd.DataFrame:
             at = stations.points[:, 0]
             loaded = np.flatnonzero(step.stage.along > 0.0).tolist()
             rows[-1]["props_along"] = " ".join(f"{at[k]:.4g}:{step.stage.along[k]:.4g}" for k in loaded)
-    columns = ["step", "block", "elements", "moves_along", "stands", f"props_{force}", "propped"]
+    columns = ["step", "stone", "block", "elements", "moves_along", "stands", f"props_{force}", "propped"]
     columns += [] if stations is None else ["props_along"]
     return pd.DataFrame(rows, columns=columns)
 
