@@ -342,6 +342,27 @@ def test_an_open_outline_is_named_with_the_place(jld: Command, tmp_path: Path) -
     assert done.err.count("\n") == 1
 
 
+@pytest.mark.parametrize(
+    ("corners", "flags", "words"),
+    [
+        ("0,0 2,0 0,1 2,1", [], "its outline crosses itself at (1, 0.5)"),
+        ("0,0 4000,0 4000,3000 0,3000", [], "--unit: the structure is 4e+03 m large"),
+        ("0,0 2,0 2,1 0,1", ["--load", "10"], "--load: '10' names no unit of force"),
+    ],
+)
+def test_an_outline_that_cannot_be_meant_is_refused(
+    jld: Command, tmp_path: Path, corners: str, flags: list[str], words: str
+) -> None:
+    """A drawing that crosses itself, one in mm that was read in m, and a load without a unit are one line each."""
+    drawing = tmp_path / "drawing.csv"
+    drawing.write_text("id,x,y\n" + "".join(f"w,{point}\n" for point in corners.split()))
+    done = jld("design", drawing, "-o", tmp_path / "out", *(flags or ["--load", "10 kN"]))
+    assert done.code == 2
+    assert words in done.err
+    assert done.err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_scene_says_its_thickness_itself(tmp_path: Path) -> None:
     """Options of drawings are refused for scenes."""
     scene = tmp_path / "scene.json"

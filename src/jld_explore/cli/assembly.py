@@ -160,10 +160,10 @@ def _words_along(laying: Laying, stations: Stations) -> str:
 def table_of(laying: Laying, stone_of: Ints, stations: Stations | None = None) -> pd.DataFrame:
     """Return the table of an assembly sequence: one row per step, in the order of laying.
 
-    stone_of: (n,) number of the stone of each element, as in `blocks.csv` and printed reports, from 1. Its columns are
-    step, numbers of stones, blocks, elements, direction of arrival, whether the stage stands, and prop forces. It has no
-    rows where there is no order. Props of stages that were not solved are NaN. stations: places of props along a line,
-    whose forces are one more column.
+    stone_of: (n,) number of the stone of each element, as in `blocks.csv` and printed reports, from 1. stations: places
+    of props along a line, whose forces are one more column. The columns are step, numbers of stones, blocks, elements,
+    direction of arrival, whether the stage stands, and prop forces. The table has no rows where there is no order.
+    Props of stages that were not solved are NaN.
     """
     import pandas as pd  # slow to import and needed for tables only
 

@@ -21,6 +21,7 @@ from jld_core.exchange.drawn import Drawing
 from jld_core.exchange.options import DEFAULT_MATERIALS, Notes
 from jld_core.exchange.paths import Path
 from jld_core.exchange.readers import read_content, reading
+from jld_core.exchange.sizes import hardly_meant
 from jld_core.exchange.solids import Part, Solids, spatial_scene
 from jld_core.geometry.unions import union_outlines
 from jld_core.scene import Scene, load_scene, parse_scene
@@ -149,12 +150,19 @@ def _imported(file: File, options: DesignOptions) -> tuple[Scene, Notes]:
 
     Supports are added below it if the file has none. Raises InputError if it cannot be read, or an outline is open.
     """
+    if options.load is not None and options.force("N") == options.force("kN"):
+        raise ParameterError("load", f"{options.load!r} names no unit of force", 'a force, as "10 kN"')
     how, notes = ImportOptions(support=options.support, thickness=options.thickness, unit=options.unit), Notes()
     with reading(file):
         content = read_content(file, how, notes)
         if isinstance(content, Drawing):
             _refuse_open(content, how)
+            _refuse_crossing(content, how)
             found = planar_scene(_on_feet(content, how, notes), how, notes)
+        elif options.thickness is not None:
+            raise ParameterError(
+                "thickness", "the outline is a solid, which has its own", "a drawing, or no such option"
+            )
         else:
             found = spatial_scene(_solids_on_feet(content, how, notes), how, notes)
         # the options say what was assumed instead
@@ -165,7 +173,27 @@ def _imported(file: File, options: DesignOptions) -> tuple[Scene, Notes]:
             notes.assumed.append("the live load is the weight acting sideways: no load was given or drawn")
         if found.document["materials"] == DEFAULT_MATERIALS:
             notes.assumed += _defaults(options)
-        return parse_scene(found.document, str(file)), notes
+        scene = parse_scene(found.document, str(file))
+    if scene.dimension == 3 and options.thickness is not None:
+        raise ParameterError("thickness", "the outline is a solid, which has its own", "a drawing, or no such option")
+    _refuse_size(scene, options, notes)
+    return scene, notes
+
+
+def _refuse_size(scene: Scene, options: DesignOptions, notes: Notes) -> None:
+    """Raise ParameterError for an outline of a size that no structure has, if no unit is stated.
+
+    notes: holds the likely unit. Other doubts are assumptions.
+    """
+    elements = build_geometry(scene).elements if scene.units.length == "m" else None
+    for doubt in notes.doubtful:
+        problem, _, unit = doubt.partition(", --unit ")
+        if unit and options.unit is None and elements is not None:
+            free = elements.free
+            extent = elements.upper[free].max(axis=0) - elements.lower[free].min(axis=0)
+            if hardly_meant(float(extent.max())):
+                raise ParameterError("unit", problem, f"a unit, such as {unit}")
+        notes.assumed.append(f"doubtful: {problem}")
 
 
 def _defaults(options: DesignOptions) -> list[str]:
@@ -199,6 +227,24 @@ def _refuse_open(drawing: Drawing, how: ImportOptions) -> None:
     k = int(np.argmax(apart.min(axis=1)))
     problem = f"its outline is not closed: no other end lies at ({ends[k][0]:.6g}, {ends[k][1]:.6g})"
     raise InputError("", problem, "one closed line, or lines whose ends meet")
+
+
+def _refuse_crossing(drawing: Drawing, how: ImportOptions) -> None:
+    """Raise InputError if a closed outline of a drawing crosses itself, naming the place.
+
+    Crossings that enclose less than a thousandth of the area are left to the import, which closes gaps. how: layers of
+    the import.
+    """
+    for path in drawing.paths:
+        if not path.closed or how.role(path.layer) is not None or len(path.points) < 4:
+            continue
+        outline = shapely.Polygon(path.points[:, :2])
+        covered = shapely.make_valid(outline).area
+        if outline.is_valid or abs(covered - outline.area) <= 1e-3 * covered:
+            continue
+        x, y = shapely.is_valid_reason(outline).rstrip("]").rpartition("[")[2].split()[:2]
+        problem = f"its outline crosses itself at ({float(x):.6g}, {float(y):.6g})"
+        raise InputError("", problem, "corners in the order in which one walks round the outline")
 
 
 def _on_feet(drawing: Drawing, how: ImportOptions, notes: Notes) -> Drawing:
