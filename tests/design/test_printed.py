@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 import zipfile
-from itertools import pairwise
+from itertools import combinations, pairwise
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+import shapely
 from matplotlib.figure import Figure
 
 from cases import grid_document
@@ -19,8 +20,9 @@ from jld_core.assembly_sequence import assembly_order
 from jld_core.exchange import Layout
 from jld_core.views.figures import draw_assembly
 from jld_explore.report.languages import LANGUAGES, LEGEND, WORDS, decimal_commas, digits, localise, words_in
-from jld_explore.report.making import making_of, smallest_rectangle, stones_of, stones_table
+from jld_explore.report.making import Stone, making_of, smallest_rectangle, stones_of, stones_table
 from jld_explore.report.printed import Printed, pages_of
+from jld_explore.report.printed_moulds import draw_mould
 
 
 def layout(rows: list[str]) -> Layout:
@@ -142,6 +144,20 @@ def test_loads_of_a_design_are_one_row_each_in_the_language_of_the_page(language
     assert "low friction" not in told
     assert digits(14973.4) == "14970"
     assert "λ = 0" in texts(pages_of(Printed(own, (-np.inf, np.inf), (0.5, 0.5), "collapse"), language=language))
+
+
+def test_lengths_of_edges_of_a_mould_lie_beside_them_and_apart() -> None:
+    """A narrow notch has no room for the lengths of its three edges outside: some stand within."""
+    ring = np.array([[0, 0], [9, 0], [9, 6], [5, 6], [5, 1], [4, 1], [4, 6], [0, 6]], dtype=float) / 10.0
+    figure = Figure(figsize=(8.27, 11.69))
+    ax = figure.add_axes((0.1, 0.6, 0.18, 0.1))
+    draw_mould(ax, Stone(1, "a", 1, 1.0, 1.0, (1.0, 1.0, 1.0), 8, 2, 1.0, ring), 1000.0, "#dddddd")
+    figure.canvas.draw()
+    boxes = [shapely.box(*one.get_window_extent().extents) for one in ax.texts]
+    outline = shapely.LinearRing(ax.transData.transform(1000.0 * ring))
+    assert sorted(one.get_text() for one in ax.texts) == ["100", "400", "400", "500", "500", "600", "600", "900"]
+    assert not any(one.intersects(other) for one, other in combinations(boxes, 2))
+    assert not any(box.buffer(-1.0).intersects(outline) for box in boxes)
 
 
 def test_a_locked_layout_claims_no_number() -> None:

@@ -74,6 +74,9 @@ _MOVED: Final = 12.0
 _REFINING: Final = 0.15
 """Share of the time limit for bounds of the most promising layouts: one more mesh often doubles the lower bound."""
 
+_USUAL_BONDS: Final = ("bond", "walls")
+"""Names of the tessellations whose stated layout is the usual one."""
+
 _WAVES: Final = 2
 """Number of times that bounds of the most promising layouts are refined."""
 
@@ -143,12 +146,12 @@ def design_outline(
 
 
 def _solve_usual(work: Design) -> None:
-    """Solve the stated layout of the first tessellation by faces, and add it to the trials.
+    """Solve the stated layout of the usual bond by faces, and add it to the trials.
 
-    Gains are measured by it. Nothing is added if the tessellation has no scene.
+    Gains are measured by it. Nothing is added if the outline cannot be cut in a bond.
     """
-    first = work.tessellations[0]
-    if first.scene is None:
+    first = next((one for one in work.tessellations if one.scene is not None and one.name in _USUAL_BONDS), None)
+    if first is None or first.scene is None:
         return
     assembly = build_assembly(first.scene)
     found = solve(assembly)

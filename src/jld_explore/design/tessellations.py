@@ -298,10 +298,12 @@ def _ready(scene: Scene, arcs: list[Arc], *, blocks: bool = False) -> Scene:
 
 
 def region_words(scene: Scene) -> str:
-    """Describe the free elements: area and arcs in the plane, number of solids in space."""
+    """Describe the free elements: area and arcs in the plane, number and volume of solids in space."""
     assembly = build_assembly(scene)
     if assembly.dimension == 3:
-        return f"{len(assembly.elements.free)} solids"
+        elements, unit = assembly.elements, assembly.units[0]
+        count, volume = len(elements.free), float(elements.volume[elements.free].sum())
+        return f"{count} solid{'s' * (count != 1)}, volume {volume:.4g} {unit}³"
     shapes = [assembly.elements.shape[k] for k in assembly.elements.free]
     parts = union_outlines(shapes)
     arcs = [arc for part in parts for arc in find_arcs(region_of(shapely.Polygon(part.shell)).shell)]

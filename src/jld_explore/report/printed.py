@@ -11,7 +11,6 @@ from typing import Any, Final
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 
@@ -29,6 +28,7 @@ from jld_core.views.writing import as_written, write_numbers
 from jld_explore.report.languages import digits, localise, phrase_in, words_in
 from jld_explore.report.making import Making, Stone, factor_to, making_of, stones_of
 from jld_explore.report.printed_loads import finite, force_words, load_rows
+from jld_explore.report.printed_moulds import draw_mould
 
 _PAPER: Final = (8.27, 11.69)
 """Size of a page, DIN A4, inches."""
@@ -266,39 +266,13 @@ def _moulds(book: _Book) -> None:
         x = _MARGIN + (place % across) * (1.0 - 2.0 * _MARGIN) / across
         y = 0.9 - (place // across + 1) * height
         ax = figure.add_axes((x, y + 0.1 * height, 0.9 * (1.0 - 2.0 * _MARGIN) / across, 0.72 * height))
-        _draw_mould(ax, alike[0], book.length, TINTS[place % len(TINTS)])
+        draw_mould(ax, alike[0], book.length, TINTS[place % len(TINTS)])
         numbers = ", ".join(str(stone.number) for stone in alike)
         count = book.words["pieces"].format(count=len(alike))
         title = f"{book.words['mould']} {shape}: {count} ({textwrap.shorten(numbers, 12, placeholder='…')})"
         ax.set_title(title, fontsize=7.5, color=INK, loc="left")
     if len(shapes) > _MOULDS:
         book.text(figure, 0.06, [book.words["more"].format(count=len(shapes) - _MOULDS)])
-
-
-def _draw_mould(ax: Axes, stone: Stone, factor: float, tint: str) -> None:
-    """Draw the outline of a stone with the lengths of its edges."""
-    if stone.outline is None:
-        raise ValueError("a stone in space has no outline")
-    ring = factor * stone.outline
-    ax.fill(*ring.T, facecolor=tint, edgecolor=INK, linewidth=0.8)
-    edges = np.roll(ring, -1, axis=0) - ring
-    lengths = np.hypot(*edges.T)
-    outward = np.column_stack([edges[:, 1], -edges[:, 0]]) / lengths[:, None]
-    size = float(np.ptp(ring, axis=0).max())
-    for middle, normal, length in zip(ring + 0.5 * edges, outward, lengths, strict=True):
-        if length > 0.04 * size:
-            at = middle + 0.09 * size * normal
-            ax.text(
-                float(at[0]),
-                float(at[1]),
-                f"{length:.0f}" if length >= 99.95 else f"{length:.1f}",
-                fontsize=5.5,
-                ha="center",
-                va="center",
-            )
-    ax.set_aspect("equal")
-    ax.margins(0.2)
-    ax.set_axis_off()
 
 
 def _laying(book: _Book) -> None:
