@@ -77,6 +77,8 @@ def read_outline(file: File, options: DesignOptions) -> Outline:
         search["block_mass"] = [None, options.block_mass]
     if options.shapes is not None:
         search["shapes"] = [1, options.shapes]
+        # as moulds are counted on the page and in the cutting list; a planar stone may be turned over
+        search.setdefault("moulds", {"rotate": True, "flip": scene.dimension == 2})
     if options.laid is not None:
         search["assemble"] = LAID[options.laid][0]
     if search:

@@ -126,11 +126,8 @@ def words_of(work: Design) -> str:
     if winner is None:
         return "no layout was found that keeps the limits and stands"
     lines = [f"best         {_name(winner)}: {_claim(winner)}"]
-    gain = gain_of(work)
-    if work.usual is winner:
-        lines.append("usual bond   is the best that was found")
-    elif work.usual is not None and gain is not None:
-        lines.append(f"usual bond   {_claim(work.usual)}; the best is proven to carry {gain:.3g} times that most")
+    if work.usual is not None:
+        lines.append(f"usual bond   {_claim(work.usual)}; {_compared(work, work.usual)}")
     lines += [f"checked      {one.words}" for one in work.checks]
     lines += [f"assumed      {one}" for one in work.outline.assumed]
     lines.append("not proven   that no stronger layout exists: tessellations and moves were tried, not all")
@@ -141,6 +138,17 @@ def _name(trial: Trial) -> str:
     """Return the tessellation of a trial and how its labels and joints were found, in words."""
     how = {"stated": "as stated", "searched": "labels searched", "moved": "labels searched and joints moved"}
     return f"{trial.tessellation}, {how[trial.kind]}"
+
+
+def _compared(work: Design, usual: Trial) -> str:
+    """Say what is proven of the best layout beside the usual bond."""
+    if usual is work.winner:
+        return "it is the best that was found"
+    gain = gain_of(work)
+    broken = "" if usual.allowed else "it does not keep the limits, and "
+    if gain is None or gain < 1.0:
+        return f"{broken}that the best carries more is not proven"
+    return f"{broken}the best is proven to carry {gain:.3g} times that most"
 
 
 def _claim(trial: Trial) -> str:
@@ -170,10 +178,9 @@ def _page(work: Design, pictured: bool) -> str:
     if winner is None:
         parts.append("<p class=big>No layout was found yet that keeps the limits and stands.</p>")
     else:
-        gain = gain_of(work)
-        more = f" That is {gain:.3g} times the most that the usual bond can carry." if gain is not None else ""
-        more = " That is the usual bond." if work.usual is winner else more
-        claim = f"The best layout ({_name(winner)}) {_claim(winner)}.{more}"
+        claim = f"The best layout ({_name(winner)}) {_claim(winner)}."
+        if work.usual is not None:
+            claim += f" The usual bond {_claim(work.usual)}; {_compared(work, work.usual)}."
         parts.append(f"<p class=big>{html.escape(claim)}</p>")
         if pictured:
             parts.append(f'<img src="{FILES[3]}" alt="Usual bond and best layout with numbered blocks">')

@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 
 from jld_core.arrays import Floats
-from jld_core.assembly import Assembly
+from jld_core.assembly import Assembly, blocks_of
 from jld_core.build import build_assembly
 from jld_core.build.materials import direction_of_weight
 from jld_core.deadline import Deadline
@@ -109,11 +109,13 @@ def _made(name: str, words: str, make: _Make, options: DesignOptions, side: Floa
             scene = with_loads(make(size), options, side)
         except InputError as error:
             return Tessellation(name, words, None, f"{error.where}: {error.problem}".lstrip(": "))
-        elements = build_assembly(scene).elements
-        heaviest = float(elements.mass[elements.free].max())
+        assembly = build_assembly(scene)
+        elements = assembly.elements
+        # blocks as stated: cells, or the bricks of the usual bond
+        heaviest = float(np.bincount(blocks_of(assembly, assembly.labels), elements.mass * ~elements.support).max())
         if options.block_mass is None or heaviest <= options.block_mass:
             return Tessellation(name, f"{words}, {len(elements.free)} cells", scene)
-        problem = f"a cell of {heaviest:.4g} exceeds the block mass"
+        problem = f"a block of {heaviest:.4g} exceeds the block mass"
         if len(elements.free) > _MOST:
             break
         size *= _SMALLER
