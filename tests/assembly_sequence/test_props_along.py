@@ -124,3 +124,9 @@ def test_bad_spacings_are_one_line(spacing: float, said: str) -> None:
 def test_props_along_a_line_are_planar() -> None:
     with pytest.raises(ParameterError, match="planar"):
         stations_below(build_assembly(samples.vault()), 0.2)
+
+
+def test_a_wall_on_its_footing_has_no_underside() -> None:
+    """No shorter spacing would help: the line says so, and what to do."""
+    with pytest.raises(ParameterError, match="stands on supports along its whole length"):
+        stations_below(build_assembly(samples.wall(opening="1.0,0.4,0.6,0.4")), 0.1)
