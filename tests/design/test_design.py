@@ -67,6 +67,19 @@ def test_supports_are_added_below_the_lowest_edges(opening: Path) -> None:
     assert not any("no load" in note for note in outline.assumed)
 
 
+def test_a_flat_arch_is_supported_beside_its_sides(tmp_path: Path) -> None:
+    """Its soffit is its lowest edge, and yet it is free; a wall that leans less stands on the ground."""
+    drawing = tmp_path / "jack.csv"
+    for lean, number in ((0.15, 2), (0.01, 1)):
+        corners = [(lean, 0), (1.8 - lean, 0), (1.8, 0.4), (0, 0.4)]
+        drawing.write_text("id,x,y\n" + "".join(f"j,{x},{y}\n" for x, y in corners))
+        outline = read_outline(drawing, DesignOptions(**ASKED))
+        assembly = build_assembly(outline.scene)
+        assert int(assembly.elements.support.sum()) == number
+        assert (abs(assembly.interfaces.normal[:, 1]).max() < 1.0) == (number == 2)
+        assert any("flat arch" in note for note in outline.assumed) == (number == 2)
+
+
 def test_every_tessellation_carries_the_same_loads_and_keeps_the_limit(opening: Path) -> None:
     """Volume, force, its moment and the push agree to 1e-9; no cell is heavier than a block may be."""
     options = DesignOptions(**(ASKED | {"block_mass": 60.0}))

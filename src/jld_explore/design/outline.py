@@ -23,12 +23,16 @@ from jld_core.exchange.paths import Path
 from jld_core.exchange.readers import read_content, reading
 from jld_core.exchange.sizes import hardly_meant
 from jld_core.exchange.solids import Part, Solids, spatial_scene
+from jld_core.geometry.snapping import straight
 from jld_core.geometry.unions import union_outlines
 from jld_core.scene import Scene, load_scene, parse_scene
 from jld_explore.design.options import LAID, LOW_FRICTION, DesignOptions
 
 _LEVEL: Final = 1e-6
 """Height above the lowest point, relative to the size, up to which an edge or a face lies there."""
+
+_LEAN: Final = 0.05
+"""Least run of the sides of a flat arch over its depth; below it an outline is a wall."""
 
 _OF_CELLS: Final = ("block_cells", "dry_faces", "candidates", "keep", "except", "symmetry", "void")
 """Keys of a search that speak of the cells of a scene, which a design cuts anew."""
@@ -262,6 +266,10 @@ def _on_feet(drawing: Drawing, how: ImportOptions, notes: Notes) -> Drawing:
         return drawing
     points = np.concatenate([path.points[:, :2] for path in shown])
     size, low = float(np.ptp(points, axis=0).max()), float(points[:, 1].min())
+    skewbacks = _skewbacks(shown[0].points, size) if len(shown) == 1 and shown[0].closed else []
+    if skewbacks:
+        notes.assumed.append("supports beside the raked sides of a flat arch: the drawing names none")
+        return replace(drawing, paths=[*drawing.paths, *skewbacks])
     feet = []
     for path in shown:
         ring = np.concatenate([path.points, path.points[:1]]) if path.closed else path.points
@@ -280,6 +288,33 @@ def _on_feet(drawing: Drawing, how: ImportOptions, notes: Notes) -> Drawing:
     if boxes:
         notes.assumed.append("supports below the lowest edges: the drawing names none")
     return replace(drawing, paths=[*drawing.paths, *boxes])
+
+
+def _skewbacks(points: Floats, size: float) -> list[Path]:
+    """Return supports beside both sides of an outline that is a flat arch; none for any other outline.
+
+    A flat arch has four corners, a level soffit at least as long as it is deep, and sides that lean outwards. points:
+    (k, 3) x, y and bulge of a closed path. size: of the drawing.
+    """
+    corners = straight(points[:, :2])
+    if len(corners) != 4 or points[:, 2].any():
+        return []
+    order = np.lexsort((corners[:, 0], corners[:, 1]))
+    (x0, y0), (x1, y1), *upper = corners[order].tolist()
+    (x2, y2), (x3, y3) = sorted(upper)
+    level = abs(y1 - y0) <= _LEVEL * size
+    deep = min(y2, y3) - y0
+    if not (level and 0.0 < deep <= x1 - x0 and x0 - x2 > _LEAN * deep and x3 - x1 > _LEAN * deep):
+        return []
+    out = _FOOT * size
+    return [
+        Path(
+            np.array([[xs, y0, 0.0], [xt + way * out, y0, 0.0], [xt + way * out, yt, 0.0], [xt, yt, 0.0]]),
+            True,
+            "supports",
+        )
+        for xs, xt, yt, way in ((x0, x2, y2, -1.0), (x1, x3, y3, 1.0))
+    ]
 
 
 def _solids_on_feet(solids: Solids, how: ImportOptions, notes: Notes) -> Solids:

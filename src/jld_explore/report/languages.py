@@ -173,6 +173,11 @@ PHRASES: Final[tuple[tuple[re.Pattern[str], str, str], ...]] = tuple(
             "appoggi sotto i bordi più bassi: il disegno non ne indica",
         ),
         (
+            r"supports beside the raked sides of a flat arch: the drawing names none",
+            "Auflager neben den schrägen Seiten eines scheitrechten Bogens: die Zeichnung nennt keine",
+            "appoggi accanto ai lati inclinati di una piattabanda: il disegno non ne indica",
+        ),
+        (
             r"lengths in m: the file names no unit, give --unit",
             "Längen in m: die Datei nennt keine Einheit (--unit)",
             "lunghezze in m: il file non indica unità (--unit)",
