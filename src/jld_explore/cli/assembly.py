@@ -21,6 +21,7 @@ from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import ParameterError, error_context
 from jld_core.exchange import Layout
 from jld_core.files import require_folder, write_text
+from jld_core.scene.units import force_in_words
 from jld_explore.cli.layout import layout_of
 from jld_explore.cli.options import Rank, Source
 from jld_explore.cli.streams import say
@@ -149,11 +150,11 @@ def _words_along(laying: Laying, stations: Stations) -> str:
     count, loaded = len(stations.points), int((forces > 0.0).any(axis=0).sum())
     told = f"props along  {count} place{'s' * (count != 1)}, {loaded} of them loaded"
     if forces[step, place] > 0.0:
-        told += f"; the largest force is {forces[step, place]:.4g} {force} at ({where}) {length}, step {step + 1}"
+        told += f"; the largest force is {force_in_words(forces[step, place], force)} at ({where}) {length}, step {step + 1}"
     beside = [k for k, one in enumerate(laying.steps, 1) if one.stage.elsewhere > 1e-5 * one.stage.weight]
     if beside:
         most = max(laying.steps[k - 1].stage.elsewhere for k in beside)
-        told += f"\nprops beside {most:.4g} {force} at most, first in step {beside[0]}: the places alone do not hold it"
+        told += f"\nprops beside {force_in_words(most, force)} at most, first in step {beside[0]}: the places alone do not hold it"
     return told
 
 
@@ -219,7 +220,7 @@ def words_of(laying: Laying) -> str:
         return f"order        {many}, every stage stands without props"
     worst = max(step.stage.props.sum() for step in laying.steps)
     force = blocks.assembly.units[1]
-    told = f"order        {many}, props of {worst:.4g} {force} at most\n{_first_fall(laying)}"
+    told = f"order        {many}, props of {force_in_words(worst, force)} at most\n{_first_fall(laying)}"
     return "\n".join([told, *_centring(laying)])
 
 

@@ -18,7 +18,7 @@ from jld_core.build import build_assembly
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.files import write_text
 from jld_core.models import solve
-from jld_core.scene.units import NEWTONS
+from jld_core.scene.units import force_in_words
 from jld_explore.design.options import LAID, LOW_FRICTION
 from jld_explore.design.trials import (
     Bounds,
@@ -204,16 +204,12 @@ def _laid(work: Design, until: Deadline) -> Check:
         names = ", ".join(found.blocks.name(block) for block in found.locked)
         return Check("laying", f"order of laying: none by translations, {names} lock one another", {"possible": False})
     props = max((float(step.stage.props.sum()) for step in found.steps), default=0.0)
-    held = "no stage needs a prop" if found.stands else f"props of {_force(props, assembly)} at the most"
+    held = (
+        "no stage needs a prop" if found.stands else f"props of {force_in_words(props, assembly.units[1])} at the most"
+    )
     values = {"possible": True, "steps": len(found.steps), "props": props}
     first = "" if start == "ground" else f" from the {start}"
     return Check("laying", f"order of laying{first}: {len(found.steps)} steps, {held}", values)
-
-
-def _force(value: float, assembly: Assembly) -> str:
-    """Write a force in kN, or in the unit of the assembly where that is unknown."""
-    unit = assembly.units[1]
-    return f"{value * NEWTONS[unit] / 1e3:.3g} kN" if unit in NEWTONS else f"{value:.3g} {unit}"
 
 
 def _number(value: float) -> float | None:
