@@ -150,11 +150,12 @@ def _words_along(laying: Laying, stations: Stations) -> str:
     count, loaded = len(stations.points), int((forces > 0.0).any(axis=0).sum())
     told = f"props along  {count} place{'s' * (count != 1)}, {loaded} of them loaded"
     if forces[step, place] > 0.0:
-        told += f"; the largest force is {force_in_words(forces[step, place], force)} at ({where}) {length}, step {step + 1}"
+        largest = force_in_words(forces[step, place], force)
+        told += f"; the largest force is {largest} at ({where}) {length}, step {step + 1}"
     beside = [k for k, one in enumerate(laying.steps, 1) if one.stage.elsewhere > 1e-5 * one.stage.weight]
     if beside:
-        most = max(laying.steps[k - 1].stage.elsewhere for k in beside)
-        told += f"\nprops beside {force_in_words(most, force)} at most, first in step {beside[0]}: the places alone do not hold it"
+        most = force_in_words(max(laying.steps[k - 1].stage.elsewhere for k in beside), force)
+        told += f"\nprops beside {most} at most, first in step {beside[0]}: the places alone do not hold it"
     return told
 
 
