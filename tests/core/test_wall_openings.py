@@ -242,3 +242,15 @@ def test_openings_that_cannot_be_spanned_are_refused_in_one_line(
 ) -> None:
     with pytest.raises(InputError, match=words):
         cut(solid(full, empty), **options)
+
+
+def test_faces_with_holes_are_windows() -> None:
+    """Front and back of the wall are single loops that reach the window by a bridge and go back along it."""
+    outline = [(0.0, 0.0), (2.4, 0.0), (2.4, 1.2), (0.0, 1.2)]
+    hole = [(0.7, 0.4), (1.5, 0.4), (1.5, 0.8), (0.7, 0.8)]
+    vertices = [[x, y, z] for part in (outline, hole) for y in (0.0, 0.2) for x, z in part]
+    faces = [[0, 1, 2, 3, 0, 8, 11, 10, 9, 8], [12, 13, 14, 15, 12, 4, 7, 6, 5, 4]]
+    faces += [[1, 0, 4, 5], [2, 1, 5, 6], [3, 2, 6, 7], [0, 3, 7, 4]]
+    faces += [[11, 8, 12, 15], [10, 11, 15, 14], [9, 10, 14, 13], [8, 9, 13, 12]]
+    bridged = boxes_of(cut({"id": "w", "vertices": vertices, "faces": faces}))
+    assert bridged == pytest.approx(boxes_of(cut(solid([WALL], [WINDOW]))))
