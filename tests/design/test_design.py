@@ -17,6 +17,7 @@ from jld_core.deadline import Deadline
 from jld_core.exchange import Layout
 from jld_core.refinement import refine
 from jld_core.samples import box
+from jld_explore.cli import layout
 from jld_explore.design import checks, run, tessellations
 from jld_explore.design.loads import with_loads
 from jld_explore.design.options import DesignOptions
@@ -505,6 +506,9 @@ def test_every_command_takes_the_folder_of_a_design(jld: Command, tmp_path: Path
     folder.mkdir()
     scene = samples.arch(voussoirs=5)
     (folder / "best.json").write_text(scene.model_dump_json(exclude_defaults=True))
+    (folder / "summary.json").write_text(json.dumps({"options": {"laid": "right-to-left"}}))
+    assert layout.start_of_design(folder) == "right"
+    assert layout.start_of_design(folder / "best.json") == "ground"
     told = json.loads(jld("solve", folder, "--json").out)
     assert told["load_factor"] == pytest.approx(solve(scene).load_factor)
     for command in (

@@ -22,7 +22,7 @@ from jld_core.errors import ParameterError, error_context
 from jld_core.exchange import Layout
 from jld_core.files import require_folder, write_text
 from jld_core.scene.units import force_in_words
-from jld_explore.cli.layout import layout_of
+from jld_explore.cli.layout import layout_of, start_of_design
 from jld_explore.cli.options import Rank, Source
 from jld_explore.cli.streams import say
 from jld_explore.report import csv_of
@@ -44,9 +44,12 @@ def assembly(
     ] = "translation",
     group: Annotated[int, typer.Option(min=1, help="Blocks moved together at the most, where single ones fail.")] = 3,
     start: Annotated[
-        Literal["ground", "left", "right", "springings"],
-        typer.Option(help="Where laying starts: by courses, from a side, or from all supports alike."),
-    ] = "ground",
+        Literal["ground", "left", "right", "springings"] | None,
+        typer.Option(
+            help="Where laying starts: by courses, from a side, or from all supports alike; default ground, or as a "
+            "design says."
+        ),
+    ] = None,
     props: Annotated[
         float | None,
         typer.Option(help="Props along the underside at this horizontal distance, in the scene's length (planar)."),
@@ -69,6 +72,7 @@ def assembly(
         raise ParameterError("seconds", f"{seconds:g} s are no time", "a number above 0")
     deadline = Deadline(seconds, context.obj)
     scene, found, labels = layout_of(source, rank)
+    begun = start or start_of_design(source)
     sideways = scene.search.assemble_out_of_plane
     with error_context(source):
         stations = None if props is None else stations_below(found, props)
@@ -78,11 +82,11 @@ def assembly(
             with deadline.enforced():
                 if seconds is not None:  # kept for the case that solving the stages takes longer
                     quick = order_without_stages(
-                        found, labels, sideways=sideways, group=group, start=start, bodies=bodies
+                        found, labels, sideways=sideways, group=group, start=begun, bodies=bodies
                     )
             with deadline.earlier(0.0 if quick is None else _WRITING * deadline.remaining()).enforced():
                 laying = assembly_order(
-                    found, labels, wish=wish, sideways=sideways, group=group, start=start, bodies=bodies, parts=parts
+                    found, labels, wish=wish, sideways=sideways, group=group, start=begun, bodies=bodies, parts=parts
                 )
         except DeadlinePassed:
             if quick is None:

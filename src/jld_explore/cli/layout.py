@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
+from jld_core.assembly_sequence.start import LayingStart
 from jld_core.build import build_assembly
 from jld_core.errors import ParameterError, error_context
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.scene import Scene, load_scene
 from jld_core.scene.cracks import FieldCracks
 from jld_explore.cli.streams import warn
+from jld_explore.design.options import LAID
 from jld_explore.report import Exploration, read_folder
 
 if TYPE_CHECKING:
@@ -26,6 +29,14 @@ def best_of_design(source: Path) -> Path:
     """Return the scene of the best layout of a folder of `jld design`; any other source as it is."""
     best = source / "best.json"
     return best if source.is_dir() and best.exists() else source
+
+
+def start_of_design(source: Path) -> LayingStart:
+    """Return from where the stones of a design are laid as its options say; "ground" of any other source."""
+    if best_of_design(source) == source:
+        return "ground"
+    facts = json.loads((source / "summary.json").read_text(encoding="utf-8"))
+    return LAID[facts.get("options", {}).get("laid", "translation")][1]
 
 
 def layout_of(source: Path, rank: int | None) -> tuple[Scene, Assembly, Bits]:

@@ -182,6 +182,11 @@ PHRASES: Final[tuple[tuple[re.Pattern[str], str, str], ...]] = tuple(
             "Längen in m: die Datei nennt keine Einheit (--unit)",
             "lunghezze in m: il file non indica unità (--unit)",
         ),
+        (
+            r"order of laying: not found within (\d+) s; jld assembly searches on",
+            r"Reihenfolge des Versetzens: in \1 s nicht gefunden; jld assembly sucht weiter",
+            r"ordine di posa: non trovato in \1 s; jld assembly continua la ricerca",
+        ),
         (r"thickness 1: give --thickness", "Dicke 1 m (--thickness)", "spessore 1 m (--thickness)"),
         (
             r"the live load is the weight acting sideways: no load was given or drawn",
