@@ -22,7 +22,7 @@ from jld_explore.design import checks, run, tessellations
 from jld_explore.design.loads import with_loads
 from jld_explore.design.options import DesignOptions
 from jld_explore.design.outline import read_outline
-from jld_explore.design.page import facts_of, gain_of, words_of
+from jld_explore.design.page import facts_of, gain_of, words_of, write_design
 from jld_explore.design.tessellations import Tessellation
 from jld_explore.design.trials import NONE, Design, Trial, at_low_friction, field_bounds, labelled, one_case
 from jld_explore.explore import explore
@@ -230,6 +230,48 @@ def test_what_fields_deny_is_not_claimed_by_faces(wall: Path) -> None:
     assert work.winner is denied
     usual = Trial("bond", "stated", outline.scene, 2.0, (2.0, 2.0), NONE, "", allowed=False)
     assert gain_of(Design(options, outline, wall.parent, trials=[usual, denied])) is None
+
+
+@pytest.mark.parametrize(
+    ("searched", "claimed"),
+    [
+        ("17 layouts, proven", True),
+        ("1 layout, proven: none of them stands", True),
+        ("48 layouts, not proven", False),
+        (
+            "search: no layout that satisfies the constraints was found within 2 s, nor a proof that there is none",
+            False,
+        ),
+        ("no time was left", False),
+    ],
+)
+def test_only_finished_searches_are_called_proven(wall: Path, searched: str, claimed: bool) -> None:
+    options = DesignOptions(**ASKED)
+    work = Design(options, read_outline(wall, options), wall.parent, searched={"bond": searched})
+    write_design(work, pictures=False)
+    assert ("Proven: of the cells of bond" in (wall.parent / "report.html").read_text("utf-8")) == claimed
+
+
+@pytest.mark.parametrize(
+    ("faces", "load_factor", "words"),
+    [
+        ((5.0, np.inf), np.nan, "λ ≥ 5 by faces"),
+        ((-np.inf, -np.inf), np.nan, "does not stand"),
+        ((2.0, 2.0), 2.0, "λ = 2"),
+    ],
+)
+def test_what_has_no_number_is_said_in_words(
+    wall: Path, faces: tuple[float, float], load_factor: float, words: str
+) -> None:
+    """Locked layouts have a lower bound, unstable ones none; a gain below one is no gain."""
+    options = DesignOptions(**ASKED)
+    outline = read_outline(wall, options)
+    usual = Trial("bond", "stated", outline.scene, load_factor, faces, NONE, "", allowed=False)
+    assert usual.by_faces.startswith(words)
+    best = Trial("stones", "searched", outline.scene, 1.0, (1.0, 1.0), NONE, "")
+    told = words_of(Design(options, outline, wall.parent, trials=[usual, best]))
+    assert "it does not keep the limits, and that the best carries more is not proven" in told
+    assert "nan" not in told
 
 
 @pytest.fixture
