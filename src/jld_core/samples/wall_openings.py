@@ -182,6 +182,7 @@ class _Walls:
         least, given = SLIVER * self.stretcher * (1.0 - 1e-9), self.lintel.bearing
         if limit < (least if given is None else given * (1.0 - 1e-9)):
             wanted = f"at least {SLIVER * self.stretcher if given is None else given:g} for the bearing of its lintel"
+            wanted += "" if given is None else ", or a smaller `bearing`"
             raise self._refusal(f"an opening leaves {limit:g} of wall beside it", wanted)
         reach = min(limit, _HALF * self.stretcher if given is None else given)
         for line in sorted(line for line in lines if 0.0 < line < limit):

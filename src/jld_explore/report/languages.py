@@ -163,7 +163,7 @@ LEGEND: Final[dict[str, tuple[str, str]]] = {
 PHRASES: Final[tuple[tuple[re.Pattern[str], str, str], ...]] = tuple(
     (re.compile(english), german, italian)
     for english, german, italian in (
-        (r"load at (\S+)", r"Last bei \1", r"carico in \1"),
+        (r"load at (\S+)", r"Last bei \1", r"carico a \1"),
         (r"push to the right", "Schub nach rechts", "spinta verso destra"),
         (r"push to the left", "Schub nach links", "spinta verso sinistra"),
         (r"each (\S+ \S+)", r"je \1", r"ognuno \1"),
