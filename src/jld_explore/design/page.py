@@ -145,6 +145,8 @@ def _compared(work: Design, usual: Trial) -> str:
     """Say what is proven of the best layout beside the usual bond."""
     if usual is work.winner:
         return "it is the best that was found"
+    if min(usual.fields[1], usual.faces[1]) < 0.0 and work.winner is not None and work.winner.proven >= 0.0:
+        return "the best does"
     gain = gain_of(work)
     broken = "" if usual.allowed else "it does not keep the limits, and "
     if gain is None or gain < 1.0:
