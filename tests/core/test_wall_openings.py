@@ -230,6 +230,7 @@ def test_a_solid_of_triangles_is_cut_as_one_of_whole_faces(tmp_path: Path) -> No
     ("full", "empty", "options", "words"),
     [
         ([WALL], [((0.05, 0.0, 0.0), (1.6, 0.2, 0.8))], {}, "an opening leaves 0.05 of wall beside it"),
+        (ROOM, [EMPTY[0], ((0.25, 0.0, 0.4), (1.0, 0.2, 0.8))], {}, "an opening leaves 0.05 of wall beside it"),
         ([WALL], [DOOR], {"bearing": 0.9}, "an opening leaves 0.8 of wall beside it"),
         ([WALL], [((0.0, 0.0, 0.0), (1.6, 0.2, 0.8))], {}, "an opening leaves 0 of wall beside it"),
         ([WALL], [((0.8, 0.1, 0.4), (1.6, 0.2, 0.8))], {}, "an opening is no rectangle through its wall"),

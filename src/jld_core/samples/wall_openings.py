@@ -183,7 +183,7 @@ class _Walls:
         if limit < (least if given is None else given * (1.0 - 1e-9)):
             wanted = f"at least {SLIVER * self.stretcher if given is None else given:g} for the bearing of its lintel"
             wanted += "" if given is None else ", or a smaller `bearing`"
-            raise self._refusal(f"an opening leaves {limit:g} of wall beside it", wanted)
+            raise self._refusal(f"an opening leaves {limit:.3g} of wall beside it", wanted)
         reach = min(limit, _HALF * self.stretcher if given is None else given)
         for line in sorted(line for line in lines if 0.0 < line < limit):
             if abs(line - reach) < least:
@@ -208,8 +208,13 @@ class _Walls:
             taken = [(whole[along], whole[along + 2]) for whole, _ in own if _overlap(whole, wall)]
             bounds = [wall[along], *(p for one in sorted(empty + taken) for p in one), wall[along + 2]]
             for ends in zip(bounds[::2], bounds[1::2], strict=True):
-                if ends[1] - ends[0] <= _SAME * (bounds[-1] - bounds[0]):
+                if ends[1] - ends[0] <= self.near:
                     continue
+                if len(bounds) > 2 and ends[1] - ends[0] < SLIVER * self.stretcher * (1.0 - 1e-9):
+                    problem = f"an opening leaves {ends[1] - ends[0]:.3g} of wall beside it"
+                    raise self._refusal(
+                        problem, f"at least {SLIVER * self.stretcher:g}, a quarter of a stretcher, or none"
+                    )
                 joints = head_joints(
                     self.plan.bounds, along, ends, np.array(lines), self.first + k, self.bond, self.stretcher
                 )
