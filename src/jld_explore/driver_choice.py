@@ -110,7 +110,7 @@ def nothing_found(space: SearchSpace, seconds: float | None = None) -> InputErro
     where, problem, remedy = "search", "no labelling satisfies the constraints", "constraints that some labelling meets"
     if seconds is not None:
         problem = "no layout that satisfies the constraints was found"
-    open_question = "" if seconds is None else f" within `seconds={seconds:g}`, nor a proof that there is none"
+    open_question = "" if seconds is None else f" within {seconds:.3g} s, nor a proof that there is none"
     if space.laying is not None and space.laying.refused:
         standing = space.search.assemble == "standing"
         wish = "stands at every stage without props" if standing else "can be laid"

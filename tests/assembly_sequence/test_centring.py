@@ -33,6 +33,7 @@ def test_an_arch_is_struck_when_its_keystone_is_laid(jld: Command, arch: Path, t
     needed = table["step"][table["props_N"] > 0.0]
     assert needed.max() == len(table) - 1 == 6
     assert table["stands"].iloc[-1] == "yes"
+    assert dict(zip(table["stone"], table["block"], strict=True))[3] == "v2r0"
     assert f"centring     from step {needed.min()}, in turn below" in done.out
     assert "it may be struck after step 7" in done.out
     with Image.open(out / "assembly.gif") as animation:

@@ -15,6 +15,7 @@ from jld_core.assembly_sequence.standing import Parts
 from jld_core.assembly_sequence.stations import stations_below
 from jld_core.errors import ParameterError
 from jld_core.scene import Scene
+from jld_core.scene.units import force_in_words
 
 
 def corbel(scale: float = 1.0, turn: float = 0.0) -> Scene:
@@ -124,3 +125,15 @@ def test_bad_spacings_are_one_line(spacing: float, said: str) -> None:
 def test_props_along_a_line_are_planar() -> None:
     with pytest.raises(ParameterError, match="planar"):
         stations_below(build_assembly(samples.vault()), 0.2)
+
+
+def test_a_wall_on_its_footing_has_no_underside() -> None:
+    """No shorter spacing would help: the line says so, and what to do."""
+    with pytest.raises(ParameterError, match="stands on supports along its whole length"):
+        stations_below(build_assembly(samples.wall(opening="1.0,0.4,0.6,0.4")), 0.1)
+
+
+def test_forces_in_words_have_no_exponent() -> None:
+    assert force_in_words(60241.0, "N") == "60.24 kN"
+    assert force_in_words(999.5, "N") == "999.5 N"
+    assert force_in_words(6e4, "apples") == "6e+04 apples"

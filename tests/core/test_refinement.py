@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 
 from cases import grid_document
 from command import call
@@ -14,6 +16,7 @@ from jld_core import InputError, Scene, build_assembly, load_scene, parse_scene,
 from jld_core.refinement import refine
 from jld_explore.space import search_space
 
+BODY = {"live": [{"body": [1.0, 0.0]}]}
 WALL = samples.wall(courses=4, length=1.6, opening="0.6,0.2,0.4,0.2", load="crown")
 STONE = samples.Stone(tension=1e9, shear=1e9)
 KINDS: list[tuple[Scene, dict[str, Any]]] = [
@@ -217,3 +220,14 @@ def test_moving_loads_stay_and_pressure_on_a_split_element_is_refused() -> None:
     along = scene_of({"live": [{"face": {"along": [[0, 0], [0, 1]]}, "pressure": 10.0}]})
     one, other = build_assembly(along), build_assembly(refine(along, (1.0,)).scene)
     assert np.allclose(one.live.sum(axis=0)[:2], other.live.sum(axis=0)[:2], rtol=1e-12)
+
+
+def test_cells_that_reach_beyond_two_elements_are_snapped_past_the_corner_between_them() -> None:
+    """The lower edge of the middle cell, moved onto the outline, would pass the corner of both elements."""
+    ground = {"id": "g", "polygon": [[0, -1], [2, -1], [2, 0], [0, 0]], "support": True}
+    halves = [{"id": f"h{x}", "polygon": [[x, 0], [x + 1, 0], [x + 1, 1], [x, 1]], "block": "b"} for x in (0, 1)]
+    scene = parse_scene(grid_document(["a", "#"]) | {"grid": None, "elements": [ground, *halves], "loads": BODY}, "two")
+    ends, over = [-4e-4, 0.9, 1.1, 2.0 + 4e-4], 4e-4
+    cells = [shapely.box(a, -over, b, 1.0 + over) for a, b in itertools.pairwise(ends)]
+    found = build_assembly(refine(scene, (0.35,), cells=cells, snap=0.25).scene).elements
+    assert found.volume[found.free] == pytest.approx([0.9, 0.1, 0.1, 0.9])

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from PIL import Image
 
+from cases import grid_document
 from command import call
 from jld_core import InputError, build_assembly, load_scene, parse_scene, samples, solve
 from jld_core.samples import box
@@ -153,3 +154,17 @@ def test_numbers_in_the_plane_stand_at_the_centroids_of_blocks() -> None:
     places = [centroid[free[:2]].mean(axis=0), centroid[free[2]]]
     written = write_numbers(ax, assembly, [free[:2], free[2:]], places)
     assert np.array([text.get_position() for text in written]) == pytest.approx(np.array(places), rel=1e-12)
+
+
+def test_the_number_of_an_angle_stands_within_it() -> None:
+    """The centroid of an L of thin legs lies in its hollow; its number stands where both legs meet."""
+    document = grid_document(["a...", "a...", "aaaa", "####"])
+    assembly = build_assembly(parse_scene(document))
+    own = assembly.elements.free.tolist()
+    weight = assembly.elements.volume[own]
+    centroid = weight @ assembly.elements.centroid[own] / weight.sum()
+    (written,) = write_numbers(Figure().add_subplot(), assembly, [own], [centroid])
+    whole = shapely.union_all([shapely.Polygon(assembly.elements.shape[k]) for k in own])
+    assert not whole.contains(shapely.Point(centroid))
+    assert whole.boundary.distance(shapely.Point(written.get_position())) > 0.04
+    assert whole.contains(shapely.Point(written.get_position()))

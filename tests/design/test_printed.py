@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 import zipfile
-from itertools import pairwise
+from itertools import combinations, pairwise
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+import shapely
 from matplotlib.figure import Figure
 
 from cases import grid_document
@@ -18,9 +19,10 @@ from jld_core import build_assembly, parse_scene, samples, solve
 from jld_core.assembly_sequence import assembly_order
 from jld_core.exchange import Layout
 from jld_core.views.figures import draw_assembly
-from jld_explore.report.languages import LANGUAGES, LEGEND, WORDS, decimal_commas, localise, words_in
-from jld_explore.report.making import making_of, smallest_rectangle, stones_of, stones_table
+from jld_explore.report.languages import LANGUAGES, LEGEND, WORDS, decimal_commas, digits, localise, words_in
+from jld_explore.report.making import Stone, making_of, smallest_rectangle, stones_of, stones_table
 from jld_explore.report.printed import Printed, pages_of
+from jld_explore.report.printed_moulds import draw_mould
 
 
 def layout(rows: list[str]) -> Layout:
@@ -106,6 +108,56 @@ def test_pages_say_loads_times_the_proven_factor(language: str) -> None:
     assert ("2.5 kN" if language == "en" else "2,5 kN") in told
     assert words_in(language)["not_strongest"] in told
     assert f"{words_in(language)['page']} 1/{len(pages)}" in told
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_loads_of_a_design_are_one_row_each_in_the_language_of_the_page(language: str) -> None:
+    """12 N and 4 N on two stones are 16 N at three parts to one; large masses have no exponent."""
+    document = grid_document(["ab", "##"])
+    document["loads"] = {
+        "cases": [
+            {"name": "push to the left", "live": [{"body": [-0.1, 0.0]}]},
+            {
+                "name": "load at 0.1",
+                "live": [
+                    {"element": "c0r0", "force": [0.0, -12.0], "at": [0.05, 0.2]},
+                    {"element": "c1r0", "force": [0.0, -4.0], "at": [0.15, 0.2]},
+                ],
+            },
+        ]
+    }
+    scene = parse_scene(document)
+    assembly = build_assembly(scene)
+    laying = assembly_order(assembly, assembly.labels)
+    assumed = ("supports below the lowest edges: the drawing names none", "low friction 0.4, 0.8 of 0.5")
+    own = Layout(scene, assembly, assembly.labels)
+    pages = pages_of(
+        Printed(own, (0.5, 0.5), (0.5, 0.5), "collapse", laying=laying, assumed=assumed), language=language
+    )
+    told = texts(pages)
+    place = LANGUAGES.index(language)
+    assert ("push to the left", "Schub nach links", "spinta verso sinistra")[place] in told
+    assert ("0.016 kN on stones 1, 2", "0,016 kN auf den Steinen 1, 2", "0,016 kN sui conci 1, 2")[place] in told
+    assert ("(0.075, 0.2) m", "(0,075; 0,2) m", "(0,075; 0,2) m")[place] in told
+    assert ("from above", "von oben", "dall'alto")[place] in told
+    assert ("below the lowest", "unter den tiefsten", "sotto i bordi")[place] in told
+    assert "low friction" not in told
+    assert digits(14973.4) == "14970"
+    assert "λ = 0" in texts(pages_of(Printed(own, (-np.inf, np.inf), (0.5, 0.5), "collapse"), language=language))
+
+
+def test_lengths_of_edges_of_a_mould_lie_beside_them_and_apart() -> None:
+    """A narrow notch has no room for the lengths of its three edges outside: some stand within."""
+    ring = np.array([[0, 0], [9, 0], [9, 6], [5, 6], [5, 1], [4, 1], [4, 6], [0, 6]], dtype=float) / 10.0
+    figure = Figure(figsize=(8.27, 11.69))
+    ax = figure.add_axes((0.1, 0.6, 0.18, 0.1))
+    draw_mould(ax, Stone(1, "a", 1, 1.0, 1.0, (1.0, 1.0, 1.0), 8, 2, 1.0, ring), 1000.0, "#dddddd")
+    figure.canvas.draw()
+    boxes = [shapely.box(*one.get_window_extent().extents) for one in ax.texts]
+    outline = shapely.LinearRing(ax.transData.transform(1000.0 * ring))
+    assert sorted(one.get_text() for one in ax.texts) == ["100", "400", "400", "500", "500", "600", "600", "900"]
+    assert not any(one.intersects(other) for one, other in combinations(boxes, 2))
+    assert not any(box.buffer(-1.0).intersects(outline) for box in boxes)
 
 
 def test_a_locked_layout_claims_no_number() -> None:

@@ -150,7 +150,7 @@ def test_nothing_found_in_time_is_one_line_and_no_folder(tmp_path: Path) -> None
     scene = samples.arch(voussoirs=60)
     search = scene.search.model_copy(update={"block_cells": [1, 5], "assemble": "standing"})
     settings = ExploreSettings(driver="genetic", seconds=1.5, jobs=1)
-    with pytest.raises(InputError, match=r"search(.assemble)?: no layout .* within `seconds=1.5`"):
+    with pytest.raises(InputError, match=r"search(.assemble)?: no layout .* within 1.5 s, "):
         explore(scene.model_copy(update={"search": search}), tmp_path / "out", settings)
     assert not (tmp_path / "out").exists()
 

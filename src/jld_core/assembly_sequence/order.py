@@ -17,6 +17,7 @@ from jld_core.assembly_sequence.blocks import Blocks, blocks_of_labelling
 from jld_core.assembly_sequence.freedom import Bodies, Freedom
 from jld_core.assembly_sequence.standing import Parts, Stage, Standing
 from jld_core.assembly_sequence.start import LayingStart, Turn, turn_of
+from jld_core.scene.units import force_in_words
 
 SequenceRule = Literal["translation", "standing"]
 """Rule for an assembly sequence: translations only, or also stages that stand without props."""
@@ -104,7 +105,7 @@ def words_of_fall(laying: Laying, number: int, step: Step) -> str:
     blocks = laying.blocks
     laid = " + ".join(blocks.name(block) for block in step.blocks)
     propped = " and ".join(blocks.name(block) for block in np.flatnonzero(step.stage.props > 0.0).tolist())
-    need = f"props of {step.stage.props.sum():.4g} {blocks.assembly.units[1]} below {propped}"
+    need = f"props of {force_in_words(step.stage.props.sum(), blocks.assembly.units[1])} below {propped}"
     return f"step {number} of {len(laying.steps)}, when {laid} is laid: it needs {need}"
 
 

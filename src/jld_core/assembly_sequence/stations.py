@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import shapely
 
 from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Assembly
@@ -60,6 +61,12 @@ def stations_below(assembly: Assembly, spacing: float) -> Stations:
             points.append(place * right + known[element] * up)
             owner.append(element)
     if not points:
+        ends = [elements.shape[e] @ right for e in range(len(elements)) if elements.support[e]]
+        grounds = shapely.union_all([shapely.LineString([(one.min(), 0.0), (one.max(), 0.0)]) for one in ends])
+        whole = shapely.LineString([(low, 0.0), (high, 0.0)])
+        if shapely.difference(whole, shapely.buffer(grounds, 1e-9 * assembly.size)).is_empty:
+            problem = "the structure stands on supports along its whole length: places lie below a free underside only"
+            raise ParameterError("props", problem, "no such option; each stage then says which blocks need props")
         raise ParameterError("props", f"a spacing of {spacing:g} leaves no place below the structure", "a shorter one")
     return Stations(np.array(points), np.array(owner, dtype=np.int64))
 

@@ -29,6 +29,11 @@ _COMMON: Final = ("mm", "cm", "m", "in", "ft")
 """Units that are proposed."""
 
 
+def hardly_meant(size: float) -> bool:
+    """Return True if a largest extent, m, is that of no structure."""
+    return not _WHOLE[0] <= size <= _WHOLE[1]
+
+
 def say_size(size: float, outlines: Sequence[Floats], unit: str, drawn_in: str, notes: Notes) -> None:
     """Note a size of a structure or of its blocks that can hardly be meant, and a likely unit.
 
@@ -38,7 +43,7 @@ def say_size(size: float, outlines: Sequence[Floats], unit: str, drawn_in: str, 
     if unit != "m" or not outlines:
         return
     block = float(np.median([abs(polygons.area(outline[None])[0]) ** 0.5 for outline in outlines]))
-    if _WHOLE[0] <= size <= _WHOLE[1] and (block <= _BLOCK or size <= _LONG):
+    if not hardly_meant(size) and (block <= _BLOCK or size <= _LONG):
         return
     per_unit = 1.0 / METRES[drawn_in]
 

@@ -83,7 +83,7 @@ def _draw(layout: Layout, space: Any) -> None:
             space.add_lwpolyline(region.shell.tolist(), close=True, dxfattribs={"layer": _layer(block.shape, False)})
         x, y = block.centroid
         wide, tall = (high - low for low, high in zip(block.lower, block.upper, strict=True))
-        words = f"{block.name}: shape {block.shape}, {wide:.4g} × {tall:.4g}"
+        words = f"stone {k + 1}, {block.name}: shape {block.shape}, {wide:.4g} × {tall:.4g}"
         _text(space, words, (x, y - 1.5 * height), 0.45 * height, "BLOCK IDS")
     for hole in layout.openings:
         space.add_lwpolyline(hole.tolist(), close=True, dxfattribs={"layer": "HOLES"})

@@ -103,6 +103,10 @@ def _faces(
     rings = [shapely.LinearRing(outline - origin) for outline in outlines]
     borders = shapely.transform(shapely.boundary(np.array(list(cells))), lambda points: points - origin)
     pieces = shapely.get_parts(shapely.union_all([*rings, *borders], grid_size=_GRID * extent))
+    # what runs outside along an outline would come to lie on it by snapping, past corners that it does not meet
+    middle = shapely.line_interpolate_point(pieces, 0.5, normalized=True)
+    shapes = shapely.STRtree([shapely.Polygon(ring) for ring in rings])
+    pieces = pieces[np.unique(shapes.query(middle, predicate="dwithin", distance=_ON * extent)[0])]
     points, owner = shapely.get_coordinates(pieces, return_index=True)
     node, place = _nodes(points, known - origin, rings, extent, size)
     if snap > 0.0:

@@ -1,4 +1,4 @@
-"""Spatial elements that are prisms: vaults cut by their profile and by courses, walls in bonds with bonded corners."""
+"""Spatial elements that are prisms: vaults cut by their profile and by courses."""
 
 from __future__ import annotations
 
@@ -10,14 +10,12 @@ import numpy as np
 import shapely
 
 from jld_core.arrays import Floats
-from jld_core.errors import InputError, ParameterError
+from jld_core.errors import InputError
 from jld_core.geometry import Faces, facets_of
 from jld_core.geometry.unions import region_of
 from jld_core.geometry.vectors import across
 from jld_core.refinement.arrangement import join_small, split_by_cells
-from jld_core.refinement.tessellation import MOST
 from jld_core.refinement.voussoirs import voussoir_cells
-from jld_core.samples.corner_bonds import corner_course
 
 _FLAT: Final = 1e-6
 """Distance from one of two planes, relative to the size, up to which a corner of a prism lies in it."""
@@ -60,15 +58,15 @@ class Prism:
         return vertices, (tuple(range(count))[::-1], tuple(range(count, 2 * count)), *sides)
 
 
-def prism_of(vertices: Floats, faces: Faces, along: Floats | None = None) -> Prism | None:
-    """Return a solid as a prism; None if it is no prism.
+def prism_of(vertices: Floats, faces: Faces) -> Prism | None:
+    """Return a solid as a prism without holes; None if it is none.
 
-    vertices: (k, 3). faces: outward loops of vertex indices. along: (3,) unit axis that the prism must have, whose
-    profile may have holes. None: of several possible axes, that whose profile has the most corners, without holes.
+    vertices: (k, 3). faces: outward loops of vertex indices. Of several possible axes the prism has that whose profile
+    has the most corners.
     """
     size = float(np.ptp(vertices, axis=0).max())
     best: Prism | None = None
-    for axis in facets_of([vertices], [faces]).normal if along is None else along[None]:
+    for axis in facets_of([vertices], [faces]).normal:
         height = vertices @ axis
         low, high = float(height.min()), float(height.max())
         if (np.minimum(height - low, high - height) > _FLAT * size).any():
@@ -85,9 +83,7 @@ def prism_of(vertices: Floats, faces: Faces, along: Floats | None = None) -> Pri
             )
             for level in (low, high)
         )
-        if whole.geom_type != "Polygon" or other.hausdorff_distance(whole) > 2.0 * _FLAT * size:
-            continue
-        if along is None and whole.interiors:
+        if whole.geom_type != "Polygon" or whole.interiors or other.hausdorff_distance(whole) > 2.0 * _FLAT * size:
             continue
         region = region_of(whole)
         profile = shapely.Polygon(region.shell, region.holes)
@@ -137,43 +133,4 @@ def split_prism(
         shell = region_of(part).shell
         ends = [0.0, *joints.tolist(), prism.length]
         pieces += [prism.part(shell, low, high) for low, high in itertools.pairwise(ends)]
-    return pieces
-
-
-def split_walls(
-    name: str, vertices: Floats, faces: Faces, down: Floats, bottom: float, cell: tuple[float, float], bond: str
-) -> list[tuple[Floats, Faces]]:
-    """Cut an upright prism, such as the walls of a room, into courses of a masonry bond with bonded corners.
-
-    name: of the element, for messages. vertices: (k, 3). faces: outward loops of vertex indices. down: (3,) direction
-    of weight. bottom: height at which the first course begins, against `down`. cell: length of a stretcher and height
-    of a course. bond: one of `BONDS`. Returns vertices and faces of each stone, course by course from below. A course
-    lower than a twentieth of its height joins the one beside it. Raises InputError if the solid is no upright prism or
-    its walls do not meet at right angles, and ParameterError for more than `MOST` stones.
-    """
-    prism = prism_of(vertices, faces, -down)
-    if prism is None:
-        raise InputError(f"element {name!r}", "it is no upright prism", "walls of one height, without openings")
-    edges = np.diff(shapely.get_coordinates(prism.profile.exterior), axis=0)
-    lengths = np.hypot(*edges.T)
-    expected = prism.length / cell[1] * (lengths.sum() / cell[0] + 1.0)
-    if expected > MOST:
-        raise ParameterError("cell", f"that makes {expected:.3g} cells", f"at most {MOST}")
-    # first axis along the longest edge, anticlockwise; of equally long ones that nearest to a level world axis
-    longest = edges[lengths >= (1.0 - _FLAT) * lengths.max()] @ prism.axes[:2] / lengths.max()
-    if not prism.profile.exterior.is_ccw:
-        longest = -longest
-    first = longest[longest[:, abs(down).argmin()].argmax()]
-    first /= np.linalg.norm(first)
-    axes = np.stack([first, np.cross(prism.axes[2], first), prism.axes[2]])
-    turned = shapely.transform(prism.profile, lambda points: points @ prism.axes[:2] @ axes[:2].T)
-    walls = Prism(prism.origin, axes, turned, prism.length)
-    base = float(prism.origin @ axes[2]) - bottom
-    joints = cell[1] * np.arange(np.floor(base / cell[1]), np.ceil((base + prism.length) / cell[1]) + 1.0) - base
-    joints = joints[(joints > _LEAST * cell[1]) & (joints < prism.length - _LEAST * cell[1])]
-    pieces = []
-    for low, high in itertools.pairwise([0.0, *joints.tolist(), prism.length]):
-        number = int(np.floor((base + 0.5 * (low + high)) / cell[1]))
-        for x0, y0, x1, y1 in corner_course(turned, number, bond, cell[0], name):
-            pieces.append(walls.part(np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)]), low, high))
     return pieces

@@ -17,21 +17,15 @@ from jld_core.errors import InputError, ParameterError
 from jld_core.geometry import Faces
 from jld_core.geometry.unions import region_of, union_outlines
 from jld_core.refinement.arrangement import join_small, split_by_cells
-from jld_core.refinement.prisms import split_prism, split_walls
+from jld_core.refinement.cell_options import CellOptions, check_options
+from jld_core.refinement.prisms import split_prism
 from jld_core.refinement.tessellation import MOST, convex, courses_of, cut, sectors, squares, voronoi
 from jld_core.refinement.transfer import Piece, labels_of, loads_of, members_of, search_of
 from jld_core.refinement.voussoirs import voussoir_cells
+from jld_core.refinement.walls import bed_joints, split_walls
+from jld_core.samples.wall_openings import Lintel
 from jld_core.scene import Scene, parse_scene
 from jld_core.sub_assembly import faces_of
-
-KINDS: Final = ("grid", "bond", "voronoi", "radial")
-"""Names of the kinds of cells of a given size; the last two are planar only."""
-
-BY: Final = ("block", "material")
-"""Names of the groups of old joints that a search must keep, for the parameter `by` of `refine`."""
-
-SNAP: Final = 0.4
-"""Largest distance, relative to a cell, to which corners of cells move: beyond it cells degenerate."""
 
 _LEAST: Final = 0.05
 """Share of a cell's area below which a piece joins its neighbour."""
@@ -71,6 +65,8 @@ def refine(
     snap: float = 0.0,
     cells: Sequence[shapely.Polygon] | None = None,
     skew: float | None = None,
+    lintel: int = 1,
+    bearing: float | None = None,
 ) -> Refined:
     """Split every free element of a scene into cells; supports stay whole.
 
@@ -86,9 +82,9 @@ def refine(
         Sizes of a cell along the axes, length; one size suffices. "radial": ring thickness, and sector angle in
         degrees. "bond": length of a stretcher, and height of a course. Empty with `voussoirs`.
     kind : {"grid", "bond", "voronoi", "radial"}
-        Kind of cells. "bond": courses of masonry from the lowest point; in space, walls of one height that meet at
-        right angles, bonded at their corners. "voronoi" (planar): random cells of about this size. "radial" (planar):
-        sectors of rings.
+        Kind of cells. "bond": courses of masonry from the lowest point; in space, walls that meet at right angles,
+        bonded at their corners, with lintels over rectangular openings. "voronoi" (planar): random cells of about this
+        size. "radial" (planar): sectors of rings.
     by : {"block", "material"} or None
         Old joints that a search must keep. "block": all faces between old blocks keep their label. "material": faces
         between elements of different density stay dry. None: no joints are kept.
@@ -113,6 +109,12 @@ def refine(
         Own cells of about the size `cell`, which cover the structure (planar), instead of a kind.
     skew : float, optional
         Angle between the outer joints of a flat arch and the normal of its soffit, with `voussoirs`, degrees below 90.
+    lintel : int
+        Stones over an opening of walls in a bond in space: 1 for a lintel, more for a flat arch of so many wedges
+        between two skewbacks.
+    bearing : float, optional
+        Least length by which lintels reach beyond the jambs, with skewbacks that of these. None: half a stretcher, or
+        what is left of a shorter pier.
 
     Returns
     -------
@@ -125,8 +127,8 @@ def refine(
         If sizes or kinds do not fit the scene, an element cannot be cut, the inner material is missing, or a pressure
         acts on the whole free boundary of an element that is split.
     """
-    grid = _Grid(cell, kind, centre, seed, bond, voussoirs, rings, courses, snap, cells, skew)
-    _check(scene, grid, by)
+    grid = CellOptions(cell, kind, centre, seed, bond, voussoirs, rings, courses, snap, cells, skew, lintel, bearing)
+    check_options(scene, grid, by)
     assembly = build_assembly(scene)
     down = direction_of_weight(scene)
     cut_up = _planar(assembly, grid, down) if assembly.dimension == 2 else _spatial(assembly, grid, down)
@@ -147,84 +149,7 @@ def refine(
     return Refined(parse_scene(document, scene.name), parent, tuple(notes))
 
 
-@dataclass(frozen=True)
-class _Grid:
-    """Arguments of `refine` that define the cells."""
-
-    cell: tuple[float, ...]
-    kind: str
-    centre: tuple[float, float] | None
-    seed: int
-    bond: str
-    voussoirs: int | None
-    rings: int
-    courses: int
-    snap: float
-    own: Sequence[shapely.Polygon] | None
-    skew: float | None
-
-
-def _check(scene: Scene, grid: _Grid, by: str | None) -> None:
-    """Raise an error for arguments of `refine` that are invalid or do not fit the scene.
-
-    ParameterError: `grid` or `by` is wrong. InputError: the scene cannot be refined.
-    """
-    if by is not None and by not in BY:
-        raise ParameterError("by", f"{by!r} is unknown", "one of " + ", ".join(BY))
-    if grid.voussoirs is None:
-        _check_sizes(scene, grid)
-    elif grid.cell or grid.kind != "grid" or grid.own is not None:
-        raise ParameterError("voussoirs", "it does not go with `cell` or `kind`", "one or the other")
-    elif grid.bond not in ("running", "stack"):
-        raise ParameterError("bond", f"{grid.bond!r} is no bond of voussoirs", "running or stack")
-    elif grid.courses < 1:
-        raise ParameterError("courses", f"{grid.courses} is wrong", "a whole number from 1")
-    elif scene.dimension == 2 and grid.courses != 1:
-        raise ParameterError("courses", "the scene is planar and has no axis", "a spatial scene, or no `courses`")
-    elif scene.dimension == 3 and grid.centre is not None:
-        raise ParameterError("centre", "the scene is spatial", "a planar scene, or a vault with an arc")
-    if grid.skew is not None and (grid.voussoirs is None or grid.centre is not None):
-        raise ParameterError("skew", "it is that of a flat arch without a centre", "`voussoirs`, and no `centre`")
-    if grid.skew is not None and not 1.0 <= grid.skew < 90.0:
-        raise ParameterError("skew", f"{grid.skew:g} is no inclination of joints", "from 1 to below 90 degrees")
-    if grid.centre is not None and not np.isfinite(grid.centre).all():
-        raise ParameterError("centre", f"{grid.centre[0]:g},{grid.centre[1]:g} is no point", "x,y")
-    if not 0.0 <= grid.snap <= SNAP:
-        raise ParameterError("snap", f"{grid.snap:g} of a cell is wrong", f"0 to {SNAP:g}")
-    if grid.snap and scene.dimension == 3:
-        raise ParameterError("snap", "the scene is spatial", "a planar scene, or 0")
-    if scene.interfaces is not None:
-        raise InputError("interfaces", "they are given by hand", "a scene whose interfaces are found")
-    if scene.materials.faces:
-        raise InputError("materials.faces", "they name elements that are split", "a scene without them")
-    if scene.materials.inner is None:
-        raise InputError("materials.inner", "missing, and cells are joined by inner faces", "strengths of the material")
-
-
-def _check_sizes(scene: Scene, grid: _Grid) -> None:
-    """Raise ParameterError for options of a grid that are invalid or contradict each other."""
-    cell, kind = grid.cell, grid.kind
-    if grid.own is not None and (kind != "grid" or scene.dimension == 3):
-        raise ParameterError("cells", "own cells are planar and of no kind", "a planar scene, without `kind`")
-    if kind not in KINDS:
-        raise ParameterError("kind", f"no cells are named {kind!r}", "one of " + ", ".join(KINDS))
-    if not cell:
-        raise ParameterError("cell", "missing", "the size of a cell, or `voussoirs` with their number")
-    if not 1 <= len(cell) <= scene.dimension or not all(0.0 < size < float("inf") for size in cell):
-        raise ParameterError(
-            "cell", f"{','.join(f'{size:g}' for size in cell)} is wrong", "one size above 0 for each axis"
-        )
-    if grid.rings != 1 or grid.courses != 1:
-        name = "rings" if grid.rings != 1 else "courses"
-        raise ParameterError(name, "it goes with `voussoirs` only", "`voussoirs` with their number")
-    if kind not in ("grid", "bond") and scene.dimension == 3:
-        raise ParameterError("kind", f"{kind} cells are planar and the scene is spatial", "grid or bond")
-    if kind == "radial" and (grid.centre is None or len(cell) != 2):
-        what = "it has no centre" if grid.centre is None else "it has one size"
-        raise ParameterError("kind", what, "`centre` x,y and `cell` THICKNESS,DEGREES")
-
-
-def _planar(assembly: Assembly, grid: _Grid, down: Floats) -> list[list[Piece]]:
+def _planar(assembly: Assembly, grid: CellOptions, down: Floats) -> list[list[Piece]]:
     """Cut all free planar elements into pieces; `down`: (2,) direction of weight."""
     elements = assembly.elements
     free = elements.free
@@ -245,7 +170,7 @@ def _planar(assembly: Assembly, grid: _Grid, down: Floats) -> list[list[Piece]]:
 
 
 def _cells(
-    assembly: Assembly, outlines: list[shapely.Polygon], grid: _Grid, down: Floats
+    assembly: Assembly, outlines: list[shapely.Polygon], grid: CellOptions, down: Floats
 ) -> tuple[list[shapely.Polygon], float, float]:
     """Return the cells, the length of their shortest side, and the least area of a piece.
 
@@ -275,7 +200,7 @@ def _cells(
     return cells, min(sizes), _LEAST * sizes[0] * sizes[1]
 
 
-def _spatial(assembly: Assembly, grid: _Grid, down: Floats) -> list[list[Piece]]:
+def _spatial(assembly: Assembly, grid: CellOptions, down: Floats) -> list[list[Piece]]:
     """Cut all free spatial elements into pieces; `down`: (3,) direction of weight."""
     elements = assembly.elements
     parts = _cut_of(assembly, grid, down)
@@ -292,7 +217,7 @@ def _spatial(assembly: Assembly, grid: _Grid, down: Floats) -> list[list[Piece]]
     return found
 
 
-def _cut_of(assembly: Assembly, grid: _Grid, down: Floats) -> Callable[[int], list[tuple[Floats, Faces]]]:
+def _cut_of(assembly: Assembly, grid: CellOptions, down: Floats) -> Callable[[int], list[tuple[Floats, Faces]]]:
     """Return the function that cuts a spatial element, given by its index, into vertices and faces of its pieces.
 
     down: (3,) direction of weight. Raises ParameterError for too many cells of a grid; the function raises InputError
@@ -302,10 +227,10 @@ def _cut_of(assembly: Assembly, grid: _Grid, down: Floats) -> Callable[[int], li
     if grid.voussoirs is None and grid.kind == "grid":
         return _by_planes(assembly, grid.cell)
     if grid.voussoirs is None:
-        sizes = (grid.cell[0], grid.cell[-1])
-        bottom = -max(float((elements.shape[k] @ down).max()) for k in elements.free)
+        free, lintel = elements.free.tolist(), Lintel(grid.lintel, grid.bearing)
+        beds = bed_joints([elements.shape[k] for k in free], [elements.faces[k] for k in free], down, grid.cell[-1])
         return lambda k: split_walls(
-            elements.ids[k], elements.shape[k], elements.faces[k], down, bottom, sizes, grid.bond
+            elements.ids[k], elements.shape[k], elements.faces[k], down, beds, grid.cell[0], grid.bond, lintel
         )
     count = (grid.voussoirs, grid.rings, grid.courses)
     running = grid.bond == "running"

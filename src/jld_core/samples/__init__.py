@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from jld_core.samples.corners import corner
+from jld_core.samples.corners import corner, room
 from jld_core.samples.planar import arch, buttress, flat_arch, grid, wall
 from jld_core.samples.stone import Stone, box
 from jld_core.samples.vaults import dome, vault
@@ -28,6 +28,7 @@ KINDS: Final[dict[str, Callable[..., Scene]]] = {
     "arch": arch,
     "wall": wall,
     "corner": corner,
+    "room": room,
     "vault": vault,
     "dome": dome,
     "flat-arch": flat_arch,

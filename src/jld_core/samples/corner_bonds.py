@@ -1,4 +1,4 @@
-"""Bonded corners: stones of one course of walls that meet at right angles in plan."""
+"""Bonded corners: walls that meet at right angles in plan, and the stones of one of their courses."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from jld_core.samples.bonds import course
 Rectangle = tuple[float, float, float, float]
 """Least x and y, and largest x and y, of an upright wall or stone in plan."""
 
-_SLIVER = 0.25
-"""Least distance of a head joint from the end of its wall and from a corner that it passes, in stretchers."""
+SLIVER = 0.25
+"""Least distance of a head joint from an end of its wall and from a line that it must not meet, in stretchers."""
 
 _NEAR = 1e-6
 """Distance, relative to the extent of a plan, up to which coordinates are the same."""
@@ -34,73 +34,104 @@ def corner_course(
     `BONDS`. stretcher: length of a stretcher, in the unit of the plan. name: of the element, for messages. Raises
     InputError for an unknown bond, or edges that are not along the axes.
     """
-    through = number % 2
-    low_x, low_y, high_x, high_y = plan.bounds
-    ends = ((low_x, high_x), (low_y, high_y))
-    plan = _squared(plan, name)
-    lines = _lines(plan)
+    bounds = plan.bounds
+    plan = squared(plan, name)
+    corners = inner_corners(plan)
     found: list[Rectangle] = []
-    for wall in _walls(plan, lines, through):
-        sides = (wall[2] - wall[0], wall[3] - wall[1])
-        along = int(sides[1] > sides[0])
-        # walls along y are one course ahead: where they run through, a whole stretcher begins at their corner
-        start, end = ends[along]
-        joints = start + course(bond, number + along, end - start, stretcher)[1:-1]
-        least, most = wall[along], wall[along + 2]
-        kept = np.concatenate([[least, most], lines[along][(lines[along] > least) & (lines[along] < most)]])
-        joints = joints[(joints > least) & (joints < most)]
-        clear = abs(joints[:, None] - kept).min(axis=1, initial=np.inf) >= _SLIVER * stretcher * (1.0 - 1e-9)
-        for a, b in itertools.pairwise([least, *joints[clear].tolist(), most]):
-            stone = list(wall)
-            stone[along], stone[along + 2] = a, b
-            found.append((stone[0], stone[1], stone[2], stone[3]))
+    for wall in walls_of(plan, corners, number % 2):
+        along = axis_of(wall)
+        ends = (wall[along], wall[along + 2])
+        joints = head_joints(bounds, along, ends, np.unique(corners[:, along]), number, bond, stretcher)
+        found += [within(wall, a, b) for a, b in itertools.pairwise(joints)]
     return found
 
 
-def _squared(plan: shapely.Polygon, name: str) -> shapely.Polygon:
-    """Return a plan whose nearly equal coordinates are equal.
+def axis_of(wall: Rectangle) -> int:
+    """Return the axis along which a wall runs: 0 for x, 1 for y."""
+    return int(wall[3] - wall[1] > wall[2] - wall[0])
+
+
+def within(wall: Rectangle, start: float, end: float) -> Rectangle:
+    """Return the part of a wall between two positions along it."""
+    part = list(wall)
+    along = axis_of(wall)
+    part[along], part[along + 2] = start, end
+    return part[0], part[1], part[2], part[3]
+
+
+def head_joints(
+    bounds: Rectangle, along: int, ends: tuple[float, float], lines: Floats, number: int, bond: str, stretcher: float
+) -> list[float]:
+    """Return the head joints of a bond in a part of a wall, with its ends, ascending.
+
+    Joints closer than `SLIVER` to an end or a line are left out. bounds: of the whole plan, at whose least coordinates
+    courses begin. along: axis of the wall. ends: of the part. lines: positions along the wall. number: of the course.
+    bond, stretcher: as in `corner_course`.
+    """
+    # walls along y are one course ahead: where they run through, a whole stretcher begins at their corner
+    joints = bounds[along] + course(bond, number + along, bounds[along + 2] - bounds[along], stretcher)[1:-1]
+    joints = joints[(joints > ends[0]) & (joints < ends[1])]
+    clear = abs(joints[:, None] - np.concatenate([ends, lines])).min(axis=1) >= SLIVER * stretcher * (1.0 - 1e-9)
+    return [ends[0], *joints[clear].tolist(), ends[1]]
+
+
+def squared(plan: shapely.Geometry, name: str) -> shapely.Geometry:
+    """Return a plan of one or several polygons whose nearly equal coordinates are equal.
 
     name: of the element, for messages. Raises InputError for edges that are not along the axes.
     """
     points = shapely.get_coordinates(plan)
-    near = _NEAR * float(np.ptp(points, axis=0).max())
-    levels = []
-    for column in np.sort(points, axis=0).T:
-        levels.append(column[np.concatenate([[True], np.diff(column) > near])])
-    squared = shapely.transform(
-        shapely.geometry.polygon.orient(plan),
-        lambda points: np.column_stack(
-            [level[np.searchsorted(level, one, side="right") - 1] for level, one in zip(levels, points.T, strict=True)]
-        ),
-    )
-    for ring in (squared.exterior, *squared.interiors):
+    extent = float(np.ptp(points, axis=0).max())
+    levels = [levels_of(column, extent) for column in points.T]
+    polygons = [
+        shapely.transform(
+            shapely.geometry.polygon.orient(part),
+            lambda points: np.column_stack([snapped(one, level) for level, one in zip(levels, points.T, strict=True)]),
+        )
+        for part in shapely.get_parts(plan)
+    ]
+    for ring in (ring for part in polygons for ring in (part.exterior, *part.interiors)):
         if np.diff(shapely.get_coordinates(ring), axis=0).all(axis=1).any():
             raise InputError(
                 f"element {name!r}", "an edge of its plan is at no right angle to others", "walls at right angles"
             )
-    return squared
+    return polygons[0] if len(polygons) == 1 else shapely.MultiPolygon(polygons)
 
 
-def _lines(plan: shapely.Polygon) -> tuple[Floats, Floats]:
-    """Return the x and the y of the re-entrant corners of a plan that `_squared` returns, ascending, each once."""
-    found: list[Floats] = []
+def levels_of(values: Floats, extent: float) -> Floats:
+    """Return the different values, ascending; of nearly equal ones the least.
+
+    extent: of the structure, length; values that differ by 1e-6 of it are equal.
+    """
+    ordered = np.sort(values)
+    return np.asarray(ordered[np.concatenate([[True], np.diff(ordered) > _NEAR * extent])])
+
+
+def snapped(values: Floats, levels: Floats) -> Floats:
+    """Return the levels, of `levels_of`, to which values belong."""
+    return np.asarray(levels[np.searchsorted(levels, values, side="right") - 1])
+
+
+def inner_corners(plan: shapely.Polygon) -> Floats:
+    """Return the re-entrant corners (k, 2) of a plan that `squared` returns, where walls meet."""
+    found: list[Floats] = [np.zeros((0, 2))]
     for ring in (plan.exterior, *plan.interiors):
         points = shapely.get_coordinates(ring)[:-1]
         edges = np.roll(points, -1, axis=0) - points
         before = np.roll(edges, 1, axis=0)
         turns = before[:, 0] * edges[:, 1] - before[:, 1] * edges[:, 0]
         found.append(points[turns < 0.0])
-    corners = np.concatenate(found)
-    return np.unique(corners[:, 0]), np.unique(corners[:, 1])
+    return np.concatenate(found)
 
 
-def _walls(plan: shapely.Polygon, lines: tuple[Floats, Floats], through: int) -> list[Rectangle]:
+def walls_of(plan: shapely.Polygon, corners: Floats, through: int) -> list[Rectangle]:
     """Divide a plan into walls, those along one axis running through the corners.
 
-    lines: coordinates of the re-entrant corners. through: 0 for walls along x, 1 for those along y.
+    plan: as `squared` returns it. corners: its re-entrant corners (k, 2). through: 0 for walls along x, 1 for those
+    along y.
     """
     across = 1 - through
-    levels = [plan.bounds[across], *lines[across].tolist(), plan.bounds[across + 2]]
+    levels = [plan.bounds[across], *np.unique(corners[:, across]).tolist(), plan.bounds[across + 2]]
     walls: list[list[float]] = []
     for a, b in itertools.pairwise(levels):
         strip = list(plan.bounds)

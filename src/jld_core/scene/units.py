@@ -31,6 +31,13 @@ METRES: Final = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "dm": 1e-1, "km": 1e3, "in": 
 _PASCALS: Final = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "bar": 1e5}
 """Pascals per unit of stress."""
 
+
+def force_in_words(value: float, unit: str) -> str:
+    """Write a force with its unit, in kN where four digits in the unit would need an exponent."""
+    text = f"{value:.4g} {unit}"
+    return f"{value * NEWTONS[unit] / NEWTONS['kN']:.4g} kN" if "e+" in text and unit in NEWTONS else text
+
+
 _Powers = tuple[int, int]
 """Powers of force and length of a quantity."""
 

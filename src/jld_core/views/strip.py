@@ -14,6 +14,7 @@ from jld_core.arrays import Bools, Floats
 from jld_core.assembly_sequence import Laying
 from jld_core.assembly_sequence.order import Step
 from jld_core.deadline import checkpoint
+from jld_core.scene.units import force_in_words
 from jld_core.views.look import INK, SOFT, SUPPORT
 from jld_core.views.structure import painter_order, projection_of
 
@@ -143,9 +144,8 @@ def _draw(ax: Axes, laying: Laying, step: Step, before: Bools, number: int, low:
         points = projection(np.concatenate([elements.shape[e] for e in blocks.elements(block)]))
         foot = np.array([points[:, 0].mean(), points[:, 1].min()])
         ax.plot(*foot, marker="^", markersize=6, color=PROP, zorder=5)
-    total = float(stage.props.sum())
-    force = assembly.units[1]
-    verdict = "stands" if stage.stands else "unsettled" if stage.stands is None else f"props {total:.4g} {force}"
+    props = f"props {force_in_words(float(stage.props.sum()), assembly.units[1])}"
+    verdict = "stands" if stage.stands else "unsettled" if stage.stands is None else props
     ax.set_title(f"{number}: {verdict}", fontsize=8, color=INK)
     ax.set_xlim(low[0], high[0])
     ax.set_ylim(low[1], high[1])

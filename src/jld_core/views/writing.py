@@ -28,6 +28,9 @@ from jld_core.views.structure import element_points, extent, painter_order, proj
 _HALO: Final = [withStroke(linewidth=1.8, foreground=WHITE)]
 """White outline of texts."""
 
+_DEEP: Final = 0.7
+"""Least distance of a number from the edge of its planar block, relative to the radius of the largest circle in it."""
+
 _LEAST_SEEN: Final = 0.008
 """Radius of the largest circle on the part of a block that is seen, relative to the assembly, for its number."""
 
@@ -88,16 +91,35 @@ def write_numbers(
 ) -> list[Text]:
     """Write the number of each block, from 1, into a drawing; return the texts.
 
-    In the plane a number stands at the block's centroid. In space it stands on the largest part of the block that the
-    viewer sees; a block of which too little is seen has none. blocks: indices of the elements of each block; supports
-    among them bear no number. centroids: (d,) of each block. size: of the text, points.
+    In the plane a number stands at the block's centroid, or in its widest part where that is near its edge. In space it
+    stands on the largest part of the block that the viewer sees; a block of which too little is seen has none. blocks:
+    indices of the elements of each block; supports among them bear no number. centroids: (d,) of each block. size: of
+    the text, points.
     """
     if assembly.dimension == 2:
-        found: list[Any] = [projection_of(assembly)(np.array([place]))[0] for place in centroids]
+        places = [_inside(assembly, block, np.asarray(at)) for block, at in zip(blocks, centroids, strict=True)]
+        found: list[Any] = [projection_of(assembly)(place[None])[0] for place in places]
     else:
         found = _seen_places(assembly, blocks)
     look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": size}
     return [_text(ax, place, str(n), **look) for n, place in enumerate(found, 1) if place is not None]
+
+
+def _inside(assembly: Assembly, block: Sequence[int], centroid: Floats) -> Floats:
+    """Return the place (2,) of the number of a planar block: its centroid, or the centre of its largest circle.
+
+    block: indices of its elements. centroid: (2,).
+    """
+    elements = assembly.elements
+    outlines = [shapely.Polygon(elements.shape[k]) for k in block if not elements.support[k]]
+    if not outlines:
+        return centroid
+    # elements overlap by a hair, so that no seam is left between them
+    whole = max(shapely.get_parts(shapely.union_all(shapely.buffer(outlines, 1e-6 * assembly.size))), key=shapely.area)
+    circle = shapely.maximum_inscribed_circle(whole, tolerance=0.02 * float(np.sqrt(whole.area)))
+    point = shapely.Point(centroid)
+    deep = whole.covers(point) and whole.boundary.distance(point) >= _DEEP * shapely.length(circle)
+    return centroid if deep else shapely.get_coordinates(circle)[0]
 
 
 def _seen_places(assembly: Assembly, blocks: Sequence[Sequence[int]]) -> list[Floats | None]:

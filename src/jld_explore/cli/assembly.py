@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal
 import numpy as np
 import typer
 
+from jld_core.arrays import Ints
 from jld_core.assembly_sequence import Laying, assembly_order
 from jld_core.assembly_sequence.freedom import Bodies
 from jld_core.assembly_sequence.order import words_of_fall
@@ -18,8 +19,10 @@ from jld_core.assembly_sequence.standing import Parts
 from jld_core.assembly_sequence.stations import Stations, stations_below
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import ParameterError, error_context
+from jld_core.exchange import Layout
 from jld_core.files import require_folder, write_text
-from jld_explore.cli.layout import layout_of
+from jld_core.scene.units import force_in_words
+from jld_explore.cli.layout import layout_of, start_of_design
 from jld_explore.cli.options import Rank, Source
 from jld_explore.cli.streams import say
 from jld_explore.report import csv_of
@@ -41,9 +44,12 @@ def assembly(
     ] = "translation",
     group: Annotated[int, typer.Option(min=1, help="Blocks moved together at the most, where single ones fail.")] = 3,
     start: Annotated[
-        Literal["ground", "left", "right", "springings"],
-        typer.Option(help="Where laying starts: by courses, from a side, or from all supports alike."),
-    ] = "ground",
+        Literal["ground", "left", "right", "springings"] | None,
+        typer.Option(
+            help="Where laying starts: by courses, from a side, or from all supports alike; default ground, or as a "
+            "design says."
+        ),
+    ] = None,
     props: Annotated[
         float | None,
         typer.Option(help="Props along the underside at this horizontal distance, in the scene's length (planar)."),
@@ -66,6 +72,7 @@ def assembly(
         raise ParameterError("seconds", f"{seconds:g} s are no time", "a number above 0")
     deadline = Deadline(seconds, context.obj)
     scene, found, labels = layout_of(source, rank)
+    begun = start or start_of_design(source)
     sideways = scene.search.assemble_out_of_plane
     with error_context(source):
         stations = None if props is None else stations_below(found, props)
@@ -75,17 +82,17 @@ def assembly(
             with deadline.enforced():
                 if seconds is not None:  # kept for the case that solving the stages takes longer
                     quick = order_without_stages(
-                        found, labels, sideways=sideways, group=group, start=start, bodies=bodies
+                        found, labels, sideways=sideways, group=group, start=begun, bodies=bodies
                     )
             with deadline.earlier(0.0 if quick is None else _WRITING * deadline.remaining()).enforced():
                 laying = assembly_order(
-                    found, labels, wish=wish, sideways=sideways, group=group, start=start, bodies=bodies, parts=parts
+                    found, labels, wish=wish, sideways=sideways, group=group, start=begun, bodies=bodies, parts=parts
                 )
         except DeadlinePassed:
             if quick is None:
                 raise ParameterError("seconds", f"no order was found in {seconds:g} s", "a longer time") from None
             laying = quick
-    table = table_of(laying, stations)
+    table = table_of(laying, Layout(scene, found, labels).block_of + 1, stations)
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
         write_text(out / "assembly.csv", csv_of(table))
@@ -147,20 +154,22 @@ def _words_along(laying: Laying, stations: Stations) -> str:
     count, loaded = len(stations.points), int((forces > 0.0).any(axis=0).sum())
     told = f"props along  {count} place{'s' * (count != 1)}, {loaded} of them loaded"
     if forces[step, place] > 0.0:
-        told += f"; the largest force is {forces[step, place]:.4g} {force} at ({where}) {length}, step {step + 1}"
+        largest = force_in_words(forces[step, place], force)
+        told += f"; the largest force is {largest} at ({where}) {length}, step {step + 1}"
     beside = [k for k, one in enumerate(laying.steps, 1) if one.stage.elsewhere > 1e-5 * one.stage.weight]
     if beside:
-        most = max(laying.steps[k - 1].stage.elsewhere for k in beside)
-        told += f"\nprops beside {most:.4g} {force} at most, first in step {beside[0]}: the places alone do not hold it"
+        most = force_in_words(max(laying.steps[k - 1].stage.elsewhere for k in beside), force)
+        told += f"\nprops beside {most} at most, first in step {beside[0]}: the places alone do not hold it"
     return told
 
 
-def table_of(laying: Laying, stations: Stations | None = None) -> pd.DataFrame:
+def table_of(laying: Laying, stone_of: Ints, stations: Stations | None = None) -> pd.DataFrame:
     """Return the table of an assembly sequence: one row per step, in the order of laying.
 
-    Its columns are step, blocks, elements, direction of arrival, whether the stage stands, and prop forces. It has no
-    rows where there is no order. Props of stages that were not solved are NaN. stations: places of props along a line,
-    whose forces are one more column.
+    stone_of: (n,) number of the stone of each element, as in `blocks.csv` and printed reports, from 1. stations: places
+    of props along a line, whose forces are one more column. The columns are step, numbers of stones, blocks, elements,
+    direction of arrival, whether the stage stands, and prop forces. The table has no rows where there is no order.
+    Props of stages that were not solved are NaN.
     """
     import pandas as pd  # slow to import and needed for tables only
 
@@ -174,6 +183,7 @@ def table_of(laying: Laying, stations: Stations | None = None) -> pd.DataFrame:
         rows.append(
             {
                 "step": number,
+                "stone": " + ".join(str(stone_of[blocks.elements(block)[0]]) for block in step.blocks),
                 "block": " + ".join(blocks.name(block) for block in step.blocks),
                 "elements": " ".join(ids[e] for block in step.blocks for e in blocks.elements(block)),
                 "moves_along": "(" + ", ".join(f"{x:.4g}" for x in comes) + ")",
@@ -186,7 +196,7 @@ def table_of(laying: Laying, stations: Stations | None = None) -> pd.DataFrame:
             at = stations.points[:, 0]
             loaded = np.flatnonzero(step.stage.along > 0.0).tolist()
             rows[-1]["props_along"] = " ".join(f"{at[k]:.4g}:{step.stage.along[k]:.4g}" for k in loaded)
-    columns = ["step", "block", "elements", "moves_along", "stands", f"props_{force}", "propped"]
+    columns = ["step", "stone", "block", "elements", "moves_along", "stands", f"props_{force}", "propped"]
     columns += [] if stations is None else ["props_along"]
     return pd.DataFrame(rows, columns=columns)
 
@@ -215,7 +225,7 @@ def words_of(laying: Laying) -> str:
         return f"order        {many}, every stage stands without props"
     worst = max(step.stage.props.sum() for step in laying.steps)
     force = blocks.assembly.units[1]
-    told = f"order        {many}, props of {worst:.4g} {force} at most\n{_first_fall(laying)}"
+    told = f"order        {many}, props of {force_in_words(worst, force)} at most\n{_first_fall(laying)}"
     return "\n".join([told, *_centring(laying)])
 
 

@@ -27,7 +27,7 @@ def design(
     block_mass: Annotated[float | None, typer.Option(help="Largest mass of a block, kg.")] = None,
     shapes: Annotated[int | None, typer.Option(help="Largest number of different blocks (moulds).")] = None,
     load: Annotated[
-        str | None, typer.Option(help='Force downwards, as "10 kN"; a number alone in the unit of the scene.')
+        str | None, typer.Option(help='Force downwards, as "10 kN"; a number alone in the unit of a scene.')
     ] = None,
     along: Annotated[
         str,

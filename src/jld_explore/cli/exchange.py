@@ -14,7 +14,7 @@ from jld_core.exchange.writers import ANALYSED
 from jld_core.files import write_text
 from jld_core.models import solve
 from jld_core.refinement import refine
-from jld_core.refinement.refine import KINDS
+from jld_core.refinement.cell_options import KINDS
 from jld_core.samples.bonds import BONDS
 from jld_core.scene import load_scene, parse_scene
 from jld_explore.cli.layout import layout_of
@@ -137,6 +137,13 @@ def refine_command(
     snap: Annotated[
         float, typer.Option(help="Share of a cell by which its corners move to those of the outline (planar).")
     ] = 0.0,
+    lintel: Annotated[
+        int,
+        typer.Option(min=1, help="Stones over an opening of a wall drawn as a solid: 1, or wedges of a flat arch."),
+    ] = 1,
+    bearing: Annotated[
+        float | None, typer.Option(help="Least length by which these lintels reach beyond the jambs.")
+    ] = None,
 ) -> None:
     """Split every element of a scene into cells, whose faces a search can choose from.
 
@@ -162,6 +169,8 @@ def refine_command(
             courses=courses,
             snap=snap,
             skew=skew,
+            lintel=lintel,
+            bearing=bearing,
         )
     write_scene(found.scene, out)
     before, after = len(set(found.parent.values())), len(found.parent)

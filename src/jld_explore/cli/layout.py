@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
+from jld_core.assembly_sequence.start import LayingStart
 from jld_core.build import build_assembly
 from jld_core.errors import ParameterError, error_context
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.scene import Scene, load_scene
 from jld_core.scene.cracks import FieldCracks
 from jld_explore.cli.streams import warn
+from jld_explore.design.options import LAID
 from jld_explore.report import Exploration, read_folder
 
 if TYPE_CHECKING:
@@ -22,12 +25,26 @@ _MOST: Final = 6
 """Largest number of layouts drawn side by side."""
 
 
+def best_of_design(source: Path) -> Path:
+    """Return the scene of the best layout of a folder of `jld design`; any other source as it is."""
+    best = source / "best.json"
+    return best if source.is_dir() and best.exists() else source
+
+
+def start_of_design(source: Path) -> LayingStart:
+    """Return from where the stones of a design are laid as its options say; "ground" of any other source."""
+    if best_of_design(source) == source:
+        return "ground"
+    facts = json.loads((source / "summary.json").read_text(encoding="utf-8"))
+    return LAID[facts.get("options", {}).get("laid", "translation")][1]
+
+
 def layout_of(source: Path, rank: int | None) -> tuple[Scene, Assembly, Bits]:
     """Return the scene, assembly and labels (m,) of the layout that a command refers to.
 
-    source: scene file, or results folder. rank: row of the folder's results from 1; None for the strongest. The layout
-    of a scene file is its own labelling. Raises InputError for a rank with a scene file, or a rank that the folder does
-    not have.
+    source: scene file, results folder, or folder of a design, which has one best layout. rank: row of the folder's
+    results from 1; None for the strongest. The layout of a scene file is its own labelling. Raises InputError for a
+    rank without results, or a rank that the folder does not have.
     """
     found = layout_with_distributions(source, rank)
     for note in found[1].notes:
@@ -37,6 +54,7 @@ def layout_of(source: Path, rank: int | None) -> tuple[Scene, Assembly, Bits]:
 
 def layout_with_distributions(source: Path, rank: int | None) -> tuple[Scene, Assembly, Bits]:
     """Return what `layout_of` does, without a note on values with uncertainty, for commands that use them."""
+    source = best_of_design(source)
     if not source.is_dir():
         if rank is not None:
             raise ParameterError("rank", f"{source} is a scene, which has no ranks", "a folder written by jld explore")

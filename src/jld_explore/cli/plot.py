@@ -12,7 +12,7 @@ from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.files import write_text
 from jld_core.models import solve
 from jld_core.scene import load_scene
-from jld_explore.cli.layout import layout_of, plot_ranks
+from jld_explore.cli.layout import best_of_design, layout_of, plot_ranks
 from jld_explore.cli.options import Source, refuse_itself
 from jld_explore.cli.streams import say
 from jld_explore.report import read_folder, write_pictures, write_report
@@ -34,6 +34,7 @@ def plot_command(
 
     The formats gif and mp4 show the mechanism moving.
     """
+    source = best_of_design(source)
     moving = kind in ("gif", "mp4") or (out is not None and out.suffix in (".gif", ".mp4"))
     if source.is_dir() and (ids or values):
         raise ParameterError("ids" if ids else "values", "a study's pictures have none", "a scene, or the page of it")

@@ -13,6 +13,7 @@ import numpy as np
 import typer
 
 from jld_core.assembly_sequence import Laying, assembly_order
+from jld_core.assembly_sequence.start import LayingStart
 from jld_core.build import build_assembly
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import InputError, ParameterError, error_context
@@ -22,6 +23,7 @@ from jld_core.limit import LimitAnalysisResult
 from jld_core.models import solve
 from jld_core.scene import load_scene
 from jld_core.scene.units import METRES
+from jld_explore.cli.layout import best_of_design, start_of_design
 from jld_explore.cli.options import Rank, refuse_itself
 from jld_explore.cli.streams import say
 from jld_explore.report import csv_of, read_folder
@@ -124,8 +126,8 @@ def _placed(layout: Layout, sides: tuple[float, float, float] | None, kerf: floa
 
 def content_of(source: Path, rank: int | None) -> Printed:
     """Return the content of the report of a scene or a results folder."""
-    design = source / "best.json"
-    if source.is_dir() and design.exists():
+    design = best_of_design(source)
+    if design != source:
         if rank is not None:
             raise ParameterError("rank", f"{source} is a design, which has one best layout", "no rank")
         facts = json.loads((source / "summary.json").read_text(encoding="utf-8"))
@@ -134,7 +136,8 @@ def content_of(source: Path, rank: int | None) -> Printed:
         fields = tuple(facts.get("fields") or (None, None))
         assumed = tuple(str(one) for one in facts.get("assumed", []))
         layout, uncut = Layout(scene, assembly, assembly.labels), facts.get("uncut_at_most")
-        return _printed(layout, solve(assembly), _bounds(fields), assumed=assumed, uncut=uncut)
+        start = start_of_design(source)
+        return _printed(layout, solve(assembly), _bounds(fields), assumed=assumed, uncut=uncut, start=start)
     if source.is_dir():
         done = read_folder(source)
         row = done.row(rank)
@@ -165,15 +168,19 @@ def _printed(
     strongest: bool = False,
     assumed: tuple[str, ...] = (),
     uncut: float | None = None,
+    start: LayingStart = "ground",
 ) -> Printed:
-    """Return the content of a report, with an order of laying where one is found in time."""
+    """Return the content of a report, with an order of laying where one is found in time.
+
+    start: where laying starts.
+    """
     low, high = result.bracket
     faces = (low if math.isfinite(low) else -math.inf, high if math.isfinite(high) else math.inf)
     laying: Laying | None = None
     try:
         with Deadline(_LAYING).enforced():
             sideways = layout.scene.search.assemble_out_of_plane
-            laying = assembly_order(layout.assembly, layout.labels, sideways=sideways)
+            laying = assembly_order(layout.assembly, layout.labels, sideways=sideways, start=start)
     except DeadlinePassed:
         assumed = (*assumed, "order of laying: not found within 30 s; jld assembly searches on")
     return Printed(layout, fields, faces, str(result.status), strongest, laying, assumed, uncut)

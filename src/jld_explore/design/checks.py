@@ -18,6 +18,7 @@ from jld_core.build import build_assembly
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.files import write_text
 from jld_core.models import solve
+from jld_core.scene.units import force_in_words
 from jld_explore.design.options import LAID, LOW_FRICTION
 from jld_explore.design.trials import (
     Bounds,
@@ -198,12 +199,14 @@ def _laid(work: Design, until: Deadline) -> Check:
             sideways = winner.scene.search.assemble_out_of_plane
             found = assembly_order(assembly, assembly.labels, sideways=sideways, start=start)
     except DeadlinePassed:
-        return Check("laying", "order of laying: no time was left; jld assembly says it")
+        return Check("laying", f"order of laying: no time was left; jld assembly {work.folder}")
     if not found.possible:
         names = ", ".join(found.blocks.name(block) for block in found.locked)
         return Check("laying", f"order of laying: none by translations, {names} lock one another", {"possible": False})
     props = max((float(step.stage.props.sum()) for step in found.steps), default=0.0)
-    held = "no stage needs a prop" if found.stands else f"props of {props:.3g} {assembly.units[1]} at the most"
+    held = (
+        "no stage needs a prop" if found.stands else f"props of {force_in_words(props, assembly.units[1])} at the most"
+    )
     values = {"possible": True, "steps": len(found.steps), "props": props}
     first = "" if start == "ground" else f" from the {start}"
     return Check("laying", f"order of laying{first}: {len(found.steps)} steps, {held}", values)

@@ -19,6 +19,9 @@ from jld_explore.design.options import DesignOptions
 _SPREAD: Final = 0.1
 """Default length over which a load is spread, relative to the length that it acts along."""
 
+_BESIDE: Final = 1e-3
+"""Share of its width by which a load in space lies beside the middle, which is a joint of many tessellations."""
+
 
 def has_own_loads(options: DesignOptions) -> bool:
     """Return True if the options state loads, which replace those of the outline."""
@@ -131,8 +134,8 @@ def _forces_in_space(
     """Compute the point load on the uppermost face at each place of the load, in space.
 
     size: force at a place. direction: (3,) unit vector along which places lie. Across it the load acts near the middle
-    of the plan. Returns (coordinate, list of one load entry) for each place. Raises ParameterError if a width is
-    stated, or nothing lies below a place.
+    of the plan or, where nothing lies there, near that of the nearest wall. Returns (coordinate, list of one load
+    entry) for each place. Raises ParameterError if a width is stated, or nothing lies below a place.
     """
     if options.width is not None:
         raise ParameterError("width", "loads in space act at points", "a planar outline, or no width")
@@ -144,21 +147,33 @@ def _forces_in_space(
     other = next(axis for axis in flat if axis != side)
     every = np.concatenate([elements.shape[k] for k in elements.free])
     lower, upper = every.min(axis=0), every.max(axis=0)
+    outlines = [
+        (k, elements.shape[k][list(loop)], shapely.Polygon(elements.shape[k][list(loop)][:, flat]))
+        for k in elements.free.tolist()
+        for loop in elements.faces[k]
+    ]
+    outlines = [one for one in outlines if one[2].area > 0.0]
+    below = shapely.union_all([shapely.buffer(outline, 0.0) for _, _, outline in outlines])
     found = []
     for share in options.shares():
         plan = np.zeros(3)
         plan[side] = lower[side] + share * (upper[side] - lower[side])
-        # beside the middle, which is a joint of many tessellations
-        plan[other] = lower[other] + (0.5 - 1e-3) * (upper[other] - lower[other])
-        hits = []
-        for k in elements.free.tolist():
-            for loop in elements.faces[k]:
-                corners = elements.shape[k][list(loop)]
-                shape = shapely.Polygon(corners[:, flat])
-                if shape.area > 0.0 and shape.covers(shapely.Point(plan[flat])):
-                    hits.append((_height(corners, plan, flat, vertical, down), -int(k)))
-        if not hits:
+        ends = np.array([lower, upper])
+        ends[:, side] = plan[side]
+        parts = shapely.get_parts(shapely.intersection(below, shapely.LineString(ends[:, flat])))
+        spans = [shapely.get_coordinates(part)[:, flat.index(other)] for part in parts]
+        if not spans:
             raise ParameterError("places", f"nothing lies below the place {plan[side]:.4g}", "another place")
+        middle = lower[other] + (0.5 - _BESIDE) * (upper[other] - lower[other])
+        over = [span for span in spans if span.min() <= middle <= span.max()]
+        span = min(over or spans, key=lambda one: (round(float(abs(one - middle).min() / np.ptp(ends)), 2), one.min()))
+        plan[other] = middle if over else span.min() + (0.5 - _BESIDE) * np.ptp(span)
+        point = shapely.Point(plan[flat])
+        hits = [
+            (_height(corners, plan, flat, vertical, down), -k)
+            for k, corners, outline in outlines
+            if outline.covers(point)
+        ]
         level, k = max(hits)
         at = plan.copy()
         at[vertical] = -level * np.sign(down[vertical])

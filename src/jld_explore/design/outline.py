@@ -21,13 +21,18 @@ from jld_core.exchange.drawn import Drawing
 from jld_core.exchange.options import DEFAULT_MATERIALS, Notes
 from jld_core.exchange.paths import Path
 from jld_core.exchange.readers import read_content, reading
+from jld_core.exchange.sizes import hardly_meant
 from jld_core.exchange.solids import Part, Solids, spatial_scene
+from jld_core.geometry.snapping import straight
 from jld_core.geometry.unions import union_outlines
 from jld_core.scene import Scene, load_scene, parse_scene
 from jld_explore.design.options import LAID, LOW_FRICTION, DesignOptions
 
 _LEVEL: Final = 1e-6
 """Height above the lowest point, relative to the size, up to which an edge or a face lies there."""
+
+_LEAN: Final = 0.05
+"""Least run of the sides of a flat arch over its depth; below it an outline is a wall."""
 
 _OF_CELLS: Final = ("block_cells", "dry_faces", "candidates", "keep", "except", "symmetry", "void")
 """Keys of a search that speak of the cells of a scene, which a design cuts anew."""
@@ -76,6 +81,8 @@ def read_outline(file: File, options: DesignOptions) -> Outline:
         search["block_mass"] = [None, options.block_mass]
     if options.shapes is not None:
         search["shapes"] = [1, options.shapes]
+        # as moulds are counted on the page and in the cutting list; a planar stone may be turned over
+        search.setdefault("moulds", {"rotate": True, "flip": scene.dimension == 2})
     if options.laid is not None:
         search["assemble"] = LAID[options.laid][0]
     if search:
@@ -149,12 +156,19 @@ def _imported(file: File, options: DesignOptions) -> tuple[Scene, Notes]:
 
     Supports are added below it if the file has none. Raises InputError if it cannot be read, or an outline is open.
     """
+    if options.load is not None and options.force("N") == options.force("kN"):
+        raise ParameterError("load", f"{options.load!r} names no unit of force", 'a force, as "10 kN"')
     how, notes = ImportOptions(support=options.support, thickness=options.thickness, unit=options.unit), Notes()
     with reading(file):
         content = read_content(file, how, notes)
         if isinstance(content, Drawing):
             _refuse_open(content, how)
+            _refuse_crossing(content, how)
             found = planar_scene(_on_feet(content, how, notes), how, notes)
+        elif options.thickness is not None:
+            raise ParameterError(
+                "thickness", "the outline is a solid, which has its own", "a drawing, or no such option"
+            )
         else:
             found = spatial_scene(_solids_on_feet(content, how, notes), how, notes)
         # the options say what was assumed instead
@@ -165,19 +179,41 @@ def _imported(file: File, options: DesignOptions) -> tuple[Scene, Notes]:
             notes.assumed.append("the live load is the weight acting sideways: no load was given or drawn")
         if found.document["materials"] == DEFAULT_MATERIALS:
             notes.assumed += _defaults(options)
-        return parse_scene(found.document, str(file)), notes
+        scene = parse_scene(found.document, str(file))
+    if scene.dimension == 3 and options.thickness is not None:
+        raise ParameterError("thickness", "the outline is a solid, which has its own", "a drawing, or no such option")
+    _refuse_size(scene, options, notes)
+    return scene, notes
+
+
+def _refuse_size(scene: Scene, options: DesignOptions, notes: Notes) -> None:
+    """Raise ParameterError for an outline of a size that no structure has, if no unit is stated.
+
+    notes: holds the likely unit. Other doubts are assumptions.
+    """
+    elements = build_geometry(scene).elements if scene.units.length == "m" else None
+    for doubt in notes.doubtful:
+        problem, _, unit = doubt.partition(", --unit ")
+        if unit and options.unit is None and elements is not None:
+            free = elements.free
+            extent = elements.upper[free].max(axis=0) - elements.lower[free].min(axis=0)
+            if hardly_meant(float(extent.max())):
+                raise ParameterError("unit", problem, f"a unit, such as {unit}")
+        notes.assumed.append(f"doubtful: {problem}")
 
 
 def _defaults(options: DesignOptions) -> list[str]:
     """List the default material values in words, without those that the options state."""
     given = DEFAULT_MATERIALS
     values = {
-        "density": ("density", given["density"]),
-        "friction": ("friction", given["dry"]["friction_coefficient"]),
-        "tension": ("tensile strength of the stone", given["inner"]["tensile_strength"]),
-        "shear": ("shear strength of the stone", given["inner"]["shear_strength"]),
+        "density": ("density", given["density"], " kg/m³"),
+        "friction": ("friction", given["dry"]["friction_coefficient"], ""),
+        "tension": ("tensile strength of the stone", given["inner"]["tensile_strength"] / 1e6, " N/mm²"),
+        "shear": ("shear strength of the stone", given["inner"]["shear_strength"] / 1e6, " N/mm²"),
     }
-    return [f"{words} {value:g}" for name, (words, value) in values.items() if getattr(options, name) is None]
+    return [
+        f"{words} {value:g}{unit}" for name, (words, value, unit) in values.items() if getattr(options, name) is None
+    ]
 
 
 def _refuse_open(drawing: Drawing, how: ImportOptions) -> None:
@@ -199,6 +235,24 @@ def _refuse_open(drawing: Drawing, how: ImportOptions) -> None:
     raise InputError("", problem, "one closed line, or lines whose ends meet")
 
 
+def _refuse_crossing(drawing: Drawing, how: ImportOptions) -> None:
+    """Raise InputError if a closed outline of a drawing crosses itself, naming the place.
+
+    Crossings that enclose less than a thousandth of the area are left to the import, which closes gaps. how: layers of
+    the import.
+    """
+    for path in drawing.paths:
+        if not path.closed or how.role(path.layer) is not None or len(path.points) < 4:
+            continue
+        outline = shapely.Polygon(path.points[:, :2])
+        covered = shapely.make_valid(outline).area
+        if outline.is_valid or abs(covered - outline.area) <= 1e-3 * covered:
+            continue
+        x, y = shapely.is_valid_reason(outline).rstrip("]").rpartition("[")[2].split()[:2]
+        problem = f"its outline crosses itself at ({float(x):.6g}, {float(y):.6g})"
+        raise InputError("", problem, "corners in the order in which one walks round the outline")
+
+
 def _on_feet(drawing: Drawing, how: ImportOptions, notes: Notes) -> Drawing:
     """Add supports below the lowest straight edges of a drawing without a layer of supports.
 
@@ -212,6 +266,10 @@ def _on_feet(drawing: Drawing, how: ImportOptions, notes: Notes) -> Drawing:
         return drawing
     points = np.concatenate([path.points[:, :2] for path in shown])
     size, low = float(np.ptp(points, axis=0).max()), float(points[:, 1].min())
+    skewbacks = _skewbacks(shown[0].points, size) if len(shown) == 1 and shown[0].closed else []
+    if skewbacks:
+        notes.assumed.append("supports beside the raked sides of a flat arch: the drawing names none")
+        return replace(drawing, paths=[*drawing.paths, *skewbacks])
     feet = []
     for path in shown:
         ring = np.concatenate([path.points, path.points[:1]]) if path.closed else path.points
@@ -228,8 +286,35 @@ def _on_feet(drawing: Drawing, how: ImportOptions, notes: Notes) -> Drawing:
         for x0, x1 in feet
     ]
     if boxes:
-        notes.assumed.append(f"supports below the {len(boxes)} lowest edges: the drawing has no layer of supports")
+        notes.assumed.append("supports below the lowest edges: the drawing names none")
     return replace(drawing, paths=[*drawing.paths, *boxes])
+
+
+def _skewbacks(points: Floats, size: float) -> list[Path]:
+    """Return supports beside both sides of an outline that is a flat arch; none for any other outline.
+
+    A flat arch has four corners, a level soffit at least as long as it is deep, and sides that lean outwards. points:
+    (k, 3) x, y and bulge of a closed path. size: of the drawing.
+    """
+    corners = straight(points[:, :2])
+    if len(corners) != 4 or points[:, 2].any():
+        return []
+    order = np.lexsort((corners[:, 0], corners[:, 1]))
+    (x0, y0), (x1, y1), *upper = corners[order].tolist()
+    (x2, y2), (x3, y3) = sorted(upper)
+    level = abs(y1 - y0) <= _LEVEL * size
+    deep = min(y2, y3) - y0
+    if not (level and 0.0 < deep <= x1 - x0 and x0 - x2 > _LEAN * deep and x3 - x1 > _LEAN * deep):
+        return []
+    out = _FOOT * size
+    return [
+        Path(
+            np.array([[xs, y0, 0.0], [xt + way * out, y0, 0.0], [xt + way * out, yt, 0.0], [xt, yt, 0.0]]),
+            True,
+            "supports",
+        )
+        for xs, xt, yt, way in ((x0, x2, y2, -1.0), (x1, x3, y3, 1.0))
+    ]
 
 
 def _solids_on_feet(solids: Solids, how: ImportOptions, notes: Notes) -> Solids:
@@ -260,7 +345,7 @@ def _solids_on_feet(solids: Solids, how: ImportOptions, notes: Notes) -> Solids:
         sides = [(i, (i + 1) % count, count + (i + 1) % count, count + i) for i in range(count)]
         loops = (tuple(range(count))[::-1], tuple(range(count, 2 * count)), *sides)
         feet.append(Part(f"foot{k}", "supports", np.concatenate([top - down, top]), loops, support=True))
-    notes.assumed.append(f"supports below the {len(feet)} lowest faces: the file names none")
+    notes.assumed.append("supports below the lowest faces: the file names none")
     return replace(solids, parts=[*solids.parts, *feet])
 
 

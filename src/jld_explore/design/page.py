@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import json
 import math
+import re
 from collections.abc import Sequence
 from typing import Any, Final
 
@@ -126,9 +127,8 @@ def words_of(work: Design) -> str:
     if winner is None:
         return "no layout was found that keeps the limits and stands"
     lines = [f"best         {_name(winner)}: {_claim(winner)}"]
-    gain = gain_of(work)
-    if work.usual is not None and gain is not None:
-        lines.append(f"usual bond   {_claim(work.usual)}; the best is proven to carry {gain:.3g} times that most")
+    if work.usual is not None:
+        lines.append(f"usual bond   {_claim(work.usual)}; {_compared(work, work.usual)}")
     lines += [f"checked      {one.words}" for one in work.checks]
     lines += [f"assumed      {one}" for one in work.outline.assumed]
     lines.append("not proven   that no stronger layout exists: tessellations and moves were tried, not all")
@@ -139,6 +139,19 @@ def _name(trial: Trial) -> str:
     """Return the tessellation of a trial and how its labels and joints were found, in words."""
     how = {"stated": "as stated", "searched": "labels searched", "moved": "labels searched and joints moved"}
     return f"{trial.tessellation}, {how[trial.kind]}"
+
+
+def _compared(work: Design, usual: Trial) -> str:
+    """Say what is proven of the best layout beside the usual bond."""
+    if usual is work.winner:
+        return "it is the best that was found"
+    if min(usual.fields[1], usual.faces[1]) < 0.0 and work.winner is not None and work.winner.proven >= 0.0:
+        return "the best does"
+    gain = gain_of(work)
+    broken = "" if usual.allowed else "it does not keep the limits, and "
+    if gain is None or gain < 1.0:
+        return f"{broken}that the best carries more is not proven"
+    return f"{broken}the best is proven to carry {gain:.3g} times that most"
 
 
 def _claim(trial: Trial) -> str:
@@ -153,11 +166,13 @@ def _claim(trial: Trial) -> str:
         told = (
             f"carries at most {high:.4g} times the load where blocks crack anywhere; no lower bound was found in time"
         )
-        return f"{told} (by faces λ = {trial.load_factor:.4g})"
+        return f"{told} ({trial.by_faces})"
     low, high = trial.faces
+    if high < 0.0:
+        return "does not stand under its dead load"
     if math.isfinite(low):
         return f"carries {low:.4g} times the load if its blocks crack along the faces of its cells only"
-    return f"λ = {trial.load_factor:.4g}, without a proof"
+    return f"{trial.by_faces}, without a proof"
 
 
 def _page(work: Design, pictured: bool) -> str:
@@ -168,9 +183,9 @@ def _page(work: Design, pictured: bool) -> str:
     if winner is None:
         parts.append("<p class=big>No layout was found yet that keeps the limits and stands.</p>")
     else:
-        gain = gain_of(work)
-        more = f" That is {gain:.3g} times the most that the usual bond can carry." if gain is not None else ""
-        claim = f"The best layout ({_name(winner)}) {_claim(winner)}.{more}"
+        claim = f"The best layout ({_name(winner)}) {_claim(winner)}."
+        if work.usual is not None:
+            claim += f" The usual bond {_claim(work.usual)}; {_compared(work, work.usual)}."
         parts.append(f"<p class=big>{html.escape(claim)}</p>")
         if pictured:
             parts.append(f'<img src="{FILES[3]}" alt="Usual bond and best layout with numbered blocks">')
@@ -225,8 +240,8 @@ def _span(trial: Trial) -> str:
     if high < 0.0:
         return "does not stand"
     if math.isfinite(high):
-        return f"at most {high:.4g} (by faces {trial.load_factor:.4g})"
-    return f"by faces {trial.load_factor:.4g}"
+        return f"at most {high:.4g} ({trial.by_faces})"
+    return trial.by_faces
 
 
 def _proven(work: Design) -> list[str]:
@@ -249,16 +264,16 @@ def _proven(work: Design) -> list[str]:
             "Blocks that crack elsewhere may carry less."
         )
     for name, words in work.searched.items():
-        if "layouts" in words and "not proven" not in words:
+        if re.match(r"\d+ layouts?, proven", words):
             crushed = "" if work.outline.scene.dimension == 3 else ", where faces crush as blocks do,"
             found.append(f"Proven: of the cells of {name}{crushed} no other choice of joints is stronger by faces.")
     tried = sum(one.scene is not None for one in work.tessellations)
-    found.append(
-        f"Not proven: that no stronger layout exists. {tried} kinds of cells were tried; moves end at a local best."
-    )
+    moved = any(one.kind == "moved" for one in work.trials)
+    ends = "; moves end at a local best" if moved else ""
+    kinds = "1 kind of cells was" if tried == 1 else f"{tried} kinds of cells were"
+    found.append(f"Not proven: that no stronger layout exists. {kinds} tried{ends}.")
     if work.options.shapes is not None or work.options.laid is not None:
         found.append("Joints were not moved: a limit on shapes or on laying holds for the cells as they are.")
-    found.append("Not tried: cells aligned to the thrust; moved joints take their place.")
     return found
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shutil
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -73,6 +74,9 @@ _MOVED: Final = 12.0
 _REFINING: Final = 0.15
 """Share of the time limit for bounds of the most promising layouts: one more mesh often doubles the lower bound."""
 
+_USUAL_BONDS: Final = ("bond", "walls")
+"""Names of the tessellations whose stated layout is the usual one."""
+
 _WAVES: Final = 2
 """Number of times that bounds of the most promising layouts are refined."""
 
@@ -96,7 +100,8 @@ def design_outline(
     deadline = Deadline(options.seconds, started)
     say = announce or (lambda _: None)
     require_folder(folder)
-    if folder.exists() and any(folder.iterdir()):
+    there = folder.exists()
+    if there and any(folder.iterdir()):
         raise InputError(str(folder), "the folder is not empty", "an empty or new folder")
     try:
         outline = read_outline(file, options)
@@ -128,22 +133,25 @@ def design_outline(
         stop.words = f"stopped; the best so far is in {folder}" if work.winner else "stopped; no layout was found yet"
         raise
     work.seconds = deadline.elapsed()
-    # a picture takes seconds on a busy machine
-    write_design(work, pictures=deadline.remaining() + max(_OVER[0] * options.seconds, _OVER[1]) > busy * _PICTURE)
     if work.winner is None:
+        shutil.rmtree(folder)
+        if there:
+            folder.mkdir()
         reasons = "; ".join(f"{name}: {words}" for name, words in work.searched.items())
         wish = "weaker limits, a longer time, or a smaller load"
         raise InputError(str(file), f"no layout keeps the limits and stands ({reasons})", wish)
+    # a picture takes seconds on a busy machine
+    write_design(work, pictures=deadline.remaining() + max(_OVER[0] * options.seconds, _OVER[1]) > busy * _PICTURE)
     return work
 
 
 def _solve_usual(work: Design) -> None:
-    """Solve the stated layout of the first tessellation by faces, and add it to the trials.
+    """Solve the stated layout of the usual bond by faces, and add it to the trials.
 
-    Gains are measured by it. Nothing is added if the tessellation has no scene.
+    Gains are measured by it. Nothing is added if the outline cannot be cut in a bond.
     """
-    first = work.tessellations[0]
-    if first.scene is None:
+    first = next((one for one in work.tessellations if one.scene is not None and one.name in _USUAL_BONDS), None)
+    if first is None or first.scene is None:
         return
     assembly = build_assembly(first.scene)
     found = solve(assembly)
@@ -151,7 +159,7 @@ def _solve_usual(work: Design) -> None:
         allowed = bool(feasible(search_space(first.scene, assembly), assembly.labels[None])[0])
     except InputError:  # limits that nothing satisfies: the search says so
         allowed = False
-    faces = faces_of(found.bracket)
+    faces = (-math.inf, -math.inf) if found.status is Status.UNSTABLE else faces_of(found.bracket)
     work.trials.append(Trial(first.name, "stated", first.scene, found.load_factor, faces, NONE, "no search", allowed))
 
 
@@ -174,10 +182,11 @@ def _search_all(work: Design, until: Deadline, say: Say) -> None:
     cannot be met are noted in `work.searched`.
     """
     fitting = [one for one in work.tessellations if one.scene is not None]
-    spatial = work.outline.scene.dimension == 3
-    # a design moves planar joints only, so that searches of solids get that time as well
     left = until.remaining()
-    total = (1.0 - _CHECKS) * left if spatial else max(_SEARCHES * left, min(_LEAST * len(fitting), _SHORT * left))
+    total = max(_SEARCHES * left, min(_LEAST * len(fitting), _SHORT * left))
+    if not _moves(work):  # searches get that time as well
+        refining = _REFINING if work.outline.scene.dimension == 2 else 0.0
+        total = (1.0 - _CHECKS - refining) * left
     for one in fitting:
         each = until.within(total / len(fitting))
         if each.remaining() < 1.0:
@@ -218,7 +227,8 @@ def _keep(work: Design, tessellation: Tessellation, done: Exploration, seconds: 
     only `work.searched` is written.
     """
     facts = done.summary.facts
-    work.searched[tessellation.name] = f"{facts['evaluated']} layouts, {'proven' if facts['proven'] else 'not proven'}"
+    number, proven = facts["evaluated"], "proven" if facts["proven"] else "not proven"
+    work.searched[tessellation.name] = f"{number} layout{'s' * (number != 1)}, {proven}"
     table = done.results[done.results["status"].isin([str(Status.COLLAPSE), str(Status.LOCKED)])]
     if not len(table):
         work.searched[tessellation.name] += ": none of them stands"
@@ -238,8 +248,10 @@ def _keep(work: Design, tessellation: Tessellation, done: Exploration, seconds: 
 
 def _said(trial: Trial) -> str:
     """Describe λ of a trial by faces and by fields, for the terminal."""
-    by_fields = "" if trial.fields == NONE else f", by fields {trial.fields[0]:.4g} to {trial.fields[1]:.4g}"
-    return f"λ = {trial.load_factor:.4g} by faces{by_fields}; {trial.words}"
+    low, high = trial.fields
+    known = f"at most {high:.4g}" if math.isinf(low) else f"{low:.4g} to {high:.4g}"
+    by_fields = "" if trial.fields == NONE else f", by fields {known}"
+    return f"{trial.by_faces}{by_fields}; {trial.words}"
 
 
 def _move_best(work: Design, until: Deadline, say: Say) -> None:
@@ -247,13 +259,17 @@ def _move_best(work: Design, until: Deadline, say: Say) -> None:
 
     until: deadline of the design. Nothing happens in space, with a limit on shapes or laying, or without enough time.
     """
-    options = work.options
-    if work.outline.scene.dimension == 3 or options.shapes is not None or options.laid is not None:
+    if not _moves(work):
         return
-    deadline = until.earlier((_CHECKS + _REFINING) * options.seconds)
+    deadline = until.earlier((_CHECKS + _REFINING) * work.options.seconds)
     if deadline.remaining() > _MOVED:
         say(f"joints       move, {deadline.remaining():.0f} s")
         move_in_rounds(work, deadline, say)
+
+
+def _moves(work: Design) -> bool:
+    """Return True if joints may move: in the plane, without a limit on shapes or laying."""
+    return work.outline.scene.dimension == 2 and work.options.shapes is None and work.options.laid is None
 
 
 def _refine_promising(work: Design, until: Deadline, say: Say) -> None:

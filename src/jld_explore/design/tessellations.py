@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 
 from jld_core.arrays import Floats
-from jld_core.assembly import Assembly
+from jld_core.assembly import Assembly, blocks_of
 from jld_core.build import build_assembly
 from jld_core.build.materials import direction_of_weight
 from jld_core.deadline import Deadline
@@ -37,6 +37,9 @@ _SMALLER: Final = 0.88
 
 _SNAP: Final = 0.25
 """Distance, relative to a cell, within which its corners move to those of the outline or to one another."""
+
+_WEDGES: Final = 5
+"""Number of wedges of a flat arch over an opening in a wall drawn as a solid."""
 
 _TRIES: Final = 12
 """Number of sizes that are tried for a tessellation."""
@@ -79,9 +82,9 @@ def tessellations(outline: Scene, options: DesignOptions, until: Deadline | None
     found: list[Tessellation] = []
     for name, words, make in kinds:
         late = bool(found) and until is not None and until.passed()
-        found.append(
-            Tessellation(name, words, None, "no time was left") if late else _made(name, words, make, options, side)
-        )
+        made = Tessellation(name, words, None, "no time was left") if late else _made(name, words, make, options, side)
+        alike = [one.name for one in found if made.scene is not None and one.scene == made.scene]
+        found.append(Tessellation(name, words, None, f"the same stones as {alike[0]}") if alike else made)
     if all(one.scene is None for one in found):
         reasons = "; ".join(f"{one.name}: {one.problem}" for one in found)
         raise InputError(
@@ -106,11 +109,15 @@ def _made(name: str, words: str, make: _Make, options: DesignOptions, side: Floa
             scene = with_loads(make(size), options, side)
         except InputError as error:
             return Tessellation(name, words, None, f"{error.where}: {error.problem}".lstrip(": "))
-        elements = build_assembly(scene).elements
-        heaviest = float(elements.mass[elements.free].max())
+        assembly = build_assembly(scene)
+        elements = assembly.elements
+        # blocks as stated: cells, or the bricks of the usual bond
+        heaviest = float(np.bincount(blocks_of(assembly, assembly.labels), elements.mass * ~elements.support).max())
         if options.block_mass is None or heaviest <= options.block_mass:
             return Tessellation(name, f"{words}, {len(elements.free)} cells", scene)
-        problem = f"a cell of {heaviest:.4g} exceeds the block mass"
+        problem = f"a block of {heaviest:.4g} exceeds the block mass"
+        if len(elements.free) > _MOST:
+            break
         size *= _SMALLER
     return Tessellation(name, words, None, problem)
 
@@ -196,15 +203,21 @@ def _spatial(outline: Scene, assembly: Assembly, options: DesignOptions) -> list
         sizes = tuple(_fitting(float(length), size * cell) for length in extent)
         return _ready(refine(outline, sizes).scene, [])
 
-    def walls(size: float) -> Scene:
-        """Cut into courses of stretchers."""
-        course = _fitting(height, size * cell / math.sqrt(2.0))
-        return _ready(refine(outline, (1.6 * size * cell, course), kind="bond").scene, [])
+    def walls(lintel: int) -> _Make:
+        """Return the function that cuts walls into stretchers, with so many stones over an opening."""
+
+        def cut(size: float) -> Scene:
+            """Cut into courses of stretchers."""
+            course = _fitting(height, size * cell / math.sqrt(2.0))
+            return _ready(refine(outline, (1.6 * size * cell, course), kind="bond", lintel=lintel).scene, [])
+
+        return cut
 
     return [
         ("bond", "voussoirs in shifted courses", vault("running")),
         ("courses", "voussoirs in courses in line", vault("stack")),
-        ("walls", "courses of stretchers, bonded at the corners", walls),
+        ("walls", "courses of stretchers, bonded at the corners", walls(1)),
+        ("arches", "the same with flat arches over openings", walls(_WEDGES)),
         ("grid", "a grid", grid),
     ]
 
@@ -223,8 +236,12 @@ def _cell_size(assembly: Assembly, measure: float, dimension: int, options: Desi
         each = min(each, 0.5 * options.block_mass / mass * measure)
         if measure / each > _MOST:
             least = 2.0 * mass / _MOST
-            problem = f"blocks of {options.block_mass:g} are {mass / options.block_mass:.0f} of a mass of {mass:.4g}"
-            raise ParameterError("block_mass", problem, f"at least {least:.3g}, for {_MOST} cells at the most")
+            kg = " kg" if assembly.units == ("m", "N") else ""
+            problem = f"the structure of {mass:.4g}{kg} would be {mass / options.block_mass:.0f} blocks of that mass"
+            wish = f"at least {least:.3g}{kg}, for {_MOST} cells at the most"
+            if dimension == 2 and options.thickness is None:
+                wish += ", or the `thickness` of the structure (1 where the outline states none)"
+            raise ParameterError("block_mass", problem, wish)
     return float(each ** (1.0 / dimension))
 
 
@@ -283,10 +300,12 @@ def _ready(scene: Scene, arcs: list[Arc], *, blocks: bool = False) -> Scene:
 
 
 def region_words(scene: Scene) -> str:
-    """Describe the free elements: area and arcs in the plane, number of solids in space."""
+    """Describe the free elements: area and arcs in the plane, number and volume of solids in space."""
     assembly = build_assembly(scene)
     if assembly.dimension == 3:
-        return f"{len(assembly.elements.free)} solids"
+        elements, unit = assembly.elements, assembly.units[0]
+        count, volume = len(elements.free), float(elements.volume[elements.free].sum())
+        return f"{count} solid{'s' * (count != 1)}, volume {volume:.4g} {unit}³"
     shapes = [assembly.elements.shape[k] for k in assembly.elements.free]
     parts = union_outlines(shapes)
     arcs = [arc for part in parts for arc in find_arcs(region_of(shapely.Polygon(part.shell)).shell)]

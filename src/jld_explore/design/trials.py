@@ -68,6 +68,15 @@ class Trial:
         return self.faces[0] if self.fields == NONE else self.fields[0]
 
     @property
+    def by_faces(self) -> str:
+        """Text for λ by faces; of locked layouts, which have none, for its lower bound."""
+        if self.faces[1] < 0.0:
+            return "does not stand"
+        if math.isfinite(self.load_factor):
+            return f"λ = {self.load_factor:.4g} by faces"
+        return f"λ ≥ {self.faces[0]:.4g} by faces" if math.isfinite(self.faces[0]) else "λ by faces unknown"
+
+    @property
     def stands(self) -> bool:
         """True if the upper bound by fields and the higher of both lower bounds on λ are ≥ 0."""
         return self.fields[1] >= 0.0 and max(self.fields[0], self.faces[0]) >= 0.0

@@ -21,6 +21,8 @@ WORDS: Final[dict[str, tuple[str, str, str]]] = {
     "body": ("share of the weight", "Anteil des Gewichts", "quota del peso"),
     "at": ("at", "bei", "in"),
     "on": ("on", "auf", "su"),
+    "on_stone": ("on stone {numbers}", "auf Stein {numbers}", "sul concio {numbers}"),
+    "on_stones": ("on stones {numbers}", "auf den Steinen {numbers}", "sui conci {numbers}"),
     "pressure": ("pressure", "Druck", "pressione"),
     "line": ("force per length", "Kraft je Länge", "forza per lunghezza"),
     "traction": ("force per area", "Kraft je Fläche", "forza per area"),
@@ -35,6 +37,11 @@ WORDS: Final[dict[str, tuple[str, str, str]]] = {
         "Cracks along the faces of the cells only: λ lies between {low} and {high}.",
         "Risse nur entlang der Zellflächen: λ liegt zwischen {low} und {high}.",
         "Fessure solo lungo le facce delle celle: λ è compreso tra {low} e {high}.",
+    ),
+    "at_faces": (
+        "Cracks along the faces of the cells only: λ = {low}.",
+        "Risse nur entlang der Zellflächen: λ = {low}.",
+        "Fessure solo lungo le facce delle celle: λ = {low}.",
     ),
     "locked": (
         "No live load of this pattern is too large for the model: the stones are locked.",
@@ -109,7 +116,12 @@ WORDS: Final[dict[str, tuple[str, str, str]]] = {
     "laying": ("Order of laying", "Reihenfolge des Versetzens", "Ordine di posa"),
     "step": ("step", "Schritt", "passo"),
     "prop": ("prop", "Stütze", "puntello"),
-    "way": ("comes along", "kommt entlang", "arriva lungo"),
+    "way": ("comes", "kommt", "arriva"),
+    "from_above": ("from above", "von oben", "dall'alto"),
+    "from_below": ("from below", "von unten", "dal basso"),
+    "from_left": ("from the left", "von links", "da sinistra"),
+    "from_right": ("from the right", "von rechts", "da destra"),
+    "along": ("along {axis}", "entlang {axis}", "lungo {axis}"),
     "stands": ("stands", "steht", "sta in piedi"),
     "undecided": ("undecided", "offen", "indeciso"),
     "no_order": (
@@ -118,6 +130,7 @@ WORDS: Final[dict[str, tuple[str, str, str]]] = {
         "Nessun ordine per traslazioni: i conci {names} si bloccano a vicenda.",
     ),
     "assumptions": ("Assumptions", "Annahmen", "Ipotesi"),
+    "low": ("{value} (low value {low})", "{value} (unterer Wert {low})", "{value} (valore basso {low})"),
     "friction": ("friction of joints {value}", "Reibung der Fugen {value}", "attrito dei giunti {value}"),
     "strength": (
         "tensile and shear strength of the stone {tension} and {shear}",
@@ -147,6 +160,48 @@ LEGEND: Final[dict[str, tuple[str, str]]] = {
 }
 """Texts in the legend of a drawing in German and Italian, by the English text without its number."""
 
+PHRASES: Final[tuple[tuple[re.Pattern[str], str, str], ...]] = tuple(
+    (re.compile(english), german, italian)
+    for english, german, italian in (
+        (r"load at (\S+)", r"Last bei \1", r"carico a \1"),
+        (r"push to the right", "Schub nach rechts", "spinta verso destra"),
+        (r"push to the left", "Schub nach links", "spinta verso sinistra"),
+        (r"each (\S+ \S+)", r"je \1", r"ognuno \1"),
+        (
+            r"supports below the lowest (?:edges|faces): the (?:drawing|file) names none",
+            "Auflager unter den tiefsten Kanten: die Zeichnung nennt keine",
+            "appoggi sotto i bordi più bassi: il disegno non ne indica",
+        ),
+        (
+            r"supports beside the raked sides of a flat arch: the drawing names none",
+            "Auflager neben den schrägen Seiten eines scheitrechten Bogens: die Zeichnung nennt keine",
+            "appoggi accanto ai lati inclinati di una piattabanda: il disegno non ne indica",
+        ),
+        (
+            r"lengths in m: the file names no unit, give --unit",
+            "Längen in m: die Datei nennt keine Einheit (--unit)",
+            "lunghezze in m: il file non indica unità (--unit)",
+        ),
+        (
+            r"order of laying: not found within (\d+) s; jld assembly searches on",
+            r"Reihenfolge des Versetzens: in \1 s nicht gefunden; jld assembly sucht weiter",
+            r"ordine di posa: non trovato in \1 s; jld assembly continua la ricerca",
+        ),
+        (r"thickness 1: give --thickness", "Dicke 1 m (--thickness)", "spessore 1 m (--thickness)"),
+        (
+            r"the live load is the weight acting sideways: no load was given or drawn",
+            "die Last ist das seitlich wirkende Gewicht: es war keine Last angegeben oder gezeichnet",
+            "il carico è il peso che agisce di lato: nessun carico era indicato o disegnato",
+        ),
+        (
+            r"the (\d+) elements of the scene are one outline, whose joints are chosen anew",
+            r"die \1 Elemente der Szene sind ein Umriss, dessen Fugen neu gewählt werden",
+            r"i \1 elementi della scena sono un contorno, i cui giunti sono scelti di nuovo",
+        ),
+    )
+)
+"""Sentences of the program that reports print, as patterns, and their texts in German and Italian."""
+
 _DECIMAL: Final = re.compile(r"(?<![\w.])(\d+)\.(\d+)(?!\.\d)")
 _VECTOR: Final = re.compile(r"\(([-−+\d., e]*\.[-−+\d., e]*)\)")
 
@@ -158,6 +213,23 @@ def words_in(language: str, words: Mapping[str, tuple[str, str, str]] = WORDS) -
     """
     place = LANGUAGES.index(language)
     return {key: texts[place] for key, texts in words.items()}
+
+
+def phrase_in(language: str, text: str) -> str:
+    """Return a sentence of `PHRASES` in a language of LANGUAGES; any other text as it is."""
+    place = LANGUAGES.index(language)
+    if place > 0:
+        for pattern, *others in PHRASES:
+            found = pattern.fullmatch(text)
+            if found is not None:
+                return found.expand(others[place - 1])
+    return text
+
+
+def digits(value: float) -> str:
+    """Write a number with four significant digits, large ones without an exponent."""
+    text = f"{value:.4g}"
+    return f"{float(text):.0f}" if "e+" in text else text
 
 
 def stronger_cut(high: float, language: str = "en") -> str:
@@ -197,4 +269,4 @@ def localise(page: Figure, language: str, names: Container[str] = ()) -> None:
                 entry.set_text(f"{number} {own[place]}" if counted else own[place])
     for text in page.findobj(Text):
         if isinstance(text, Text) and text.get_text() not in names:
-            text.set_text(decimal_commas(text.get_text()))
+            text.set_text(decimal_commas(phrase_in(language, text.get_text())))

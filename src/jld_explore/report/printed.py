@@ -11,13 +11,12 @@ from typing import Any, Final
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 
 from jld_core._version import __version__
+from jld_core.arrays import Floats
 from jld_core.assembly_sequence import Laying
-from jld_core.build.assemble import cases_of_scene
 from jld_core.exchange import Layout
 from jld_core.files import whole_file
 from jld_core.scene import Scene
@@ -26,8 +25,10 @@ from jld_core.scene.units import GRAVITY, METRES, NEWTONS
 from jld_core.views.figures import draw_assembly
 from jld_core.views.look import INK, SOFT, TINTS
 from jld_core.views.writing import as_written, write_numbers
-from jld_explore.report.languages import localise, words_in
+from jld_explore.report.languages import digits, localise, phrase_in, words_in
 from jld_explore.report.making import Making, Stone, factor_to, making_of, stones_of
+from jld_explore.report.printed_loads import finite, force_words, load_rows
+from jld_explore.report.printed_moulds import draw_mould
 
 _PAPER: Final = (8.27, 11.69)
 """Size of a page, DIN A4, inches."""
@@ -35,8 +36,17 @@ _PAPER: Final = (8.27, 11.69)
 _ROWS: Final = 52
 """Largest number of rows of a table on one page."""
 
+_LOADS: Final = 14
+"""Largest number of rows of the table of loads."""
+
 _MOULDS: Final = 28
 """Largest number of moulds that are drawn, on one page."""
+
+_MATERIALS: Final = ("density", "friction", "low friction", "tensile", "shear strength")
+"""Beginnings of assumptions on materials, whose values the report states anyway."""
+
+_STRAIGHT: Final = 0.9998
+"""Cosine of the angle, 1 degree, up to which a stone comes along an axis."""
 
 _MARGIN: Final = 0.09
 """Margin of a page, relative to its width."""
@@ -175,52 +185,13 @@ def _overview(book: _Book) -> None:
     size = 7.0 if len(blocks) <= 60 else 4.5
     write_numbers(ax, layout.assembly, [one.elements for one in blocks], [one.centroid for one in blocks], size)
     top = book.text(figure, 0.43, [words["loads"]], 12.0)
-    top = book.table(figure, top, [words["case"], words["load"], words["times"]], _loads(book)[:14], [0.2, 0.5, 0.3])
+    rows = load_rows(layout, content.load_factor, words, book.stones, book.language)
+    head = [words["case"], words["load"], words["times"]]
+    top = book.table(figure, top, head, rows[:_LOADS], [0.2, 0.58, 0.22])
+    if len(rows) > _LOADS:
+        top = book.text(figure, top, [words["more"].format(count=len(rows) - _LOADS)], 8.0)
     top = book.text(figure, top - 0.015, [words["proven"]], 12.0)
     book.text(figure, top, _proven(book))
-
-
-def _force(book: _Book, value: float) -> str:
-    """Write a force in kN, or in the scene's unit where that is unknown."""
-    own = book.scene.units.force
-    if own not in NEWTONS:
-        return f"{value:.4g} {own}"
-    return f"{value * NEWTONS[own] / NEWTONS['kN']:.4g} kN"
-
-
-def _loads(book: _Book) -> list[list[str]]:
-    """Return the rows of the table of loads: case, load, and λ times it."""
-    scene, factor, words, rows = book.scene, book.content.load_factor, book.words, []
-    cases = cases_of_scene(scene, book.content.layout.assembly.elements)
-    for name, live in [(one.case.name, one.case.live) for one in cases] or [("", scene.loads.live or [])]:
-        for entry in live:
-            told, times = _load(book, with_means(entry.model_dump(mode="json", exclude_defaults=True)), factor, words)
-            rows.append([textwrap.shorten(name, 24, placeholder="…"), told, times])
-    return rows
-
-
-def _load(book: _Book, entry: dict[str, Any], factor: float, words: dict[str, str]) -> tuple[str, str]:
-    """Describe one load, and λ times it."""
-    if "body" in entry:
-        value = float(np.linalg.norm(entry["body"]))
-        vector = ", ".join(f"{one + 0.0:.4g}" for one in entry["body"])
-        return f"({vector}) {words['body']}", _finite(factor * value, lambda x: f"{x:.4g}")
-    if "force" in entry:
-        value = float(np.linalg.norm(entry["force"]))
-        place = entry.get("at")
-        length = book.scene.units.length
-        where = "" if place is None else f" {words['at']} (" + ", ".join(f"{x:.4g}" for x in place) + f") {length}"
-        told = f"{_force(book, value)} {words['on']} {entry['element']}{where}"
-        return textwrap.shorten(told, 60, placeholder="…"), _finite(factor * value, lambda x: _force(book, x))
-    for key in ("pressure", "line", "traction"):
-        if key in entry:
-            return f"{words[key]} {entry[key]}", ""
-    return f"{words['moment']} {entry.get('moment')}", ""
-
-
-def _finite(value: float, write: Any) -> str:
-    """Return a number as text by the function `write`, or a dash if it is not finite."""
-    return str(write(value)) if math.isfinite(value) else "–"
 
 
 def _proven(book: _Book) -> list[str]:
@@ -229,10 +200,10 @@ def _proven(book: _Book) -> list[str]:
     found = []
     if math.isfinite(content.fields[0]):
         low, high = content.fields
-        found.append(words["by_fields"].format(low=f"{low:.4g}", high=_finite(high, lambda x: f"{x:.4g}")))
+        found.append(words["by_fields"].format(low=f"{low:.4g}", high=finite(high, lambda x: f"{x:.4g}")))
     elif math.isfinite(content.faces[0]) and content.status != "locked":
-        low, high = content.faces
-        found.append(words["by_faces"].format(low=f"{low:.4g}", high=_finite(high, lambda x: f"{x:.4g}")))
+        least, most = (finite(one, lambda x: f"{x:.4g}") for one in content.faces)
+        found.append(words["by_faces" if least != most else "at_faces"].format(low=least, high=most))
     elif content.status == "locked":
         found.append(words["locked"])
     else:
@@ -253,9 +224,9 @@ def _stones(book: _Book) -> None:
     head[4] += f" [{book.unit}]"
     rows = []
     for stone in book.stones[:_ROWS]:
-        size = " × ".join(f"{book.length * side:.4g}" for side in stone.size)
-        waste = f"{100.0 * (1.0 - stone.volume / stone.stock):.0f} %"
-        mass = f"{stone.mass:.4g} kg" if book.scene.units.force in NEWTONS else f"{stone.mass:.4g}"
+        size = " × ".join(digits(book.length * side) for side in stone.size)
+        waste = f"{100.0 * max(0.0, 1.0 - stone.volume / stone.stock):.0f} %"
+        mass = f"{digits(stone.mass)} kg" if book.scene.units.force in NEWTONS else digits(stone.mass)
         name = textwrap.shorten(stone.name, 14, placeholder="…")
         rows.append([str(stone.number), name, str(stone.shape), mass, size, str(stone.cuts), str(stone.set_ups), waste])
     top = book.table(figure, 0.91, head, rows, [0.07, 0.15, 0.09, 0.13, 0.23, 0.1, 0.13, 0.1])
@@ -274,11 +245,11 @@ def _making_words(book: _Book) -> str:
         moulds=sums.moulds,
         cuts=sums.cuts,
         set_ups=sums.set_ups,
-        sawn=f"{metres**2 * sums.sawn:.4g} m²",
-        mass=f"{sums.mass:.4g} kg",
-        heaviest=f"{sums.heaviest:.4g} kg",
-        stock=f"{metres**3 * sums.stock:.4g} m³",
-        waste=f"{100.0 * sums.waste:.0f} %",
+        sawn=f"{digits(metres**2 * sums.sawn)} m²",
+        mass=f"{digits(sums.mass)} kg",
+        heaviest=f"{digits(sums.heaviest)} kg",
+        stock=f"{digits(metres**3 * sums.stock)} m³",
+        waste=f"{100.0 * max(0.0, sums.waste):.0f} %",
     )
     return f"{said} {words['least' if book.content.layout.assembly.dimension == 2 else 'axes']}"
 
@@ -295,39 +266,13 @@ def _moulds(book: _Book) -> None:
         x = _MARGIN + (place % across) * (1.0 - 2.0 * _MARGIN) / across
         y = 0.9 - (place // across + 1) * height
         ax = figure.add_axes((x, y + 0.1 * height, 0.9 * (1.0 - 2.0 * _MARGIN) / across, 0.72 * height))
-        _draw_mould(ax, alike[0], book.length, TINTS[place % len(TINTS)])
+        draw_mould(ax, alike[0], book.length, TINTS[place % len(TINTS)])
         numbers = ", ".join(str(stone.number) for stone in alike)
         count = book.words["pieces"].format(count=len(alike))
         title = f"{book.words['mould']} {shape}: {count} ({textwrap.shorten(numbers, 12, placeholder='…')})"
         ax.set_title(title, fontsize=7.5, color=INK, loc="left")
     if len(shapes) > _MOULDS:
         book.text(figure, 0.06, [book.words["more"].format(count=len(shapes) - _MOULDS)])
-
-
-def _draw_mould(ax: Axes, stone: Stone, factor: float, tint: str) -> None:
-    """Draw the outline of a stone with the lengths of its edges."""
-    if stone.outline is None:
-        raise ValueError("a stone in space has no outline")
-    ring = factor * stone.outline
-    ax.fill(*ring.T, facecolor=tint, edgecolor=INK, linewidth=0.8)
-    edges = np.roll(ring, -1, axis=0) - ring
-    lengths = np.hypot(*edges.T)
-    outward = np.column_stack([edges[:, 1], -edges[:, 0]]) / lengths[:, None]
-    size = float(np.ptp(ring, axis=0).max())
-    for middle, normal, length in zip(ring + 0.5 * edges, outward, lengths, strict=True):
-        if length > 0.04 * size:
-            at = middle + 0.09 * size * normal
-            ax.text(
-                float(at[0]),
-                float(at[1]),
-                f"{length:.0f}" if length >= 99.95 else f"{length:.1f}",
-                fontsize=5.5,
-                ha="center",
-                va="center",
-            )
-    ax.set_aspect("equal")
-    ax.margins(0.2)
-    ax.set_axis_off()
 
 
 def _laying(book: _Book) -> None:
@@ -355,10 +300,10 @@ def _laying_table(book: _Book, figure: Figure, top: float) -> float:
     rows = []
     for number, step in enumerate(laying.steps, 1):
         stones = " + ".join(_numbers(book, laying, step.blocks))
-        way = "(" + ", ".join(f"{0.0 - x:.2f}" for x in step.direction) + ")"
+        way = _way(book, 0.0 - np.asarray(step.direction))
         props = float(step.stage.props.sum())
         held = words["stands"] if step.stage.stands else words["undecided"] if step.stage.stands is None else ""
-        rows.append([str(number), stones, way, held or f"{words['prop']} {_force(book, props)}"])
+        rows.append([str(number), stones, way, held or f"{words['prop']} {force_words(book.content.layout, props)}"])
     shown = rows[: 2 * (_ROWS - 12)]
     half = math.ceil(len(shown) / 2)
     head = [words[key] for key in ("step", "stone", "way", "stands")]
@@ -367,6 +312,24 @@ def _laying_table(book: _Book, figure: Figure, top: float) -> float:
     if len(rows) > len(shown):
         top = book.text(figure, top, [words["more"].format(count=len(rows) - len(shown))])
     return top
+
+
+def _way(book: _Book, motion: Floats) -> str:
+    """Say from where a stone comes, or along which vector where that is no axis of the picture.
+
+    motion: (d,) unit vector of its movement.
+    """
+    words, axes = book.words, np.eye(len(motion))
+    ways = [(words["from_above"], -axes[-1]), (words["from_below"], axes[-1])]
+    if len(motion) == 2:
+        ways += [(words["from_left"], axes[0]), (words["from_right"], -axes[0])]
+    else:
+        signed = [(sign, k) for k in (0, 1) for sign in (1.0, -1.0)]
+        ways += [
+            (words["along"].format(axis=f"{'+' if sign > 0.0 else '−'}{'xy'[k]}"), sign * axes[k]) for sign, k in signed
+        ]
+    vector = "(" + ", ".join(f"{x:.2f}" for x in motion) + ")"
+    return next((name for name, axis in ways if float(motion @ axis) > _STRAIGHT), vector)
 
 
 def _numbers(book: _Book, laying: Laying, blocks: Sequence[int]) -> list[str]:
@@ -386,23 +349,26 @@ def _assumptions(book: _Book) -> list[str]:
     force, metre = NEWTONS.get(own.force, 0.0), METRES.get(own.length, 1.0)
     if dry:
         angle = dry.get("friction_angle")
-        value = f"{_plain(angle)}°" if angle is not None else _plain(dry.get("friction_coefficient"))
+        value = f"{_plain(angle, words)}°" if angle is not None else _plain(dry.get("friction_coefficient"), words)
         found.append(words["friction"].format(value=value))
     if inner:
         factor, unit = (force / metre**2 / 1e6, "N/mm²") if force else (1.0, f"{own.force}/{own.length}²")
-        tension, shear = (f"{_plain(inner.get(key), factor)} {unit}" for key in ("tensile_strength", "shear_strength"))
+        tension, shear = (
+            f"{_plain(inner.get(key), words, factor)} {unit}" for key in ("tensile_strength", "shear_strength")
+        )
         found.append(words["strength"].format(tension=tension, shear=shear))
     if materials.get("density") is not None:
         # a scene may have any units of mass: its gravity makes a weight of it
         gravity = book.content.layout.assembly.elements.gravity
         factor, unit = (gravity / GRAVITY * force / metre**3, " kg/m³") if force else (1.0, "")
-        found.append(words["density"].format(value=_plain(materials["density"], factor) + unit))
+        found.append(words["density"].format(value=_plain(materials["density"], words, factor) + unit))
     # what the file of materials says already stands above
-    return [*found, words["rigid"], *(one for one in book.content.assumed if not one.startswith("density"))]
+    others = [one for one in book.content.assumed if not one.startswith(_MATERIALS)]
+    return [*found, words["rigid"], *(phrase_in(book.language, one) for one in others)]
 
 
-def _plain(value: Any, factor: float = 1.0) -> str:
+def _plain(value: Any, words: dict[str, str], factor: float = 1.0) -> str:
     """Write a value of a material times a factor, with its low value where it has one."""
     if isinstance(value, dict):
-        return f"{factor * value['nominal']:.4g} ({factor * value['low']:.4g})"
+        return words["low"].format(value=f"{factor * value['nominal']:.4g}", low=f"{factor * value['low']:.4g}")
     return f"{factor * value:.4g}" if isinstance(value, float | int) else "–"

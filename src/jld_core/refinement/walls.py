@@ -1,0 +1,154 @@
+"""Walls drawn as solids: courses of a masonry bond with bonded corners, openings and lintels."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+import shapely
+
+from jld_core.arrays import Floats
+from jld_core.errors import InputError, ParameterError
+from jld_core.geometry import Faces, facets_of, solids
+from jld_core.geometry.polygons import corners
+from jld_core.geometry.polyhedra import Facets
+from jld_core.refinement.tessellation import MOST
+from jld_core.samples.corner_bonds import levels_of, snapped
+from jld_core.samples.wall_openings import FACES, Lintel, bonded_walls
+
+_FLAT: Final = 1e-6
+"""Sine of the angle up to which a face is level or upright, and relative distance of nearly equal heights."""
+
+_LEAST: Final = 0.05
+"""Share of a course below which the rest at the foot or the top of a wall joins the course beside it."""
+
+_THIN: Final = 0.25
+"""Least height of a course between the sills and heads of openings, in courses."""
+
+
+def bed_joints(shapes: Sequence[Floats], faces: Sequence[Faces], down: Floats, height: float) -> Floats:
+    """Return the heights of the bed joints of walls, against `down`, ascending.
+
+    Courses begin at the lowest point. Sills and heads of openings, and steps of a wall, are bed joints; the courses
+    below, between and above them are equally high. shapes: (k, 3) vertices of each wall. faces: outward loops of each.
+    down: (3,) direction of weight. height: of a course, length. Raises ParameterError for more than `MOST` courses, or
+    where sills and heads are closer than a quarter of a course.
+    """
+    own = [-(vertices @ down) for vertices in shapes]
+    low, high = min(float(one.min()) for one in own), max(float(one.max()) for one in own)
+    if (high - low) / height > MOST:
+        raise ParameterError("cell", f"that makes {(high - low) / height:.3g} courses", f"at most {MOST} cells")
+    near = _FLAT * (high - low)
+    facets = facets_of(list(shapes), list(faces))
+    inner = [
+        float(-origin @ down)
+        for owner, origin, normal in zip(facets.element, facets.origin, facets.normal, strict=True)
+        if abs(normal @ down) > 1.0 - _FLAT and own[owner].min() + near < -origin @ down < own[owner].max() - near
+    ]
+    if not inner:
+        return np.asarray(low + height * np.arange(np.ceil((high - low) / height - 1e-9) + 1.0))
+    beds = [low]
+    for a, b in itertools.pairwise([low, *levels_of(np.array(inner), high - low).tolist(), high]):
+        if b - a < _THIN * height * (1.0 - 1e-9):
+            raise ParameterError(
+                "cell",
+                f"sills, heads or tops of walls are {b - a:.3g} apart, and a course is {height:g}",
+                "openings whose sills and heads are equally high, or lower courses",
+            )
+        beds += np.linspace(a, b, max(1, round((b - a) / height)) + 1)[1:].tolist()
+    return np.array(beds)
+
+
+def split_walls(
+    name: str,
+    vertices: Floats,
+    faces: Faces,
+    down: Floats,
+    beds: Floats,
+    stretcher: float,
+    bond: str,
+    lintel: Lintel,
+) -> list[tuple[Floats, Faces]]:
+    """Cut the walls of a solid with upright and level faces into a masonry bond with bonded corners.
+
+    Windows and doors are rectangles through the wall; a lintel spans each. name: of the element, for messages.
+    vertices: (k, 3). faces: outward loops of vertex indices. down: (3,) direction of weight. beds: heights of bed
+    joints, of `bed_joints`. stretcher: its length. bond: one of `BONDS`. lintel: how openings are spanned. Returns
+    vertices and faces of each stone, course by course from below. A rest at the foot or the top that is lower than a
+    twentieth of a course joins the course beside it. Raises InputError if a face is inclined, walls do not meet
+    at right angles or an opening cannot be spanned, and ParameterError for more than `MOST` stones.
+    """
+    axes = _axes_of(name, vertices, faces, down)
+    local = vertices @ axes.T
+    origin = local.min(axis=0)
+    extent = float(np.ptp(local, axis=0).max())
+    local = np.column_stack([snapped(one, levels_of(one, extent)) for one in (local - origin).T])
+    beds = beds - origin[2]
+    top = float(local[:, 2].max())
+    slack = _LEAST * float(np.diff(beds).min())
+    ends = np.array([0.0, *beds[(beds > slack) & (beds < top - slack)].tolist(), top])
+    first = int(np.searchsorted(beds, 0.5 * ends[1])) - 1
+    facets = facets_of([local], [faces])
+    sections = _sections(name, facets, 0.5 * (ends[1:] + ends[:-1]))
+    edges = sum(section.length for section in sections)
+    if edges / stretcher > MOST:
+        raise ParameterError("cell", f"that makes {edges / stretcher:.3g} cells", f"at most {MOST}")
+    stones = bonded_walls(sections, ends.tolist(), bond, stretcher, first=first, lintel=lintel, name=name)
+    return [((origin + stone) @ axes, FACES) for course in stones for stone in course]
+
+
+def _axes_of(name: str, vertices: Floats, faces: Faces, down: Floats) -> Floats:
+    """Return two level axes along the walls of a solid, and the upright one, as rows (3, 3).
+
+    The first lies along the longest edge of an upper face, anticlockwise. Of equally long ones that counts along which
+    the centroid is farthest beyond the middle, then that nearest to a level world axis, so that a solid is cut alike
+    wherever it stands. name: of the element, for the message. vertices, faces: of the solid. down: (3,) direction of
+    weight. Raises InputError if a face is neither level nor upright.
+    """
+    facets = facets_of([vertices], [faces])
+    level = facets.normal @ down
+    if not ((abs(level) < _FLAT) | (abs(level) > 1.0 - _FLAT)).all():
+        raise InputError(
+            f"element {name!r}", "it is no upright prism", "walls and rectangular openings with level and upright faces"
+        )
+    size = float(np.ptp(vertices, axis=0).max())
+    loops = [
+        corners(loops[0], _FLAT * size) for loops, height in zip(facets.loops, level, strict=True) if height < -0.5
+    ]
+    edges = np.concatenate([np.roll(loop, -1, axis=0) - loop for loop in loops])
+    lengths = np.linalg.norm(edges, axis=1)
+    longest = edges[lengths >= (1.0 - _FLAT) * lengths.max()]
+    longest -= np.outer(longest @ down, down)
+    longest /= np.linalg.norm(longest, axis=1)[:, None]
+    centroid = solids([name], [vertices], [faces])[3][0]
+    along = vertices @ longest.T
+    beyond = (longest @ centroid - 0.5 * (along.min(axis=0) + along.max(axis=0))) / size
+    world = longest[:, np.argsort(abs(down), kind="stable")[:2]]
+    order = np.lexsort(np.column_stack([beyond, world]).round(6).T[::-1])
+    first = longest[order[-1]]
+    return np.stack([first, np.cross(-down, first), -down])
+
+
+def _sections(name: str, facets: Facets, heights: Floats) -> list[shapely.Geometry]:
+    """Return the plan of a solid at each of some heights, ascending.
+
+    name: of the element, for the message. facets: of the solid, whose third coordinate is the height. Raises InputError
+    if the solid is empty at a height.
+    """
+    level = np.flatnonzero(abs(facets.normal[:, 2]) > 0.5)
+    order = level[np.argsort(facets.origin[level, 2], kind="stable")]
+    section: shapely.Geometry = shapely.Polygon()
+    found, begun = [], 0
+    for height in heights:
+        while begun < len(order) and facets.origin[order[begun], 2] < height:
+            k = order[begun]
+            shell, *holes = (loop[:, :2] for loop in facets.loops[k])
+            area = shapely.Polygon(shell, holes)
+            section = (shapely.union if facets.normal[k, 2] < 0.0 else shapely.difference)(section, area)
+            begun += 1
+        if section.is_empty:
+            raise InputError(f"element {name!r}", "its parts stand apart", "walls in one piece")
+        found.append(section)
+    return found

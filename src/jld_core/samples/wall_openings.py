@@ -1,0 +1,269 @@
+"""Walls in bonds with openings: bonded corners, jambs, and lintels of one stone or of a flat arch."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+import shapely
+
+from jld_core.arrays import Floats
+from jld_core.errors import InputError
+from jld_core.samples.corner_bonds import (
+    SLIVER,
+    Rectangle,
+    axis_of,
+    head_joints,
+    inner_corners,
+    squared,
+    walls_of,
+    within,
+)
+
+FACES: Final = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5))
+"""Outward faces of a stone with corners (8, 3), x running fastest, then y, then z."""
+
+_SAME: Final = 1e-9
+"""Areas and lengths, relative to the plan, below which they are nothing, and up to which two of them are the same."""
+
+_HALF: Final = 0.5
+"""Default bearing of a lintel, and least stone between a lintel and the end of its wall behind a corner, stretchers."""
+
+Interval = tuple[float, float]
+"""Two positions along a wall."""
+
+
+@dataclass(frozen=True)
+class Lintel:
+    """How openings are spanned.
+
+    Attributes
+    ----------
+    stones : int
+        1 for one long stone; more for a flat arch of so many wedges between two skewbacks.
+    bearing : float or None
+        Least length by which a lintel reaches beyond either jamb. None: half a stretcher, or less where the wall beside
+        the jamb is shorter, but at least a quarter of a stretcher.
+    """
+
+    stones: int = 1
+    bearing: float | None = None
+
+
+def bonded_walls(
+    sections: Sequence[shapely.Geometry],
+    beds: Sequence[float],
+    bond: str,
+    stretcher: float,
+    *,
+    first: int = 0,
+    lintel: Lintel | None = None,
+    name: str = "plan",
+) -> list[list[Floats]]:
+    """Return the stones of walls course by course, each as its corners (8, 3) with the faces `FACES`.
+
+    Corners are bonded as by `corner_course`. Head joints keep a quarter of a stretcher away from the jambs of openings
+    in their own course and in those above and below, and from the ends of lintels in courses above and below.
+
+    sections: plan of each course, from below, its edges along x and y. beds: heights of the bed joints, one more.
+    bond, stretcher, name: as in `corner_course`. first: number of the first course. lintel: None for its defaults.
+    Raises InputError for an unknown bond, edges that are not along the axes, an opening that is no rectangle through
+    its wall, or no room for the bearing of a lintel.
+    """
+    walls = _Walls(sections, bond, stretcher, first, lintel or Lintel(), name)
+    above: list[list[tuple[Rectangle, Interval]]] = []
+    for k in range(len(sections)):
+        above.append(walls.lintels(k, above[k - 1] if k else []))
+    found = []
+    for k, (low, high) in enumerate(itertools.pairwise(beds)):
+        beside = [whole for j in (k - 1, k + 1) if 0 <= j < len(above) for whole, _ in above[j]]
+        stones = [_hexahedron(*_axes(stone), low, high) for stone in walls.stones(k, above[k], beside)]
+        for whole, jambs in above[k]:
+            stones += _lintel_stones(whole, jambs, low, high, walls.lintel.stones)
+        found.append(stones)
+    return found
+
+
+@dataclass
+class _Walls:
+    """Plan and openings of walls, course by course."""
+
+    sections: Sequence[shapely.Geometry]
+    bond: str
+    stretcher: float
+    first: int
+    lintel: Lintel
+    name: str
+    plan: shapely.Polygon = field(init=False)
+    corners: Floats = field(init=False)
+    voids: list[shapely.Geometry] = field(init=False)
+    near: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        for section in self.sections:
+            squared(section, self.name)
+        plan = squared(shapely.union_all(list(self.sections)), self.name)
+        if plan.geom_type != "Polygon":
+            raise self._refusal("its walls stand apart", "one element for each of them")
+        self.plan, self.corners = plan, inner_corners(plan)
+        self.voids = [shapely.difference(plan, section) for section in self.sections]
+        self.near = _SAME * float(np.ptp(shapely.get_coordinates(plan), axis=0).max())
+
+    def _refusal(self, problem: str, expected: str) -> InputError:
+        """Return the error of an element that cannot be cut."""
+        return InputError(f"element {self.name!r}", problem, expected)
+
+    def walls(self, k: int) -> list[Rectangle]:
+        """Return the walls of a course."""
+        return walls_of(self.plan, self.corners, (self.first + k) % 2)
+
+    def _intervals(self, region: shapely.Geometry, wall: Rectangle, *, strict: bool = True) -> list[Interval]:
+        """Return the positions along a wall that a region covers, ascending.
+
+        strict: True raises InputError where the region is no rectangle through the whole thickness of the wall.
+        """
+        along = axis_of(wall)
+        thickness = wall[3 - along] - wall[1 - along]
+        found = []
+        for part in shapely.get_parts(shapely.intersection(region, shapely.box(*wall))):
+            start, end = part.bounds[along], part.bounds[along + 2]
+            if part.geom_type != "Polygon" or part.area <= _SAME * self.plan.area:
+                continue
+            if strict and abs((end - start) * thickness - part.area) > _SAME * self.plan.area:
+                raise self._refusal("an opening is no rectangle through its wall", "windows and doors with plane jambs")
+            found.append((start, end))
+        return sorted(found)
+
+    def lintels(self, k: int, below: list[tuple[Rectangle, Interval]]) -> list[tuple[Rectangle, Interval]]:
+        """Return the lintels of a course, in plan, each with the jambs of its opening.
+
+        below: lintels of the course below.
+        """
+        if k == 0:
+            return []
+        covered = shapely.difference(self.voids[k - 1], self.voids[k])
+        found = []
+        for wall in self.walls(k):
+            along = axis_of(wall)
+            spans = self._intervals(covered, wall)
+            under = self._intervals(self.voids[k - 1], wall, strict=bool(spans))
+            gaps = self._intervals(self.voids[k], wall)
+            later = self._intervals(self.voids[k + 1], wall, strict=False) if k + 1 < len(self.voids) else []
+            inside = (self.corners >= wall[:2]).all(axis=1) & (self.corners <= wall[2:]).all(axis=1)
+            lines = [*self.corners[inside, along].tolist(), *(p for one in later for p in one)]
+            lines += [p for whole, _ in below if _overlap(whole, wall) for p in (whole[along], whole[along + 2])]
+            for span in spans:
+                if not any(np.allclose(span, one, rtol=0.0, atol=self.near) for one in under):
+                    raise self._refusal("an opening is narrower above", "jambs that are upright up to the lintel")
+                ends = []
+                for side in (0, 1):
+                    sign = 2 * side - 1
+                    # the middle of the pier between two lintels, the jamb of a higher opening, or the end of the wall
+                    stops = [sign * (wall[along + 2 * side] - span[side])]
+                    stops += [sign * (gap[1 - side] - span[side]) for gap in gaps]
+                    stops += [0.5 * sign * (other[1 - side] - span[side]) for other in spans if other != span]
+                    limit = max(0.0, min(stop for stop in stops if stop >= -self.near))
+                    reach = self._bearing(limit, [sign * (line - span[side]) for line in lines])
+                    ends.append(span[side] + sign * reach)
+                found.append((within(wall, *ends), span))
+        if abs(sum(_area(whole, span) for whole, span in found) - covered.area) > _SAME * self.plan.area:
+            raise self._refusal("an opening is no rectangle through its wall", "windows and doors with plane jambs")
+        return found
+
+    def _bearing(self, limit: float, lines: list[float]) -> float:
+        """Return the length by which a lintel reaches beyond a jamb.
+
+        limit: greatest length. lines: distances from the jamb, away from the opening, that its end is to keep clear of.
+        Raises InputError where the wall beside the opening is too short.
+        """
+        least, given = SLIVER * self.stretcher * (1.0 - 1e-9), self.lintel.bearing
+        if limit < (least if given is None else given * (1.0 - 1e-9)):
+            wanted = f"at least {SLIVER * self.stretcher if given is None else given:g} for the bearing of its lintel"
+            wanted += "" if given is None else ", or a smaller `bearing`"
+            raise self._refusal(f"an opening leaves {limit:.3g} of wall beside it", wanted)
+        reach = min(limit, _HALF * self.stretcher if given is None else given)
+        for line in sorted(line for line in lines if 0.0 < line < limit):
+            if abs(line - reach) < least:
+                reach = line + SLIVER * self.stretcher
+                if limit - reach < _HALF * self.stretcher:
+                    reach = limit
+        return limit if limit - reach < least else reach
+
+    def stones(self, k: int, own: list[tuple[Rectangle, Interval]], beside: list[Rectangle]) -> list[Rectangle]:
+        """Return the stones of a course beside its lintels, in plan.
+
+        own: its lintels. beside: lintels of the courses above and below.
+        """
+        found = []
+        near = [self.voids[j] for j in (k - 1, k + 1) if 0 <= j < len(self.voids)]
+        for wall in self.walls(k):
+            along = axis_of(wall)
+            lines = np.unique(self.corners[:, along]).tolist()
+            lines += [p for void in near for one in self._intervals(void, wall, strict=False) for p in one]
+            lines += [p for whole in beside if _overlap(whole, wall) for p in (whole[along], whole[along + 2])]
+            empty = self._intervals(self.voids[k], wall)
+            taken = [(whole[along], whole[along + 2]) for whole, _ in own if _overlap(whole, wall)]
+            bounds = [wall[along], *(p for one in sorted(empty + taken) for p in one), wall[along + 2]]
+            for ends in zip(bounds[::2], bounds[1::2], strict=True):
+                if ends[1] - ends[0] <= self.near:
+                    continue
+                if len(bounds) > 2 and ends[1] - ends[0] < SLIVER * self.stretcher * (1.0 - 1e-9):
+                    problem = f"an opening leaves {ends[1] - ends[0]:.3g} of wall beside it"
+                    raise self._refusal(
+                        problem, f"at least {SLIVER * self.stretcher:g}, a quarter of a stretcher, or none"
+                    )
+                joints = head_joints(
+                    self.plan.bounds, along, ends, np.array(lines), self.first + k, self.bond, self.stretcher
+                )
+                found += [within(wall, a, b) for a, b in itertools.pairwise(joints)]
+        return found
+
+
+def _overlap(one: Rectangle, other: Rectangle) -> bool:
+    """Return True if two rectangles have an area in common."""
+    return all(min(one[k + 2], other[k + 2]) > max(one[k], other[k]) for k in (0, 1))
+
+
+def _area(whole: Rectangle, span: Interval) -> float:
+    """Return the area of the opening below a lintel, in plan."""
+    along = axis_of(whole)
+    return (span[1] - span[0]) * (whole[3 - along] - whole[1 - along])
+
+
+def _axes(stone: Rectangle) -> tuple[int, Interval, Interval, Interval]:
+    """Return axis, ends at the lower and at the upper face, and sides of an upright stone, for `_hexahedron`."""
+    along = axis_of(stone)
+    ends = (stone[along], stone[along + 2])
+    return along, ends, ends, (stone[1 - along], stone[3 - along])
+
+
+def _hexahedron(along: int, lower: Interval, upper: Interval, sides: Interval, low: float, high: float) -> Floats:
+    """Return the corners (8, 3) of a stone whose ends at the lower and the upper face may differ.
+
+    along: axis of its wall. sides: positions across the wall. low, high: heights.
+    """
+    corners = []
+    for ends, height in ((lower, low), (upper, high)):
+        x, y = (ends, sides) if along == 0 else (sides, ends)
+        corners += [(x[i], y[j], height) for j in (0, 1) for i in (0, 1)]
+    return np.array(corners)
+
+
+def _lintel_stones(whole: Rectangle, jambs: Interval, low: float, high: float, number: int) -> list[Floats]:
+    """Return the stones of a lintel: one, or wedges of a flat arch between skewbacks that lean by half the bearing.
+
+    whole: lintel in plan. jambs: positions of the jambs. low, high: heights. number: of wedges.
+    """
+    along, ends, _, sides = _axes(whole)
+    if number == 1:
+        return [_hexahedron(along, ends, ends, sides, low, high)]
+    soffit = np.linspace(*jambs, number + 1)
+    top = np.linspace(0.5 * (ends[0] + jambs[0]), 0.5 * (ends[1] + jambs[1]), number + 1)
+    lower, upper = ([ends[0], *line.tolist(), ends[1]] for line in (soffit, top))
+    return [
+        _hexahedron(along, a, b, sides, low, high)
+        for a, b in zip(itertools.pairwise(lower), itertools.pairwise(upper), strict=True)
+    ]
