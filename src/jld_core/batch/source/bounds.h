@@ -3,10 +3,6 @@
 #include "edge.h"
 #include "proof.h"
 #include "ray.h"
-#ifndef RSPACE
-#define RSPACE 1e-8
-#define RSHARE 1e-7
-#endif
 
 namespace jld {
 
@@ -15,7 +11,7 @@ struct LabellingBounds {
     static constexpr int FREEDOMS = Face::FREEDOMS;
     static constexpr double NOTHING = 1e-9;  // share of `zero` that cannot be distinguished from zero
     // Least slack and relative gap where a pass begins at the end of the last one.
-    static constexpr double SPACE = RSPACE, SHARE = RSHARE;
+    static constexpr double SPACE = 1e-8, SHARE = 1e-7;
     const JldProblem& problem;
     const JldTry* tries;
     int count_of_tries;
@@ -152,7 +148,6 @@ struct LabellingBounds {
     // Begin where the last pass has ended, with products of slacks and multipliers raised to SHARE of a gap of lambda.
     void resume(const JldProblem& now, int lane, const JldTry& how) {
         const std::vector<double>& from = kept[in_lane[lane]];
-        if (from.empty()) return;
         const double load = std::fabs(from[from.size() - 3]), size = load > 1e-4 ? load : 1e-4;
         work.resume(now, lane, labels + in_lane[lane] * problem.faces, how, from.data(), SPACE,
                     SHARE * size / (Face::ROWS * problem.faces + 1));
@@ -184,7 +179,7 @@ struct LabellingBounds {
             }
             in_lane[i] = todo[given++], age[i] = 0, ++busy;
             work.put(now, i, labels + in_lane[i] * problem.faces, how);
-            if constexpr (FREEDOMS == 3 && !Face::PARABOLIC)
+            if constexpr (FREEDOMS == 3)
                 if (how.resumes) resume(now, i, how);
             ++out.tries[in_lane[i]];
         };

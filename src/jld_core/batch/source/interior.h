@@ -86,6 +86,8 @@ struct Workspace {
         for (int f = 0; f < p.faces; ++f, from += 3 + Face::ROWS) {
             int64_t at = int64_t(labels[f]) * p.faces + f;
             face[f].resume(lane, p.rows + Face::NUMBERS * at, p.keep[at], from, space, product);
+            if constexpr (Face::PARABOLIC)
+                face[f].bend(lane, p.parabolas + Face::PARABOLA_NUMBERS * at, space, product / space);
         }
         for (Lane& x : velocity) lanes_of(x)[lane] = *from++;
         const double least = product / from[1];
