@@ -195,8 +195,13 @@ struct Interior {
         }
         // Regularise: where V is dropped, velocities may be free of all forces.
         if (problem.drops_shear) lanes.loosen(FREE);
-        Solver::template factor<2>(problem.pattern, diagonal, off, lanes.rhs.data(), n);
-        Solver::template backward<2>(problem.pattern, diagonal, off, lanes.rhs.data(), n);
+        if constexpr (FREEDOMS == 3) {
+            Solver::template factor<2>(problem.pattern, diagonal, off, lanes.rhs.data(), n);
+            Solver::template backward<2>(problem.pattern, diagonal, off, lanes.rhs.data(), n);
+        } else {  // the sums of both together would not fit into the registers
+            Solver::factor(problem.pattern, diagonal, off);
+            Solver::template solve<2>(problem.pattern, diagonal, off, lanes.rhs.data(), n);
+        }
 
         // Predictor step, (8.4) with S of (8.5).
         Lane weight0 = lanes.load_multiplier / lanes.load_slack, lack0 = lanes.load_slack - lanes.load - problem.floor;
