@@ -13,13 +13,12 @@ Of 512 layouts of 278 faces, 128 of 946 and 64 of 2 016, `LARGE_TRIES` proves 49
 but 0, 1 and 0 at last, with 15.6, 21.7 and 31 iterations for one; `TRIES` took 17.1 at 278 faces. Source:
 benchmarks/lanes.py.
 """
-NARROW: Final = 1300
+NARROW: Final = 1000
 """Faces of a planar assembly from which on bounds use half the lanes of AVX-512.
 
-Workspaces of eight labellings no longer fit into the cache. At 946 faces both take the same time, at 2 016 faces half
-the lanes take 0.7 times the time of all, at 278 faces 1.2 times. Source: benchmarks/lanes.py.
+Workspaces of eight labellings no longer fit into the cache. Half the lanes take 1.2 times the time of all at 278 faces,
+1.0 times at 946, and 0.7 to 0.9 times at 1 225, 1 431 and 2 016. Source: benchmarks/lanes.py, walls of other sizes.
 """
-
 DRY_SHARES: Final = (0.0, 1.0)
 """Range of the share of dry faces of the random labellings whose mean solution gives the starting point."""
 LARGE_DRY_SHARES: Final = (0.5, 1.0)
