@@ -20,7 +20,7 @@ from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.batch import interface, library
 from jld_core.batch.conflict_request import ConflictRequest, MinimizationResults
 from jld_core.batch.rows import BatchRows, pattern_of, rows_of
-from jld_core.batch.settings import tries_of
+from jld_core.batch.settings import dry_shares, narrow, tries_of
 from jld_core.batch.verdicts import OPEN, PROVEN, BatchResults
 from jld_core.mechanics import Rows
 from jld_core.program import Template
@@ -147,7 +147,8 @@ class BatchSolver:
         if not sampled:
             return self._start
         dice = np.random.default_rng(0)
-        sampled_start = dice.random((_SAMPLES, self.faces)) < dice.random((_SAMPLES, 1))
+        low, high = dry_shares(template.assembly.dimension, self.faces)
+        sampled_start = dice.random((_SAMPLES, self.faces)) < low + (high - low) * dice.random((_SAMPLES, 1))
         found = self.solve(sampled_start, vectors=True)
         good = found.verdict == PROVEN
         self.settled_fraction = float((found.verdict != OPEN).mean())
@@ -380,6 +381,7 @@ class BatchSolver:
             zero=self._load_scale,
             gap=tolerances.GAP,
             coupled=int(self._interacts),
+            narrow=int(narrow(2 if self._q == 3 else 3, self.faces)),
             own_loads=int(self._own_loads),
             **arrays,
         )

@@ -31,14 +31,15 @@ SOURCE: Final = Path(__file__).parent / "source"
 UNITS: Final = (
     "planar_labellings.cpp",
     "spatial_labellings.cpp",
+    "planar_narrow.cpp",
     "block_program.cpp",
     "labellings.cpp",
     "cones.cpp",
     "graphs.cpp",
     "fronts.cpp",
 )
-"""Translation units, slowest first: bounds and conflicts by kind of face, the relaxation by blocks, the interface of
-labellings, cone programs, graphs, and one sparse factor. They are compiled at the same time.
+"""Translation units, slowest first: bounds and conflicts by kind of face, bounds in half the lanes, the relaxation by
+blocks, the interface of labellings, cone programs, graphs, and one sparse factor. They are compiled at the same time.
 """
 UNIT_FLAGS: Final[dict[str, tuple[str, ...]]] = {"cones.cpp": ("-ffp-contract=off",)}
 """Compiler flags of single units. Cone programs write fused products out, and round alike alone and together."""

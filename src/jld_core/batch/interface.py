@@ -53,6 +53,7 @@ _PATTERN: Final = (
     ("nodes", "int32_t", "matrix blocks on the diagonal"),
     ("column_start", "const int32_t*", "(nodes + 1) first matrix block below the diagonal of each column"),
     ("row", "const int32_t*", "(matrix blocks) row of each"),
+    ("entered", "const uint8_t*", "(matrix blocks) 1 where the matrix has an entry, 0 where elimination fills in"),
     ("pair_start", "const int32_t*", "(matrix blocks + 1) first product that is subtracted from each"),
     ("pair", "const int32_t*", "(products, 2) factors of each product: matrix blocks of its row and of its column"),
     ("left_start", "const int32_t*", "(nodes + 1) first matrix block to the left of each diagonal one"),
@@ -96,6 +97,7 @@ _PROBLEM: Final = (
     ),
     ("dead", "const double*", "(q n) dead load b of (1.1); (L, q n) with `own_loads`"),
     ("live", "const double*", "(q n) live load b_lambda of (1.1); (L, q n) with `own_loads`"),
+    ("narrow", "int32_t", "1: bounds of planar faces in half the lanes of AVX-512"),
     ("own_loads", "int32_t", "1 if each label has its own loads: those of the label of the first face count"),
     ("floor", "double", "lambda >= -floor"),
     ("opening", "const double*", "(q n) velocities that open every face, (3.11); or null"),
@@ -131,6 +133,8 @@ _TRY: Final = (
     ("press", "double", "cost of a unit of N, which bounds forces that nothing else bounds"),
     ("endless", "double", "lambda, relative to the starting point, above which a ray is looked for"),
     ("most", "int32_t", "largest number of iterations"),
+    ("resumes", "int32_t", "1: begin where the last pass has ended"),
+    ("apart", "int32_t", "1: planar forces gain the correction of equilibrium by a step of its own"),
 )
 
 _MINIMIZATION: Final = (

@@ -33,6 +33,8 @@ class FactorPattern:
         Node eliminated at each step.
     column_start, row : (n + 1,), (blocks,) int arrays
         Matrix blocks below the diagonal of each column.
+    entered : (blocks,) uint8 array
+        1 where the matrix itself has an entry, 0 where elimination fills one in.
     pair_start, pair : (blocks + 1,), (pairs, 2) int arrays
         Pairs of earlier matrix blocks whose product is subtracted from each matrix block.
     left_start, left, left_column : (n + 1,), (blocks,), (blocks,) int arrays
@@ -42,6 +44,7 @@ class FactorPattern:
     order: Ints
     column_start: Int32s
     row: Int32s
+    entered: NDArray[np.uint8]
     pair_start: Int32s
     pair: Int32s
     left_start: Int32s
@@ -50,7 +53,7 @@ class FactorPattern:
 
     def as_ctypes(self) -> library.FactorPattern:
         """Return the pattern as a ctypes structure that points to these arrays."""
-        names = ("column_start", "row", "pair_start", "pair", "left_start", "left", "left_column")
+        names = ("column_start", "row", "entered", "pair_start", "pair", "left_start", "left", "left_column")
         arrays = {name: getattr(self, name) for name in names}
         return library.FactorPattern(nodes=len(self.order), **library.pointers(**arrays))
 
@@ -91,7 +94,7 @@ def _pattern(first: bytes, second: bytes, where: bytes, shape: tuple[int, int]) 
     # A column with k matrix blocks takes k (k + 1) / 2 products; the first order wins ties.
     cost = [sum(len(column) * (len(column) + 1) // 2 for column in found) for found in columns]
     best = int(np.argmin(cost))
-    return _laid_out(orders[best], columns[best])
+    return _laid_out(a, b, orders[best], columns[best])
 
 
 def _neighbours(a: Ints, b: Ints, count: int) -> list[dict[int, None]]:
@@ -144,13 +147,17 @@ def _fill(a: Ints, b: Ints, order: Ints) -> list[list[int]]:
     return columns
 
 
-def _laid_out(order: Ints, columns: list[list[int]]) -> FactorPattern:
+def _laid_out(a: Ints, b: Ints, order: Ints, columns: list[list[int]]) -> FactorPattern:
     """Build the factor pattern of an elimination order.
 
-    columns: row numbers below the diagonal of each column.
+    a, b: (e,) ends of the edges. columns: row numbers below the diagonal of each column.
     """
     start = np.concatenate([[0], np.cumsum([len(rows) for rows in columns])])
     place = {(row, j): int(start[j]) + k for j, rows in enumerate(columns) for k, row in enumerate(rows)}
+    entered = np.zeros(len(place), dtype=np.uint8)
+    step = np.argsort(order)
+    for one, other in zip(step[a].tolist(), step[b].tolist(), strict=True):
+        entered[place[max(one, other), min(one, other)]] = 1
     lefts: list[list[tuple[int, int]]] = [[] for _ in columns]
     products: list[list[tuple[int, int]]] = [[] for _ in range(int(start[-1]))]
     for j, rows in enumerate(columns):
@@ -163,6 +170,7 @@ def _laid_out(order: Ints, columns: list[list[int]]) -> FactorPattern:
         order=order,
         column_start=start.astype(np.int32),
         row=_flat(columns),
+        entered=entered,
         pair_start=_starts(products),
         pair=_flat([[end for pair in pairs for end in pair] for pairs in products]).reshape(-1, 2),
         left_start=_starts(lefts),

@@ -2,18 +2,35 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 from jld_core.batch import library
 
-LARGE: Final = 300
+LARGE: Final = 200
 """Faces of a planar assembly from which on `LARGE_TRIES` apply.
 
-At 276 faces both settings take the same time. Of 64 layouts of 946 and of 2 016 faces `TRIES` proves 54 and 31 in its
-first pass, `LARGE_TRIES` 61 and 56. Source: tests/core/test_batch_solver.py and benchmarks/lanes.py.
+Of 512 layouts of 278 faces, 128 of 946 and 64 of 2 016, `LARGE_TRIES` proves 493, 124 and 53 in its first pass and all
+but 0, 1 and 0 at last, with 15.6, 21.7 and 31 iterations for one; `TRIES` took 17.1 at 278 faces. Source:
+benchmarks/lanes.py.
+"""
+NARROW: Final = 1000
+"""Faces of a planar assembly from which on bounds use half the lanes of AVX-512.
+
+Workspaces of eight labellings no longer fit into the cache. Half the lanes take 1.2 times the time of all at 278 faces,
+1.0 times at 946, and 0.7 to 0.9 times at 1 225, 1 431 and 2 016. Source: benchmarks/lanes.py, walls of other sizes.
+"""
+DRY_SHARES: Final = (0.0, 1.0)
+"""Range of the share of dry faces of the random labellings whose mean solution gives the starting point."""
+LARGE_DRY_SHARES: Final = (0.5, 1.0)
+"""That range for planar assemblies of `LARGE` faces and more.
+
+Random labels join the elements of a large assembly to few blocks below a share of one half, and λ then is far above
+that of layouts. Iterations of the first pass: 20.2 instead of 23.6 at 946 faces, 27.1 instead of 30.3 at 2 016 (layouts
+in blocks of four); 26.0 instead of 26.8 and 28.7 instead of 30.0 (random labels of any share); 30.9 instead of 29.7 and
+34.2 instead of 33.5 (less than a third dry). Source: benchmarks/lanes.py.
 """
 
-_FIRST: Final[dict[str, float]] = {
+_FIRST: Final[dict[str, Any]] = {
     "proximal": 1e-5,
     "margin": 1e-10,
     "target": 1e-8,
@@ -38,18 +55,24 @@ TRIES: Final = (
 """Settings of the successive passes over the open labellings, planar. Passes 2 and 3 look for a ray of unbounded load
 and for an admissible state on the boundary. Source: measured in benchmarks/lanes.py.
 """
+_RESUMED: Final = _FIRST | {"resumes": 1, "apart": 1, "most": 16}
+"""Settings of a pass that begins where the last one has ended, with equilibrium restored to the last digit."""
 LARGE_TRIES: Final = (
-    library.Try(**_FIRST | {"endless": 1e4, "proximal": 1e-8, "margin": 1e-9}, most=40),
+    library.Try(**_FIRST | {"endless": 1e4, "proximal": 1e-8, "margin": 1e-9, "most": 40}),
     TRIES[1],
-    library.Try(**_FIRST | {"proximal": 1e-11, "jumps": 1e-11}, most=60),
-    library.Try(**_FIRST | {"proximal": 1e-13, "jumps": 1e-12}, most=60),
+    library.Try(**_RESUMED | {"proximal": 1e-11}),
+    library.Try(**_RESUMED | {"proximal": 1e-10}),
+    library.Try(**_RESUMED | {"proximal": 1e-11, "margin": 3e-11}),
+    library.Try(**_FIRST | {"proximal": 1e-7, "margin": 1e-8, "first": 0.9, "last": 0.95, "apart": 1, "most": 60}),
+    library.Try(**_RESUMED | {"proximal": 1e-10}),
+    library.Try(**_RESUMED | {"proximal": 1e-11}),
     TRIES[2],
-    library.Try(**_FIRST, most=40),
-    *TRIES[3:],
 )
 """Settings of the passes over large planar assemblies. A small proximal term follows forces that drift long, and
-rounding of many elements needs a larger margin. Passes 3 and 4 look for jumps that are exact enough for an upper bound:
-each is weighed with strengths far above the weight of an element. Source: measured in benchmarks/lanes.py.
+rounding of many elements needs a larger margin. What a pass leaves open it has nearly solved, so the next one begins
+where it ended. Upper bounds need exact jumps, since each is weighed with strengths far above the weight of an element:
+hence the small proximal terms and margins of these passes. Pass 5 begins anew with shorter steps and a larger margin,
+which keep slacks apart. Source: measured in benchmarks/lanes.py.
 """
 
 SPATIAL_TRIES: Final = tuple(
@@ -64,6 +87,19 @@ SPATIAL_TRIES: Final = tuple(
 """Settings of the successive passes over the open labellings, spatial. No pass looks for states on the boundary of a
 cone. Source: measured in benchmarks/lanes.py.
 """
+
+
+def narrow(dimension: int, faces: int) -> bool:
+    """Return True if bounds use half the lanes of AVX-512. dimension: 2 or 3. faces: number of interfaces."""
+    return dimension == 2 and faces >= NARROW
+
+
+def dry_shares(dimension: int, faces: int) -> tuple[float, float]:
+    """Return the range of the share of dry faces of the labellings that give the starting point.
+
+    dimension: 2 or 3. faces: number of interfaces.
+    """
+    return LARGE_DRY_SHARES if dimension == 2 and faces >= LARGE else DRY_SHARES
 
 
 def tries_of(dimension: int, faces: int, parabolas: bool) -> tuple[library.Try, ...]:

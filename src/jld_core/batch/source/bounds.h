@@ -10,6 +10,8 @@ template <class Face>
 struct LabellingBounds {
     static constexpr int FREEDOMS = Face::FREEDOMS;
     static constexpr double NOTHING = 1e-9;  // share of `zero` that cannot be distinguished from zero
+    // Least slack and relative gap where a pass begins at the end of the last one.
+    static constexpr double SPACE = 1e-8, SHARE = 1e-7;
     const JldProblem& problem;
     const JldTry* tries;
     int count_of_tries;
@@ -20,8 +22,8 @@ struct LabellingBounds {
     Workspace<Face> work, ready;
     int64_t in_lane[LANES], in_ready[LANES];
     int age[LANES], waiting = 0, turn = 0;
-    std::vector<int64_t> next, place;
-    std::vector<double> kept;
+    std::vector<int64_t> next;
+    std::vector<std::vector<double>> kept;  // where the iterations of each open labelling have ended
     std::vector<uint8_t> grows, endless;  // forces seem to grow without bound; a ray is proven
     const Recession<Face> recession;
     int64_t total = 0;
@@ -44,7 +46,9 @@ struct LabellingBounds {
             if (tries[turn].aim == 0.0) return at_edges();
         if (tries[turn].aim < 0.0) return along_rays();
         Proof<Face> proof(problem, tries[turn], shared, ready);
+        ready.held = ready.velocity;  // the proof moves velocities
         proof.run();
+        std::swap(ready.held, ready.velocity);
         for (int i = 0; i < waiting; ++i) {
             int64_t who = in_ready[i];
             double low = lanes_of(proof.low)[i], high = lanes_of(proof.high)[i];
@@ -75,26 +79,24 @@ struct LabellingBounds {
         waiting = 0;
     }
 
-    // Keep forces and lambda of an open labelling for the pass that needs them.
+    // Keep where an open labelling has ended, for the passes that begin there.
     void keep(int64_t who, int lane) {
-        if (FREEDOMS != 3 || turn + 1 >= count_of_tries) return;
-        if (place.empty()) place.assign(total, -1);
-        const int size = 3 * problem.faces + 1;
-        if (place[who] < 0) place[who] = kept.size() / size, kept.resize(kept.size() + size);
-        double* to = &kept[place[who] * size];
-        for (int f = 0; f < problem.faces; ++f)
-            for (int k = 0; k < 3; ++k) *to++ = lanes_of(ready.face[f].force[k])[lane];
-        *to = lanes_of(ready.load)[lane];
+        if constexpr (FREEDOMS == 3) {
+            if (turn + 1 >= count_of_tries) return;
+            ready.save(lane, kept[who]);
+            if (!(std::fabs(lanes_of(ready.load)[lane]) < 1e30)) kept[who].clear();
+        }
     }
 
     void at_edges() {
         Edge<Face::PAIR_COUNT> edge(problem, ready);
         Lane load = splat(0.0);
         for (int i = 0; i < waiting; ++i) {
-            const double* from = &kept[place[in_ready[i]] * (3 * problem.faces + 1)];
+            const std::vector<double>& from = kept[in_ready[i]];
+            if (from.empty()) continue;
             for (int f = 0; f < problem.faces; ++f)
-                for (int k = 0; k < 3; ++k) lanes_of(ready.face[f].force_step[k])[i] = *from++;
-            lanes_of(load)[i] = *from;
+                for (int k = 0; k < 3; ++k) lanes_of(ready.face[f].force_step[k])[i] = from[(3 + Face::ROWS) * f + k];
+            lanes_of(load)[i] = from[from.size() - 3];
         }
         edge.run(load);
         for (int i = 0; i < waiting; ++i) {
@@ -143,6 +145,14 @@ struct LabellingBounds {
         if (verdict == JLD_OPEN && endless[who] && out.low[who] > -1e30) verdict = JLD_LOCKED;
     }
 
+    // Begin where the last pass has ended, with products of slacks and multipliers raised to SHARE of a gap of lambda.
+    void resume(const JldProblem& now, int lane, const JldTry& how) {
+        const std::vector<double>& from = kept[in_lane[lane]];
+        const double load = std::fabs(from[from.size() - 3]), size = load > 1e-4 ? load : 1e-4;
+        work.resume(now, lane, labels + in_lane[lane] * problem.faces, how, from.data(), SPACE,
+                    SHARE * size / (Face::ROWS * problem.faces + 1));
+    }
+
     void pass(std::vector<int64_t> todo) {
         const JldTry& how = tries[turn];
         const JldProblem& now = how.aim < 0.0 ? recession.problem : problem;
@@ -150,6 +160,12 @@ struct LabellingBounds {
             // Look for rays where forces grow; all other labellings wait for the next pass.
             std::vector<int64_t> some;
             for (int64_t who : todo) (grows[who] && !Face::PARABOLIC ? some : next).push_back(who);
+            todo = some;
+        }
+        if (how.resumes) {
+            // Without a state to begin at, as after a factor that broke down, a labelling waits for the next pass.
+            std::vector<int64_t> some;
+            for (int64_t who : todo) (kept[who].empty() ? next : some).push_back(who);
             todo = some;
         }
         Interior<Face> interior(now, how, work);
@@ -163,6 +179,8 @@ struct LabellingBounds {
             }
             in_lane[i] = todo[given++], age[i] = 0, ++busy;
             work.put(now, i, labels + in_lane[i] * problem.faces, how);
+            if constexpr (FREEDOMS == 3)
+                if (how.resumes) resume(now, i, how);
             ++out.tries[in_lane[i]];
         };
         for (int i = 0; i < LANES; ++i) fill(i);
@@ -203,7 +221,7 @@ struct LabellingBounds {
     void run(int64_t count) {
         total = count;
         std::vector<int64_t> todo(count);
-        grows.assign(count, 0), endless.assign(count, 0);
+        grows.assign(count, 0), endless.assign(count, 0), kept.resize(count);
         for (int64_t k = 0; k < count; ++k) {
             todo[k] = k;
             out.low[k] = -std::numeric_limits<double>::infinity(), out.high[k] = -out.low[k];

@@ -24,7 +24,7 @@ struct Edge {
 
     // Give the rows that are equations stiff springs, the others none.
     void stiffen() {
-        lanes.clear();
+        lanes.clear(problem);
         for (int f = 0; f < problem.faces; ++f) {
             Face& o = lanes.face[f];
             for (int r = 0; r < ROWS; ++r) {

@@ -86,6 +86,8 @@ struct Workspace {
         for (int f = 0; f < p.faces; ++f, from += 3 + Face::ROWS) {
             int64_t at = int64_t(labels[f]) * p.faces + f;
             face[f].resume(lane, p.rows + Face::NUMBERS * at, p.keep[at], from, space, product);
+            if constexpr (Face::PARABOLIC)
+                face[f].bend(lane, p.parabolas + Face::PARABOLA_NUMBERS * at, space, product / space);
         }
         for (Lane& x : velocity) lanes_of(x)[lane] = *from++;
         const double least = product / from[1];
@@ -103,12 +105,16 @@ struct Workspace {
             lanes_of(dead[k])[lane] = lanes_of(from.dead[k])[source];
             lanes_of(live[k])[lane] = lanes_of(from.live[k])[source];
         }
-        lanes_of(load)[lane] = lanes_of(from.load)[source];
+        for (Lane Workspace::* own : {&Workspace::load, &Workspace::load_slack, &Workspace::load_multiplier})
+            lanes_of(this->*own)[lane] = lanes_of(from.*own)[source];
     }
 
-    void clear() {
+    // Set the matrix blocks that S itself enters to zero; the factorisation does not read the others.
+    void clear(const JldProblem& p) {
         for (auto& x : diagonal) x = splat(0.0);
-        for (auto& x : off) x = splat(0.0);
+        for (int f = 0; f < p.faces; ++f)
+            for (int k = 0; p.block[f] >= 0 && k < FREEDOMS * FREEDOMS; ++k)
+                off[FREEDOMS * FREEDOMS * p.block[f] + k] = splat(0.0);
     }
 
     // Add rho to the diagonal of S, so that S has a factor whatever it is.
@@ -171,7 +177,7 @@ struct Interior {
         o.worst = o.next_gap = o.value = o.moved = o.parabola_error = none;
         for (int k = 0; k < n; ++k)
             left[k] = lanes.dead[k] + lanes.live[k] * lanes.load, rhs[k] = none, reach[k] = lanes.live[k];
-        lanes.clear();
+        lanes.clear(problem);
         for (int f = 0; f < problem.faces; ++f) {
             Face& face = lanes.face[f];
             Lane jump[FREEDOMS], x[FREEDOMS];
@@ -189,8 +195,13 @@ struct Interior {
         }
         // Regularise: where V is dropped, velocities may be free of all forces.
         if (problem.drops_shear) lanes.loosen(FREE);
-        Solver::factor(problem.pattern, diagonal, off);
-        Solver::template solve<2>(problem.pattern, diagonal, off, lanes.rhs.data(), n);
+        if constexpr (FREEDOMS == 3) {
+            Solver::template factor<2>(problem.pattern, diagonal, off, lanes.rhs.data(), n);
+            Solver::template backward<2>(problem.pattern, diagonal, off, lanes.rhs.data(), n);
+        } else {  // the sums of both together would not fit into the registers
+            Solver::factor(problem.pattern, diagonal, off);
+            Solver::template solve<2>(problem.pattern, diagonal, off, lanes.rhs.data(), n);
+        }
 
         // Predictor step, (8.4) with S of (8.5).
         Lane weight0 = lanes.load_multiplier / lanes.load_slack, lack0 = lanes.load_slack - lanes.load - problem.floor;
@@ -230,14 +241,18 @@ struct Interior {
         dl = (side0 - lanes.dot(lanes.live, rhs)) / corner;
         for (int k = 0; k < n; ++k) du[k] = rhs[k] + reach[k] * dl;
 
+        // Stiff faces turn the last digit of a velocity into a force, so a correction added to du would lose its digits.
+        const bool apart = FREEDOMS == 3 && refined && how.apart;
         if (refined) {
             // Correct the rounding error of equilibrium once more.
             for (int k = 0; k < n; ++k) rhs[k] = left[k] + lanes.live[k] * dl;
             faces(du, rhs, [&](Face& face, const Lane* jump, Lane* x) { face.move(jump, x); });
             Solver::template solve<1>(problem.pattern, diagonal, off, rhs, n);
             Lane more = -lanes.dot(lanes.live, rhs) / corner;
-            for (int k = 0; k < n; ++k) du[k] += rhs[k] + reach[k] * more;
+            for (int k = 0; k < n; ++k) rhs[k] += reach[k] * more;
             dl += more;
+            if (!apart)
+                for (int k = 0; k < n; ++k) du[k] += rhs[k];
         }
 
         ds0 = dl - lack0;
@@ -247,11 +262,33 @@ struct Interior {
         for (int f = 0; f < problem.faces; ++f) {
             Lane jump[FREEDOMS];
             sides.jump(f, du, lanes.face[f].keep, jump);
-            lanes.face[f].direct(o, jump);
+            if constexpr (FREEDOMS == 3) {
+                Lane more[FREEDOMS];
+                if (apart) sides.jump(f, rhs, lanes.face[f].keep, more);
+                lanes.face[f].direct(o, jump, apart ? more : nullptr);
+            } else {
+                lanes.face[f].direct(o, jump);
+            }
+        }
+        if (apart)
+            for (int k = 0; k < n; ++k) du[k] += rhs[k];
+        Lane sum = dl;
+        for (int k = 0; k < n; ++k) sum += du[k];
+        const Mask fails = ~(absolute(sum) < 1e30);
+        if constexpr (FREEDOMS == 3) {
+            // Where the factor broke down, take no step, and a larger proximal term for the next one.
+            bool any = false;
+            for (int i = 0; i < LANES; ++i) any |= is_set(fails, i);
+            if (any) {
+                for (Face& face : lanes.face) face.halt(fails);
+                for (int k = 0; k < n; ++k) du[k] = select(fails, none, du[k]);
+                for (Lane* one : {&dl, &ds0, &dz0}) *one = select(fails, none, *one);
+            }
         }
         o.dual_blocking = larger(o.dual_blocking, o.blocking_numerator / o.blocking_denominator);
         Lane near = how.last - (how.last - how.first) * smaller(one, o.gap / (scale() * how.near));
         o.primal_step = smaller(one, near / o.primal_blocking), o.dual_step = smaller(one, near / o.dual_blocking);
+        o.primal_step = select(fails, none, o.primal_step), o.dual_step = select(fails, none, o.dual_step);
         for (int f = 0; f < problem.faces; ++f) lanes.face[f].advance(o);
         Lane speed = none;
         for (int k = 0; k < n; ++k) u[k] += o.dual_step * du[k], speed = larger(speed, absolute(u[k]));
@@ -272,7 +309,8 @@ struct Interior {
         Mask loses = (unbalanced > 1e-10) & (out.gap < 1e-6 * scale());
         const double small = std::fmin(1e-9, how.proximal), large = std::fmin(1e-4, 1e4 * how.proximal);
         lanes.delta = select(drifts, larger(lanes.delta * 0.3, splat(small)), lanes.delta);
-        lanes.delta = select(loses, smaller(lanes.delta * 10.0, splat(large)), lanes.delta);
+        lanes.delta = select(loses & ~fails, smaller(lanes.delta * 10.0, splat(large)), lanes.delta);
+        lanes.delta = select(fails, lanes.delta * 100.0, lanes.delta);
         // Upper bound (3.3) that the multipliers would give if their jumps were exact.
         out.dual = (o.value - lanes.dot(lanes.dead, u)) / lanes.dot(lanes.live, u);
     }

@@ -3,7 +3,8 @@
 #pragma once
 #include "interface.h"
 
-namespace jld {
+// Arguments of calls, the same for all numbers of lanes.
+namespace jld_calls {
 
 // Arguments of `jld_solve`.
 struct BoundsCall {
@@ -22,6 +23,18 @@ struct MinimizationCall {
     const JldTry& settings;
     const JldMinimization& request;
 };
+
+}  // namespace jld_calls
+
+// In half the lanes of AVX-512; false where the problem has no kind of face that this is compiled for.
+namespace jld_narrow {
+bool run_planar(const jld_calls::BoundsCall& call);
+}
+
+namespace jld {
+
+using jld_calls::BoundsCall;
+using jld_calls::MinimizationCall;
 
 // False where the problem has no kind of face of the family.
 bool run_planar(const BoundsCall& call);

@@ -5,10 +5,15 @@
 
 namespace {
 
+bool run_planar(const jld::BoundsCall& call) {
+    return (call.problem.narrow && jld_narrow::run_planar(call)) || jld::run_planar(call);
+}
+bool run_planar(const jld::MinimizationCall& call) { return jld::run_planar(call); }
+
 template <class Call>
 int32_t outcome_of_faces(const Call& call) {
     return jld::outcome_of([&] {
-        const bool known = call.problem.freedoms == 6 ? jld::run_spatial(call) : jld::run_planar(call);
+        const bool known = call.problem.freedoms == 6 ? jld::run_spatial(call) : run_planar(call);
         return known ? JLD_DONE : JLD_UNSUPPORTED;
     });
 }

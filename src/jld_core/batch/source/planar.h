@@ -358,10 +358,18 @@ struct PlanarFace {
         apply(y, x);
     }
 
-    void direct(Iteration& it, const Lane* jump) {
+    // more: jump of a correction that is kept apart from the step, or null.
+    void direct(Iteration& it, const Lane* jump, const Lane* more) {
         Lane y[3], rows[ROWS];
         for (int k = 0; k < 3; ++k) y[k] = right_side[k] - jump[k];
         apply(y, force_step, rows);
+        if (more) {
+            Lane x[3], further[ROWS];
+            for (int k = 0; k < 3; ++k) y[k] = -more[k];
+            apply(y, x, further);
+            for (int k = 0; k < 3; ++k) force_step[k] += x[k];
+            for (int r = 0; r < ROWS; ++r) rows[r] += further[r];
+        }
         for (int r = 0; r < ROWS; ++r) {
             Lane step = -short_of(it, r) - rows[r], by = step * inverse_slack[r];
             Lane push = it.centre * inverse_slack[r] - second_order[r] - row_multiplier[r] - row_multiplier[r] * by;
@@ -372,6 +380,15 @@ struct PlanarFace {
             it.blocking_numerator = select(sooner, -push, it.blocking_numerator),
             it.blocking_denominator = select(sooner, row_multiplier[r], it.blocking_denominator);
         }
+    }
+
+    // Take no step in some lanes.
+    void halt(const Mask& lanes) {
+        const Lane none = splat(0.0);
+        for (int k = 0; k < 3; ++k) force_step[k] = select(lanes, none, force_step[k]);
+        for (int r = 0; r < ROWS; ++r)
+            slack_step[r] = select(lanes, none, slack_step[r]),
+            multiplier_step[r] = select(lanes, none, multiplier_step[r]);
     }
 
     void advance(Iteration& it) {

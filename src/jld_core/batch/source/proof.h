@@ -40,7 +40,7 @@ struct Proof {
     JLD_NOINLINE void state() {
         const int n = FREEDOMS * problem.elements;
         if (problem.drops_shear) {
-            lanes.clear();
+            lanes.clear(problem);
             for (int f = 0; f < problem.faces; ++f)
                 sides.template squared<Lane>(f, lanes.face[f].keep, lanes.diagonal.data(), lanes.off.data(),
                                              splat(1.0));
@@ -96,7 +96,7 @@ struct Proof {
 
     void polished(Lane* u) {
         const int n = FREEDOMS * problem.elements;
-        lanes.clear();
+        lanes.clear(problem);
         Lane* left = lanes.left.data();
         // Where velocities are very large, multipliers show which rows move; slacks do not.
         Lane wild = select(speed > 1e3, MOVES * speed, splat(1e300));

@@ -49,7 +49,7 @@ struct Ray {
     void run() {
         const int n = FREEDOMS * problem.elements;
         Lane *left = lanes.left.data(), by = 1.0 / select(lanes.load < 0.0, -lanes.load, splat(1.0));
-        lanes.clear();
+        lanes.clear(problem);
         for (int f = 0; f < problem.faces; ++f) {
             Face& o = lanes.face[f];
             Lane least = o.row_slack[0];

@@ -23,7 +23,12 @@
 
 namespace jld {
 
-#if defined(__AVX512F__) && defined(__AVX512DQ__)
+// Half the lanes of AVX-512, for workspaces that exceed the cache: see planar_narrow.cpp.
+#if defined(__AVX512F__) && defined(__AVX512DQ__) && !defined(JLD_NARROW)
+#define JLD_WIDE
+#endif
+
+#if defined(JLD_WIDE)
 constexpr int LANES = 8;
 constexpr const char* VARIANT = "avx512";
 #elif defined(__AVX2__) && defined(__FMA__)
@@ -53,7 +58,7 @@ inline Lane smaller(Lane a, Lane b) { return b < a ? b : a; }
 inline Lane absolute(Lane a) { return a < 0.0 ? -a : a; }
 
 inline Lane root(Lane a) {
-#if defined(__AVX512F__) && defined(__AVX512DQ__)
+#if defined(JLD_WIDE)
     return (Lane)_mm512_sqrt_pd((__m512d)a);
 #elif defined(__AVX2__) && defined(__FMA__)
     return (Lane)_mm256_sqrt_pd((__m256d)a);
