@@ -24,7 +24,7 @@ from jld_core.batch import ConflictRequest, build, library
 from jld_core.batch.batch_solver import BatchSolver
 from jld_core.batch.conflict_request import CARRIED, REFUTED, MinimizationOptions
 from jld_core.batch.parts import Graph, Joining
-from jld_core.batch.pattern import factor_pattern
+from jld_core.batch.pattern import factor_pattern, number_of_products
 from jld_core.batch.rows import fits
 from jld_core.batch.settings import LARGE, LARGE_TRIES, TRIES
 from jld_core.batch.verdicts import CARRIES, OPEN, PROVEN
@@ -300,6 +300,14 @@ def test_rows_of_another_shape_are_left_to_others(kernel: str) -> None:
     assert not fits(crushable.template, crushable.template.yield_set.hull())
 
 
+def test_large_walls_start_without_samples() -> None:
+    """No labelling is solved to make the batch solver of a large wall; how many it settles is found out on demand."""
+    solver = BatchSolver(LimitAnalysis(grid_assembly(["a" * 13] * 13 + ["#" * 13])).template)
+    assert solver.faces >= LARGE
+    assert "settled_fraction" not in vars(solver)
+    assert solver.settled_fraction >= 0.8
+
+
 def test_pattern_holds_the_fill() -> None:
     dice = np.random.default_rng(5)
     places = np.array([[x, y] for y in range(5) for x in range(6)], dtype=float)
@@ -307,6 +315,7 @@ def test_pattern_holds_the_fill() -> None:
     a, b = np.array(near).T
     pattern = factor_pattern(a, b, places)
     assert factor_pattern(a, b, places) is pattern  # as load cases ask for it
+    assert number_of_products(a, b, places) == pattern.products
     matrix = np.zeros((30, 30))
     matrix[a, b] = matrix[b, a] = dice.random(len(a))
     matrix += np.diag(abs(matrix).sum(axis=1) + 1.0)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -20,7 +21,7 @@ from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.batch import interface, library
 from jld_core.batch.conflict_request import ConflictRequest, MinimizationResults
 from jld_core.batch.rows import BatchRows, pattern_of, rows_of
-from jld_core.batch.settings import tries_of
+from jld_core.batch.settings import LARGE, tries_of
 from jld_core.batch.verdicts import OPEN, PROVEN, BatchResults
 from jld_core.mechanics import Rows
 from jld_core.program import Template
@@ -30,6 +31,7 @@ SAMPLES_OF_A_CALL: Final = 256
 """Largest number of samples of one call: the values that a label of the compiled solver can take."""
 
 _SAMPLES: Final = 32  # random labellings whose mean solution gives the starting point
+_FEW_SAMPLES: Final = 8  # the same from `LARGE` faces on, spatial; planar ones then need fewer iterations without any
 _SHARE: Final = 0.7  # weight of that mean; the least-norm forces in equilibrium have the weight 1 − 0.7
 _ROOM_BLIND: Final = 3.0  # least slack at the starting point without such a mean, scaled
 _ROOM: Final = 1.0  # least slack at the starting point with such a mean, scaled
@@ -79,15 +81,15 @@ class BatchSolver:
     tries : sequence of Try
         Settings of the passes over the open labellings; default: those of `tries_of`.
     sampled_start : bool
-        True: start near the mean solution of a few random labellings. False: start from the least-norm forces in
-        equilibrium, which is cheaper for a few labellings.
+        True: start near the mean solution of a few random labellings, unless the assembly is planar and large. False:
+        start from the least-norm forces in equilibrium, which is cheaper for a few labellings.
 
     Attributes
     ----------
     variant : str
         Variant of the compiled library.
     settled_fraction : float
-        Share of the random labellings that got a verdict; 0 if none were solved.
+        Share of a few random labellings that get a verdict; computed on first use where the start has no samples.
 
     Raises
     ------
@@ -128,14 +130,30 @@ class BatchSolver:
         self._own_loads = False
         self._opening = None if opening is None else opening[ends].copy()
         self._floor = template.floor
-        self.settled_fraction, self._load_scale = 0.0, load_scale
-        self._start = self._starting(template, sampled_start)
+        self._load_scale = load_scale
+        samples = _SAMPLES if self.faces < LARGE else _FEW_SAMPLES * (q == 6)
+        self._start = self._starting(template, samples * sampled_start)
 
-    def _starting(self, template: Template, sampled: bool) -> _Start:
-        """Return the starting point of the iterations; store `_start` and `settled_fraction`.
+    @cached_property
+    def settled_fraction(self) -> float:
+        """Return the share of a few random labellings that get a verdict."""
+        return self._settled(self.solve(self._random_labellings(_FEW_SAMPLES)))
 
-        It lies between the least-norm forces in equilibrium and, with `sampled`, the mean solution of a few random
-        labellings.
+    def _random_labellings(self, count: int) -> Bits:
+        """Return labellings (count, faces) with shares of dry faces from none to all."""
+        dice = np.random.default_rng(0)
+        return np.asarray(dice.random((count, self.faces)) < dice.random((count, 1)))
+
+    @staticmethod
+    def _settled(found: BatchResults) -> float:
+        """Return the share of results that have a verdict."""
+        return float((found.verdict != OPEN).mean())
+
+    def _starting(self, template: Template, samples: int) -> _Start:
+        """Return the starting point of the iterations; store `_start`, and `settled_fraction` with samples.
+
+        It lies between the least-norm forces in equilibrium and the mean solution of random labellings, of which there
+        are `samples`.
         """
         matrix = template.matrix
         least = -(matrix.T @ spsolve(matrix @ matrix.T, template.dead)).reshape(self.faces, self._q)
@@ -144,13 +162,11 @@ class BatchSolver:
         if not np.isfinite(least).all():
             self._start = replace(self._start, forces=np.zeros((self.faces, self._q)))
             return self._start
-        if not sampled:
+        if not samples:
             return self._start
-        dice = np.random.default_rng(0)
-        sampled_start = dice.random((_SAMPLES, self.faces)) < dice.random((_SAMPLES, 1))
-        found = self.solve(sampled_start, vectors=True)
+        found = self.solve(self._random_labellings(samples), vectors=True)
         good = found.verdict == PROVEN
-        self.settled_fraction = float((found.verdict != OPEN).mean())
+        self.settled_fraction = self._settled(found)
         if not good.any() or found.forces is None or found.velocity is None:
             return self._start
         forces = (1.0 - _SHARE) * least + _SHARE * found.forces[good].mean(axis=0)
@@ -177,15 +193,13 @@ class BatchSolver:
             block[face] = begin + np.searchsorted(rows[begin:end], high[face])
         self._block = block
         q, d = self._q, template.assembly.dimension
-        sides = np.zeros((self.faces, 2, 7 if d == 2 else 27))
-        matrix = template.matrix.tocsr()
-        for face in range(self.faces):
-            for side, end in enumerate((low[face], high[face])):
-                if end >= 0:
-                    element = q * self.pattern.order[end]
-                    dense = matrix[element : element + q, q * face : q * face + q].toarray()
-                    sides[face, side] = [*dense[:, :d].ravel(), *dense[d:, d:].ravel()]
-        self._sides = sides
+        matrix = template.matrix.tocoo()
+        column = matrix.col // q
+        side = (place[matrix.row // q] == high[column]).astype(int)
+        dense = np.zeros((self.faces, 2, q, q))
+        dense[column, side, matrix.row % q, matrix.col % q] = matrix.data
+        sides = dense[..., :d].reshape(self.faces, 2, -1), dense[..., d:, d:].reshape(self.faces, 2, -1)
+        self._sides = np.ascontiguousarray(np.concatenate(sides, axis=2))
 
     def solve(
         self,
