@@ -99,3 +99,25 @@ def test_large_crushable_walls_are_solved_with_less_margin_once() -> None:
     proof = solve_labelling(limit_analysis(built, options), labels, options)
     assert proof.status is Status.COLLAPSE
     assert len(proof.solve_log) <= 2
+
+
+@pytest.mark.parametrize(("edge", "status"), [(32, Status.LOCKED), (26, Status.COLLAPSE)])
+def test_walls_that_supports_confine_are_settled_by_sparse_algebra(
+    edge: int, status: Status, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A lift between three supports: a ray found by the solver itself, and a mechanism without a pseudo-inverse."""
+    content = document("planar", edge)
+    content["grid"]["rows"] = ["#" + row + "#" for row in content["grid"]["rows"]]
+    content["loads"] = {"live": [{"body": [0, 1]}]}
+    scene = parse_scene(content)
+    built = build_assembly(scene)
+    labels = make_driver("random", search_space(scene, built), 0).ask(1)[0]
+
+    def pinv(matrix: np.ndarray, rcond: float) -> np.ndarray:
+        raise AssertionError("a pseudo-inverse of a large matrix")
+
+    monkeypatch.setattr(np.linalg, "pinv", pinv)
+    options = SolveOptions(condense="off")
+    proof = solve_labelling(limit_analysis(built, options), labels, options)
+    assert proof.status is status
+    assert (proof.solve_log[0] == "schur (unbounded)") is (status is Status.LOCKED)

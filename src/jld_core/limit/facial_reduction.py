@@ -16,6 +16,7 @@ from typing import Final
 
 import numpy as np
 import scipy.linalg as la
+import scipy.sparse as sp
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Floats, Ints
@@ -30,6 +31,7 @@ from jld_core.limit.auxiliary_programs import (
 )
 from jld_core.limit.bounds import Prover
 from jld_core.limit.reduced_rows import Reduced, kept_rows, leaning_program, program_of_rows, reduced_by
+from jld_core.linalg.projection import ConsistentProjector
 from jld_core.program import ConicProgram, Template
 from jld_core.solvers import ClarabelSolver, RawStatus
 
@@ -84,7 +86,7 @@ class FacialReduction:
             Motion whose margin is not negative, up to rounding on faces without slack. None if none was found, or if
             the assembly is too large.
         """
-        if self.template.matrix.shape[0] > DENSE:
+        if self.template.structure.cones and self.template.matrix.shape[0] > DENSE:
             return None
         # The sign of a live work that is zero up to the solver's residual decides the proof: make it exactly zero. Try
         # first with rays of the live load treated as self-stress.
@@ -203,10 +205,10 @@ class FacialReduction:
             bases = self._allowed_jumps(program, reduced, jumps, speed)
             forbid = self._forbidden(bases)
             if idle:
-                forbid = np.vstack([forbid, live / np.linalg.norm(live)])
-            inverse = np.asarray(np.linalg.pinv(forbid, rcond=1e-11)) if len(forbid) else np.zeros((len(live), 0))
-            velocity = _projected(velocity, forbid, inverse)
-        start, inward = velocity, _projected(step.velocity, forbid, inverse)
+                forbid = sp.csr_array(sp.vstack([forbid, sp.csr_array(live[None] / np.linalg.norm(live))]))
+            projector, nothing = ConsistentProjector(forbid), np.zeros(forbid.shape[0])
+            velocity = projector.project(velocity, nothing)
+        start, inward = velocity, projector.project(step.velocity, nothing)
         size = float(abs(start).max()) / max(float(abs(inward).max()), 1e-300)
         if not np.isfinite(size):
             return None
@@ -255,21 +257,20 @@ class FacialReduction:
             bases[face] = la.orth(table[:, q * face : q * face + q].T @ free) if free.size else np.zeros((q, 0))
         return bases
 
-    def _forbidden(self, bases: dict[int, Floats]) -> Floats:
+    def _forbidden(self, bases: dict[int, Floats]) -> sp.csr_array:
         """Return equations E u = 0 that hold if and only if reduced faces have allowed jumps.
 
         bases: orthonormal basis (q, k) of the allowed jumps of each reduced face. u are velocities. Returns E (rows,
         q·free); it has no rows without reduced faces.
         """
         q = self.template.assembly.freedoms
-        parts = []
-        for face, basis in bases.items():
-            jumps = self.prover.transposed[q * face : q * face + q].toarray()
-            parts.append(jumps - basis @ (basis.T @ jumps))
-        if not parts:
-            return np.zeros((0, self.template.matrix.shape[0]))
-        stacked = np.concatenate(parts)
-        return np.asarray(stacked[abs(stacked).max(axis=1) > _LEFT])
+        faces = np.array(sorted(bases), dtype=np.int64)
+        jumps = sp.csr_array(self.prover.transposed[(q * faces[:, None] + np.arange(q)).ravel()])
+        if not len(faces):
+            return jumps
+        away = [sp.csr_array(np.eye(q) - bases[face] @ bases[face].T) for face in faces.tolist()]
+        stacked = sp.csr_array(sp.block_diag(away, format="csr") @ jumps)
+        return sp.csr_array(stacked[abs(stacked).max(axis=1).toarray().ravel() > _LEFT])
 
     def _measured(self, velocity: Floats, work: float, labels: Bits, bases: dict[int, Floats]) -> Motion:
         """Compute margin and bound of velocities, with jumps of reduced faces put on their bases.
@@ -311,16 +312,6 @@ def _rounds(program: ConicProgram, columns: int, search: _Search) -> list[Reduce
             break
         found.append(after)
     return found[::-1]
-
-
-def _projected(velocity: Floats, forbid: Floats, inverse: Floats) -> Floats:
-    """Remove from a velocity (q·free,) the component along forbidden directions.
-
-    forbid: (k, q·free) rows of these directions. inverse: pseudo-inverse of `forbid`.
-    """
-    for _ in range(2):
-        velocity = velocity - inverse @ (forbid @ velocity)
-    return velocity
 
 
 def _along_axes(program: ConicProgram, columns: int) -> LargestSupport | None:
