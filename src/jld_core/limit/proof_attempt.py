@@ -13,7 +13,7 @@ from jld_core import tolerances
 from jld_core.arrays import Floats
 from jld_core.batch.verdicts import FALLS
 from jld_core.limit.admissible import Motion, State
-from jld_core.limit.attempt_state import AttemptState
+from jld_core.limit.attempt_state import EARLY_FROM, AttemptState
 from jld_core.limit.batch_results import offer_results
 from jld_core.limit.brackets import relative_width
 from jld_core.solvers import ClarabelSolver, HighsSolver, RawStatus, Solver, is_large
@@ -21,8 +21,6 @@ from jld_core.solvers.base import EARLY
 from jld_core.solvers.schur.interior_point import SchurSolver
 
 _NARROW: Final = 1e-10  # Rise of an upper bound, relative to λ, up to which the simplest opening motion is taken.
-
-_EARLY_FROM: Final = 5000  # Number of equations from which a solver may stop at a bracket of relative width `EARLY`.
 
 
 class ProofAttempt(AttemptState):
@@ -66,12 +64,24 @@ class ProofAttempt(AttemptState):
         route.prepare(template.structure, lambda: template.program(analysis.reference, analysis.margin))
         self.solve_by(route, analysis.margin)
 
-    def solve_by(self, route: Solver, margin: float) -> None:
+    def solve_until_narrow(self) -> None:
+        """Solve by Schur complements again, up to the first iterate whose own bounds are close enough.
+
+        With cones, the last iterates may lose in the one what they gain in the other. Without success the earlier
+        answer stays, from which repairs begin.
+        """
+        earlier = self.raw
+        self.solve_by(SchurSolver(self.template.precision.residual), self.analysis.margin, early=True)
+        if self.raw is not None and self.raw.status is not RawStatus.OPTIMAL:
+            self.raw = earlier
+
+    def solve_by(self, route: Solver, margin: float, *, early: bool = False) -> None:
         """Solve by one solver, and offer the bounds that the raw answer proves without repairs.
 
         The answer is kept in `raw`. If the solver reports an infeasible program, its multipliers are offered as a proof
         of instability. If it reports an unbounded one, its point becomes the ray of the proof if it is one; otherwise
-        the proof has no ray. The solver of a large program stops as soon as both bounds of an iterate are close enough.
+        the proof has no ray. The solver of a very large program stops as soon as both bounds of an iterate are close
+        enough.
 
         Parameters
         ----------
@@ -79,9 +89,11 @@ class ProofAttempt(AttemptState):
             Solver to run.
         margin : float
             Slack kept in every yield row, scaled.
+        early : bool
+            Stop early whatever the size.
         """
         program = self.template.program(self.labels, margin)
-        early = program.structure.equalities >= _EARLY_FROM
+        early = early or program.structure.equalities >= EARLY_FROM
         raw = self.raw = route.solve_until(program, self._suffices if early else None)
         proof = self.proof
         proof.solves += 1
