@@ -131,3 +131,17 @@ def test_cubes_whose_last_iterate_proves_nothing_are_proven_by_an_earlier_one() 
     proof = solve_labelling(limit_analysis(built, SolveOptions()), labels, SolveOptions())
     assert proof.status is Status.COLLAPSE
     assert proof.solve_log == ["schur (almost)", "schur"]
+
+
+def test_a_fall_whose_proof_no_iterate_reaches_exactly_is_proven() -> None:
+    """An opening in a wall without friction: equations are dependent, and 100 iterations led to no exact proof."""
+    content = document("planar", 13)
+    content["materials"]["dry"]["friction_coefficient"] = 0.0
+    content["grid"]["rows"][4:7] = ["aaaa..aaaaaaa"] * 3
+    content["search"]["block_cells"] = [1, 2]
+    scene = parse_scene(content)
+    built = build_assembly(scene)
+    labels = make_driver("random", search_space(scene, built), 0).ask(1)[0]
+    options = SolveOptions(solver="schur")
+    proof = solve_labelling(limit_analysis(built, options), labels, options)
+    assert (proof.status, proof.solves) == (Status.UNSTABLE, 1)

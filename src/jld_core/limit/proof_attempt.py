@@ -98,7 +98,7 @@ class ProofAttempt(AttemptState):
         proof = self.proof
         proof.solves += 1
         proof.solve_log.append(route.name if raw.status is RawStatus.OPTIMAL else f"{route.name} ({raw.status})")
-        if raw.status is RawStatus.INFEASIBLE:
+        if raw.status in (RawStatus.INFEASIBLE, RawStatus.NEARLY_INFEASIBLE):
             self._offer_instability(raw.dual)
         elif raw.status is RawStatus.UNBOUNDED:
             ray = self.prover.ray(raw.point, self.labels)
