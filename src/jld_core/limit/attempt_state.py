@@ -89,6 +89,8 @@ class AttemptState:
         True if facial reduction was tried.
     less_margin_tried : bool
         True if the program was solved with less margin.
+    mechanism_found : bool
+        True if the mechanism of the last raw answer is proven without loss, so that repairs need none.
     """
 
     def __init__(self, analysis: Analysis, labels: Bits) -> None:
@@ -97,6 +99,7 @@ class AttemptState:
         self.proof = Proof()
         self.raw: RawSolution | None = None
         self.settled = self.batch_tried = self.reduction_tried = self.less_margin_tried = False
+        self.mechanism_found = False
         unloaded = analysis.unloaded(labels)
         if unloaded is not None:
             self.proof.offer_state(unloaded)
@@ -181,6 +184,14 @@ class AttemptState:
         structure, raw = self.template.structure, self.raw
         medium = not structure.cones and structure.equalities >= _SCHUR and not is_large(structure)
         return self.uncertified and medium and raw is not None and raw.status is RawStatus.ALMOST
+
+    @property
+    def lacks_large_mechanism(self) -> bool:
+        """Return True if a large linear program has an answer, which is no ray, but no mechanism of its own."""
+        structure, raw = self.template.structure, self.raw
+        answered = raw is not None and raw.status in (RawStatus.OPTIMAL, RawStatus.ALMOST, RawStatus.LIMIT)
+        linear = is_large(structure) and not structure.cones
+        return self.uncertified and linear and answered and self.proof.motion is None
 
     @property
     def stalled_with_cones(self) -> bool:

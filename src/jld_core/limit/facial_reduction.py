@@ -44,6 +44,7 @@ _ALONG: Final = 1e-4  # Component of a unit vector below which it is set to zero
 _KEPT: Final = 2e-8  # Slack kept in the half-spaces of cones, scaled, to make up for (3.12a).
 _LEANS: Final = (1e5, 1e7, 1e8)  # Factors by which a self-stress is added, scaled.
 _CALM: Final = 1e-10  # Weight of |F|² next to λ, scaled; without it forces may grow along a self-stress.
+_POSITIVE: Final = 1e-6  # Multiplier, relative to the largest, above which it counts as positive.
 _LEFT: Final = 1e-12  # Size of a forbidden jump below which its row is dropped.
 # Share of the largest velocity that a pseudo-inverse leaves as rounding.
 _LAST_DIGIT: Final = 16.0 * float(np.finfo(float).eps)
@@ -121,6 +122,32 @@ class FacialReduction:
                     return min(found, key=lambda one: one.bound)
         return None
 
+    def of_positive_multipliers(self, motion: Motion, multipliers: Floats, labels: Bits) -> Motion | None:
+        """Project a motion onto the jumps of those yield rows whose multipliers are positive in a solver's answer.
+
+        The others are zero up to the solver's residual, as a crossover from an interior point assumes. No self-stress
+        is looked for. Programs without cones only.
+
+        Parameters
+        ----------
+        motion : Motion
+            The solver's motion, scaled.
+        multipliers : (rows,) float array
+            Multipliers of all rows of the program.
+        labels : (m,) bool array
+            Labels, True = dry.
+
+        Returns
+        -------
+        Motion or None
+            Motion of finite dissipation, with live work 1; None if the projection has none.
+        """
+        program = self.template.program(labels)
+        rows = kept_rows(program).linear
+        own = multipliers[rows]
+        reduced = Reduced(rows[own > _POSITIVE * own.max(initial=0.0)], ())
+        return self._blended(motion, None, program, reduced, labels, True, False, False)
+
     def _solved(self, program: ConicProgram, reduced: Reduced, labels: Bits, normalise: bool) -> Motion | None:
         """Solve the program of the rows left by facial reduction, and return its mechanism.
 
@@ -182,7 +209,7 @@ class FacialReduction:
     def _blended(
         self,
         motion: Motion,
-        step: Motion,
+        step: Motion | None,
         program: ConicProgram,
         reduced: Reduced,
         labels: Bits,
@@ -193,8 +220,9 @@ class FacialReduction:
         """Project a motion onto allowed jumps; add the least share of `step` that makes it valid.
 
         A motion is valid if its dissipation is finite. motion: to be repaired. step: motion strictly inside the allowed
-        jumps. reduced: kept rows of `program`. labels: (m,) True = dry. normalise: scale to live work 1. idle: make the
-        live work zero. turned: take the direction of rays from the slip of the motion. None if no share tried suffices.
+        jumps, None for no share. reduced: kept rows of `program`. labels: (m,) True = dry. normalise: scale to live
+        work 1. idle: make the live work zero. turned: take the direction of rays from the slip of the motion. None if
+        no share tried suffices.
         """
         live = self.template.live
         velocity = motion.velocity
@@ -208,11 +236,11 @@ class FacialReduction:
                 forbid = sp.csr_array(sp.vstack([forbid, sp.csr_array(live[None] / np.linalg.norm(live))]))
             projector, nothing = ConsistentProjector(forbid), np.zeros(forbid.shape[0])
             velocity = projector.project(velocity, nothing)
-        start, inward = velocity, projector.project(step.velocity, nothing)
+        start, inward = velocity, projector.project((step or motion).velocity, nothing)
         size = float(abs(start).max()) / max(float(abs(inward).max()), 1e-300)
         if not np.isfinite(size):
             return None
-        for share in (0.0, *np.logspace(-14.0, -3.0, 23)):
+        for share in (0.0, *np.logspace(-14.0, -3.0, 23 if step else 0)):
             velocity = start + share * size * inward
             work = float(live @ velocity)
             if normalise:

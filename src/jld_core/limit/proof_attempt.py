@@ -95,6 +95,7 @@ class ProofAttempt(AttemptState):
         program = self.template.program(self.labels, margin)
         early = early or program.structure.equalities >= EARLY_FROM
         raw = self.raw = route.solve_until(program, self._suffices if early else None)
+        self.mechanism_found = False
         proof = self.proof
         proof.solves += 1
         proof.solve_log.append(route.name if raw.status is RawStatus.OPTIMAL else f"{route.name} ({raw.status})")
@@ -174,6 +175,22 @@ class ProofAttempt(AttemptState):
         self.proof.solves += 2
         return self.repair.reduced(motion, self.labels, normalise) or motion
 
+    def find_mechanism(self) -> None:
+        """Offer the mechanism of the yield rows whose multipliers are positive in the last raw answer.
+
+        If it does not raise the bound of the raw mechanism, repairs need no other.
+        """
+        raw, labels = self.raw, self.labels
+        if raw is None:
+            return
+        motion = self.prover.motion(raw.dual, labels)
+        found = self.repair.of_positive_multipliers(motion, raw.dual, labels) if motion.margin < 0.0 else None
+        if found is not None:
+            self.proof.solve_log.append("positive multipliers")
+            self.proof.offer_motion(found)
+            scale = max(abs(found.bound), self.analysis.load_scale)
+            self.mechanism_found = found.bound - motion.bound <= _NARROW * scale
+
     def repair_answer(self) -> None:
         """Repair the last raw answer of a solver, and offer the bounds that the repair proves.
 
@@ -202,7 +219,7 @@ class ProofAttempt(AttemptState):
                 proof.solve_log.append("ray inside")
             return
         motion = self.prover.motion(raw.dual, labels)
-        if motion.margin < 0.0:
+        if motion.margin < 0.0 and not self.mechanism_found:
             proof.offer_motion(self._opened(motion))
 
     def solve_by_schur_complement(self) -> None:
