@@ -24,9 +24,9 @@ from jld_core.batch import ConflictRequest, build, library, settings
 from jld_core.batch.batch_solver import BatchSolver
 from jld_core.batch.conflict_request import CARRIED, REFUTED, MinimizationOptions
 from jld_core.batch.parts import Graph, Joining
-from jld_core.batch.pattern import factor_pattern
+from jld_core.batch.pattern import factor_pattern, number_of_products
 from jld_core.batch.rows import fits
-from jld_core.batch.settings import LARGE, LARGE_TRIES, TRIES
+from jld_core.batch.settings import LARGE, LARGE_TRIES, NARROW, TRIES, samples
 from jld_core.batch.verdicts import CARRIES, OPEN, PROVEN
 from jld_core.errors import InputError
 from jld_core.limit.relaxation import Relaxation
@@ -326,6 +326,11 @@ def test_rows_of_another_shape_are_left_to_other_solvers(kernel: str) -> None:
     assert not fits(crushable.template, crushable.template.yield_set.hull())
 
 
+@pytest.mark.parametrize(("dimension", "few"), [(2, NARROW), (3, LARGE)])
+def test_large_assemblies_start_from_few_samples(dimension: int, few: int) -> None:
+    assert samples(dimension, few) < samples(dimension, few - 1)
+
+
 def test_pattern_holds_the_fill() -> None:
     dice = np.random.default_rng(5)
     places = np.array([[x, y] for y in range(5) for x in range(6)], dtype=float)
@@ -333,6 +338,7 @@ def test_pattern_holds_the_fill() -> None:
     a, b = np.array(near).T
     pattern = factor_pattern(a, b, places)
     assert factor_pattern(a, b, places) is pattern  # as load cases ask for it
+    assert number_of_products(a, b, places) == pattern.products
     matrix = np.zeros((30, 30))
     matrix[a, b] = matrix[b, a] = dice.random(len(a))
     matrix += np.diag(abs(matrix).sum(axis=1) + 1.0)

@@ -99,3 +99,50 @@ def test_large_crushable_walls_are_solved_with_less_margin_once() -> None:
     proof = solve_labelling(limit_analysis(built, options), labels, options)
     assert proof.status is Status.COLLAPSE
     assert len(proof.solve_log) <= 2
+
+
+@pytest.mark.parametrize(("edge", "status"), [(32, Status.LOCKED), (26, Status.COLLAPSE)])
+def test_walls_that_supports_confine_are_settled_by_sparse_algebra(
+    edge: int, status: Status, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A lift between three supports: a ray found by the solver itself, and a mechanism without a pseudo-inverse."""
+    content = document("planar", edge)
+    content["grid"]["rows"] = ["#" + row + "#" for row in content["grid"]["rows"]]
+    content["loads"] = {"live": [{"body": [0, 1]}]}
+    scene = parse_scene(content)
+    built = build_assembly(scene)
+    labels = make_driver("random", search_space(scene, built), 0).ask(1)[0]
+
+    def pinv(matrix: np.ndarray, rcond: float) -> np.ndarray:
+        raise AssertionError("a pseudo-inverse of a large matrix")
+
+    monkeypatch.setattr(np.linalg, "pinv", pinv)
+    options = SolveOptions(condense="off")
+    proof = solve_labelling(limit_analysis(built, options), labels, options)
+    assert proof.status is status
+    assert (proof.solve_log[0] == "schur (unbounded)") is (status is Status.LOCKED)
+    assert "facial reduction" not in proof.solve_log
+
+
+def test_cubes_whose_last_iterate_proves_nothing_are_proven_by_an_earlier_one() -> None:
+    """125 cubes slide as one at λ = 0.75: rigid blocks and a simplex took 5 s where a second solve takes 0.3 s."""
+    scene = parse_scene(document("spatial", 5))
+    built = build_assembly(scene)
+    labels = make_driver("random", search_space(scene, built), 0).ask(1)[0]
+    proof = solve_labelling(limit_analysis(built, SolveOptions()), labels, SolveOptions())
+    assert proof.status is Status.COLLAPSE
+    assert proof.solve_log == ["schur (almost)", "schur"]
+
+
+def test_a_fall_whose_proof_no_iterate_reaches_exactly_is_proven() -> None:
+    """An opening in a wall without friction: equations are dependent, and 100 iterations led to no exact proof."""
+    content = document("planar", 13)
+    content["materials"]["dry"]["friction_coefficient"] = 0.0
+    content["grid"]["rows"][4:7] = ["aaaa..aaaaaaa"] * 3
+    content["search"]["block_cells"] = [1, 2]
+    scene = parse_scene(content)
+    built = build_assembly(scene)
+    labels = make_driver("random", search_space(scene, built), 0).ask(1)[0]
+    options = SolveOptions(solver="schur")
+    proof = solve_labelling(limit_analysis(built, options), labels, options)
+    assert (proof.status, proof.solves) == (Status.UNSTABLE, 1)

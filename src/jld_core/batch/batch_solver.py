@@ -20,7 +20,7 @@ from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.batch import interface, library
 from jld_core.batch.conflict_request import ConflictRequest, MinimizationResults
 from jld_core.batch.rows import BatchRows, pattern_of, rows_of
-from jld_core.batch.settings import dry_shares, narrow, tries_of
+from jld_core.batch.settings import dry_shares, narrow, samples, tries_of
 from jld_core.batch.verdicts import OPEN, PROVEN, BatchResults
 from jld_core.mechanics import Rows
 from jld_core.program import Template
@@ -29,8 +29,8 @@ _UNDECIDED: Final = interface.codes("JldLabel")["UNDECIDED"]  # label of a face 
 SAMPLES_OF_A_CALL: Final = 256
 """Largest number of samples of one call: the values that a label of the compiled solver can take."""
 
-_SAMPLES: Final = 32  # random labellings whose mean solution gives the starting point
-_SHARE: Final = 0.7  # weight of that mean; the least-norm forces in equilibrium have the weight 1 − 0.7
+_SHARE: Final = 0.7
+"""Weight of the mean solution of random labellings at the start; the least-norm forces in equilibrium have the rest."""
 _ROOM_BLIND: Final = 3.0  # least slack at the starting point without such a mean, scaled
 _ROOM: Final = 1.0  # least slack at the starting point with such a mean, scaled
 _PUSH: Final = 1.0  # least multiplier at the starting point, planar, scaled
@@ -129,13 +129,20 @@ class BatchSolver:
         self._opening = None if opening is None else opening[ends].copy()
         self._floor = template.floor
         self.settled_fraction, self._load_scale = 0.0, load_scale
-        self._start = self._starting(template, sampled_start)
+        sampled = samples(2 if q == 3 else 3, self.faces) if sampled_start else 0
+        self._start = self._starting(template, sampled)
 
-    def _starting(self, template: Template, sampled: bool) -> _Start:
+    def _random_labellings(self, count: int) -> Bits:
+        """Return labellings (count, faces) whose shares of dry faces are in the range of `dry_shares`."""
+        dice = np.random.default_rng(0)
+        low, high = dry_shares(2 if self._q == 3 else 3, self.faces)
+        return np.asarray(dice.random((count, self.faces)) < low + (high - low) * dice.random((count, 1)))
+
+    def _starting(self, template: Template, sampled: int) -> _Start:
         """Return the starting point of the iterations; store `_start` and `settled_fraction`.
 
-        It lies between the least-norm forces in equilibrium and, with `sampled`, the mean solution of a few random
-        labellings.
+        It lies between the least-norm forces in equilibrium and the mean solution of random labellings, of which there
+        are `sampled`.
         """
         matrix = template.matrix
         least = -(matrix.T @ spsolve(matrix @ matrix.T, template.dead)).reshape(self.faces, self._q)
@@ -146,10 +153,7 @@ class BatchSolver:
             return self._start
         if not sampled:
             return self._start
-        dice = np.random.default_rng(0)
-        low, high = dry_shares(template.assembly.dimension, self.faces)
-        sampled_start = dice.random((_SAMPLES, self.faces)) < low + (high - low) * dice.random((_SAMPLES, 1))
-        found = self.solve(sampled_start, vectors=True)
+        found = self.solve(self._random_labellings(sampled), vectors=True)
         good = found.verdict == PROVEN
         self.settled_fraction = float((found.verdict != OPEN).mean())
         if not good.any() or found.forces is None or found.velocity is None:
@@ -178,15 +182,13 @@ class BatchSolver:
             block[face] = begin + np.searchsorted(rows[begin:end], high[face])
         self._block = block
         q, d = self._q, template.assembly.dimension
-        sides = np.zeros((self.faces, 2, 7 if d == 2 else 27))
-        matrix = template.matrix.tocsr()
-        for face in range(self.faces):
-            for side, end in enumerate((low[face], high[face])):
-                if end >= 0:
-                    element = q * self.pattern.order[end]
-                    dense = matrix[element : element + q, q * face : q * face + q].toarray()
-                    sides[face, side] = [*dense[:, :d].ravel(), *dense[d:, d:].ravel()]
-        self._sides = sides
+        matrix = template.matrix.tocoo()
+        column = matrix.col // q
+        side = (place[matrix.row // q] == high[column]).astype(int)
+        dense = np.zeros((self.faces, 2, q, q))
+        dense[column, side, matrix.row % q, matrix.col % q] = matrix.data
+        sides = dense[..., :d].reshape(self.faces, 2, -1), dense[..., d:, d:].reshape(self.faces, 2, -1)
+        self._sides = np.ascontiguousarray(np.concatenate(sides, axis=2))
 
     def solve(
         self,

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from heapq import heapify, heappop, heappush
 from typing import Final
 
 import numpy as np
@@ -73,28 +74,55 @@ def factor_pattern(a: Ints, b: Ints, places: Floats) -> FactorPattern:
     matrix block off the diagonal; a pair of a node with itself is ignored. places: (n, d) coordinates of the n nodes,
     in any unit.
     """
+    return _pattern(*_key(a, b, places))
+
+
+def number_of_products(a: Ints, b: Ints, places: Floats) -> int:
+    """Return `FactorPattern.products` of a pattern without laying it out.
+
+    a, b, places: as in `factor_pattern`.
+    """
+    return _products(_elimination(*_key(a, b, places))[1])
+
+
+def _key(a: Ints, b: Ints, places: Floats) -> tuple[bytes, bytes, bytes, tuple[int, ...]]:
+    """Return the key of the caches: bytes of the ends of edges and of coordinates, and the shape of these."""
     a, b, places = np.asarray(a, dtype=np.int64), np.asarray(b, dtype=np.int64), np.asarray(places, dtype=float)
-    return _pattern(a.tobytes(), b.tobytes(), places.tobytes(), places.shape)
+    proper = a != b
+    return a[proper].tobytes(), b[proper].tobytes(), places.tobytes(), places.shape
+
+
+def _ends(first: bytes, second: bytes) -> tuple[Ints, Ints]:
+    """Return the ends (e,), (e,) of the edges of a key."""
+    return np.frombuffer(first, dtype=np.int64), np.frombuffer(second, dtype=np.int64)
 
 
 @lru_cache(maxsize=4)
-def _pattern(first: bytes, second: bytes, where: bytes, shape: tuple[int, int]) -> FactorPattern:
-    """Compute the factor pattern from the bytes of its arrays, the key of the cache.
+def _pattern(first: bytes, second: bytes, where: bytes, shape: tuple[int, ...]) -> FactorPattern:
+    """Compute the factor pattern of a key, see `_key`."""
+    return _laid_out(*_ends(first, second), *_elimination(first, second, where, shape))
+
+
+@lru_cache(maxsize=4)
+def _elimination(first: bytes, second: bytes, where: bytes, shape: tuple[int, ...]) -> tuple[Ints, list[list[int]]]:
+    """Return the elimination order with the fewest products, and the rows of its columns; see `_fill`.
 
     first, second: ends of the edges. where: coordinates of the nodes. shape: shape of these coordinates.
     """
-    a, b = (np.frombuffer(ends, dtype=np.int64) for ends in (first, second))
+    a, b = _ends(first, second)
     places = np.frombuffer(where, dtype=float).reshape(shape)
     count = len(places)
-    proper = a != b
-    a, b = a[proper], b[proper]
     orders = [_minimum_degree(a, b, count)]
     orders += [nested_dissection(a, b, count, leaf, places).order for leaf in _LEAVES if len(a) and count > leaf]
     columns = [_fill(a, b, order) for order in orders]
-    # A column with k matrix blocks takes k (k + 1) / 2 products; the first order wins ties.
-    cost = [sum(len(column) * (len(column) + 1) // 2 for column in found) for found in columns]
-    best = int(np.argmin(cost))
-    return _laid_out(a, b, orders[best], columns[best])
+    # The first order wins ties.
+    best = int(np.argmin([_products(found) for found in columns]))
+    return orders[best], columns[best]
+
+
+def _products(columns: list[list[int]]) -> int:
+    """Return the number of products of a factorisation: k (k + 1) / 2 for a column with k matrix blocks."""
+    return sum(len(column) * (len(column) + 1) // 2 for column in columns)
 
 
 def _neighbours(a: Ints, b: Ints, count: int) -> list[dict[int, None]]:
@@ -115,16 +143,22 @@ def _minimum_degree(a: Ints, b: Ints, count: int) -> Ints:
     a, b: (e,) ends of the edges. count: number of nodes.
     """
     near = _neighbours(a, b, count)
-    left = dict.fromkeys(range(count))
-    order = []
-    while left:
-        node = min(left, key=lambda k: (len(near[k]), k))
-        del left[node]
+    # entries whose degree has changed since are stale
+    waiting = [(len(around), node) for node, around in enumerate(near)]
+    heapify(waiting)
+    done, order = [False] * count, []
+    while waiting:
+        degree, node = heappop(waiting)
+        if done[node] or degree != len(near[node]):
+            continue
+        done[node] = True
         order.append(node)
-        around = list(near[node])
+        around = near[node]
         for one in around:
-            del near[one][node]
-            near[one].update((other, None) for other in around if other != one)
+            mine = near[one]
+            mine |= around
+            del mine[node], mine[one]
+            heappush(waiting, (len(mine), one))
     return np.array(order, dtype=np.int64)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.assembly import Assembly
-from jld_core.batch.pattern import FactorPattern, factor_pattern
+from jld_core.batch.pattern import FactorPattern, factor_pattern, number_of_products
 from jld_core.mechanics import RowPattern, Rows, YieldSet
 from jld_core.program import Template
 
@@ -63,7 +63,7 @@ def fits(template: Template, undecided: Rows | None = None) -> bool:
 
 def _products(template: Template) -> int:
     """Return the number of scalar multiplications in one block Cholesky factorisation."""
-    return int(pattern_of(template.assembly)[0].products * template.assembly.freedoms**3)
+    return number_of_products(*_graph(template.assembly)[0]) * template.assembly.freedoms**3
 
 
 def pattern_of(assembly: Assembly) -> tuple[FactorPattern, Ints, Ints]:
@@ -72,6 +72,12 @@ def pattern_of(assembly: Assembly) -> tuple[FactorPattern, Ints, Ints]:
     The results are the pattern, and the two elements of each face as arrays (m,). Elements are numbered among the free
     ones; −1 stands for a support.
     """
+    graph, a, b = _graph(assembly)
+    return factor_pattern(*graph), a, b
+
+
+def _graph(assembly: Assembly) -> tuple[tuple[Ints, Ints, Floats], Ints, Ints]:
+    """Return what `factor_pattern` takes of an assembly, and the elements of each face as `pattern_of` does."""
     elements, faces = assembly.elements, assembly.interfaces
     node = np.full(len(elements), -1, dtype=np.int64)
     node[elements.free] = np.arange(len(elements.free))
@@ -82,7 +88,7 @@ def pattern_of(assembly: Assembly) -> tuple[FactorPattern, Ints, Ints]:
         first[members.face[own]], second[members.face[own]] = members.ends[own].T
     a, b = node[first], node[second]
     both = (a >= 0) & (b >= 0)
-    return factor_pattern(a[both], b[both], elements.centroid[elements.free]), a, b
+    return (a[both], b[both], elements.centroid[elements.free]), a, b
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,14 @@ that of layouts. Iterations of the first pass: 20.2 instead of 23.6 at 946 faces
 in blocks of four); 26.0 instead of 26.8 and 28.7 instead of 30.0 (random labels of any share); 30.9 instead of 29.7 and
 34.2 instead of 33.5 (less than a third dry). Source: benchmarks/lanes.py.
 """
+SAMPLES: Final = 32
+"""Random labellings whose mean solution gives the starting point."""
+FEW_SAMPLES: Final = 8
+"""The same for planar assemblies of `NARROW` faces and more, and spatial ones of `LARGE` faces and more.
+
+There each takes as long as a layout. With 32, 16, 8 and none a layout takes 31.2, 30.5, 29.3 and 31.8 iterations at
+2 016 faces, 21.8, 22.4, 22.5 and 22.3 at 946, and 15.8, 16.2, 16.2 and 17.7 at 278. Source: benchmarks/lanes.py.
+"""
 
 _FIRST: Final[dict[str, Any]] = {
     "proximal": 1e-5,
@@ -92,6 +100,14 @@ cone. Source: measured in benchmarks/lanes.py.
 def narrow(dimension: int, faces: int) -> bool:
     """Return True if bounds use half the lanes of AVX-512. dimension: 2 or 3. faces: number of interfaces."""
     return dimension == 2 and faces >= NARROW
+
+
+def samples(dimension: int, faces: int) -> int:
+    """Return the number of random labellings that give the starting point.
+
+    dimension: 2 or 3. faces: number of interfaces.
+    """
+    return FEW_SAMPLES if faces >= (NARROW if dimension == 2 else LARGE) else SAMPLES
 
 
 def dry_shares(dimension: int, faces: int) -> tuple[float, float]:

@@ -16,12 +16,15 @@ from jld_core.limit.repair import Repair
 from jld_core.limit.status import Status
 from jld_core.program import Template
 from jld_core.solvers import RawSolution, RawStatus, Solver, is_large
+from jld_core.solvers.schur.interior_point import SchurSolver
 
 _GROWS: Final = 1e3  # Scaled λ above which a state without an upper bound may be unbounded.
 _SIMPLEX: Final = 6000  # Number of columns up to which a dual simplex is tried.
 _SCHUR: Final = (
     900  # Equations from which Schur complements take less time than a dual simplex: 0.3 against 4 s at 1452.
 )
+EARLY_FROM: Final = 5000
+"""Number of equations from which a solver may stop at a bracket of relative width `EARLY`."""
 
 
 class Analysis(Protocol):
@@ -86,6 +89,8 @@ class AttemptState:
         True if facial reduction was tried.
     less_margin_tried : bool
         True if the program was solved with less margin.
+    mechanism_found : bool
+        True if the mechanism of the last raw answer is proven without loss, so that repairs need none.
     """
 
     def __init__(self, analysis: Analysis, labels: Bits) -> None:
@@ -94,6 +99,7 @@ class AttemptState:
         self.proof = Proof()
         self.raw: RawSolution | None = None
         self.settled = self.batch_tried = self.reduction_tried = self.less_margin_tried = False
+        self.mechanism_found = False
         unloaded = analysis.unloaded(labels)
         if unloaded is not None:
             self.proof.offer_state(unloaded)
@@ -178,6 +184,23 @@ class AttemptState:
         structure, raw = self.template.structure, self.raw
         medium = not structure.cones and structure.equalities >= _SCHUR and not is_large(structure)
         return self.uncertified and medium and raw is not None and raw.status is RawStatus.ALMOST
+
+    @property
+    def lacks_large_mechanism(self) -> bool:
+        """Return True if a large linear program has an answer, which is no ray, but no mechanism of its own."""
+        structure, raw = self.template.structure, self.raw
+        answered = raw is not None and raw.status in (RawStatus.OPTIMAL, RawStatus.ALMOST, RawStatus.LIMIT)
+        linear = is_large(structure) and not structure.cones
+        return self.uncertified and linear and answered and self.proof.motion is None
+
+    @property
+    def stalled_with_cones(self) -> bool:
+        """Return True if Schur complements made no further progress on a large program with cones."""
+        structure, raw = self.template.structure, self.raw
+        solved = bool(structure.cones) and is_large(structure) and structure.equalities < EARLY_FROM
+        by_schur = isinstance(self.analysis.first_solver, SchurSolver)
+        stalled = raw is not None and raw.status in (RawStatus.ALMOST, RawStatus.LIMIT)
+        return self.uncertified and solved and by_schur and stalled
 
     @property
     def wide_by_crushing(self) -> bool:

@@ -16,6 +16,7 @@ from typing import Final
 
 import numpy as np
 import scipy.linalg as la
+import scipy.sparse as sp
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Floats, Ints
@@ -30,6 +31,7 @@ from jld_core.limit.auxiliary_programs import (
 )
 from jld_core.limit.bounds import Prover
 from jld_core.limit.reduced_rows import Reduced, kept_rows, leaning_program, program_of_rows, reduced_by
+from jld_core.linalg.projection import ConsistentProjector
 from jld_core.program import ConicProgram, Template
 from jld_core.solvers import ClarabelSolver, RawStatus
 
@@ -42,6 +44,7 @@ _ALONG: Final = 1e-4  # Component of a unit vector below which it is set to zero
 _KEPT: Final = 2e-8  # Slack kept in the half-spaces of cones, scaled, to make up for (3.12a).
 _LEANS: Final = (1e5, 1e7, 1e8)  # Factors by which a self-stress is added, scaled.
 _CALM: Final = 1e-10  # Weight of |F|² next to λ, scaled; without it forces may grow along a self-stress.
+_POSITIVE: Final = 1e-6  # Multiplier, relative to the largest, above which it counts as positive.
 _LEFT: Final = 1e-12  # Size of a forbidden jump below which its row is dropped.
 # Share of the largest velocity that a pseudo-inverse leaves as rounding.
 _LAST_DIGIT: Final = 16.0 * float(np.finfo(float).eps)
@@ -84,7 +87,7 @@ class FacialReduction:
             Motion whose margin is not negative, up to rounding on faces without slack. None if none was found, or if
             the assembly is too large.
         """
-        if self.template.matrix.shape[0] > DENSE:
+        if self.template.structure.cones and self.template.matrix.shape[0] > DENSE:
             return None
         # The sign of a live work that is zero up to the solver's residual decides the proof: make it exactly zero. Try
         # first with rays of the live load treated as self-stress.
@@ -118,6 +121,32 @@ class FacialReduction:
                 if found:
                     return min(found, key=lambda one: one.bound)
         return None
+
+    def of_positive_multipliers(self, motion: Motion, multipliers: Floats, labels: Bits) -> Motion | None:
+        """Project a motion onto the jumps of those yield rows whose multipliers are positive in a solver's answer.
+
+        The others are zero up to the solver's residual, as a crossover from an interior point assumes. No self-stress
+        is looked for. Programs without cones only.
+
+        Parameters
+        ----------
+        motion : Motion
+            The solver's motion, scaled.
+        multipliers : (rows,) float array
+            Multipliers of all rows of the program.
+        labels : (m,) bool array
+            Labels, True = dry.
+
+        Returns
+        -------
+        Motion or None
+            Motion of finite dissipation, with live work 1; None if the projection has none.
+        """
+        program = self.template.program(labels)
+        rows = kept_rows(program).linear
+        own = multipliers[rows]
+        reduced = Reduced(rows[own > _POSITIVE * own.max(initial=0.0)], ())
+        return self._blended(motion, None, program, reduced, labels, True, False, False)
 
     def _solved(self, program: ConicProgram, reduced: Reduced, labels: Bits, normalise: bool) -> Motion | None:
         """Solve the program of the rows left by facial reduction, and return its mechanism.
@@ -180,7 +209,7 @@ class FacialReduction:
     def _blended(
         self,
         motion: Motion,
-        step: Motion,
+        step: Motion | None,
         program: ConicProgram,
         reduced: Reduced,
         labels: Bits,
@@ -191,8 +220,9 @@ class FacialReduction:
         """Project a motion onto allowed jumps; add the least share of `step` that makes it valid.
 
         A motion is valid if its dissipation is finite. motion: to be repaired. step: motion strictly inside the allowed
-        jumps. reduced: kept rows of `program`. labels: (m,) True = dry. normalise: scale to live work 1. idle: make the
-        live work zero. turned: take the direction of rays from the slip of the motion. None if no share tried suffices.
+        jumps, None for no share. reduced: kept rows of `program`. labels: (m,) True = dry. normalise: scale to live
+        work 1. idle: make the live work zero. turned: take the direction of rays from the slip of the motion. None if
+        no share tried suffices.
         """
         live = self.template.live
         velocity = motion.velocity
@@ -203,14 +233,14 @@ class FacialReduction:
             bases = self._allowed_jumps(program, reduced, jumps, speed)
             forbid = self._forbidden(bases)
             if idle:
-                forbid = np.vstack([forbid, live / np.linalg.norm(live)])
-            inverse = np.asarray(np.linalg.pinv(forbid, rcond=1e-11)) if len(forbid) else np.zeros((len(live), 0))
-            velocity = _projected(velocity, forbid, inverse)
-        start, inward = velocity, _projected(step.velocity, forbid, inverse)
+                forbid = sp.csr_array(sp.vstack([forbid, sp.csr_array(live[None] / np.linalg.norm(live))]))
+            projector, nothing = ConsistentProjector(forbid), np.zeros(forbid.shape[0])
+            velocity = projector.project(velocity, nothing)
+        start, inward = velocity, projector.project((step or motion).velocity, nothing)
         size = float(abs(start).max()) / max(float(abs(inward).max()), 1e-300)
         if not np.isfinite(size):
             return None
-        for share in (0.0, *np.logspace(-14.0, -3.0, 23)):
+        for share in (0.0, *np.logspace(-14.0, -3.0, 23 if step else 0)):
             velocity = start + share * size * inward
             work = float(live @ velocity)
             if normalise:
@@ -255,21 +285,20 @@ class FacialReduction:
             bases[face] = la.orth(table[:, q * face : q * face + q].T @ free) if free.size else np.zeros((q, 0))
         return bases
 
-    def _forbidden(self, bases: dict[int, Floats]) -> Floats:
+    def _forbidden(self, bases: dict[int, Floats]) -> sp.csr_array:
         """Return equations E u = 0 that hold if and only if reduced faces have allowed jumps.
 
         bases: orthonormal basis (q, k) of the allowed jumps of each reduced face. u are velocities. Returns E (rows,
         q·free); it has no rows without reduced faces.
         """
         q = self.template.assembly.freedoms
-        parts = []
-        for face, basis in bases.items():
-            jumps = self.prover.transposed[q * face : q * face + q].toarray()
-            parts.append(jumps - basis @ (basis.T @ jumps))
-        if not parts:
-            return np.zeros((0, self.template.matrix.shape[0]))
-        stacked = np.concatenate(parts)
-        return np.asarray(stacked[abs(stacked).max(axis=1) > _LEFT])
+        faces = np.array(sorted(bases), dtype=np.int64)
+        jumps = sp.csr_array(self.prover.transposed[(q * faces[:, None] + np.arange(q)).ravel()])
+        if not len(faces):
+            return jumps
+        away = [sp.csr_array(np.eye(q) - bases[face] @ bases[face].T) for face in faces.tolist()]
+        stacked = sp.csr_array(sp.block_diag(away, format="csr") @ jumps)
+        return sp.csr_array(stacked[abs(stacked).max(axis=1).toarray().ravel() > _LEFT])
 
     def _measured(self, velocity: Floats, work: float, labels: Bits, bases: dict[int, Floats]) -> Motion:
         """Compute margin and bound of velocities, with jumps of reduced faces put on their bases.
@@ -311,16 +340,6 @@ def _rounds(program: ConicProgram, columns: int, search: _Search) -> list[Reduce
             break
         found.append(after)
     return found[::-1]
-
-
-def _projected(velocity: Floats, forbid: Floats, inverse: Floats) -> Floats:
-    """Remove from a velocity (q·free,) the component along forbidden directions.
-
-    forbid: (k, q·free) rows of these directions. inverse: pseudo-inverse of `forbid`.
-    """
-    for _ in range(2):
-        velocity = velocity - inverse @ (forbid @ velocity)
-    return velocity
 
 
 def _along_axes(program: ConicProgram, columns: int) -> LargestSupport | None:

@@ -56,6 +56,18 @@ FALLBACKS: Final = (
         "both bounds of a linear program of some thousand equations",
     ),
     Fallback(
+        "mechanism",
+        lambda attempt: attempt.lacks_large_mechanism,
+        ProofAttempt.find_mechanism,
+        "an upper bound of a large linear program, from the signs of multipliers",
+    ),
+    Fallback(
+        "Schur complement stopped early",
+        lambda attempt: attempt.stalled_with_cones,
+        ProofAttempt.solve_until_narrow,
+        "both bounds of a program with cones, from an iterate before the last",
+    ),
+    Fallback(
         "repair",
         lambda attempt: attempt.uncertified_with_point,
         ProofAttempt.repair_answer,

@@ -13,7 +13,7 @@ from jld_core import tolerances
 from jld_core.arrays import Floats
 from jld_core.batch.verdicts import FALLS
 from jld_core.limit.admissible import Motion, State
-from jld_core.limit.attempt_state import AttemptState
+from jld_core.limit.attempt_state import EARLY_FROM, AttemptState
 from jld_core.limit.batch_results import offer_results
 from jld_core.limit.brackets import relative_width
 from jld_core.solvers import ClarabelSolver, HighsSolver, RawStatus, Solver, is_large
@@ -21,8 +21,6 @@ from jld_core.solvers.base import EARLY
 from jld_core.solvers.schur.interior_point import SchurSolver
 
 _NARROW: Final = 1e-10  # Rise of an upper bound, relative to λ, up to which the simplest opening motion is taken.
-
-_EARLY_FROM: Final = 5000  # Number of equations from which a solver may stop at a bracket of relative width `EARLY`.
 
 
 class ProofAttempt(AttemptState):
@@ -66,12 +64,24 @@ class ProofAttempt(AttemptState):
         route.prepare(template.structure, lambda: template.program(analysis.reference, analysis.margin))
         self.solve_by(route, analysis.margin)
 
-    def solve_by(self, route: Solver, margin: float) -> None:
+    def solve_until_narrow(self) -> None:
+        """Solve by Schur complements again, up to the first iterate whose own bounds are close enough.
+
+        With cones, the last iterates may lose in the one what they gain in the other. Without success the earlier
+        answer stays, from which repairs begin.
+        """
+        earlier = self.raw
+        self.solve_by(SchurSolver(self.template.precision.residual), self.analysis.margin, early=True)
+        if self.raw is not None and self.raw.status is not RawStatus.OPTIMAL:
+            self.raw = earlier
+
+    def solve_by(self, route: Solver, margin: float, *, early: bool = False) -> None:
         """Solve by one solver, and offer the bounds that the raw answer proves without repairs.
 
         The answer is kept in `raw`. If the solver reports an infeasible program, its multipliers are offered as a proof
         of instability. If it reports an unbounded one, its point becomes the ray of the proof if it is one; otherwise
-        the proof has no ray. The solver of a large program stops as soon as both bounds of an iterate are close enough.
+        the proof has no ray. The solver of a very large program stops as soon as both bounds of an iterate are close
+        enough.
 
         Parameters
         ----------
@@ -79,14 +89,17 @@ class ProofAttempt(AttemptState):
             Solver to run.
         margin : float
             Slack kept in every yield row, scaled.
+        early : bool
+            Stop early whatever the size.
         """
         program = self.template.program(self.labels, margin)
-        early = program.structure.equalities >= _EARLY_FROM
+        early = early or program.structure.equalities >= EARLY_FROM
         raw = self.raw = route.solve_until(program, self._suffices if early else None)
+        self.mechanism_found = False
         proof = self.proof
         proof.solves += 1
         proof.solve_log.append(route.name if raw.status is RawStatus.OPTIMAL else f"{route.name} ({raw.status})")
-        if raw.status is RawStatus.INFEASIBLE:
+        if raw.status in (RawStatus.INFEASIBLE, RawStatus.NEARLY_INFEASIBLE):
             self._offer_instability(raw.dual)
         elif raw.status is RawStatus.UNBOUNDED:
             ray = self.prover.ray(raw.point, self.labels)
@@ -162,6 +175,22 @@ class ProofAttempt(AttemptState):
         self.proof.solves += 2
         return self.repair.reduced(motion, self.labels, normalise) or motion
 
+    def find_mechanism(self) -> None:
+        """Offer the mechanism of the yield rows whose multipliers are positive in the last raw answer.
+
+        If it does not raise the bound of the raw mechanism, repairs need no other.
+        """
+        raw, labels = self.raw, self.labels
+        if raw is None:
+            return
+        motion = self.prover.motion(raw.dual, labels)
+        found = self.repair.of_positive_multipliers(motion, raw.dual, labels) if motion.margin < 0.0 else None
+        if found is not None:
+            self.proof.solve_log.append("positive multipliers")
+            self.proof.offer_motion(found)
+            scale = max(abs(found.bound), self.analysis.load_scale)
+            self.mechanism_found = found.bound - motion.bound <= _NARROW * scale
+
     def repair_answer(self) -> None:
         """Repair the last raw answer of a solver, and offer the bounds that the repair proves.
 
@@ -190,7 +219,7 @@ class ProofAttempt(AttemptState):
                 proof.solve_log.append("ray inside")
             return
         motion = self.prover.motion(raw.dual, labels)
-        if motion.margin < 0.0:
+        if motion.margin < 0.0 and not self.mechanism_found:
             proof.offer_motion(self._opened(motion))
 
     def solve_by_schur_complement(self) -> None:

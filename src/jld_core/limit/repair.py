@@ -382,3 +382,7 @@ class Repair:
             Repaired motion; None if none was found.
         """
         return FacialReduction(self.template, self.prover).repair(motion, labels, normalise)
+
+    def of_positive_multipliers(self, motion: Motion, multipliers: Floats, labels: Bits) -> Motion | None:
+        """Repair a motion by the signs of multipliers, see `FacialReduction.of_positive_multipliers`."""
+        return FacialReduction(self.template, self.prover).of_positive_multipliers(motion, multipliers, labels)

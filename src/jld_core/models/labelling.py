@@ -197,12 +197,13 @@ def _large(attempt: ProofAttempt) -> bool:
 
 
 def _large_bounded(attempt: ProofAttempt) -> bool:
-    """Return True if `_large` holds and the last solver answer is no ray, which repairs settle quickly."""
-    return _large(attempt) and (attempt.raw is None or attempt.raw.status is not RawStatus.UNBOUNDED)
+    """Return True if `_large` holds and repairs are slow: the last solver answer is no ray and has no mechanism."""
+    ray = attempt.raw is not None and attempt.raw.status is RawStatus.UNBOUNDED
+    return _large(attempt) and not ray and not attempt.mechanism_found
 
 
 def _large_unbounded(attempt: ProofAttempt) -> bool:
-    """Return True if `_large` holds and the last solver answer is a ray, which repairs have not settled."""
+    """Return True if `_large` holds and quick repairs of a ray or a state have not settled the last solver answer."""
     return _large(attempt) and not _large_bounded(attempt)
 
 

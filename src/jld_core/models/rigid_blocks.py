@@ -20,6 +20,7 @@ from jld_core.arrays import Bits, Floats, Ints
 from jld_core.assembly import Assembly, Elements, blocks_of
 from jld_core.geometry import moment_about, spun
 from jld_core.limit import LimitAnalysis, Motion, Proof, Status
+from jld_core.limit.fallbacks import FALLBACKS
 from jld_core.limit.result_building import element_velocities
 from jld_core.program import Template, beginnings, pack
 from jld_core.solvers import ClarabelSolver, is_large
@@ -227,7 +228,10 @@ def prove_condensed(full: LimitAnalysis, labels: Bits, apart: Ints | None = None
         inner = LimitAnalysis(
             rigid.assembly, solver=own.solver, gap=own.gap, inner_bending=own.inner_bending, reference=given
         )
-        proof, scaling = inner.prove(given), inner.template.scaling
+        # Where the full model is large, its own repairs take less time than a simplex on rigid blocks.
+        simple = is_large(full.template.structure)
+        proof = inner.prove(given, tuple(one for one in FALLBACKS if not simple or one.name != "dual simplex"))
+        scaling = inner.template.scaling
         solves += proof.solves
         route += [f"rigid: {step}" for step in proof.solve_log]
         if proof.status is Status.UNSTABLE:

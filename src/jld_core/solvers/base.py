@@ -24,12 +24,14 @@ It leaves a factor of three to `tolerances.GAP`. Smaller values cost iterations 
 class RawStatus(StrEnum):
     """Status that a solver reports of its own solution, a hint and never a proof.
 
-    It decides which solution methods are tried next.
+    It decides which solution methods are tried next. NEARLY_INFEASIBLE: the iterates tend to a proof that no point is
+    admissible, which the solver does not reach to its tolerance.
     """
 
     OPTIMAL = "optimal"
     ALMOST = "almost"
     INFEASIBLE = "infeasible"
+    NEARLY_INFEASIBLE = "nearly infeasible"
     UNBOUNDED = "unbounded"
     LIMIT = "limit"
     FAILED = "failed"

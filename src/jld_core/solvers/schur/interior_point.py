@@ -22,6 +22,8 @@ from jld_core.solvers.schur.nesterov_todd import Cones, NesterovTodd
 from jld_core.solvers.schur.newton import SETTLED, Iterate, Newton
 from jld_core.solvers.schur.system import SchurSystem
 
+_VANISHED = 1e-14  # τ/κ below which no further iterate can be a point; rays are reached to tolerance well above it
+
 
 class SchurSolver(Solver):
     """Schur-complement interior-point solver for large assemblies.
@@ -157,7 +159,7 @@ class _Iteration:
     def answer(self, status: RawStatus, it: Iterate) -> tuple[Floats, Floats]:
         """Return point (columns,) and multipliers (rows,) of an iterate, or a ray by its status."""
         dual = np.concatenate([it.u, it.v])
-        if status is RawStatus.INFEASIBLE:
+        if status in (RawStatus.INFEASIBLE, RawStatus.NEARLY_INFEASIBLE):
             return it.x, dual / -(self.r @ it.u + self.h @ it.v)
         if status is RawStatus.UNBOUNDED:
             return it.x / -(self.q @ it.x), dual
@@ -196,6 +198,8 @@ class _Iteration:
                 return RawStatus.INFEASIBLE, merit
             if cost < 0.0 and max(_largest(left_u), _largest(left_v)) <= ray * -cost:
                 return RawStatus.UNBOUNDED, merit
+            if value < 0.0 and it.tau < _VANISHED * it.kappa:
+                return RawStatus.NEARLY_INFEASIBLE, merit
         return None, merit
 
     def _advance(self, it: Iterate) -> Iterate | None:

@@ -48,6 +48,13 @@ class Iterate:
         """Return the duality gap over the larger of 1 and the objective, whose coefficients (columns,) are given."""
         return float(self.s @ self.v) / self.tau**2 / max(1.0, abs(float(objective @ self.x) / self.tau))
 
+    def progress(self, objective: Floats) -> float:
+        """Return the relative duality gap, or the complementarity of an iterate that tends to a ray.
+
+        objective: coefficients (columns,). The gap of a ray is divided by a τ that vanishes, so it does not decrease.
+        """
+        return float(self.s @ self.v) if self.kappa > self.tau else self.relative_gap(objective)
+
 
 @dataclass(frozen=True)
 class Direction:
@@ -101,7 +108,7 @@ class Newton:
         self.scaling = NesterovTodd(self.cones, it.s, it.v)
         system.factor(self.scaling)
         coarse = _COARSE if not self.cones.count else _EXACT
-        system.accuracy = min(coarse, max(_EXACT, _PER_GAP * it.relative_gap(q)))
+        system.accuracy = min(coarse, max(_EXACT, _PER_GAP * it.progress(q)))
         self.embedded = it.kappa > SETTLED * it.tau
         self.apart = not self.embedded and not self.cones.count
         more = (it.tau * it.kappa, 1) if self.embedded else (0.0, 0)
