@@ -7,6 +7,7 @@ A study resumes by replay: the driver runs again from its seed and receives reco
 
 from __future__ import annotations
 
+import math
 import platform
 from collections import deque
 from collections.abc import Callable
@@ -27,6 +28,7 @@ from jld_core.scene import Scene
 from jld_explore.drivers import Driver
 from jld_explore.drivers.first import first_layout
 from jld_explore.evaluation import Evaluation, EvaluatorSettings, MakeEvaluator, Records, evaluator_of
+from jld_explore.evaluation.field_evaluator import MakeCellEvaluator
 from jld_explore.evaluation.pruning import IncumbentFront
 from jld_explore.evaluation.recorded import PendingEvaluations, RecordedEvaluator
 from jld_explore.evaluation.refined_records import RefinedRecords
@@ -49,6 +51,9 @@ PORTION: Final = 128
 _HANGS: Final = 20.0
 """Multiple of the expected time of an evaluation after which workers without a result count as hung."""
 
+
+_SOON: Final = 1.6
+"""Expected time of an evaluation, s, up to which the first one of a search is finished although a signal arrived."""
 
 _FIRST: Final = 0.6
 """Share of the remaining time in which a driver must propose its first labelling; then another one is sought."""
@@ -236,6 +241,7 @@ class Study:
             self.space.group,
             deadline=self.deadline,
             front=front,
+            finish_first=self.evaluation_seconds <= _SOON,
             report=self._count,
         )
         waiting: deque[PendingEvaluations] = deque()
@@ -279,6 +285,15 @@ class Study:
                 self.keep_bound(driver.bound)
             finally:
                 self.records.close()
+
+    @property
+    def evaluation_seconds(self) -> float:
+        """Return the expected processor time of one evaluation, s; inf where it is not known."""
+        settings = self.settings
+        if settings.own_objective is not None or not settings.model.supports_bounds_over_labellings:
+            return math.inf
+        fine = self._make.cells.fine if isinstance(self._make, MakeCellEvaluator) else self.assembly
+        return cost_estimate(fine).seconds
 
     def _workers(self) -> Workers:
         """Return the workers that evaluate labellings of this study."""

@@ -42,7 +42,7 @@ SOLVED: Final = 50
 PATIENCE: Final = 1.5
 """Seconds after which no further row is solved for a page, since a search must end soon after its time limit."""
 
-DEAR: Final = 1.0
+DEAR: Final = 0.5
 """Seconds after a deadline that solving the best row may take."""
 
 HOW: Final = "To get them: jld solve FOLDER --rank {rank}, or jld plot FOLDER --rank {rank}."
