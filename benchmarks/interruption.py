@@ -3,7 +3,8 @@
 Each case is a command as a process of its own, on a large structure: walls and grids of 2 500 cells, and a design with
 300 faces. It runs once to its time limit, and once for each signal and moment. A signal must leave exit code 3, one
 line, and the files that the case names, of which `summary.json` or the scene holds the best λ. A limit S may be passed
-by max(2 s, 0.05 S). Modules are compiled beforehand, as after an installation. Columns: seconds from the signal, or from the limit, to the end by the clock, and what is missing.
+by max(2 s, 0.05 S). Modules are compiled beforehand, as after an installation.
+Columns: seconds from the signal, or from the limit, to the end by the clock, and what is missing.
 """
 
 from __future__ import annotations

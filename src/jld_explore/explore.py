@@ -46,29 +46,7 @@ from jld_explore.space import SearchSpace, from_string, search_space
 from jld_explore.study import Study
 from jld_explore.study_state import Interrupted, Progress, StopReason
 from jld_explore.uncut import add_uncut
-
-WRITING: Final = 1.0
-"""Seconds reserved from a time limit for tables and page, their time at the end of a small search."""
-
-WRITING_FACE: Final = 2e-4
-"""Seconds reserved beside for each face: tables of blocks and the drawing on the page grow with the structure."""
-
-BUSY: Final = 6.0
-"""Largest factor by which a busy machine may prolong the writing of tables and page."""
-
-OVER: Final = (0.05, 0.5)
-"""Latest time of the page after a time limit: share of the limit, and seconds.
-
-A command may end 10 % of the limit plus 2 s after it; the remainder is for busy machines.
-"""
-
-TABLES: Final = (0.02, 0.2)
-"""Latest time at which shapes of blocks are counted for the tables after a time limit, as `OVER`."""
-
-
-LAST: Final = (0.1, 1.0)
-"""Latest time of pictures after a time limit, as `OVER`; later pictures are not drawn."""
-
+from jld_explore.writing_time import PAGE, PICTURES, TABLES, busy_factor, field_seconds, later, search_deadline
 
 BOUNDING: Final = 5.0
 """Expected time of the bound on all labellings, as a multiple of the time of one labelling.
@@ -253,6 +231,7 @@ def _search(
         while said and announce is not None:
             announce(said.pop(0))
 
+    until = search_deadline(deadline, settings, assembly, fields=fields is not None)
     study = kind(
         scene,
         assembly,
@@ -263,7 +242,7 @@ def _search(
         total=total,
         report=report,
         found_first=say,
-        deadline=_of_search(deadline, settings, assembly).earlier(time_for(checked, settings) + kept_back(settings)),
+        deadline=until.earlier(time_for(checked, settings) + kept_back(settings)),
         make=make,
     )
     write_text(folder / "scene.json", scene.model_dump_json(indent=1, exclude_defaults=True))
@@ -271,8 +250,8 @@ def _search(
     say()  # of a resumed search without a new layout
     try:
         with deferred_signals():  # a signal waits until the tables are whole
-            done = write_tables(study, reason, _later(deadline, settings, TABLES))
-        return _completed(study, done, checked, deadline, announce)
+            done = write_tables(study, reason, later(deadline, settings, TABLES))
+        return _completed(study, done, checked, deadline, until, announce)
     except Interrupted as stop:
         if settings.pictures:
             with deferred_signals():
@@ -286,13 +265,15 @@ def _completed(
     done: Exploration,
     checked: CheckPlan | None,
     deadline: Deadline,
+    late: Deadline,
     announce: Callable[[str], None] | None,
 ) -> Exploration:
     """Add certificate, checks, experiments, reliability, page and pictures to the tables of a search, as far as asked.
 
-    checked: plan of the check by fields, None for none. announce: as in `explore`.
+    checked: plan of the check by fields, None for none. deadline: time limit of the command. late: deadline of what is
+    added to tables. announce: as in `explore`.
     """
-    settings, late = study.settings, _of_search(deadline, study.settings, study.assembly)
+    settings = study.settings
     if settings.certificate is not None and isinstance(study.driver, Exact):
         _certify(study.driver, study.scene, settings.certificate, done)
     if checked is not None:
@@ -349,22 +330,6 @@ def _by_cracks(scene: Scene, assembly: Assembly) -> tuple[type[Study], MakeEvalu
     return Study, evaluator_of
 
 
-def _of_search(deadline: Deadline, settings: ExploreSettings, assembly: Assembly) -> Deadline:
-    """Return the deadline of the search itself, which leaves time to write tables and page."""
-    # The ratio of wall-clock to CPU time so far estimates how much longer writing takes on a busy machine.
-    busy = min(max(1.0, deadline.elapsed() / time.process_time()), BUSY)
-    writing = WRITING + WRITING_FACE * assembly.faces
-    return deadline.earlier(max(0.0, busy * writing - OVER[0] * (settings.seconds or 0.0) - OVER[1]))
-
-
-def _later(deadline: Deadline, settings: ExploreSettings, over: tuple[float, float]) -> Deadline:
-    """Return a deadline later than the given one.
-
-    over: share of the time limit, and seconds, by which it is later.
-    """
-    return deadline.earlier(-over[0] * (settings.seconds or 0.0) - over[1])
-
-
 def _run(study: Study, deadline: Deadline) -> StopReason:
     """Run the study and bound all labellings if no other bound is known.
 
@@ -413,10 +378,14 @@ def _draw(
     The page of a search by fields is then written again, since it shows a picture. Pictures that are missing are
     announced.
     """
-    write_report(done, deadline=_later(deadline, settings, OVER))
-    written, missing = write_pictures(done, deadline=_later(deadline, settings, LAST))
+    clock, processor = time.perf_counter(), time.process_time()
+    write_report(done, deadline=later(deadline, settings, PAGE))
+    busy = busy_factor(time.perf_counter() - clock, time.process_time() - processor)
+    written, missing = write_pictures(
+        done, deadline=later(deadline, settings, PICTURES), busy=busy, fields=field_seconds(settings.seconds)
+    )
     if isinstance(done.scene.cracks, FieldCracks) and written:
-        write_report(done, deadline=_later(deadline, settings, OVER))  # now with the picture of the best layout
+        write_report(done, deadline=later(deadline, settings, PAGE))  # now with the picture of the best layout
     if missing and announce is not None:
         announce(f"not drawn for lack of time: {', '.join(missing)}; jld plot {done.folder} draws them")
 

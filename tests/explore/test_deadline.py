@@ -35,8 +35,7 @@ from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import possible_blocks
 from jld_explore.drivers.first import first_layout
-from jld_explore.evaluation import EvaluatorSettings
-from jld_explore.evaluation.deferred_signals import raise_deferred
+from jld_explore.evaluation import EvaluatorSettings, raise_deferred
 from jld_explore.evaluation.evaluator import Evaluator
 from jld_explore.evaluation.records import RECORDS_FILE
 from jld_explore.report import write_report

@@ -27,12 +27,13 @@ from jld_explore.design.outline import read_outline
 from jld_explore.design.page import write_design
 from jld_explore.design.tessellations import Tessellation, tessellations
 from jld_explore.design.trials import NONE, Bounds, Design, Trial, faces_of, field_bounds, labelled, why_no_fields
-from jld_explore.explore import BUSY, explore
+from jld_explore.explore import explore
 from jld_explore.report import Exploration
 from jld_explore.settings import ExploreSettings
 from jld_explore.space import from_string, search_space
 from jld_explore.space.search_space import feasible
 from jld_explore.study_state import Interrupted
+from jld_explore.writing_time import busy_factor
 
 _WRITING: Final = (0.05, 2.0)
 """Share of the time limit, and seconds, that are kept back for page and pictures."""
@@ -107,7 +108,7 @@ def design_outline(
     work = Design(options, outline, folder, cut)
     folder.mkdir(parents=True, exist_ok=True)
     # writing takes longer on a busy machine, by the ratio of wall-clock to processor time so far
-    busy = min(max(1.0, deadline.elapsed() / time.process_time()), BUSY)
+    busy = busy_factor(deadline.elapsed(), time.process_time())
     until = deadline.earlier(_WRITING[0] * options.seconds + busy * _WRITING[1])
     try:
         for one in work.tessellations:
