@@ -26,6 +26,9 @@ PAGE: Final = 0.5
 PICTURES: Final = 0.85
 """Share of `lateness` at which the last picture is finished; the process ends in the remainder."""
 
+_TABLES_ALONE: Final = 0.3
+"""Share of `lateness` at which the tables of a search without pictures are written: others go on with them."""
+
 _WRITING: Final = 1.0
 """Processor time of tables and page of a small search, s."""
 
@@ -94,7 +97,7 @@ def search_deadline(deadline: Deadline, settings: ExploreSettings, assembly: Ass
         return deadline
     # What has been done so far tells how much longer writing takes on a busy machine.
     busy = busy_factor(deadline.elapsed(), time.process_time())
-    expected, share = busy * (_WRITING + _WRITING_FACE * assembly.faces), PAGE
+    expected, share = busy * (_WRITING + _WRITING_FACE * assembly.faces), _TABLES_ALONE
     if settings.pictures:
         expected, share = expected + busy * _PICTURES, PICTURES
         expected += field_seconds(settings.seconds) if fields else 0.0

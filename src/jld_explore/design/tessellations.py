@@ -64,12 +64,17 @@ class Tessellation:
     problem: str = ""
 
 
-def tessellations(outline: Scene, options: DesignOptions, until: Deadline | None = None) -> list[Tessellation]:
+def tessellations(
+    outline: Scene,
+    options: DesignOptions,
+    until: Deadline | None = None,
+    made: Callable[[Tessellation], None] = lambda _: None,
+) -> list[Tessellation]:
     """Cut an outline in every known way, and return the tessellations.
 
-    The first one of a planar outline is the usual running bond, which is always cut. A tessellation that does not fit,
-    or is not begun before the deadline `until`, has no scene. Raises InputError if none fits, if the mass limit
-    requires too many cells, or if a load cannot act.
+    made: called with each one as soon as it is cut. The first one of a planar outline is the usual running bond, which
+    is always cut. A tessellation that does not fit, or is not begun before the deadline `until`, has no scene. Raises
+    InputError if none fits, if the mass limit requires too many cells, or if a load cannot act.
     """
     with_loads(outline, options)  # refuses loads that no tessellation can carry
     assembly = build_assembly(outline)
@@ -82,6 +87,7 @@ def tessellations(outline: Scene, options: DesignOptions, until: Deadline | None
         found.append(
             Tessellation(name, words, None, "no time was left") if late else _made(name, words, make, options, side)
         )
+        made(found[-1])
     if all(one.scene is None for one in found):
         reasons = "; ".join(f"{one.name}: {one.problem}" for one in found)
         raise InputError(

@@ -124,6 +124,8 @@ class Design:
         All tessellations, also those that do not fit.
     trials : list of Trial
         All layouts found.
+    screened : dict of str to float
+        λ of the strongest of a few layouts of each tessellation, by its name; −inf where none stands.
     layouts : dict of str to list of (m,) bool arrays
         Labels of the best layouts of the search of each tessellation, the best first.
     searched : dict of str to str
@@ -141,6 +143,7 @@ class Design:
     folder: Path
     tessellations: list[Tessellation] = field(default_factory=list)
     trials: list[Trial] = field(default_factory=list)
+    screened: dict[str, float] = field(default_factory=dict)
     layouts: dict[str, list[Bits]] = field(default_factory=dict)
     searched: dict[str, str] = field(default_factory=dict)
     checks: list[Check] = field(default_factory=list)
