@@ -21,6 +21,7 @@ from jld_explore.design.loads import with_loads
 from jld_explore.design.options import DesignOptions
 from jld_explore.design.outline import read_outline
 from jld_explore.design.page import facts_of, gain_of, words_of
+from jld_explore.design.screening import Screening
 from jld_explore.design.tessellations import Tessellation
 from jld_explore.design.trials import NONE, Design, Trial, at_low_friction, field_bounds, labelled, one_case
 from jld_explore.study_state import Interrupted
@@ -440,10 +441,12 @@ def test_a_short_time_is_spent_on_the_most_promising_tessellations(
 ) -> None:
     """Equal shares of 9 s among five tessellations gave each a hundred layouts, and none a bound by fields."""
     options = DesignOptions(**ASKED | {"seconds": 60.0, "jobs": 1})
+    assembly = build_assembly(read_outline(opening, options).scene)
     for left, expected in ((17.0, ["b", "d"]), (300.0, ["b", "d", "c", "a"])):
         work = Design(options, read_outline(opening, options), tmp_path)
         work.tessellations = [Tessellation(name, name, work.outline.scene) for name in "abcde"]
-        work.screened = dict(zip("abcd", (-np.inf, 3.0, 1.0, 2.0), strict=True))
+        values = zip("abcd", (-np.inf, 3.0, 1.0, 2.0), strict=True)
+        work.screened = {name: Screening(assembly, None, value, 48, 5.0) for name, value in values}
         work.searched = {"e": "its limits cannot be met"}
         searched: list[str] = []
 

@@ -178,7 +178,7 @@ def _screen(work: Design, tessellation: Tessellation, scene: Scene, seconds: flo
     except InputError as error:
         work.searched[name] = f"{error.where}: {error.problem}".lstrip(": ")
         return
-    work.screened[name] = found.load_factor
+    work.screened[name] = found
     work.searched[name] = f"{found.count} layouts, not proven" + (": none of them stands" * (found.labels is None))
     if found.labels is not None and found.load_factor > max((one.most for one in work.allowed), default=-math.inf):
         _add(work, tessellation, labelled(scene, found.assembly, found.labels), NONE)
@@ -242,7 +242,9 @@ def _search_all(work: Design, until: Deadline, say: Say) -> None:
     left = until.remaining()
     total = (1.0 - _CHECKS) * left if spatial else max(_SEARCHES * left, min(_LEAST * len(fitting), _SHORT * left))
     # in a short time the most promising tessellations are searched, instead of all with a few layouts each
-    fitting = sorted(fitting, key=lambda one: -work.screened[one.name])[: max(1, round(total / _LEAST))]
+    fitting = sorted(fitting, key=lambda one: -work.screened[one.name].load_factor)
+    least = max((work.screened[one.name].search_seconds for one in fitting), default=_LEAST)
+    fitting = fitting[: max(1, round(total / min(least, _LEAST)))]
     whole = until.within(total)
     for number, one in enumerate(fitting):
         each = whole.within(whole.remaining() / (len(fitting) - number))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -14,11 +15,20 @@ from jld_core.build import build_assembly
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.limit import Status
 from jld_core.scene import Scene
-from jld_explore.design.crushing import with_crushing
-from jld_explore.design.trials import why_no_fields
+from jld_explore.design.crushing import why_no_fields, with_crushing
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.evaluation import EvaluatorSettings, evaluator_of
+from jld_explore.evaluation.field_time import COARSE_RATE, mesh_seconds
 from jld_explore.space import search_space
+
+_TABLES: Final = 1.0
+"""Time of a short search and its tables, s."""
+
+_TRIANGLES: Final = 2.5
+"""Triangles of a coarsest mesh, as a multiple of those that the corners of the cells alone need."""
+
+_MESHES: Final = 2.0
+"""Time of bounds by fields, as a multiple of that of the coarsest mesh."""
 
 
 @dataclass(frozen=True)
@@ -35,12 +45,15 @@ class Screening:
         λ of this layout, −inf without one.
     count : int
         Number of layouts solved.
+    search_seconds : float
+        Least time of a search of this tessellation that is worth its while, with bounds by fields on λ of its best, s.
     """
 
     assembly: Assembly
     labels: Bits | None
     load_factor: float
     count: int
+    search_seconds: float
 
 
 def searched_scene(scene: Scene) -> Scene:
@@ -94,4 +107,12 @@ def screen(scene: Scene, seed: int, seconds: float, deadline: Deadline) -> Scree
             ]
             if (place := int(np.argmax(values))) >= 0 and values[place] >= 0.0 and values[place] > most:
                 best, most = rows[place], values[place]
-    return Screening(assembly, best, most, count)
+    return Screening(assembly, best, most, count, _search_seconds(assembly))
+
+
+def _search_seconds(assembly: Assembly) -> float:
+    """Return the least time of a search of an assembly, s: its tables, and bounds by fields on two meshes."""
+    if assembly.dimension == 3 or why_no_fields(assembly):
+        return _TABLES
+    corners = sum(len(assembly.elements.shape[element]) - 2 for element in assembly.elements.free)
+    return _TABLES + _MESHES * len(assembly.by_case) * mesh_seconds(COARSE_RATE, _TRIANGLES * corners)
