@@ -423,8 +423,9 @@ def test_a_layout_is_known_as_soon_as_the_first_tessellation_is_cut(
         raise Interrupted
 
     monkeypatch.setattr(tessellations, "stresses_of_body", stop)
-    options = DesignOptions(**ASKED | {"push": 0.05, "friction": 0.6, "seconds": 20.0, "jobs": 1})
+    options = DesignOptions(**ASKED | {"push": 0.05, "friction": 0.6, "seconds": 600.0, "jobs": 1})
     monkeypatch.setattr(run, "_solve_usual", lambda _: None)
+    monkeypatch.setattr(run, "_LONGEST_SCREENING", 0.1)
     with pytest.raises(Interrupted) as stopped:
         run.design_outline(opening, tmp_path / "out", options)
     assert "the best so far is in" in stopped.value.words
