@@ -247,10 +247,10 @@ def _search(
     )
     write_text(folder / "scene.json", scene.model_dump_json(indent=1, exclude_defaults=True))
     reason = _run(study, deadline)
-    say()  # of a resumed search without a new layout
     try:
         with deferred_signals():  # a signal waits until the tables are whole
             done = write_tables(study, reason, later(deadline, settings, TABLES))
+            say()  # of a resumed search without a new layout
         return _completed(study, done, checked, deadline, until, announce)
     except Interrupted as stop:
         if settings.pictures:
@@ -338,6 +338,9 @@ def _run(study: Study, deadline: Deadline) -> StopReason:
     """
     try:
         reason = study.run()
+        cost = BOUNDING * cost_estimate(study.assembly).seconds
+        if len(study.records) and reason not in (StopReason.PROVEN, StopReason.EXHAUSTED) and study.bound is None:
+            _bound_all(study, in_time=cost < deadline.remaining() + STOPPING)
     except BaseException as stop:
         # A signal may arrive between writing to disk and updating memory, so reopen the record on disk.
         study.records.close()
@@ -357,8 +360,6 @@ def _run(study: Study, deadline: Deadline) -> StopReason:
         if not any(study.folder.iterdir()):
             study.folder.rmdir()
         raise nothing_found(study.space, study.settings.seconds if reason is StopReason.TIME else None)
-    if reason not in (StopReason.PROVEN, StopReason.EXHAUSTED) and study.bound is None:
-        _bound_all(study, in_time=BOUNDING * cost_estimate(study.assembly).seconds < deadline.remaining() + STOPPING)
     return reason
 
 
