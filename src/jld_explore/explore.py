@@ -24,7 +24,7 @@ from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_in_words
 from jld_core.sub_assembly import with_members
 from jld_core.threads import one_thread
 from jld_explore.driver_choice import CLASSES, affordable_settings, choose_driver, nothing_found
-from jld_explore.drivers import Driver
+from jld_explore.drivers import DRIVERS, Driver
 from jld_explore.drivers.choice import bound_of_all
 from jld_explore.drivers.exact.certifying import certify
 from jld_explore.drivers.exact.driver import Exact
@@ -33,6 +33,8 @@ from jld_explore.evaluation.cluster import on_cluster
 from jld_explore.evaluation.deferred_signals import deferred_signals
 from jld_explore.evaluation.field_evaluator import FieldEvaluator, MakeCellEvaluator
 from jld_explore.evaluation.own_objective import OwnObjectiveEvaluator
+from jld_explore.evaluation.record_file import recorded_driver
+from jld_explore.evaluation.records import RECORDS_FILE
 from jld_explore.evaluation.void_cells import VoidCellsEvaluator
 from jld_explore.experiments import DEFAULT, Experiments, add_experiments
 from jld_explore.field_check import CheckPlan, add_check, plan_check, time_for
@@ -217,6 +219,11 @@ def _search(
     settings = affordable_settings(assembly, settings, said)
     fields = scene.cracks if isinstance(scene.cracks, FieldCracks) else None
     chosen, total = choose_driver(space, settings, deadline, many=scene.cracks != "faces", cracks_by_fields=fields)
+    if settings.resume and settings.driver is None:
+        # what counts as a small space depends on the time limit, and a search goes on with the driver that it has
+        known = recorded_driver(folder / RECORDS_FILE)
+        if known in DRIVERS and known != chosen.name:
+            chosen, total = choose_driver(space, replace(settings, driver=known), deadline, cracks_by_fields=fields)
     said.append(f"driver: {chosen.name}" + (f", {total} {CLASSES}" if total is not None else ""))
     said += [] if scene.cracks == "faces" else [f"cracks: {cracks_in_words(scene.cracks)}"]
     refuse_unfit(scene, assembly, settings, chosen)
@@ -344,6 +351,10 @@ def _run(study: Study, deadline: Deadline) -> StopReason:
     except BaseException as stop:
         # A signal may arrive between writing to disk and updating memory, so reopen the record on disk.
         study.records.close()
+        if isinstance(stop, Interrupted):
+            study.records = study.open_records()
+            study.solve_first(STOPPING)
+            study.records.close()
         _bound_all(study, in_time=BOUNDING * cost_estimate(study.assembly).seconds < STOPPING)
         done = write_tables(study, StopReason.INTERRUPTED, Deadline(STOPPING))
         if study.settings.pictures:

@@ -8,19 +8,16 @@ A study resumes by replay: the driver runs again from its seed and receives reco
 from __future__ import annotations
 
 import math
-import platform
 from collections import deque
 from collections.abc import Callable
-from importlib.metadata import version
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from jld_core._version import __version__
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.batch import chosen
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.limit import Status, exceeds, load_scale, relative_width
 from jld_core.models import cost_estimate
@@ -36,7 +33,8 @@ from jld_explore.evaluation.worker_tasks import WorkerSpec
 from jld_explore.evaluation.workers import HANG_SECONDS, Workers
 from jld_explore.settings import ExploreSettings
 from jld_explore.space import SearchSpace, to_string, unpack
-from jld_explore.study_state import Progress, StopReason
+from jld_explore.space.labelling import orbit_sizes
+from jld_explore.study_state import Progress, StopReason, name_of, versions
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -297,8 +295,7 @@ class Study:
 
     def _workers(self) -> Workers:
         """Return the workers that evaluate labellings of this study."""
-        settings = EvaluatorSettings(self.settings.model)
-        spec = WorkerSpec.of(self.assembly, settings, self._make)
+        settings, spec = EvaluatorSettings(self.settings.model), self._spec()
         return Workers(
             spec,
             self.settings.jobs,
@@ -307,6 +304,27 @@ class Study:
             batch=self._make is evaluator_of and settings.batched and spec.settles_nearly_all,
             ahead=self.driver.ahead,
         )
+
+    def solve_first(self, seconds: float) -> None:
+        """Evaluate one layout without the driver if none is on record, and record it.
+
+        The record must be open. Nothing happens where one evaluation is expected to take long.
+
+        Parameters
+        ----------
+        seconds : float
+            Time in which the layout has to be found, s.
+        """
+        if len(self.records) or self.evaluation_seconds > _SOON:
+            return
+        with suppress(DeadlinePassed), Deadline(seconds).enforced():
+            found = first_layout(self.space, self.settings.seed)
+            evaluations = self._spec().evaluator().evaluate_all(found)
+            self.records.append(found, orbit_sizes(found, self.space.group).tolist(), evaluations)
+
+    def _spec(self) -> WorkerSpec:
+        """Return the specification of the evaluators of this study."""
+        return WorkerSpec.of(self.assembly, EvaluatorSettings(self.settings.model), self._make)
 
     def _restore(self) -> None:
         """Hand the evaluations on record to the driver."""
@@ -405,19 +423,3 @@ class Study:
         if self.space.void is not None:
             return self.space.void.texts(labels[None])[0]
         return to_string(labels[: self.assembly.faces])
-
-
-def name_of(function: Callable[..., Any]) -> str:
-    """Return the name by which a function of the user is recorded: module and qualified name."""
-    named = getattr(function, "__qualname__", type(function).__qualname__)
-    return f"{getattr(function, '__module__', '')}.{named}".lstrip(".")
-
-
-def versions() -> dict[str, str]:
-    """Return the versions, by name, of programs on which numerical results may depend."""
-    return {
-        "jld": __version__,
-        "python": platform.python_version(),
-        "kernel": chosen() or "none",
-        **{name: version(name) for name in ("numpy", "scipy", "clarabel", "highspy")},
-    }

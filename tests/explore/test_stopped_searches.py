@@ -11,10 +11,13 @@ from typing import Any
 import pytest
 
 from jld_core import samples
+from jld_explore import ExploreSettings, explore
 from jld_explore import __main__ as entry
-from jld_explore import explore
 from jld_explore.cli import ending, streams
 from jld_explore.cli.ending import raise_on_signals
+from jld_explore.drivers.genetic import Genetic
+from jld_explore.evaluation.record_file import recorded_driver
+from jld_explore.evaluation.records import RECORDS_FILE
 from jld_explore.study_state import Interrupted
 
 
@@ -71,3 +74,31 @@ def test_a_signal_while_modules_load_is_one_line(
         entry.main()
     assert end.value.code == streams.STOPPED
     assert capsys.readouterr().err == f"{streams.STOPPED_WORDS}\n"
+
+
+def test_a_signal_before_the_driver_proposes_leaves_one_layout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A driver that looks for its first layouts for minutes left a search without λ after Ctrl-C."""
+
+    def stop(*_: object) -> None:
+        raise Interrupted
+
+    monkeypatch.setattr(Genetic, "ask", stop)
+    with pytest.raises(Interrupted) as stopped:
+        explore(samples.grid(columns=4, rows=3), tmp_path / "out", driver="genetic", jobs=1)
+    done = stopped.value.done
+    assert (len(done.results), done.summary.stop_reason) == (1, "interrupted")
+    assert done.summary.best is not None
+    assert (tmp_path / "out" / "report.html").exists()
+
+
+def test_a_search_goes_on_with_the_driver_that_it_has(tmp_path: Path) -> None:
+    """With more time a space counts as small, and --resume asked for the driver that had been chosen without."""
+    scene, settings = samples.grid(columns=3, rows=2), ExploreSettings(jobs=1, pictures=False, check_fields=0)
+    begun = explore(scene, tmp_path / "out", settings, budget=5, driver="random")
+    assert begun.summary.facts["driver"] == "random"
+    done = explore(scene, tmp_path / "out", settings, resume=True)
+    assert (done.summary.facts["driver"], done.summary.proven) == ("random", True)
+    assert explore(scene, tmp_path / "other", settings).summary.facts["driver"] == "enumeration"
+    assert recorded_driver(tmp_path / "out" / RECORDS_FILE) == "random"
+    (tmp_path / "broken").write_bytes(b"no record at all")
+    assert recorded_driver(tmp_path / "broken") is None

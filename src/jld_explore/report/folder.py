@@ -27,8 +27,8 @@ from jld_explore.report.reading import history_of
 from jld_explore.report.result_files import write_results
 from jld_explore.report.summary import Summary
 from jld_explore.space import registered
-from jld_explore.study import Study, name_of
-from jld_explore.study_state import StopReason
+from jld_explore.study import Study
+from jld_explore.study_state import StopReason, name_of
 
 if TYPE_CHECKING:
     import pandas as pd
