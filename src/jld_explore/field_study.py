@@ -288,7 +288,8 @@ class FieldStudy(Study):
         done = int((high < best).sum())
         ends = (best if math.isfinite(best) else math.nan, bound if math.isfinite(bound) else math.nan)
         text = self.text_of(labellings[int(low.argmax())]) if math.isfinite(best) else ""
-        self.report(Progress(done, self.total, 0, ends[0], self.elapsed, ends[1], gap, text))
+        left = self.deadline.remaining()
+        self.report(Progress(done, self.total, 0, ends[0], self.elapsed, ends[1], gap, text, left))
 
     def _record(self, pool: FieldPool) -> None:
         """Record the bounds of all layouts of a pool.

@@ -416,7 +416,8 @@ class Study:
             total = total if budget is None else min(budget, total or budget)
             gap = relative_width(self._best, bound, self._floor)
             text = self._best_text
-            self.report(Progress(self.evaluated, total, self.solved, self._best, self.elapsed, bound, gap, text))
+            left = self.deadline.remaining()
+            self.report(Progress(self.evaluated, total, self.solved, self._best, self.elapsed, bound, gap, text, left))
 
     def text_of(self, labels: Bits) -> str:
         """Return the letters of a labelling (m,) of the search space, one per face of the structure."""

@@ -67,6 +67,8 @@ class Progress:
         Relative difference between best and bound, NaN if there is none.
     labelling : str
         Layout of `best`, a letter d or i per face; "" if there is none, or the search names it only when it ends.
+    left : float
+        Time left until the search ends at the latest, s; inf without a time limit.
     """
 
     done: int
@@ -77,6 +79,7 @@ class Progress:
     bound: float = np.nan
     gap: float = np.nan
     labelling: str = ""
+    left: float = np.inf
 
 
 def name_of(function: Callable[..., Any]) -> str:

@@ -47,7 +47,7 @@ _PICTURE: Final = 1.5
 _CUTTING: Final = 0.3
 """Share of the time limit after which no further tessellation is cut; with hundreds of cells each takes seconds."""
 
-_SCREENING, _LONGEST_SCREENING = 0.03, 2.0
+_SCREENING, _LONGEST_SCREENING = 0.01, 1.0
 """Time in which layouts of one tessellation are solved as soon as it is cut: share of the limit, at most seconds."""
 
 _NOTHING: Final = "stopped while the outline was cut into blocks; nothing was solved and nothing is written"
