@@ -16,6 +16,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -23,8 +24,11 @@ from typing import Final
 from benchmarks.common import table, write
 from benchmarks.designs import outlines
 
-MOMENTS: Final = (("SIGINT", 0.3), ("SIGTERM", 0.6), ("SIGINT", 0.95))
-"""Signals, and when each is sent as a share of the time limit."""
+MOMENTS: Final = (("SIGINT", 0.3), ("SIGTERM", 0.6), ("SIGINT SIGINT", 0.6), ("SIGINT", 0.95))
+"""Signals, and when they are sent as a share of the time limit."""
+
+AGAIN: Final = 0.2
+"""Time between two signals, s."""
 
 HANGS: Final = 120.0
 """Time after which a command is killed, s."""
@@ -53,11 +57,21 @@ def cases(folder: Path) -> list[Case]:
     moved["move"] = {"inner": "follow"}
     (folder / "arch.json").write_text(json.dumps(moved), encoding="utf-8")
     page = ("out/summary.json", "out/report.html")
+    small = json.loads((folder / "small.json").read_text(encoding="utf-8"))
+    for name, search in (
+        ("shapes", {"shapes": [None, 3], "block_cells": [1, 4]}),
+        ("standing", {"assemble": "standing"}),
+    ):
+        limited = {**small, "search": {**small.get("search", {}), **search}}
+        (folder / f"{name}.json").write_text(json.dumps(limited), encoding="utf-8")
     load = ("--load", "10 kN", "--places", "0.25", "--push", "0.05", "--friction", "0.6", "--thickness", "0.3")
     stone = ("--density", "2000", "--tension", "3e5", "--shear", "5e5", "--block-mass", "12")
     return [
         Case("explore, 2 500 cells", ("explore", "grid.json", "--out", "out"), 10.0, page),
         Case("explore exact, 2 500 cells", ("explore", "grid.json", "--out", "out", "--driver", "exact"), 10.0, page),
+        Case("explore cells", ("explore", "small.json", "--out", "out", "--cracks", "cells:0.05"), 10.0, page),
+        Case("explore shapes", ("explore", "shapes.json", "--out", "out"), 10.0, page),
+        Case("explore standing", ("explore", "standing.json", "--out", "out"), 10.0, page),
         Case("explore --move", ("explore", "small.json", "--out", "out", "--move", "3"), 10.0, page),
         Case("explore fields", ("explore", "small.json", "--out", "out", "--cracks", "fields"), 10.0, page),
         Case("design, 300 faces", ("design", str(outline), "-o", "out", *load, *stone), 20.0, page),
@@ -83,6 +97,16 @@ def _attentive() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
+def _send(run: subprocess.Popen[str], numbers: list[str]) -> None:
+    """Send signals one after another, until the process has ended."""
+    for position, number in enumerate(numbers):
+        if position:
+            with suppress(subprocess.TimeoutExpired):
+                run.wait(AGAIN)
+        if run.poll() is None:
+            os.kill(run.pid, getattr(signal, number))
+
+
 def measure(case: Case, scenes: Path, number: str | None, share: float) -> list[str]:
     """Run a command to its limit, or to a signal; return a row of the table."""
     with tempfile.TemporaryDirectory() as text:
@@ -106,7 +130,7 @@ def measure(case: Case, scenes: Path, number: str | None, share: float) -> list[
                 try:
                     run.wait(share * case.seconds)
                 except subprocess.TimeoutExpired:
-                    os.kill(run.pid, getattr(signal, number))
+                    _send(run, number.split())
             since = time.perf_counter() if number is not None else start + case.seconds
             err = run.communicate(timeout=HANGS)[1]
         except subprocess.TimeoutExpired:

@@ -353,7 +353,7 @@ def _run(study: Study, deadline: Deadline) -> StopReason:
         study.records.close()
         if isinstance(stop, Interrupted):
             study.records = study.open_records()
-            study.solve_first(STOPPING)
+            study.solve_first()
             study.records.close()
         _bound_all(study, in_time=BOUNDING * cost_estimate(study.assembly).seconds < STOPPING)
         done = write_tables(study, StopReason.INTERRUPTED, Deadline(STOPPING))

@@ -53,6 +53,9 @@ _HANGS: Final = 20.0
 _SOON: Final = 1.6
 """Expected time of an evaluation, s, up to which the first one of a search is finished although a signal arrived."""
 
+_FOUND: Final = 1.2
+"""Time to find and evaluate a first layout after a signal, s."""
+
 _FIRST: Final = 0.6
 """Share of the remaining time in which a driver must propose its first labelling; then another one is sought."""
 
@@ -305,19 +308,15 @@ class Study:
             ahead=self.driver.ahead,
         )
 
-    def solve_first(self, seconds: float) -> None:
+    def solve_first(self) -> None:
         """Evaluate one layout without the driver if none is on record, and record it.
 
-        The record must be open. Nothing happens where one evaluation is expected to take long.
-
-        Parameters
-        ----------
-        seconds : float
-            Time in which the layout has to be found, s.
+        The record must be open. Nothing happens where one layout is not found and evaluated within a second.
         """
-        if len(self.records) or self.evaluation_seconds > _SOON:
+        left = _FOUND - self.evaluation_seconds
+        if len(self.records) or left <= 0.0:
             return
-        with suppress(DeadlinePassed), Deadline(seconds).enforced():
+        with suppress(DeadlinePassed), Deadline(left).enforced():
             found = first_layout(self.space, self.settings.seed)
             evaluations = self._spec().evaluator().evaluate_all(found)
             self.records.append(found, orbit_sizes(found, self.space.group).tolist(), evaluations)
