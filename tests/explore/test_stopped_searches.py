@@ -102,3 +102,16 @@ def test_a_search_goes_on_with_the_driver_that_it_has(tmp_path: Path) -> None:
     assert recorded_driver(tmp_path / "out" / RECORDS_FILE) == "random"
     (tmp_path / "broken").write_bytes(b"no record at all")
     assert recorded_driver(tmp_path / "broken") is None
+
+
+def test_a_signal_while_the_process_ends_does_not_replace_its_exit_code() -> None:
+    """Python resets its handlers before it ends, so that SIGINT then killed a search that was complete."""
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        with pytest.raises(SystemExit) as end:
+            ending.run(lambda **_: 0, 0.0)  # type: ignore[arg-type]
+        assert end.value.code == 0
+        assert [signal.getsignal(number) for number in handlers] == [signal.SIG_IGN] * 2
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
