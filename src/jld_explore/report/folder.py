@@ -14,6 +14,7 @@ from jld_core.errors import InputError, ParameterError
 from jld_core.exchange import blocks_csv
 from jld_core.files import require_folder, require_writable, write_text
 from jld_core.limit import LimitAnalysisResult
+from jld_core.models import cost_estimate
 from jld_core.scene.cracks import FieldCracks, cracks_to_json
 from jld_explore.drivers.choice import what_would_prove
 from jld_explore.drivers.field_conflicts import CONFLICTS_FILE
@@ -37,6 +38,9 @@ if TYPE_CHECKING:
 
 _DRAWING: Final = 1.2
 """Longest time of one picture including imports, s; a picture is not begun with less time left."""
+
+_DRAWING_FACE: Final = 4e-4
+"""Further time for each face, s: pictures of 4 900 faces take 4.5 s together."""
 
 PICTURES: Final = ("best", "pareto", "distribution", "dry_frequency", "convergence")
 """Names of the pictures of a search, in the order in which they are drawn."""
@@ -252,7 +256,7 @@ def write_pictures(
             continue
         for own, draw in _drawings(name, done, fields).items():
             bounds = name == "best" and isinstance(done.scene.cracks, FieldCracks)
-            seconds = busy * _DRAWING + (fields * len(done.assembly.by_case) if bounds else 0.0)
+            seconds = busy * _drawing_seconds(name, done) + (fields * len(done.assembly.by_case) if bounds else 0.0)
             if deadline is not None and deadline.remaining() < seconds:
                 missing.append(f"{own}.{ending}")
                 continue
@@ -262,6 +266,12 @@ def write_pictures(
             save_figure(draw(), path)
             written.append(path)
     return written, missing
+
+
+def _drawing_seconds(name: str, done: Exploration) -> float:
+    """Return the longest processor time of one of `PICTURES`, s; the best layout is solved for its picture."""
+    solved = name == "best" and not isinstance(done.scene.cracks, FieldCracks)
+    return _DRAWING + _DRAWING_FACE * done.assembly.faces + (cost_estimate(done.assembly).seconds if solved else 0.0)
 
 
 def _drawings(name: str, done: Exploration, fields: float) -> dict[str, Callable[[], Figure]]:
