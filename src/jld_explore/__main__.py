@@ -18,18 +18,21 @@ def main() -> None:
     started = time.perf_counter()
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    from jld_explore.cli.streams import STOPPED, open_streams, say
-
-    open_streams()
-    if sys.argv[1:] == ["--help"]:
-        from jld_explore.cli.overview import text  # The modules imported below take a second to load.
-
-        say(text().removesuffix("\n"))
-        sys.exit(0)
-    gc.disable()  # Nothing that is loaded becomes garbage; collections took 7 % of loading. `command` enables it again.
     try:
+        from jld_explore.cli.streams import open_streams, say
+
+        open_streams()
+        if sys.argv[1:] == ["--help"]:
+            from jld_explore.cli.overview import text  # The modules imported below take a second to load.
+
+            say(text().removesuffix("\n"))
+            sys.exit(0)
+        gc.disable()  # Nothing loaded becomes garbage; collections took 7 % of loading. `command` enables it again.
         from jld_explore.cli.command import main as command
     except KeyboardInterrupt:  # Nothing has begun while modules are loading.
+        from jld_explore.cli.streams import STOPPED, STOPPED_WORDS, warn
+
+        warn(STOPPED_WORDS)
         sys.exit(STOPPED)
     command(started)
 

@@ -24,7 +24,7 @@ from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_in_words
 from jld_core.sub_assembly import with_members
 from jld_core.threads import one_thread
 from jld_explore.driver_choice import CLASSES, affordable_settings, choose_driver, nothing_found
-from jld_explore.drivers import Driver
+from jld_explore.drivers import DRIVERS, Driver
 from jld_explore.drivers.choice import bound_of_all
 from jld_explore.drivers.exact.certifying import certify
 from jld_explore.drivers.exact.driver import Exact
@@ -33,6 +33,8 @@ from jld_explore.evaluation.cluster import on_cluster
 from jld_explore.evaluation.deferred_signals import deferred_signals
 from jld_explore.evaluation.field_evaluator import FieldEvaluator, MakeCellEvaluator
 from jld_explore.evaluation.own_objective import OwnObjectiveEvaluator
+from jld_explore.evaluation.record_file import recorded_driver
+from jld_explore.evaluation.records import RECORDS_FILE
 from jld_explore.evaluation.void_cells import VoidCellsEvaluator
 from jld_explore.experiments import DEFAULT, Experiments, add_experiments
 from jld_explore.field_check import CheckPlan, add_check, plan_check, time_for
@@ -46,29 +48,7 @@ from jld_explore.space import SearchSpace, from_string, search_space
 from jld_explore.study import Study
 from jld_explore.study_state import Interrupted, Progress, StopReason
 from jld_explore.uncut import add_uncut
-
-WRITING: Final = 1.0
-"""Seconds reserved from a time limit for tables and page, their time at the end of a small search."""
-
-WRITING_FACE: Final = 2e-4
-"""Seconds reserved beside for each face: tables of blocks and the drawing on the page grow with the structure."""
-
-BUSY: Final = 6.0
-"""Largest factor by which a busy machine may prolong the writing of tables and page."""
-
-OVER: Final = (0.05, 0.5)
-"""Latest time of the page after a time limit: share of the limit, and seconds.
-
-A command may end 10 % of the limit plus 2 s after it; the remainder is for busy machines.
-"""
-
-TABLES: Final = (0.02, 0.2)
-"""Latest time at which shapes of blocks are counted for the tables after a time limit, as `OVER`."""
-
-
-LAST: Final = (0.1, 1.0)
-"""Latest time of pictures after a time limit, as `OVER`; later pictures are not drawn."""
-
+from jld_explore.writing_time import PAGE, PICTURES, TABLES, busy_factor, field_seconds, later, search_deadline
 
 BOUNDING: Final = 5.0
 """Expected time of the bound on all labellings, as a multiple of the time of one labelling.
@@ -239,6 +219,11 @@ def _search(
     settings = affordable_settings(assembly, settings, said)
     fields = scene.cracks if isinstance(scene.cracks, FieldCracks) else None
     chosen, total = choose_driver(space, settings, deadline, many=scene.cracks != "faces", cracks_by_fields=fields)
+    if settings.resume and settings.driver is None:
+        # what counts as a small space depends on the time limit, and a search goes on with the driver that it has
+        known = recorded_driver(folder / RECORDS_FILE)
+        if known in DRIVERS and known != chosen.name:
+            chosen, total = choose_driver(space, replace(settings, driver=known), deadline, cracks_by_fields=fields)
     said.append(f"driver: {chosen.name}" + (f", {total} {CLASSES}" if total is not None else ""))
     said += [] if scene.cracks == "faces" else [f"cracks: {cracks_in_words(scene.cracks)}"]
     refuse_unfit(scene, assembly, settings, chosen)
@@ -253,6 +238,7 @@ def _search(
         while said and announce is not None:
             announce(said.pop(0))
 
+    until = search_deadline(deadline, settings, assembly, fields=fields is not None)
     study = kind(
         scene,
         assembly,
@@ -263,16 +249,16 @@ def _search(
         total=total,
         report=report,
         found_first=say,
-        deadline=_of_search(deadline, settings, assembly).earlier(time_for(checked, settings) + kept_back(settings)),
+        deadline=until.earlier(time_for(checked, settings) + kept_back(settings)),
         make=make,
     )
     write_text(folder / "scene.json", scene.model_dump_json(indent=1, exclude_defaults=True))
     reason = _run(study, deadline)
-    say()  # of a resumed search without a new layout
     try:
         with deferred_signals():  # a signal waits until the tables are whole
-            done = write_tables(study, reason, _later(deadline, settings, TABLES))
-        return _completed(study, done, checked, deadline, announce)
+            done = write_tables(study, reason, later(deadline, settings, TABLES))
+            say()  # of a resumed search without a new layout
+        return _completed(study, done, checked, deadline, until, announce)
     except Interrupted as stop:
         if settings.pictures:
             with deferred_signals():
@@ -286,13 +272,15 @@ def _completed(
     done: Exploration,
     checked: CheckPlan | None,
     deadline: Deadline,
+    late: Deadline,
     announce: Callable[[str], None] | None,
 ) -> Exploration:
     """Add certificate, checks, experiments, reliability, page and pictures to the tables of a search, as far as asked.
 
-    checked: plan of the check by fields, None for none. announce: as in `explore`.
+    checked: plan of the check by fields, None for none. deadline: time limit of the command. late: deadline of what is
+    added to tables. announce: as in `explore`.
     """
-    settings, late = study.settings, _of_search(deadline, study.settings, study.assembly)
+    settings = study.settings
     if settings.certificate is not None and isinstance(study.driver, Exact):
         _certify(study.driver, study.scene, settings.certificate, done)
     if checked is not None:
@@ -349,22 +337,6 @@ def _by_cracks(scene: Scene, assembly: Assembly) -> tuple[type[Study], MakeEvalu
     return Study, evaluator_of
 
 
-def _of_search(deadline: Deadline, settings: ExploreSettings, assembly: Assembly) -> Deadline:
-    """Return the deadline of the search itself, which leaves time to write tables and page."""
-    # The ratio of wall-clock to CPU time so far estimates how much longer writing takes on a busy machine.
-    busy = min(max(1.0, deadline.elapsed() / time.process_time()), BUSY)
-    writing = WRITING + WRITING_FACE * assembly.faces
-    return deadline.earlier(max(0.0, busy * writing - OVER[0] * (settings.seconds or 0.0) - OVER[1]))
-
-
-def _later(deadline: Deadline, settings: ExploreSettings, over: tuple[float, float]) -> Deadline:
-    """Return a deadline later than the given one.
-
-    over: share of the time limit, and seconds, by which it is later.
-    """
-    return deadline.earlier(-over[0] * (settings.seconds or 0.0) - over[1])
-
-
 def _run(study: Study, deadline: Deadline) -> StopReason:
     """Run the study and bound all labellings if no other bound is known.
 
@@ -373,9 +345,16 @@ def _run(study: Study, deadline: Deadline) -> StopReason:
     """
     try:
         reason = study.run()
+        cost = BOUNDING * cost_estimate(study.assembly).seconds
+        if len(study.records) and reason not in (StopReason.PROVEN, StopReason.EXHAUSTED) and study.bound is None:
+            _bound_all(study, in_time=cost < deadline.remaining() + STOPPING)
     except BaseException as stop:
         # A signal may arrive between writing to disk and updating memory, so reopen the record on disk.
         study.records.close()
+        if isinstance(stop, Interrupted):
+            study.records = study.open_records()
+            study.solve_first()
+            study.records.close()
         _bound_all(study, in_time=BOUNDING * cost_estimate(study.assembly).seconds < STOPPING)
         done = write_tables(study, StopReason.INTERRUPTED, Deadline(STOPPING))
         if study.settings.pictures:
@@ -392,8 +371,6 @@ def _run(study: Study, deadline: Deadline) -> StopReason:
         if not any(study.folder.iterdir()):
             study.folder.rmdir()
         raise nothing_found(study.space, study.settings.seconds if reason is StopReason.TIME else None)
-    if reason not in (StopReason.PROVEN, StopReason.EXHAUSTED) and study.bound is None:
-        _bound_all(study, in_time=BOUNDING * cost_estimate(study.assembly).seconds < deadline.remaining() + STOPPING)
     return reason
 
 
@@ -413,10 +390,14 @@ def _draw(
     The page of a search by fields is then written again, since it shows a picture. Pictures that are missing are
     announced.
     """
-    write_report(done, deadline=_later(deadline, settings, OVER))
-    written, missing = write_pictures(done, deadline=_later(deadline, settings, LAST))
+    clock, processor = time.perf_counter(), time.process_time()
+    write_report(done, deadline=later(deadline, settings, PAGE))
+    busy = busy_factor(time.perf_counter() - clock, time.process_time() - processor)
+    written, missing = write_pictures(
+        done, deadline=later(deadline, settings, PICTURES), busy=busy, fields=field_seconds(settings.seconds)
+    )
     if isinstance(done.scene.cracks, FieldCracks) and written:
-        write_report(done, deadline=_later(deadline, settings, OVER))  # now with the picture of the best layout
+        write_report(done, deadline=later(deadline, settings, PAGE))  # now with the picture of the best layout
     if missing and announce is not None:
         announce(f"not drawn for lack of time: {', '.join(missing)}; jld plot {done.folder} draws them")
 

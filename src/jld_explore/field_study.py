@@ -16,6 +16,7 @@ from jld_explore.evaluation import Evaluation
 from jld_explore.evaluation.field_evaluator import field_evaluation
 from jld_explore.evaluation.field_pool import FieldPool
 from jld_explore.evaluation.field_race import FieldRace, RaceResult
+from jld_explore.evaluation.field_time import COARSE_RATE, mesh_seconds
 from jld_explore.evaluation.race_aims import BestAim, FrontAim, RaceAim, RequirementAim
 from jld_explore.evaluation.ranking import front_counts
 from jld_explore.evaluation.refined_records import RefinedRecords
@@ -60,6 +61,12 @@ class FieldStudy(Study):
         if not isinstance(cracks, FieldCracks):
             raise RuntimeError("a study by fields needs a scene that cracks by fields")
         return cracks.gap
+
+    @property
+    def evaluation_seconds(self) -> float:
+        """Return the expected processor time of one evaluation on the coarsest mesh, s."""
+        triangles = sum(len(self.assembly.elements.shape[one]) - 2 for one in self.assembly.elements.free)
+        return len(self.assembly.by_case) * mesh_seconds(COARSE_RATE, triangles)
 
     @property
     def table_records(self) -> RefinedRecords:
@@ -281,7 +288,8 @@ class FieldStudy(Study):
         done = int((high < best).sum())
         ends = (best if math.isfinite(best) else math.nan, bound if math.isfinite(bound) else math.nan)
         text = self.text_of(labellings[int(low.argmax())]) if math.isfinite(best) else ""
-        self.report(Progress(done, self.total, 0, ends[0], self.elapsed, ends[1], gap, text))
+        left = self.deadline.remaining()
+        self.report(Progress(done, self.total, 0, ends[0], self.elapsed, ends[1], gap, text, left))
 
     def _record(self, pool: FieldPool) -> None:
         """Record the bounds of all layouts of a pool.

@@ -22,13 +22,14 @@ from jld_core.limit import SolveOptions, Status
 from jld_core.scene import Scene
 from jld_core.scene.move import Move
 from jld_core.threads import one_thread
-from jld_explore.explore import BUSY, explore
+from jld_explore.explore import explore
 from jld_explore.moved_layout import MovedLayout, move_one, rank_key, refine_one
 from jld_explore.report import Exploration
 from jld_explore.settings import ExploreSettings
 from jld_explore.space import from_string, search_space
 from jld_explore.space.search_space import feasible
 from jld_explore.study_state import Interrupted
+from jld_explore.writing_time import busy_factor
 
 _GAIN: Final = 0.01
 """Relative increase of the lower bound by fields below which a further round is no improvement."""
@@ -136,7 +137,7 @@ def explore_and_move(
     settings = settings or ExploreSettings()
     whole = Deadline(settings.seconds, started)
     # writing takes longer on a busy machine, by the ratio of wall-clock to processor time so far
-    deadline = whole.earlier(_WRITING * min(max(1.0, whole.elapsed() / time.process_time()), BUSY))
+    deadline = whole.earlier(_WRITING * busy_factor(whole.elapsed(), time.process_time()))
     scene = _movable(scene)
     _refuse(scene, layouts, settings)
     say = announce or (lambda _: None)

@@ -7,19 +7,17 @@ A study resumes by replay: the driver runs again from its seed and receives reco
 
 from __future__ import annotations
 
-import platform
+import math
 from collections import deque
 from collections.abc import Callable
-from importlib.metadata import version
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from jld_core._version import __version__
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.batch import chosen
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.limit import Status, exceeds, load_scale, relative_width
 from jld_core.models import cost_estimate
@@ -27,6 +25,7 @@ from jld_core.scene import Scene
 from jld_explore.drivers import Driver
 from jld_explore.drivers.first import first_layout
 from jld_explore.evaluation import Evaluation, EvaluatorSettings, MakeEvaluator, Records, evaluator_of
+from jld_explore.evaluation.field_evaluator import MakeCellEvaluator
 from jld_explore.evaluation.pruning import IncumbentFront
 from jld_explore.evaluation.recorded import PendingEvaluations, RecordedEvaluator
 from jld_explore.evaluation.refined_records import RefinedRecords
@@ -34,7 +33,8 @@ from jld_explore.evaluation.worker_tasks import WorkerSpec
 from jld_explore.evaluation.workers import HANG_SECONDS, Workers
 from jld_explore.settings import ExploreSettings
 from jld_explore.space import SearchSpace, to_string, unpack
-from jld_explore.study_state import Progress, StopReason
+from jld_explore.space.labelling import orbit_sizes
+from jld_explore.study_state import Progress, StopReason, name_of, versions
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -49,6 +49,12 @@ PORTION: Final = 128
 _HANGS: Final = 20.0
 """Multiple of the expected time of an evaluation after which workers without a result count as hung."""
 
+
+_SOON: Final = 1.6
+"""Expected time of an evaluation, s, up to which the first one of a search is finished although a signal arrived."""
+
+_FOUND: Final = 1.2
+"""Time to find and evaluate a first layout after a signal, s."""
 
 _FIRST: Final = 0.6
 """Share of the remaining time in which a driver must propose its first labelling; then another one is sought."""
@@ -236,6 +242,7 @@ class Study:
             self.space.group,
             deadline=self.deadline,
             front=front,
+            finish_first=self.evaluation_seconds <= _SOON,
             report=self._count,
         )
         waiting: deque[PendingEvaluations] = deque()
@@ -280,10 +287,18 @@ class Study:
             finally:
                 self.records.close()
 
+    @property
+    def evaluation_seconds(self) -> float:
+        """Return the expected processor time of one evaluation, s; inf where it is not known."""
+        settings = self.settings
+        if settings.own_objective is not None or not settings.model.supports_bounds_over_labellings:
+            return math.inf
+        fine = self._make.cells.fine if isinstance(self._make, MakeCellEvaluator) else self.assembly
+        return cost_estimate(fine).seconds
+
     def _workers(self) -> Workers:
         """Return the workers that evaluate labellings of this study."""
-        settings = EvaluatorSettings(self.settings.model)
-        spec = WorkerSpec.of(self.assembly, settings, self._make)
+        settings, spec = EvaluatorSettings(self.settings.model), self._spec()
         return Workers(
             spec,
             self.settings.jobs,
@@ -292,6 +307,23 @@ class Study:
             batch=self._make is evaluator_of and settings.batched and spec.settles_nearly_all,
             ahead=self.driver.ahead,
         )
+
+    def solve_first(self) -> None:
+        """Evaluate one layout without the driver if none is on record, and record it.
+
+        The record must be open. Nothing happens where one layout is not found and evaluated within a second.
+        """
+        left = _FOUND - self.evaluation_seconds
+        if len(self.records) or left <= 0.0:
+            return
+        with suppress(DeadlinePassed), Deadline(left).enforced():
+            found = first_layout(self.space, self.settings.seed)
+            evaluations = self._spec().evaluator().evaluate_all(found)
+            self.records.append(found, orbit_sizes(found, self.space.group).tolist(), evaluations)
+
+    def _spec(self) -> WorkerSpec:
+        """Return the specification of the evaluators of this study."""
+        return WorkerSpec.of(self.assembly, EvaluatorSettings(self.settings.model), self._make)
 
     def _restore(self) -> None:
         """Hand the evaluations on record to the driver."""
@@ -383,26 +415,11 @@ class Study:
             total = total if budget is None else min(budget, total or budget)
             gap = relative_width(self._best, bound, self._floor)
             text = self._best_text
-            self.report(Progress(self.evaluated, total, self.solved, self._best, self.elapsed, bound, gap, text))
+            left = self.deadline.remaining()
+            self.report(Progress(self.evaluated, total, self.solved, self._best, self.elapsed, bound, gap, text, left))
 
     def text_of(self, labels: Bits) -> str:
         """Return the letters of a labelling (m,) of the search space, one per face of the structure."""
         if self.space.void is not None:
             return self.space.void.texts(labels[None])[0]
         return to_string(labels[: self.assembly.faces])
-
-
-def name_of(function: Callable[..., Any]) -> str:
-    """Return the name by which a function of the user is recorded: module and qualified name."""
-    named = getattr(function, "__qualname__", type(function).__qualname__)
-    return f"{getattr(function, '__module__', '')}.{named}".lstrip(".")
-
-
-def versions() -> dict[str, str]:
-    """Return the versions, by name, of programs on which numerical results may depend."""
-    return {
-        "jld": __version__,
-        "python": platform.python_version(),
-        "kernel": chosen() or "none",
-        **{name: version(name) for name in ("numpy", "scipy", "clarabel", "highspy")},
-    }

@@ -1,12 +1,18 @@
-"""Define why a study ends, how far it is, and the exception of an interrupt."""
+"""Define why a study ends, how far it is, the exception of an interrupt, and facts that its record names."""
 
 from __future__ import annotations
 
+import platform
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
+
+from jld_core._version import __version__
+from jld_core.batch import chosen
 
 
 class StopReason(StrEnum):
@@ -61,6 +67,8 @@ class Progress:
         Relative difference between best and bound, NaN if there is none.
     labelling : str
         Layout of `best`, a letter d or i per face; "" if there is none, or the search names it only when it ends.
+    left : float
+        Time left until the search ends at the latest, s; inf without a time limit.
     """
 
     done: int
@@ -71,3 +79,20 @@ class Progress:
     bound: float = np.nan
     gap: float = np.nan
     labelling: str = ""
+    left: float = np.inf
+
+
+def name_of(function: Callable[..., Any]) -> str:
+    """Return the name by which a function of the user is recorded: module and qualified name."""
+    named = getattr(function, "__qualname__", type(function).__qualname__)
+    return f"{getattr(function, '__module__', '')}.{named}".lstrip(".")
+
+
+def versions() -> dict[str, str]:
+    """Return the versions, by name, of programs on which numerical results may depend."""
+    return {
+        "jld": __version__,
+        "python": platform.python_version(),
+        "kernel": chosen() or "none",
+        **{name: version(name) for name in ("numpy", "scipy", "clarabel", "highspy")},
+    }

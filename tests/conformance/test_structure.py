@@ -30,7 +30,7 @@ ORDER = [
     ["jld_explore.explore"],
     ["jld_explore.notebook"],
     ["jld_explore.notebook_kernel"],
-    ["jld_explore.driver_choice", "jld_explore.refusals"],
+    ["jld_explore.driver_choice", "jld_explore.refusals", "jld_explore.writing_time"],
     ["jld_explore.experiments", "jld_explore.field_check", "jld_explore.reliability_study", "jld_explore.uncut"],
     ["jld_explore.report"],
     ["jld_explore.reliability"],

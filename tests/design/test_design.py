@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from jld_explore.design.loads import with_loads
 from jld_explore.design.options import DesignOptions
 from jld_explore.design.outline import read_outline
 from jld_explore.design.page import facts_of, gain_of, words_of, write_design
+from jld_explore.design.screening import Screening
 from jld_explore.design.tessellations import Tessellation
 from jld_explore.design.trials import NONE, Design, Trial, at_low_friction, field_bounds, labelled, one_case
 from jld_explore.explore import explore
@@ -282,8 +284,12 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tessellations, "_CELLS", 4)
     kept = tessellations.tessellations
 
-    def first(outline: Scene, options: DesignOptions, until: Deadline | None = None) -> list[Tessellation]:
-        return kept(outline, options, until)[:1]
+    def first(
+        outline: Scene, options: DesignOptions, until: Deadline, made: Callable[[Tessellation], None]
+    ) -> list[Tessellation]:
+        found = kept(outline, options, until)[:1]
+        made(found[0])
+        return found
 
     monkeypatch.setattr(run, "tessellations", first)
     monkeypatch.setattr(run, "_MOVED", 1e9)
@@ -494,6 +500,7 @@ def test_without_time_for_a_search_the_usual_bond_is_the_best(
 ) -> None:
     """Where the limits allow it, the stated bond is what is left, with its proven λ; else the design says why not."""
     monkeypatch.setattr(run, "_search_all", lambda *_: None)
+    monkeypatch.setattr(run, "_screen", lambda *_: None)
     done = run.design_outline(wall, tmp_path / "out", DesignOptions(push=0.1, thickness=0.3, seconds=40.0, jobs=1))
     assert done.winner is done.usual
     assert done.winner is not None
@@ -564,3 +571,50 @@ def test_every_command_takes_the_folder_of_a_design(jld: Command, tmp_path: Path
         done = jld(*command)
         assert done.code == 0, done.err
     assert "is a scene, which has no ranks" in jld("solve", folder, "--rank", "2").err
+
+
+def test_a_layout_is_known_as_soon_as_the_first_tessellation_is_cut(
+    monkeypatch: pytest.MonkeyPatch, opening: Path, tmp_path: Path
+) -> None:
+    """A signal while other tessellations are cut left a design without λ, also where the usual bond falls."""
+
+    def stop(*_: object) -> None:
+        raise Interrupted
+
+    monkeypatch.setattr(tessellations, "stresses_of_body", stop)
+    options = DesignOptions(**ASKED | {"push": 0.05, "friction": 0.6, "seconds": 600.0, "jobs": 1})
+    monkeypatch.setattr(run, "_solve_usual", lambda _: None)
+    monkeypatch.setattr(run, "_LONGEST_SCREENING", 0.1)
+    with pytest.raises(Interrupted) as stopped:
+        run.design_outline(opening, tmp_path / "out", options)
+    assert "the best so far is in" in stopped.value.words
+    facts = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert facts["stop_reason"] == "interrupted"
+    assert facts["load_factor"] > 0.0
+    assert facts["best"] == pytest.approx(facts["load_factor"], rel=1e-6)
+    assert [one["kind"] for one in facts["layouts"]].count("searched") == len(facts["layouts"])
+    assert (tmp_path / "out" / "best.json").exists()
+
+
+def test_a_short_time_is_spent_on_the_most_promising_tessellations(
+    monkeypatch: pytest.MonkeyPatch, opening: Path, tmp_path: Path
+) -> None:
+    """Equal shares of 9 s among five tessellations gave each a hundred layouts, and none a bound by fields."""
+    options = DesignOptions(**ASKED | {"seconds": 60.0, "jobs": 1})
+    assembly = build_assembly(read_outline(opening, options).scene)
+    for left, expected in ((17.0, ["b", "d"]), (300.0, ["b", "d", "c", "a"])):
+        work = Design(options, read_outline(opening, options), tmp_path)
+        work.tessellations = [Tessellation(name, name, work.outline.scene) for name in "abcde"]
+        values = zip("abcd", (-np.inf, 3.0, 1.0, 2.0), strict=True)
+        work.screened = {name: Screening(assembly, None, value, 48, 5.0) for name, value in values}
+        work.searched = {"e": "its limits cannot be met"}
+        searched: list[str] = []
+
+        def note(_: Design, one: Tessellation, until: Deadline, found: list[str] = searched) -> None:
+            assert until.remaining() > 1.0
+            found.append(one.name)
+
+        monkeypatch.setattr(run, "_search", note)
+        work.searched |= dict.fromkeys("abcd", "48 layouts, not proven")
+        run._search_all(work, Deadline(left), lambda _: None)
+        assert searched == expected

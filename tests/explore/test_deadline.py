@@ -35,7 +35,7 @@ from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import possible_blocks
 from jld_explore.drivers.first import first_layout
-from jld_explore.evaluation import EvaluatorSettings
+from jld_explore.evaluation import EvaluatorSettings, raise_deferred
 from jld_explore.evaluation.evaluator import Evaluator
 from jld_explore.evaluation.records import RECORDS_FILE
 from jld_explore.report import write_report
@@ -357,3 +357,33 @@ def test_large_scenes_are_not_meshed_to_plan_a_check(monkeypatch: pytest.MonkeyP
     assert plan is not None
     assert plan.count == 0
     assert "triangles would take" in plan.skipped
+
+
+@pytest.mark.parametrize("seconds", [None, 60.0])
+def test_a_signal_waits_for_the_first_layout_if_that_is_soon_solved(
+    seconds: float | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ctrl-C while the first layout was being solved left a search without λ."""
+    evaluate_all = Evaluator.evaluate_all
+
+    def interrupted(*arguments: Any) -> Any:
+        raise_deferred(Interrupted())
+        return evaluate_all(*arguments)
+
+    monkeypatch.setattr(Evaluator, "evaluate_all", interrupted)
+    scene, settings = samples.grid(columns=4, rows=3), ExploreSettings(driver="random", seconds=seconds, jobs=1)
+    with pytest.raises(Interrupted) as stop:
+        explore(scene, tmp_path / "out", settings)
+    assert len(stop.value.done.results) == 1
+    assert stop.value.done.summary.best is not None
+    assert (tmp_path / "out" / "report.html").exists()
+
+
+def test_a_labelling_that_would_surely_end_late_is_not_begun() -> None:
+    assembly = build_assembly(samples.grid(columns=3, rows=2))
+    evaluator = Evaluator(assembly, EvaluatorSettings(use_batch_solver=False))
+    rows = np.repeat(assembly.labels[None], 2, axis=0)
+    assert len(evaluator.evaluate_all(rows, None, Deadline(60.0))) == 2
+    evaluator._shortest = 1000.0
+    assert evaluator.evaluate_all(rows, None, Deadline(60.0)) == []
+    assert len(evaluator.evaluate_all(rows)) == 2

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +17,7 @@ from jld_explore import driver_choice
 from jld_explore.drivers.choice import driver_for
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.genetic import Genetic
+from jld_explore.evaluation.records import RECORDS_FILE
 from jld_explore.explore import explore
 from jld_explore.settings import ExploreSettings
 from jld_explore.space import search_space
@@ -42,6 +45,21 @@ def test_the_default_driver_proves_the_same_as_exact(tmp_path: Path) -> None:
     assert [one["driver"] for one in found] == ["exact", "exact", "enumeration"]
     assert all(one["proven"] for one in found)
     assert [one["best"] for one in found] == pytest.approx([found[2]["best"]] * 3, rel=1e-6)
+
+
+def test_the_default_driver_does_what_the_genetic_one_does(tmp_path: Path) -> None:
+    """Where the default is the genetic driver, both see the same layouts in the same order, with the same name."""
+    scene = parse_scene(grid_document(["a" * 8] * 6 + ["###..###"], block_cells=[2, 4]))
+    facts, orders = [], []
+    for driver in (None, "genetic"):
+        settings = ExploreSettings(driver=driver, budget=100, jobs=1, pictures=False, check_fields=0)
+        done = explore(scene, tmp_path / str(driver), settings)
+        facts.append([done.summary.facts[key] for key in ("driver", "evaluated", "best", "classes")])
+        with closing(sqlite3.connect(done.folder / RECORDS_FILE)) as file:
+            orders.append(file.execute("SELECT labelling FROM evaluations ORDER BY id").fetchall())
+    assert facts[0] == facts[1] == ["genetic", 100, facts[0][2], None]
+    assert orders[0] == orders[1]
+    assert len(orders[0]) == 100
 
 
 def test_counting_takes_a_small_share_of_the_time(monkeypatch: pytest.MonkeyPatch) -> None:

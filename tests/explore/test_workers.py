@@ -225,3 +225,23 @@ def test_a_task_for_another_version_is_refused() -> None:
     spec = WorkerSpec(b"", "of no evaluator", 0, "0.0.1")
     with pytest.raises(InputError, match=r"expected jld 0\.0\.1"):
         spec.evaluator()
+
+
+def test_processes_start_after_the_first_labelling() -> None:
+    """Two processes that load their modules beside it delayed the first λ of a search."""
+    assembly, _, rows = wall()
+    settings = EvaluatorSettings(use_batch_solver=False)
+    workers = Workers(WorkerSpec.of(assembly, settings), jobs=2, faces=rows.shape[1])
+    try:
+        first = workers.run(rows[:3], Deadline(60.0), first_required=True)
+        second = workers.run(rows[3:6], Deadline(60.0))
+        assert workers.processes._executor is None
+        found = iter(first)
+        part, _ = next(found)
+        assert (part, workers.processes._executor) == (slice(0, 1), None)
+        parts = [part, *(part for part, _ in found)]
+        assert workers.processes._executor is not None
+        assert sorted(one.start for one in parts) == [0, 1, 2]
+        assert sum(len(answers) for _, answers in second) == 3
+    finally:
+        workers.close()

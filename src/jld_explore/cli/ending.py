@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import itertools
+import math
 import re
 import signal
 import sys
 import threading
+import time
 from typing import Any, Final, NoReturn
 
 import typer
@@ -14,7 +16,7 @@ import typer
 from jld_core.errors import InputError, SolverError
 from jld_core.memory import memory_limit
 from jld_explore.cli.overview import COMMANDS
-from jld_explore.cli.streams import STOPPED, warn
+from jld_explore.cli.streams import STOPPED, STOPPED_WORDS, warn
 from jld_explore.study_state import Interrupted
 
 INPUT, UNCERTIFIED = 2, 4
@@ -26,11 +28,11 @@ _SIGNALS: Final = ("SIGINT", "SIGTERM", "SIGHUP")
 """Signals that stop a search; SIGHUP (closed terminal) does not exist on every system."""
 
 
+_WRITING: Final = 10.0
+"""Time after a signal in which others are ignored, s: the second Ctrl-C of an impatient user left no page."""
+
 _INTERRUPTED: Final = 130
 """Exit code that typer returns for KeyboardInterrupt."""
-
-_STOPPED_WORDS: Final = "stopped; nothing more is written"
-"""Message of a command that a signal ended, where the command has nothing to say itself."""
 
 _PARAMETER: Final = re.compile(r"`(?P<name>[a-z_]+)(?:=(?P<value>[^`]*))?`")
 """A parameter, with or without a value, in the message of an error: `friction="zero-dilation"`."""
@@ -39,12 +41,18 @@ _PARAMETER: Final = re.compile(r"`(?P<name>[a-z_]+)(?:=(?P<value>[^`]*))?`")
 def raise_on_signals() -> None:
     """Make signals such as SIGINT and SIGTERM raise Interrupted, so that searches end cleanly.
 
-    Finished results stay on disk. Signals that the process ignores stay ignored.
+    Finished results stay on disk. Further signals within `_WRITING` seconds change nothing, as results are being
+    written. Signals that the process ignores stay ignored.
     """
     from jld_explore.evaluation import raise_deferred  # only searches need it, and it takes long to import
 
+    first = -math.inf
+
     def stop(number: int, frame: object) -> None:
-        raise_deferred(Interrupted())
+        nonlocal first
+        if time.monotonic() - first > _WRITING:
+            first = time.monotonic()
+            raise_deferred(Interrupted())
 
     for name in _SIGNALS:
         number = getattr(signal, name, None)
@@ -109,13 +117,28 @@ def complain(line: str) -> NoReturn:
     sys.exit(INPUT)
 
 
-def run(app: typer.Typer, started: float) -> None:
+def run(app: typer.Typer, started: float) -> NoReturn:
     """Run the command line; every error ends in one line on stderr and an exit code.
 
     started: start of the process on the clock `time.perf_counter`, s; commands find it as `context.obj`. The function
     always raises SystemExit.
     """
     interrupt_on_signals()
+    try:
+        _run(app, started)
+    finally:
+        _ignore_signals()
+
+
+def _ignore_signals() -> None:
+    """Ignore signals while the process ends: everything is written, and one would replace its exit code."""
+    if threading.current_thread() is threading.main_thread():
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
+
+
+def _run(app: typer.Typer, started: float) -> NoReturn:
+    """Run the command line as `run` does, without regard to signals at the end."""
     try:
         code = app(standalone_mode=False, obj=started)
     except InputError as error:
@@ -132,9 +155,9 @@ def run(app: typer.Typer, started: float) -> None:
         most, lacking = memory_limit() / 1e9, " ".join(str(error).split()) or "no more can be had"
         complain(f"memory ran out: {lacking}; expected a scene that {most:.1f} GB suffice for, or fewer --jobs")
     except (Interrupted, KeyboardInterrupt, typer.Abort) as error:
-        warn(error.words if isinstance(error, Interrupted) else _STOPPED_WORDS)
+        warn(error.words if isinstance(error, Interrupted) else STOPPED_WORDS)
         sys.exit(STOPPED)
     if code == _INTERRUPTED:
-        warn(_STOPPED_WORDS)
+        warn(STOPPED_WORDS)
         sys.exit(STOPPED)
     sys.exit(code if isinstance(code, int) else 0)

@@ -14,14 +14,13 @@ from rich.progress import (
     Progress,
     TextColumn,
     TimeElapsedColumn,
-    TimeRemainingColumn,
 )
 
 from jld_explore import study_state
 
 
 class ProgressBar:
-    """Progress bar of a search on stderr: count, rate, best λ and remaining time.
+    """Progress bar of a search on stderr: count, rate, best λ with bound and gap, and time left.
 
     Use it as a context, and call it with each progress report. Nothing is shown if stderr is no terminal.
     """
@@ -35,12 +34,12 @@ class ProgressBar:
             TextColumn("{task.fields[rate]}"),
             TextColumn("{task.fields[best]}"),
             TimeElapsedColumn(),
-            TimeRemainingColumn(),
+            TextColumn("{task.fields[left]}"),
             console=console,
             disable=not console.is_terminal,
             transient=True,
         )
-        self._task = self._bar.add_task(label, total=None, rate="", best="")
+        self._task = self._bar.add_task(label, total=None, rate="", best="", left="")
 
     def __enter__(self) -> Self:
         """Start the display."""
@@ -61,4 +60,15 @@ class ProgressBar:
             best += f" ≤ {now.bound:.6g}"
         if math.isfinite(now.gap):
             best += f", gap {now.gap:.2%}"
-        self._bar.update(self._task, completed=now.done, total=now.total, rate=f"{rate:.0f} solves/s", best=best)
+        rates, left = f"{rate:.0f} solves/s", _time_left(now)
+        self._bar.update(self._task, completed=now.done, total=now.total, rate=rates, best=best, left=left)
+
+
+def _time_left(now: study_state.Progress) -> str:
+    """Return in words how long a search goes on at most; "" if nothing is known.
+
+    It ends at its time limit, or when the layouts that are left have been evaluated at the rate so far.
+    """
+    rest = now.seconds * (now.total - now.done) / now.done if now.total and now.done else math.inf
+    left = min(rest, now.left)
+    return f"{left:.0f} s left" if math.isfinite(left) else ""

@@ -16,6 +16,9 @@ from typing import Final
 STOPPED: Final = 3
 """Exit code after a signal."""
 
+STOPPED_WORDS: Final = "stopped; nothing more is written"
+"""Message of a command that a signal ended, where the command has nothing to say itself."""
+
 _SPELLED: Final = {
     "λ": "lambda",
     "∂": "d",

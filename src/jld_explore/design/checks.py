@@ -19,18 +19,9 @@ from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.files import write_text
 from jld_core.models import solve
 from jld_core.scene.units import force_in_words
+from jld_explore.design.crushing import why_no_fields
 from jld_explore.design.options import LAID, LOW_FRICTION
-from jld_explore.design.trials import (
-    Bounds,
-    Check,
-    Design,
-    Trial,
-    at_low_friction,
-    built,
-    field_bounds,
-    one_case,
-    why_no_fields,
-)
+from jld_explore.design.trials import Bounds, Check, Design, Trial, at_low_friction, built, field_bounds, one_case
 from jld_explore.report.languages import stronger_cut
 from jld_explore.space import search_space
 from jld_explore.uncut import most_without_cuts

@@ -5,8 +5,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
+from jld_core.errors import InputError
 from jld_core.fields.material import material_of
+from jld_core.fields.requirements import require_fields
 from jld_core.scene import Scene, parse_scene
 
 
@@ -19,6 +22,15 @@ def uniaxial_strength(scene: Scene) -> float:
     material = material_of(build_assembly(scene))
     sheared = 2.0 * material.cohesion * (material.friction + math.hypot(1.0, material.friction))
     return min(sheared, material.crushing)
+
+
+def why_no_fields(assembly: Assembly) -> str:
+    """Return the reason why bounds by fields do not apply to a structure; "" where they do."""
+    try:
+        require_fields(assembly)
+    except InputError as error:
+        return error.problem
+    return ""
 
 
 def with_crushing(scene: Scene, share: float = 1.0) -> Scene:

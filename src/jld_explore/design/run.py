@@ -21,19 +21,20 @@ from jld_core.models import solve
 from jld_core.scene import Scene
 from jld_core.threads import one_thread
 from jld_explore.design.checks import check_winner
-from jld_explore.design.crushing import with_crushing
 from jld_explore.design.moving import LAYOUTS, best_labels, move_in_rounds
 from jld_explore.design.options import DesignOptions
 from jld_explore.design.outline import read_outline
 from jld_explore.design.page import write_design
+from jld_explore.design.screening import screen, searched_scene
 from jld_explore.design.tessellations import Tessellation, tessellations
-from jld_explore.design.trials import NONE, Bounds, Design, Trial, faces_of, field_bounds, labelled, why_no_fields
-from jld_explore.explore import BUSY, explore
+from jld_explore.design.trials import NONE, Bounds, Design, Trial, faces_of, field_bounds, labelled
+from jld_explore.explore import explore
 from jld_explore.report import Exploration
 from jld_explore.settings import ExploreSettings
 from jld_explore.space import from_string, search_space
 from jld_explore.space.search_space import feasible
 from jld_explore.study_state import Interrupted
+from jld_explore.writing_time import busy_factor
 
 _WRITING: Final = (0.05, 2.0)
 """Share of the time limit, and seconds, that are kept back for page and pictures."""
@@ -46,6 +47,12 @@ _PICTURE: Final = 1.5
 
 _CUTTING: Final = 0.3
 """Share of the time limit after which no further tessellation is cut; with hundreds of cells each takes seconds."""
+
+_SCREENING, _LONGEST_SCREENING = 0.01, 1.0
+"""Time in which layouts of one tessellation are solved as soon as it is cut: share of the limit, at most seconds."""
+
+_NOTHING: Final = "stopped while the outline was cut into blocks; nothing was solved and nothing is written"
+"""Message of a design that is stopped before it knows a layout."""
 
 _SEARCHES: Final = 0.15
 """Share of the time for the coarse searches of all tessellations."""
@@ -104,20 +111,16 @@ def design_outline(
     if there and any(folder.iterdir()):
         raise InputError(str(folder), "the folder is not empty", "an empty or new folder")
     try:
-        outline = read_outline(file, options)
-        cut = tessellations(outline.scene, options, deadline.within(_CUTTING * options.seconds))
+        work = Design(options, read_outline(file, options), folder)
     except Interrupted as stop:
-        stop.words = "stopped while the outline was cut into blocks; nothing was solved and nothing is written"
+        stop.words = _NOTHING
         raise
-    work = Design(options, outline, folder, cut)
-    folder.mkdir(parents=True, exist_ok=True)
     # writing takes longer on a busy machine, by the ratio of wall-clock to processor time so far
-    busy = min(max(1.0, deadline.elapsed() / time.process_time()), BUSY)
+    busy = busy_factor(deadline.elapsed(), time.process_time())
     until = deadline.earlier(_WRITING[0] * options.seconds + busy * _WRITING[1])
     try:
-        for one in work.tessellations:
-            say(f"{one.name:<12} {one.words if one.scene is not None else one.problem}")
-        _solve_usual(work)
+        _cut(work, deadline, say)
+        folder.mkdir(parents=True, exist_ok=True)
         _search_all(work, until, say)
         work.seconds = deadline.elapsed()
         write_design(work, pictures=False)
@@ -127,8 +130,12 @@ def design_outline(
         if work.winner is not None:
             work.checks = check_winner(work, until.within(2.0 * _CHECKS * options.seconds), say)
     except Interrupted as stop:
+        if not work.trials and not folder.exists():
+            stop.words = _NOTHING
+            raise
         work.stop = "interrupted"
         work.seconds = deadline.elapsed()
+        folder.mkdir(parents=True, exist_ok=True)
         write_design(work)
         stop.words = f"stopped; the best so far is in {folder}" if work.winner else "stopped; no layout was found yet"
         raise
@@ -143,6 +150,62 @@ def design_outline(
     # a picture takes seconds on a busy machine
     write_design(work, pictures=deadline.remaining() + max(_OVER[0] * options.seconds, _OVER[1]) > busy * _PICTURE)
     return work
+
+
+def _cut(work: Design, deadline: Deadline, say: Say) -> None:
+    """Cut the outline in every way; solve the usual layout and a few others of each tessellation as soon as it is cut.
+
+    So a layout is known early, and a search knows which tessellations promise most. say: told of each tessellation once
+    one fits. Errors are those of `tessellations`.
+    """
+    untold: list[str] = []
+    seconds = min(_SCREENING * work.options.seconds, _LONGEST_SCREENING)
+
+    def made(one: Tessellation) -> None:
+        """Note a tessellation, and solve layouts of it."""
+        work.tessellations.append(one)
+        untold.append(f"{one.name:<12} {one.words if one.scene is not None else one.problem}")
+        if one.scene is None:
+            return
+        while untold:
+            say(untold.pop(0))
+        if work.usual is None and one.name in _USUAL_BONDS:
+            _solve_usual(work)
+        _screen(work, one, one.scene, seconds, deadline)
+
+    tessellations(work.outline.scene, work.options, deadline.within(_CUTTING * work.options.seconds), made)
+    for words in untold:
+        say(words)
+
+
+def _screen(work: Design, tessellation: Tessellation, scene: Scene, seconds: float, deadline: Deadline) -> None:
+    """Solve layouts of a tessellation for some seconds; the strongest of all so far becomes a trial."""
+    name = tessellation.name
+    try:
+        found = screen(scene, work.options.seed, seconds, deadline)
+    except InputError as error:
+        work.searched[name] = f"{error.where}: {error.problem}".lstrip(": ")
+        return
+    work.screened[name] = found
+    work.searched[name] = f"{found.count} layouts, not proven" + (": none of them stands" * (found.labels is None))
+    if found.labels is not None and found.load_factor > max((one.most for one in work.allowed), default=-math.inf):
+        _add(work, tessellation, labelled(scene, found.assembly, found.labels), NONE)
+
+
+def _add(work: Design, tessellation: Tessellation, scene: Scene, fields: Bounds | None, seconds: float = 0.0) -> None:
+    """Solve a layout with the labels that its scene states, and add it to the trials in the place of a weaker one.
+
+    fields: bounds by fields on its λ; None computes them in `seconds`.
+    """
+    assembly = build_assembly(scene)
+    found = solve(assembly)
+    if fields is None:
+        fields = field_bounds(assembly, assembly.labels, seconds)
+    name, words = tessellation.name, work.searched[tessellation.name]
+    trial = Trial(name, "searched", scene, found.load_factor, faces_of(found.bracket), fields, words)
+    others = [one for one in work.trials if (one.tessellation, one.kind) == (name, "searched")]
+    if not any(one.order() < trial.order() for one in others):
+        work.trials = [*(one for one in work.trials if one not in others), trial]
 
 
 def _solve_usual(work: Design) -> None:
@@ -181,16 +244,20 @@ def _search_all(work: Design, until: Deadline, say: Say) -> None:
     until: deadline of the design, of which the searches take a share. Tessellations without time or with limits that
     cannot be met are noted in `work.searched`.
     """
-    fitting = [one for one in work.tessellations if one.scene is not None]
+    fitting = [one for one in work.tessellations if one.scene is not None and one.name in work.screened]
     left = until.remaining()
     total = max(_SEARCHES * left, min(_LEAST * len(fitting), _SHORT * left))
     if not _moves(work):  # searches get that time as well
         refining = _REFINING if work.outline.scene.dimension == 2 else 0.0
         total = (1.0 - _CHECKS - refining) * left
-    for one in fitting:
-        each = until.within(total / len(fitting))
+    # in a short time the most promising tessellations are searched, instead of all with a few layouts each
+    fitting = sorted(fitting, key=lambda one: -work.screened[one.name].load_factor)
+    least = max((work.screened[one.name].search_seconds for one in fitting), default=_LEAST)
+    fitting = fitting[: max(1, round(total / min(least, _LEAST)))]
+    whole = until.within(total)
+    for number, one in enumerate(fitting):
+        each = whole.within(whole.remaining() / (len(fitting) - number))
         if each.remaining() < 1.0:
-            work.searched[one.name] = "no time was left"
             continue
         try:
             _search(work, one, each)
@@ -213,9 +280,7 @@ def _search(work: Design, tessellation: Tessellation, until: Deadline) -> None:
     # the bounds by fields take the rest; in space the tables of the search do
     seconds = ((1.0 - _FIELDS) if planar else _TABLES) * until.remaining()
     settings = ExploreSettings(seconds=seconds, jobs=options.jobs, seed=options.seed, pictures=False, check_fields=0)
-    scene = tessellation.scene
-    if planar and not why_no_fields(build_assembly(scene)):
-        scene = with_crushing(scene)
+    scene = searched_scene(tessellation.scene)
     done = explore(scene, work.folder / "searches" / tessellation.name, settings)
     _keep(work, tessellation, done, until.remaining())
 
@@ -238,12 +303,7 @@ def _keep(work: Design, tessellation: Tessellation, done: Exploration, seconds: 
     # the search has faces crush, the scene of the tessellation may not
     stated = tessellation.scene if tessellation.scene is not None else done.scene
     scene = labelled(stated, done.assembly, labels)
-    assembly = build_assembly(scene)
-    found = solve(assembly)
-    fields = field_bounds(assembly, assembly.labels, seconds) if seconds > 0.0 else NONE
-    words = work.searched[tessellation.name]
-    faces = faces_of(found.bracket)
-    work.trials.append(Trial(tessellation.name, "searched", scene, found.load_factor, faces, fields, words))
+    _add(work, tessellation, scene, None if seconds > 0.0 else NONE, seconds)
 
 
 def _said(trial: Trial) -> str:

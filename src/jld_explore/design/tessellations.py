@@ -67,12 +67,17 @@ class Tessellation:
     problem: str = ""
 
 
-def tessellations(outline: Scene, options: DesignOptions, until: Deadline | None = None) -> list[Tessellation]:
+def tessellations(
+    outline: Scene,
+    options: DesignOptions,
+    until: Deadline | None = None,
+    made: Callable[[Tessellation], None] = lambda _: None,
+) -> list[Tessellation]:
     """Cut an outline in every known way, and return the tessellations.
 
-    The first one of a planar outline is the usual running bond, which is always cut. A tessellation that does not fit,
-    or is not begun before the deadline `until`, has no scene. Raises InputError if none fits, if the mass limit
-    requires too many cells, or if a load cannot act.
+    made: called with each one as soon as it is cut. The first one of a planar outline is the usual running bond, which
+    is always cut. A tessellation that does not fit, or is not begun before the deadline `until`, has no scene. Raises
+    InputError if none fits, if the mass limit requires too many cells, or if a load cannot act.
     """
     with_loads(outline, options)  # refuses loads that no tessellation can carry
     assembly = build_assembly(outline)
@@ -82,9 +87,10 @@ def tessellations(outline: Scene, options: DesignOptions, until: Deadline | None
     found: list[Tessellation] = []
     for name, words, make in kinds:
         late = bool(found) and until is not None and until.passed()
-        made = Tessellation(name, words, None, "no time was left") if late else _made(name, words, make, options, side)
-        alike = [one.name for one in found if made.scene is not None and one.scene == made.scene]
-        found.append(Tessellation(name, words, None, f"the same stones as {alike[0]}") if alike else made)
+        cut = Tessellation(name, words, None, "no time was left") if late else _made(name, words, make, options, side)
+        alike = [one.name for one in found if cut.scene is not None and one.scene == cut.scene]
+        found.append(Tessellation(name, words, None, f"the same stones as {alike[0]}") if alike else cut)
+        made(found[-1])
     if all(one.scene is None for one in found):
         reasons = "; ".join(f"{one.name}: {one.problem}" for one in found)
         raise InputError(

@@ -13,12 +13,13 @@ from jld_core.build import build_assembly
 from jld_core.build.assemble import cases_of_scene
 from jld_core.errors import InputError
 from jld_core.fields.governing import governing_bounds
-from jld_core.fields.requirements import require_fields
 from jld_core.geometry_optimisation.moved_scene import MovedScene
 from jld_core.geometry_optimisation.vertex_mesh import vertex_mesh
 from jld_core.scene import Scene, parse_scene
+from jld_explore.design.crushing import why_no_fields
 from jld_explore.design.options import DesignOptions
 from jld_explore.design.outline import Outline
+from jld_explore.design.screening import Screening
 from jld_explore.design.tessellations import Tessellation
 
 Bounds = tuple[float, float]
@@ -133,6 +134,8 @@ class Design:
         All tessellations, also those that do not fit.
     trials : list of Trial
         All layouts found.
+    screened : dict of str to Screening
+        Strongest of a few layouts of each tessellation, by its name.
     layouts : dict of str to list of (m,) bool arrays
         Labels of the best layouts of the search of each tessellation, the best first.
     searched : dict of str to str
@@ -150,6 +153,7 @@ class Design:
     folder: Path
     tessellations: list[Tessellation] = field(default_factory=list)
     trials: list[Trial] = field(default_factory=list)
+    screened: dict[str, Screening] = field(default_factory=dict)
     layouts: dict[str, list[Bits]] = field(default_factory=dict)
     searched: dict[str, str] = field(default_factory=dict)
     checks: list[Check] = field(default_factory=list)
@@ -217,15 +221,6 @@ def field_bounds(
     if why_no_fields(assembly):
         return NONE
     return governing_bounds(assembly, labels, seconds, gap=gap, lower_first=lower_first)
-
-
-def why_no_fields(assembly: Assembly) -> str:
-    """Return the reason why bounds by fields do not apply to a structure; "" where they do."""
-    try:
-        require_fields(assembly)
-    except InputError as error:
-        return error.problem
-    return ""
 
 
 def at_low_friction(scene: Scene, low: float) -> Scene:

@@ -73,11 +73,11 @@ def driver_for(
     given = {key for key, value in options.items() if value is not None}
     own = all(DRIVERS["exact"] in owners(key) for key in given)
     if (
-        space.void is None
+        int(space.candidates.sum()) <= REACH
+        and space.void is None
         and own
         and not many
         and model.supports_bounds_over_labellings
-        and int(space.candidates.sum()) <= REACH
     ):
         exact = make_driver("exact", space, seed, **options)
         if isinstance(exact, Exact) and not exact.exhaustive:  # otherwise it would enumerate

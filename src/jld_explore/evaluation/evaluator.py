@@ -35,6 +35,7 @@ class Evaluator(SharedEvaluator):
         self, assembly: Assembly, settings: EvaluatorSettings, share_batch_solver_with: Evaluator | None = None
     ) -> None:
         self.assembly, self.settings = assembly, settings
+        self._shortest = 0.0
         self._batch: BatchAnalysis | None
         if share_batch_solver_with is not None:
             self._batch = share_batch_solver_with._batch
@@ -75,7 +76,8 @@ class Evaluator(SharedEvaluator):
         found: list[Evaluation] = []
         for labels, pruning_threshold, evaluation in zip(labellings, values, known, strict=True):
             if evaluation is None:
-                if deadline is not None and deadline.passed():
+                # one that takes a second would surely end late
+                if deadline is not None and deadline.remaining() <= self._shortest:
                     break
                 evaluation = self._before_deadline(labels, pruning_threshold, deadline)
             if evaluation is None:
@@ -119,7 +121,9 @@ class Evaluator(SharedEvaluator):
         """
         start = time.perf_counter()
         proof = solve_labelling(self._analysis, labels, self.settings.model, pruning_threshold=pruning_threshold)
-        return self._evaluation(proof, start)
+        found = self._evaluation(proof, start)
+        self._shortest = min(self._shortest or found.seconds, found.seconds)
+        return found
 
     def _evaluation(self, proof: Proof, start: float) -> Evaluation:
         """Convert the proof of a limit analysis, begun at `start`, to an evaluation (scene units)."""

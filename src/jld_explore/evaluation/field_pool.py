@@ -268,12 +268,15 @@ class FieldPool:
         list of (int, int, Mesh, FieldStep)
             Labelling, load case, mesh and its bounds for each labelling refined, in the order of `rows`.
         """
-        tasks = []
+        tasks: list[tuple[int, int, Mesh, tuple[Any, ...]]] = []
         for row in rows:
             case, mesh = self._next(row)
-            if _CAUTION * mesh_seconds(self.rate, len(mesh)) > self.deadline.remaining():
+            seconds = _CAUTION * mesh_seconds(self.rate, len(mesh))
+            if seconds > self.deadline.remaining():
                 self.given_up[row] = self.late = True
                 continue
+            if (len(tasks) // self.tasks.jobs + 1) * seconds > self.deadline.remaining():
+                break  # it is refined later, if there is time for it beside the others
             required, least = float(self.required[case]), float(enough[row])
             tasks.append((row, case, mesh, (self.settings[case], self.labellings[row], mesh, required, least, *more)))
         found = self.tasks.run(step, [arguments for *_, arguments in tasks])

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import shutil
 import sqlite3
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
@@ -73,6 +74,17 @@ def errors_named(path: Path) -> Iterator[None]:
             number = errno.ENOSPC if full else _DISK[code]
             raise OSError(number, os.strerror(number), str(path)) from None
         raise damaged(path, str(error)) from None
+
+
+def recorded_driver(path: Path) -> str | None:
+    """Return the name of the driver of the study in a record file; None if it cannot be read.
+
+    Whoever opens the record to go on with it finds out why.
+    """
+    with suppress(sqlite3.Error, json.JSONDecodeError), closing(sqlite3.connect(path)) as file:
+        row = file.execute("SELECT value FROM meta WHERE key = 'driver'").fetchone()
+        return None if row is None else str(json.loads(row[0]))
+    return None
 
 
 def damaged(path: Path, how: str) -> InputError:

@@ -126,6 +126,7 @@ class Workers:
         self.batch = batch and not self.on_cluster
         self.in_process = self.batch or (jobs == 1 and not self.on_cluster)
         self.running: list[Run] = []
+        self._held: list[Run] = []
         self.threads = min(jobs, _MOST_THREADS) if self.in_process else 0
         # Runs side by side keep the threads busy. Fewer, larger tasks fill the lanes and leave the first thread a core.
         self.threads_of_run = -(-self.threads // (1 + ahead))
@@ -162,7 +163,8 @@ class Workers:
         thresholds : (k,) float array, optional
             Pruning thresholds (see `LabellingEvaluator.evaluate`).
         first_required : bool
-            Evaluate the first labelling regardless of the deadline.
+            Evaluate the first labelling regardless of the deadline, in this process. Local processes start after it,
+            as their start would take processors from it.
 
         Returns
         -------
@@ -174,13 +176,21 @@ class Workers:
         if self._threads is not None:
             run.submit()
         elif not self.in_process and not self.on_cluster:
+            self._held.append(run)
+            if not (first_required or len(self._held) > 1):
+                self.begin_held()
+        return run
+
+    def begin_held(self) -> None:
+        """Begin the runs that wait for the evaluation of a first labelling in this process."""
+        held, self._held = self._held, []
+        for run in held:
             try:
                 run.begin()
             except Exception as error:
                 if not is_lost(error):
                     raise
                 run.stop()  # The run starts again when its results are requested.
-        return run
 
     def submit(self, tasks: Iterable[tuple[Any, ...]]) -> list[Callable[[], tuple[int, list[Evaluation]]]]:
         """Return one function per task that waits for its result: batch number and evaluations.
@@ -222,7 +232,7 @@ class Workers:
         """Stop all runs and terminate the local processes, which start again on demand."""
         for run in self.running:
             run.stop()
-        self.running = []
+        self.running, self._held = [], []
         self.processes.close()
 
     def close(self) -> None:
@@ -250,11 +260,7 @@ class Run:
         thresholds: Floats,
         first_required: bool = False,
     ) -> None:
-        self._workers, self._deadline, self._first_required = (
-            workers,
-            deadline,
-            first_required and deadline is not None and deadline.limited,
-        )
+        self._workers, self._deadline, self._first_required = workers, deadline, first_required
         self._labellings, self._thresholds = labellings, thresholds
         size = batch_size(workers.faces, len(labellings))
         if workers.batch:
@@ -333,6 +339,8 @@ class Run:
             if self._results_of_threads is None:
                 self.submit()
             tasks = self._results_of_threads or []
+            if self._first_required and tasks:
+                yield from self._merged([tasks.pop(0)()])
             # Wait for all threads together, so that their results are recorded in one transaction.
             for first in range(0, len(tasks), workers.threads):
                 yield from self._merged([result() for result in tasks[first : first + workers.threads]])
@@ -342,6 +350,7 @@ class Run:
             self._done.add(0)
             self._first_required = False
             yield self._slices[0], evaluations
+        workers.begin_held()
         failures = dict.fromkeys(range(len(self._slices)), 0)
         while len(self._done) < len(self._slices):
             suspected = [number for number, count in failures.items() if count == 1 and number not in self._done]

@@ -14,6 +14,7 @@ from jld_core.errors import InputError, ParameterError
 from jld_core.exchange import blocks_csv
 from jld_core.files import require_folder, require_writable, write_text
 from jld_core.limit import LimitAnalysisResult
+from jld_core.models import cost_estimate
 from jld_core.scene.cracks import FieldCracks, cracks_to_json
 from jld_explore.drivers.choice import what_would_prove
 from jld_explore.drivers.field_conflicts import CONFLICTS_FILE
@@ -22,13 +23,13 @@ from jld_explore.evaluation.refined_records import REFINED_FILE
 from jld_explore.report import required, tables
 from jld_explore.report.columns import columns, csv_of
 from jld_explore.report.evidence import front_rows, values_on, with_evidence
-from jld_explore.report.exploration import Exploration
+from jld_explore.report.exploration import FIELD_PICTURE, Exploration
 from jld_explore.report.reading import history_of
 from jld_explore.report.result_files import write_results
 from jld_explore.report.summary import Summary
 from jld_explore.space import registered
-from jld_explore.study import Study, name_of
-from jld_explore.study_state import StopReason
+from jld_explore.study import Study
+from jld_explore.study_state import StopReason, name_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,6 +38,9 @@ if TYPE_CHECKING:
 
 _DRAWING: Final = 1.2
 """Longest time of one picture including imports, s; a picture is not begun with less time left."""
+
+_DRAWING_FACE: Final = 4e-4
+"""Further time for each face, s: pictures of 4 900 faces take 4.5 s together."""
 
 PICTURES: Final = ("best", "pareto", "distribution", "dry_frequency", "convergence")
 """Names of the pictures of a search, in the order in which they are drawn."""
@@ -209,7 +213,13 @@ def _uncounted(results: pd.DataFrame) -> list[str]:
 
 
 def write_pictures(
-    done: Exploration, ending: str = "png", out: Path | None = None, deadline: Deadline | None = None
+    done: Exploration,
+    ending: str = "png",
+    out: Path | None = None,
+    deadline: Deadline | None = None,
+    *,
+    busy: float = 1.0,
+    fields: float = FIELD_PICTURE,
 ) -> tuple[list[Path], list[str]]:
     """Draw the pictures of a search: best layout, front, distributions and convergence.
 
@@ -222,7 +232,11 @@ def write_pictures(
     out : Path, optional
         Folder of the pictures. Default: the folder of the study.
     deadline : Deadline, optional
-        Time after which no picture is begun.
+        Time at which the last picture is to be finished.
+    busy : float
+        Factor by which other work on the machine prolongs drawing.
+    fields : float
+        Time in which bounds by fields are refined for their picture, for each load case, s.
 
     Returns
     -------
@@ -240,8 +254,10 @@ def write_pictures(
     for name in PICTURES:
         if name == "best" and done.summary.best_labelling is None:
             continue
-        for own, draw in _drawings(name, done).items():
-            if deadline is not None and deadline.remaining() < _DRAWING:
+        for own, draw in _drawings(name, done, fields).items():
+            bounds = name == "best" and isinstance(done.scene.cracks, FieldCracks)
+            seconds = busy * _drawing_seconds(name, done) + (fields * len(done.assembly.by_case) if bounds else 0.0)
+            if deadline is not None and deadline.remaining() < seconds:
                 missing.append(f"{own}.{ending}")
                 continue
             from jld_core.views.figures import save_figure
@@ -252,15 +268,22 @@ def write_pictures(
     return written, missing
 
 
-def _drawings(name: str, done: Exploration) -> dict[str, Callable[[], Figure]]:
+def _drawing_seconds(name: str, done: Exploration) -> float:
+    """Return the longest processor time of one of `PICTURES`, s; the best layout is solved for its picture."""
+    solved = name == "best" and not isinstance(done.scene.cracks, FieldCracks)
+    return _DRAWING + _DRAWING_FACE * done.assembly.faces + (cost_estimate(done.assembly).seconds if solved else 0.0)
+
+
+def _drawings(name: str, done: Exploration, fields: float) -> dict[str, Callable[[], Figure]]:
     """Return the functions that draw one of `PICTURES`, by file name; empty without data.
 
-    Nothing is imported or solved before a function is called.
+    fields: time for bounds by fields that are drawn, for each load case, s. Nothing is imported or
+    solved before a function is called.
     """
     if name == "best":
         # With load cases "best" shows the governing case, and every case has a picture of its own.
         if isinstance(done.scene.cracks, FieldCracks):
-            return {name: partial(_field_picture, done)}
+            return {name: partial(_field_picture, done, fields)}
         best = _Best(done)
         cases = done.assembly.cases
         each = {f"best-{k}": partial(best.draw, case.name) for k, case in enumerate(cases, 1) if case.place is None}
@@ -295,11 +318,14 @@ class _Best:
         return figure_of_path(self._found.assembly, path_values(self._found))
 
 
-def _field_picture(done: Exploration) -> Figure:
-    """Draw stress trajectories and cracks of the best layout under its governing load case."""
+def _field_picture(done: Exploration, seconds: float) -> Figure:
+    """Draw stress trajectories and cracks of the best layout under its governing load case.
+
+    seconds: time for bounds by fields, for each load case, s.
+    """
     from jld_core.views.field_figures import figure_of_fields
 
-    return figure_of_fields(*done.field_result().governing_case)
+    return figure_of_fields(*done.field_result(seconds=seconds).governing_case)
 
 
 def _drawn(name: str, done: Exploration) -> Figure:

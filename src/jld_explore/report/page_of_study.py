@@ -42,8 +42,11 @@ SOLVED: Final = 50
 PATIENCE: Final = 1.5
 """Seconds after which no further row is solved for a page, since a search must end soon after its time limit."""
 
-DEAR: Final = 1.0
+DEAR: Final = 0.3
 """Seconds after a deadline that solving the best row may take."""
+
+_AGAIN: Final = 2.0
+"""Time of a row that is solved alone, with forces and mechanism, as a multiple of that of its evaluation."""
 
 HOW: Final = "To get them: jld solve FOLDER --rank {rank}, or jld plot FOLDER --rank {rank}."
 """Sentence of the page on how to get forces that it does not hold."""
@@ -204,14 +207,14 @@ def path_pictures(assembly: Assembly, solution: Solution) -> list[Picture]:
 def _solutions(rows: pd.DataFrame, done: Exploration, patience: float, dear: float, solved: int) -> dict[int, Solution]:
     """Solve rows in order of importance until time runs out; return solutions by position.
 
-    The most important row is solved even after `patience` seconds. Solving ends at the first row whose evaluation took
-    longer than `dear` seconds, and `dear` seconds after the begin.
+    The most important row is solved even after `patience` seconds. Solving ends at the first row that is expected to
+    take longer than `dear` seconds, and `dear` seconds after the begin.
     """
     start, latest = time.perf_counter(), Deadline(dear)
     found: dict[int, Solution] = {}
     solver = CaseAnalysis(done.assembly, done.model)
     for place in _worth(rows, done.front, solved):
-        if (found and time.perf_counter() - start > patience) or float(rows["seconds"].iloc[place]) > dear:
+        if (found and time.perf_counter() - start > patience) or _AGAIN * float(rows["seconds"].iloc[place]) > dear:
             break
         text = str(rows["labelling"].iloc[place])
         rest, labels = cut(done.assembly, text)

@@ -26,8 +26,8 @@ from jld_explore.report.front import on_front
 from jld_explore.space import Count, SearchSpace, registered, unpack
 from jld_explore.space.count_values import counts, values_until
 from jld_explore.space.labelling import letters_of
-from jld_explore.study import Study, versions
-from jld_explore.study_state import StopReason
+from jld_explore.study import Study
+from jld_explore.study_state import StopReason, versions
 
 if TYPE_CHECKING:
     import pandas as pd
