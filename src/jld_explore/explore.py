@@ -351,14 +351,19 @@ def _run(study: Study, deadline: Deadline) -> StopReason:
     except BaseException as stop:
         # A signal may arrive between writing to disk and updating memory, so reopen the record on disk.
         study.records.close()
+        apart = False
         if isinstance(stop, Interrupted):
             study.records = study.open_records()
-            study.solve_first()
+            apart = study.solve_first()
             study.records.close()
         _bound_all(study, in_time=BOUNDING * cost_estimate(study.assembly).seconds < STOPPING)
         done = write_tables(study, StopReason.INTERRUPTED, Deadline(STOPPING))
         if study.settings.pictures:
             write_report(done, patience=STOPPING, deadline=Deadline(0.0))
+        if apart:
+            study.records = study.open_records()
+            study.records.forget_evaluations()
+            study.records.close()
         if isinstance(stop, Interrupted):
             stop.done = done
             if not len(done.results):

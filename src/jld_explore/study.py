@@ -308,18 +308,20 @@ class Study:
             ahead=self.driver.ahead,
         )
 
-    def solve_first(self) -> None:
-        """Evaluate one layout without the driver if none is on record, and record it.
+    def solve_first(self) -> bool:
+        """Evaluate one layout without the driver if none is on record, and record it; return True if it was.
 
-        The record must be open. Nothing happens where one layout is not found and evaluated within a second.
+        The record must be open. Nothing happens where one layout is not found and evaluated within a second. The caller
+        forgets the layout again, so that the search resumes as if it had not been stopped.
         """
         left = _FOUND - self.evaluation_seconds
         if len(self.records) or left <= 0.0:
-            return
+            return False
         with suppress(DeadlinePassed), Deadline(left).enforced():
             found = first_layout(self.space, self.settings.seed)
             evaluations = self._spec().evaluator().evaluate_all(found)
             self.records.append(found, orbit_sizes(found, self.space.group).tolist(), evaluations)
+        return len(self.records) > 0
 
     def _spec(self) -> WorkerSpec:
         """Return the specification of the evaluators of this study."""

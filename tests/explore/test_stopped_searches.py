@@ -82,13 +82,20 @@ def test_a_signal_before_the_driver_proposes_leaves_one_layout(tmp_path: Path, m
     def stop(*_: object) -> None:
         raise Interrupted
 
-    monkeypatch.setattr(Genetic, "ask", stop)
-    with pytest.raises(Interrupted) as stopped:
-        explore(samples.grid(columns=4, rows=3), tmp_path / "out", driver="genetic", jobs=1)
+    scene = samples.grid(columns=4, rows=3)
+    wanted: dict[str, Any] = {"driver": "genetic", "jobs": 1, "budget": 30}
+    with monkeypatch.context() as patched:
+        patched.setattr(Genetic, "ask", stop)
+        with pytest.raises(Interrupted) as stopped:
+            explore(scene, tmp_path / "out", **wanted)
     done = stopped.value.done
     assert (len(done.results), done.summary.stop_reason) == (1, "interrupted")
     assert done.summary.best is not None
     assert (tmp_path / "out" / "report.html").exists()
+    # that layout, which no driver proposed, is not part of the search when it goes on
+    resumed = explore(scene, tmp_path / "out", **wanted, resume=True, pictures=False).results
+    whole = explore(scene, tmp_path / "whole", **wanted, pictures=False).results
+    assert resumed["labelling"].tolist() == whole["labelling"].tolist()
 
 
 def test_a_search_goes_on_with_the_driver_that_it_has(tmp_path: Path) -> None:

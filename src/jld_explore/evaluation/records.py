@@ -230,6 +230,13 @@ class Records:
         self._index.update(zip(named, range(start, end), strict=True))
         self._count = end  # Set the count last, so that an interruption leaves no partial row visible.
 
+    def forget_evaluations(self) -> None:
+        """Delete all evaluations, on disk and in memory."""
+        with self._errors_named(), self._transaction():
+            self._file.execute("DELETE FROM evaluations")
+        self._count = 0
+        self._index.clear()
+
     # --- conflicts --------------------------------------------------------------------------------------
 
     def conflicts(self, key: str) -> tuple[Bits, Bits, Floats, Ints]:
