@@ -9,7 +9,7 @@ from contextlib import nullcontext, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly, build_robust
@@ -17,15 +17,14 @@ from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.files import write_text
 from jld_core.limit import SolveOptions
-from jld_core.models import cost_estimate, require_memory
+from jld_core.models import require_memory
 from jld_core.refinement.cells import crack_cells
 from jld_core.scene import Scene, load_scene
 from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_in_words
 from jld_core.sub_assembly import with_members
 from jld_core.threads import one_thread
-from jld_explore.driver_choice import CLASSES, affordable_settings, choose_driver, nothing_found
+from jld_explore.driver_choice import CLASSES, affordable_settings, choose_driver
 from jld_explore.drivers import DRIVERS, Driver
-from jld_explore.drivers.choice import bound_of_all
 from jld_explore.drivers.exact.certifying import certify
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.evaluation import MakeEvaluator, evaluator_of
@@ -46,22 +45,10 @@ from jld_explore.report.folder import check_certificate_file, write_tables
 from jld_explore.settings import ExploreSettings, Objective
 from jld_explore.space import SearchSpace, from_string, search_space
 from jld_explore.study import Study
-from jld_explore.study_state import Interrupted, Progress, StopReason
+from jld_explore.study_run import STOPPING, run_study
+from jld_explore.study_state import Interrupted, Progress
 from jld_explore.uncut import add_uncut
 from jld_explore.writing_time import PAGE, PICTURES, TABLES, busy_factor, field_seconds, later, search_deadline
-
-BOUNDING: Final = 5.0
-"""Expected time of the bound on all labellings, as a multiple of the time of one labelling.
-
-The bound is omitted if it would be late.
-"""
-
-STOPPING: Final = 0.5
-"""Seconds after the end of a search for the bound on all labellings.
-
-After an interrupt it also limits the solves for the page, which shows forces of the best layout unless solving it takes
-long.
-"""
 
 
 def explore(
@@ -217,13 +204,7 @@ def _search(
     space = _space_of(scene, assembly, settings.driver)
     assembly = space.assembly if isinstance(settings.driver, Driver) else assembly
     settings = affordable_settings(assembly, settings, said)
-    fields = scene.cracks if isinstance(scene.cracks, FieldCracks) else None
-    chosen, total = choose_driver(space, settings, deadline, many=scene.cracks != "faces", cracks_by_fields=fields)
-    if settings.resume and settings.driver is None:
-        # what counts as a small space depends on the time limit, and a search goes on with the driver that it has
-        known = recorded_driver(folder / RECORDS_FILE)
-        if known in DRIVERS and known != chosen.name:
-            chosen, total = choose_driver(space, replace(settings, driver=known), deadline, cracks_by_fields=fields)
+    chosen, total = _driver_of(scene, space, settings, deadline, folder)
     said.append(f"driver: {chosen.name}" + (f", {total} {CLASSES}" if total is not None else ""))
     said += [] if scene.cracks == "faces" else [f"cracks: {cracks_in_words(scene.cracks)}"]
     refuse_unfit(scene, assembly, settings, chosen)
@@ -238,7 +219,7 @@ def _search(
         while said and announce is not None:
             announce(said.pop(0))
 
-    until = search_deadline(deadline, settings, assembly, fields=fields is not None)
+    until = search_deadline(deadline, settings, assembly, fields=isinstance(scene.cracks, FieldCracks))
     study = kind(
         scene,
         assembly,
@@ -253,7 +234,7 @@ def _search(
         make=make,
     )
     write_text(folder / "scene.json", scene.model_dump_json(indent=1, exclude_defaults=True))
-    reason = _run(study, deadline)
+    reason = run_study(study, deadline)
     try:
         with deferred_signals():  # a signal waits until the tables are whole
             done = write_tables(study, reason, later(deadline, settings, TABLES))
@@ -265,6 +246,23 @@ def _search(
                 write_report(done, patience=STOPPING, deadline=Deadline(0.0))
         stop.done = done
         raise
+
+
+def _driver_of(
+    scene: Scene, space: SearchSpace, settings: ExploreSettings, deadline: Deadline, folder: Path
+) -> tuple[Driver, int | None]:
+    """Choose the driver of a search and count the classes of its space if it is small, see `choose_driver`.
+
+    A search that goes on without a named driver keeps the one on record: what counts as a small space depends on the
+    time limit.
+    """
+    fields = scene.cracks if isinstance(scene.cracks, FieldCracks) else None
+    found = choose_driver(space, settings, deadline, many=scene.cracks != "faces", cracks_by_fields=fields)
+    if settings.resume and settings.driver is None:
+        known = recorded_driver(folder / RECORDS_FILE)
+        if known in DRIVERS and known != found[0].name:
+            return choose_driver(space, replace(settings, driver=known), deadline, cracks_by_fields=fields)
+    return found
 
 
 def _completed(
@@ -337,48 +335,6 @@ def _by_cracks(scene: Scene, assembly: Assembly) -> tuple[type[Study], MakeEvalu
     return Study, evaluator_of
 
 
-def _run(study: Study, deadline: Deadline) -> StopReason:
-    """Run the study and bound all labellings if no other bound is known.
-
-    If the search is interrupted, its tables are written before the exception continues.
-    Raises InputError if no labelling was found, and removes the files of the search.
-    """
-    try:
-        reason = study.run()
-        cost = BOUNDING * cost_estimate(study.assembly).seconds
-        if len(study.records) and reason not in (StopReason.PROVEN, StopReason.EXHAUSTED) and study.bound is None:
-            _bound_all(study, in_time=cost < deadline.remaining() + STOPPING)
-    except BaseException as stop:
-        # A signal may arrive between writing to disk and updating memory, so reopen the record on disk.
-        study.records.close()
-        apart = False
-        if isinstance(stop, Interrupted):
-            study.records = study.open_records()
-            apart = study.solve_first()
-            study.records.close()
-        _bound_all(study, in_time=BOUNDING * cost_estimate(study.assembly).seconds < STOPPING)
-        done = write_tables(study, StopReason.INTERRUPTED, Deadline(STOPPING))
-        if study.settings.pictures:
-            write_report(done, patience=STOPPING, deadline=Deadline(0.0))
-        if apart:
-            study.records = study.open_records()
-            study.records.forget_evaluations()
-            study.records.close()
-        if isinstance(stop, Interrupted):
-            stop.done = done
-            if not len(done.results):
-                stop.words = "stopped before a layout was solved; --resume begins with the first"
-        raise
-    if not len(study.records) and reason in (StopReason.EXHAUSTED, StopReason.PROVEN, StopReason.TIME):
-        # The space, too large to count beforehand, is empty, or no labelling was found in time.
-        for path in (study.records.path, study.folder / "scene.json"):
-            path.unlink(missing_ok=True)
-        if not any(study.folder.iterdir()):
-            study.folder.rmdir()
-        raise nothing_found(study.space, study.settings.seconds if reason is StopReason.TIME else None)
-    return reason
-
-
 def _experimented(study: Study, done: Exploration) -> Exploration:
     """Add virtual experiments to a finished study: on the best layouts, or as a search."""
     settings = study.settings
@@ -405,15 +361,3 @@ def _draw(
         write_report(done, deadline=later(deadline, settings, PAGE))  # now with the picture of the best layout
     if missing and announce is not None:
         announce(f"not drawn for lack of time: {', '.join(missing)}; jld plot {done.folder} draws them")
-
-
-def _bound_all(study: Study, *, in_time: bool) -> None:
-    """Record a bound on λ of all labellings if the study has none and `in_time` is True.
-
-    in_time: True if the caller expects the bound in the time left. The records are reopened from disk first and closed
-    at the end. No bound is recorded if `scene.cracks` is not "faces", or the objective is the user's own.
-    """
-    study.records = study.open_records()
-    if study.bound is None and in_time and study.scene.cracks == "faces" and study.settings.own_objective is None:
-        study.keep_bound(bound_of_all(study.space, study.settings.model))
-    study.records.close()

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -33,7 +32,6 @@ from jld_explore.evaluation.worker_tasks import WorkerSpec
 from jld_explore.evaluation.workers import HANG_SECONDS, Workers
 from jld_explore.settings import ExploreSettings
 from jld_explore.space import SearchSpace, to_string, unpack
-from jld_explore.space.labelling import orbit_sizes
 from jld_explore.study_state import Progress, StopReason, name_of, versions
 
 if TYPE_CHECKING:
@@ -52,9 +50,6 @@ _HANGS: Final = 20.0
 
 _SOON: Final = 1.6
 """Expected time of an evaluation, s, up to which the first one of a search is finished although a signal arrived."""
-
-_FOUND: Final = 1.2
-"""Time to find and evaluate a first layout after a signal, s."""
 
 _FIRST: Final = 0.6
 """Share of the remaining time in which a driver must propose its first labelling; then another one is sought."""
@@ -184,20 +179,6 @@ class Study:
         """Return the number of layouts left out because a search for an assembly order stopped."""
         return 0 if self.space.laying is None else self.space.laying.undecided
 
-    @property
-    def complaints(self) -> list[str]:
-        """Return the problems of the record and of proofs in this study, one line each."""
-        anew = f"{self.records.path.name} was empty: nothing had been finished, and the search began anew"
-        left_out = (
-            f"{self.undecided} layouts are left out: the search for an order whose stages stand stopped at its limit"
-        )
-        return [
-            *([anew] if self.records.began_anew else []),
-            *([left_out] if self.undecided else []),
-            *self.records.withdrawn,
-            *(one for one in self.driver.complaints if one not in self.records.withdrawn),
-        ]
-
     def _withdraw_contradicted(self, evaluations: list[Evaluation]) -> None:
         """Withdraw the proven bound if a layout provably carries more, since the proof is wrong."""
         bound = self.bound
@@ -298,7 +279,7 @@ class Study:
 
     def _workers(self) -> Workers:
         """Return the workers that evaluate labellings of this study."""
-        settings, spec = EvaluatorSettings(self.settings.model), self._spec()
+        settings, spec = EvaluatorSettings(self.settings.model), self.worker_spec
         return Workers(
             spec,
             self.settings.jobs,
@@ -308,22 +289,8 @@ class Study:
             ahead=self.driver.ahead,
         )
 
-    def solve_first(self) -> bool:
-        """Evaluate one layout without the driver if none is on record, and record it; return True if it was.
-
-        The record must be open. Nothing happens where one layout is not found and evaluated within a second. The caller
-        forgets the layout again, so that the search resumes as if it had not been stopped.
-        """
-        left = _FOUND - self.evaluation_seconds
-        if len(self.records) or left <= 0.0:
-            return False
-        with suppress(DeadlinePassed), Deadline(left).enforced():
-            found = first_layout(self.space, self.settings.seed)
-            evaluations = self._spec().evaluator().evaluate_all(found)
-            self.records.append(found, orbit_sizes(found, self.space.group).tolist(), evaluations)
-        return len(self.records) > 0
-
-    def _spec(self) -> WorkerSpec:
+    @property
+    def worker_spec(self) -> WorkerSpec:
         """Return the specification of the evaluators of this study."""
         return WorkerSpec.of(self.assembly, EvaluatorSettings(self.settings.model), self._make)
 

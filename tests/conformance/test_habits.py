@@ -137,6 +137,14 @@ def test_the_way_a_wheel_is_tried_works_here() -> None:
     assert "is a checkout, not an installation" in done.stderr
 
 
+def test_modules_are_short() -> None:
+    """The rule of CONTRIBUTING, without exceptions."""
+    paths = sorted((ROOT / "src").rglob("*.py"))
+    lines = {str(path.relative_to(ROOT)): len(path.read_text("utf-8").splitlines()) for path in paths}
+    assert len(lines) > 300
+    assert {path: count for path, count in lines.items() if count > 400} == {}
+
+
 def test_functions_are_short() -> None:
     """Bodies of functions, without signature and docstring, have at most 60 lines."""
     long_functions = {}

@@ -28,6 +28,7 @@ ORDER = [
     ["jld_explore.moved_search", "jld_explore.box_proof"],
     ["jld_explore.moved_layout"],
     ["jld_explore.explore"],
+    ["jld_explore.study_run"],
     ["jld_explore.notebook"],
     ["jld_explore.notebook_kernel"],
     ["jld_explore.driver_choice", "jld_explore.refusals", "jld_explore.writing_time"],

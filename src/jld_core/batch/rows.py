@@ -15,23 +15,21 @@ from jld_core.mechanics import RowPattern, Rows, YieldSet
 from jld_core.program import Template
 
 LARGEST: Final = 3000
-"""Number of faces above which the batch solver is not used: solvers made for large structures are faster on one
-labelling.
-"""
+"""Number of faces above which the batch solver is not used: others solve large structures faster, one at a time."""
 
 EDGES: Final = 8
 """Largest number of hull edges of a spatial face."""
 
 _SIZES: Final = (4, EDGES)
-"""Numbers of hull edges that the batch solver is compiled for."""
+"""Numbers of hull edges for which the batch solver is compiled."""
 
 _CONE: Final = np.array([[0.0] * 6 + [-1.0], [0.0, -1.0] + [0.0] * 5, [0.0, 0.0, -1.0] + [0.0] * 4])
 """Rows of the shear cone of a spatial face, columns N, V1, V2, M1, M2, MT and the bound t on shear."""
 
 MOST: Final = 15_000_000
-"""Number of scalar products of one factorisation above which the batch solver is not used. Solid structures need far
-more products than thin ones with as many faces. Measured: 6³ cubes 8 million, 10³ cubes 290 million, a wall of 30 × 30
-cells 2.5 million.
+"""Number of scalar products of one factorisation above which the batch solver is not used.
+
+Measured: 6³ cubes 8 million, 10³ cubes 290 million, a wall of 30 × 30 cells 2.5 million.
 """
 
 _SMALL: Final = 300  # number of faces up to which every structure stays below `MOST`, so that none is counted
@@ -57,20 +55,19 @@ def fits(template: Template, undecided: Rows | None = None) -> bool:
         len(template.assembly.interfaces) <= LARGEST
         and template.assembly.members.ends is not None
         and rows_of(template, undecided) is not None
-        and (len(template.assembly.interfaces) <= _SMALL or _products(template) <= MOST)
+        and (len(template.assembly.interfaces) <= _SMALL or _products(template.assembly) <= MOST)
     )
 
 
-def _products(template: Template) -> int:
+def _products(assembly: Assembly) -> int:
     """Return the number of scalar multiplications in one block Cholesky factorisation."""
-    return number_of_products(*_graph(template.assembly)[0]) * template.assembly.freedoms**3
+    return number_of_products(*_graph(assembly)[0]) * assembly.freedoms**3
 
 
 def pattern_of(assembly: Assembly) -> tuple[FactorPattern, Ints, Ints]:
     """Return the factor pattern of an assembly's equilibrium, and the elements of each face.
 
-    The results are the pattern, and the two elements of each face as arrays (m,). Elements are numbered among the free
-    ones; −1 stands for a support.
+    The elements of each face are arrays (m,), numbered among the free elements; −1 stands for a support.
     """
     graph, a, b = _graph(assembly)
     return factor_pattern(*graph), a, b

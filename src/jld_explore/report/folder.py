@@ -161,7 +161,7 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
     found = tables.summary(results, study, reason, complete=complete)
     if study.assembly.nominal is not None:
         found |= {"robust": True, "best_nominal": tables.nominal_of_best(results)}
-    found["warnings"] = [*study.assembly.warnings, *study.assembly.notes, *study.complaints, *_uncounted(results)]
+    found["warnings"] = [*study.assembly.warnings, *study.assembly.notes, *_complaints(study), *_uncounted(results)]
     model = study.settings.model
     found["model"] = model.facts()
     if model.effective_area:
@@ -201,6 +201,20 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
     if found["best_labelling"] is not None:
         write_text(study.folder / "blocks.csv", blocks_csv(done.layout()))
     return done
+
+
+def _complaints(study: Study) -> list[str]:
+    """Return the problems of the record and of proofs in a study, one line each."""
+    anew = f"{study.records.path.name} was empty: nothing had been finished, and the search began anew"
+    left_out = (
+        f"{study.undecided} layouts are left out: the search for an order whose stages stand stopped at its limit"
+    )
+    return [
+        *([anew] if study.records.began_anew else []),
+        *([left_out] if study.undecided else []),
+        *study.records.withdrawn,
+        *(one for one in study.driver.complaints if one not in study.records.withdrawn),
+    ]
 
 
 def _uncounted(results: pd.DataFrame) -> list[str]:
