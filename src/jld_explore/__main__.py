@@ -29,12 +29,16 @@ def main() -> None:
             sys.exit(0)
         gc.disable()  # Nothing loaded becomes garbage; collections took 7 % of loading. `command` enables it again.
         from jld_explore.cli.command import main as command
+        from jld_explore.cli.ending import ignore_signals
     except KeyboardInterrupt:  # Nothing has begun while modules are loading.
         from jld_explore.cli.streams import STOPPED, STOPPED_WORDS, warn
 
         warn(STOPPED_WORDS)
         sys.exit(STOPPED)
-    command(started)
+    try:
+        command(started)
+    finally:
+        ignore_signals()
 
 
 if __name__ == "__main__":

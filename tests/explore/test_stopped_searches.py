@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 import signal
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import pytest
 from jld_core import samples
 from jld_explore import ExploreSettings, explore
 from jld_explore import __main__ as entry
-from jld_explore.cli import ending, streams
+from jld_explore.cli import command, ending, streams
 from jld_explore.cli.ending import raise_on_signals
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.evaluation.record_file import recorded_driver
@@ -111,12 +112,20 @@ def test_a_search_goes_on_with_the_driver_that_it_has(tmp_path: Path) -> None:
     assert recorded_driver(tmp_path / "broken") is None
 
 
-def test_a_signal_while_the_process_ends_does_not_replace_its_exit_code() -> None:
-    """Python resets its handlers before it ends, so that SIGINT then killed a search that was complete."""
+def test_a_signal_while_the_process_ends_does_not_replace_its_exit_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Python resets its handlers before it ends, so that SIGINT then killed a search that was complete.
+
+    A command that is called within a process leaves its signals alone.
+    """
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    monkeypatch.setattr(sys, "argv", ["jld", "--version"])
     try:
         with pytest.raises(SystemExit) as end:
-            ending.run(lambda **_: 0, 0.0)  # type: ignore[arg-type]
+            command.main()
+        assert end.value.code == 0
+        assert signal.SIG_IGN not in [signal.getsignal(number) for number in handlers]
+        with pytest.raises(SystemExit) as end:
+            entry.main()
         assert end.value.code == 0
         assert [signal.getsignal(number) for number in handlers] == [signal.SIG_IGN] * 2
     finally:

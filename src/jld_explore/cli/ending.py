@@ -117,6 +117,13 @@ def complain(line: str) -> NoReturn:
     sys.exit(INPUT)
 
 
+def ignore_signals() -> None:
+    """Ignore signals while the process ends: everything is written, and one would replace its exit code."""
+    if threading.current_thread() is threading.main_thread():
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
+
+
 def run(app: typer.Typer, started: float) -> NoReturn:
     """Run the command line; every error ends in one line on stderr and an exit code.
 
@@ -124,21 +131,6 @@ def run(app: typer.Typer, started: float) -> NoReturn:
     always raises SystemExit.
     """
     interrupt_on_signals()
-    try:
-        _run(app, started)
-    finally:
-        _ignore_signals()
-
-
-def _ignore_signals() -> None:
-    """Ignore signals while the process ends: everything is written, and one would replace its exit code."""
-    if threading.current_thread() is threading.main_thread():
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, signal.SIG_IGN)
-
-
-def _run(app: typer.Typer, started: float) -> NoReturn:
-    """Run the command line as `run` does, without regard to signals at the end."""
     try:
         code = app(standalone_mode=False, obj=started)
     except InputError as error:
