@@ -24,6 +24,7 @@ from cases import grid_document
 from command import running
 from jld_core import InputError, build_assembly, parse_scene, samples
 from jld_core.arrays import Bits
+from jld_core.batch import chosen
 from jld_core.deadline import Deadline, DeadlinePassed, checkpoint, time_left
 from jld_core.limit import SolveOptions
 from jld_explore import Driver, ExploreSettings, explore, field_check
@@ -387,3 +388,15 @@ def test_a_labelling_that_would_surely_end_late_is_not_begun() -> None:
     evaluator._shortest = 1000.0
     assert evaluator.evaluate_all(rows, None, Deadline(60.0)) == []
     assert len(evaluator.evaluate_all(rows)) == 2
+
+
+@pytest.mark.skipif(chosen() is None, reason="labellings are solved one at a time")
+def test_a_batch_has_no_more_labellings_than_there_is_time_for() -> None:
+    """A batch of large assemblies took seconds that no deadline ended."""
+    assembly = build_assembly(samples.grid(columns=3, rows=2))
+    evaluator = Evaluator(assembly, EvaluatorSettings())
+    rows = np.repeat(assembly.labels[None], 8, axis=0)
+    assert len(evaluator.evaluate_all(rows, None, Deadline(60.0))) == 8
+    for each, number in ((25.0, 2), (1000.0, 1)):
+        evaluator._batch_share = each
+        assert len(evaluator.evaluate_all(rows, None, Deadline(60.0))) == number

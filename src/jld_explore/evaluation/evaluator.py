@@ -35,7 +35,7 @@ class Evaluator(SharedEvaluator):
         self, assembly: Assembly, settings: EvaluatorSettings, share_batch_solver_with: Evaluator | None = None
     ) -> None:
         self.assembly, self.settings = assembly, settings
-        self._shortest = 0.0
+        self._shortest = self._batch_share = 0.0
         self._batch: BatchAnalysis | None
         if share_batch_solver_with is not None:
             self._batch = share_batch_solver_with._batch
@@ -71,6 +71,10 @@ class Evaluator(SharedEvaluator):
         """
         if deadline is not None and deadline.passed():
             return []
+        if deadline is not None and self._batch_share > 0.0:
+            # no more than there is time for, at least one
+            labellings = labellings[: max(1, int(min(deadline.remaining() / self._batch_share, len(labellings))))]
+            pruning_thresholds = None if pruning_thresholds is None else pruning_thresholds[: len(labellings)]
         known = self._by_batch_solver(labellings)
         values = [-math.inf] * len(labellings) if pruning_thresholds is None else pruning_thresholds.tolist()
         found: list[Evaluation] = []
@@ -105,7 +109,7 @@ class Evaluator(SharedEvaluator):
         batch_results = self._batch.prove(labellings)
         scale = self._batch.load
         low, high = (scale * batch_results.low).tolist(), (scale * batch_results.high).tolist()
-        each = (time.perf_counter() - start) / max(len(labellings), 1)
+        each = self._batch_share = (time.perf_counter() - start) / max(len(labellings), 1)
         found: list[Evaluation | None] = []
         for k, (least, most) in enumerate(zip(low, high, strict=True)):
             status = batch_results.status(k)

@@ -15,7 +15,8 @@ from jld_core.exchange import blocks_csv
 from jld_core.files import require_folder, require_writable, write_text
 from jld_core.limit import LimitAnalysisResult
 from jld_core.models import cost_estimate
-from jld_core.scene.cracks import FieldCracks, cracks_to_json
+from jld_core.refinement.cells import crack_cells
+from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_to_json
 from jld_explore.drivers.choice import what_would_prove
 from jld_explore.drivers.field_conflicts import CONFLICTS_FILE
 from jld_explore.evaluation.records import RECORDS_FILE
@@ -284,8 +285,12 @@ def write_pictures(
 
 def _drawing_seconds(name: str, done: Exploration) -> float:
     """Return the longest processor time of one of `PICTURES`, s; the best layout is solved for its picture."""
-    solved = name == "best" and not isinstance(done.scene.cracks, FieldCracks)
-    return _DRAWING + _DRAWING_FACE * done.assembly.faces + (cost_estimate(done.assembly).seconds if solved else 0.0)
+    solved, cracks = done.assembly, done.scene.cracks
+    if name != "best" or isinstance(cracks, FieldCracks):
+        return _DRAWING + _DRAWING_FACE * solved.faces
+    if isinstance(cracks, CellCracks):
+        solved = crack_cells(done.scene, solved, cracks.cell).fine
+    return _DRAWING + _DRAWING_FACE * solved.faces + cost_estimate(solved).seconds
 
 
 def _drawings(name: str, done: Exploration, fields: float) -> dict[str, Callable[[], Figure]]:
