@@ -1,6 +1,6 @@
 """Measure designs from outlines: ``python -m benchmarks.designs [SECONDS [NAME...]]``.
 
-Outlines, each under one clock of 600 s with all cores. A wall of 2 × 1.2 m, 0.3 m thick, over a semicircular
+Outlines, each under one clock with all cores. A wall of 2 × 1.2 m, 0.3 m thick, over a semicircular
 opening of radius 0.7 m, with 10 kN at a quarter of its length and a push of 0.05 g to either side. A bridge of 8 m span
 under 40 kN at a quarter and at the middle. A jack arch of 2 m between raked sides under 20 kN. A barrel vault of 4 m
 span, drawn as one solid, under 5 kN at a quarter. λ by fields, where blocks crack anywhere, is bounded once more for
