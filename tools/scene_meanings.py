@@ -297,6 +297,7 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
             "", "Least and most sawn faces of all blocks; the two sides of planar blocks are left out."
         ),
         "saw_set_ups": Meaning("", "Least and most set-ups of the saw: directions of faces, summed over the shapes."),
+        "limits": Meaning("", "Bounds of further counts by name: any count of the tables, those of plug-ins too."),
         "moulds": Meaning("", "What counts as one shape beside being moved."),
         "require": Meaning(
             "", "A load factor to be met; the best by the front's count is looked for among what meets it."

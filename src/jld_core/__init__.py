@@ -9,6 +9,7 @@
 - `SolveOptions`: modelling options of a solve, as on the command line
 - `SolverError`: error for a program that a solver does not support
 - `Status`: status of a result: collapse, locked, unstable or uncertified
+- `blocks_of`: find the blocks of a labelling
 - `build_assembly`: build the assembly of a scene
 - `geometry_sensitivities`: compute the derivatives of λ by the positions of vertices
 - `load_scene`: read a scene file
@@ -29,7 +30,7 @@ from jld_core.lazy_exports import export_lazily
 
 if TYPE_CHECKING:
     from jld_core import samples, solvers, views
-    from jld_core.assembly import Assembly
+    from jld_core.assembly import Assembly, blocks_of
     from jld_core.build import build_assembly
     from jld_core.errors import InputError, SolverError
     from jld_core.geometry_optimisation.sensitivity import geometry_sensitivities
@@ -48,6 +49,7 @@ __all__ = [
     "SolveOptions",
     "SolverError",
     "Status",
+    "blocks_of",
     "build_assembly",
     "geometry_sensitivities",
     "load_scene",
@@ -62,7 +64,7 @@ __all__ = [
 export_lazily(
     __name__,
     {
-        "assembly": ["Assembly"],
+        "assembly": ["Assembly", "blocks_of"],
         "build": ["build_assembly"],
         "errors": ["InputError", "SolverError"],
         "geometry_optimisation.sensitivity": ["geometry_sensitivities"],

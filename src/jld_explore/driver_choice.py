@@ -16,8 +16,9 @@ from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import InputError, ParameterError
 from jld_core.memory import memory_limit
 from jld_core.models import require_memory
+from jld_core.plugins import suggestion
 from jld_core.scene.cracks import FieldCracks
-from jld_explore.drivers import DRIVERS, Driver, make_driver
+from jld_explore.drivers import Driver, driver_kinds, make_driver
 from jld_explore.drivers.choice import REACH, driver_for
 from jld_explore.drivers.enumeration import Enumeration, size_up_to
 from jld_explore.drivers.field_exact import FieldExact
@@ -70,8 +71,8 @@ def choose_driver(
         If the driver or an option is unknown, or the space provably holds no labelling.
     """
     wanted = settings.driver
-    if isinstance(wanted, str) and wanted not in DRIVERS:
-        raise ParameterError("driver", f"no driver is named {wanted!r}", "one of " + ", ".join(DRIVERS))
+    if isinstance(wanted, str) and wanted not in (kinds := driver_kinds()):
+        raise ParameterError("driver", f"no driver is named {wanted!r}", suggestion(wanted, list(kinds)))
     # A driver chosen by name needs the size of the space for progress reports only. Spaces beyond the reach of a proof
     # are hardly ever small, and the genetic driver comes to the end of those that are.
     quick = isinstance(wanted, str) and wanted != Enumeration.name

@@ -24,7 +24,7 @@ from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_in_words
 from jld_core.sub_assembly import with_members
 from jld_core.threads import one_thread
 from jld_explore.driver_choice import CLASSES, affordable_settings, choose_driver
-from jld_explore.drivers import DRIVERS, Driver
+from jld_explore.drivers import Driver, driver_kinds
 from jld_explore.drivers.exact.certifying import certify
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.evaluation import MakeEvaluator, evaluator_of
@@ -260,7 +260,7 @@ def _driver_of(
     found = choose_driver(space, settings, deadline, many=scene.cracks != "faces", cracks_by_fields=fields)
     if settings.resume and settings.driver is None:
         known = recorded_driver(folder / RECORDS_FILE)
-        if known in DRIVERS and known != found[0].name:
+        if known in driver_kinds() and known != found[0].name:
             return choose_driver(space, replace(settings, driver=known), deadline, cracks_by_fields=fields)
     return found
 

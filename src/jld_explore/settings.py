@@ -5,19 +5,20 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, Final, Literal, get_args
+from typing import Any, Final
 
+from jld_core import plugins
 from jld_core.errors import ParameterError
 from jld_core.limit import SolveOptions
 from jld_explore.drivers import Driver
 from jld_explore.evaluation.own_objective import OwnObjective
 
-ObjectiveName = Literal["associative", "zero-dilation", "zero-dilation-floor", "experiment", "reliability"]
+OBJECTIVES: Final = ("associative", "zero-dilation", "zero-dilation-floor", "experiment", "reliability")
 """What a search maximises: λ with associative friction; without dilation the lowest λ found, or a proven bound below
 it (-floor); what a virtual experiment carries; or the reliability index of the best layouts by λ."""
 
-Objective = ObjectiveName | OwnObjective
-"""Objective by name, or a function of an evaluation, the assembly and the labels."""
+Objective = str | OwnObjective
+"""An objective of jld or of a plug-in by name, or a function of an evaluation, the assembly and the labels."""
 
 SMALL: Final = 20_000
 """Default of `SearchMethod.small`: number of classes up to which a space is enumerated by default."""
@@ -83,10 +84,8 @@ class ModelSettings:
         """
         if callable(objective):
             return replace(self, own_objective=objective, by_experiment=False)
-        names = get_args(ObjectiveName)
-        if objective not in names:
-            problem = f"no objective is named {objective!r}"
-            raise ParameterError("objective", problem, ", ".join(names) + " or a function")
+        if objective not in OBJECTIVES:
+            return self.maximising(_plugin(objective))
         if objective.startswith("zero"):
             seconds = _BOUND_SECONDS if objective == "zero-dilation-floor" else 0.0
             model = replace(self.model, friction="zero-dilation", range=True, floor_seconds=seconds)
@@ -95,6 +94,19 @@ class ModelSettings:
         ranked = self.reliability or _RELIABLE if objective == "reliability" else self.reliability
         tested = objective == "experiment"
         return replace(self, model=model, by_experiment=tested, own_objective=None, reliability=ranked)
+
+
+def _plugin(objective: object) -> OwnObjective:
+    """Return the function of an objective that a plug-in brings; InputError for an unknown name."""
+    points = plugins.entry_points("jld.objectives")
+    if not isinstance(objective, str) or objective not in points:
+        known = [*OBJECTIVES, *points]
+        near = plugins.suggestion(objective, known) if isinstance(objective, str) else ", ".join(known)
+        raise ParameterError("objective", f"no objective is named {objective!r}", f"{near} or a function")
+    function: OwnObjective = plugins.load("jld.objectives", objective)
+    if not callable(function):
+        raise plugins.refuse_type("jld.objectives", objective, "a function of (evaluation, assembly, labels)")
+    return function
 
 
 @dataclass(frozen=True)

@@ -160,6 +160,8 @@ class Search(Part):
         Bounds of the length (in space area) of the faces of all blocks.
     saw_cuts, saw_set_ups : [int, int]
         Bounds of the number of sawn faces of all blocks, and of directions of these faces, summed over shapes.
+    limits : dict of str to [float, float]
+        Bounds of counts by name: any column of the tables that is a count, those of plug-ins too.
     moulds : Moulds
         Congruence by which shapes are counted.
     require : Require or None
@@ -197,6 +199,7 @@ class Search(Part):
     sawn_length: Sizes = [None, None]
     saw_cuts: Counts = [None, None]
     saw_set_ups: Counts = [None, None]
+    limits: dict[str, Sizes] = {}
     moulds: Moulds = Moulds()
     require: Require | None = None
     void: VoidCells | None = None
@@ -218,3 +221,14 @@ class Search(Part):
         "saw_cuts",
         "saw_set_ups",
     )(_ordered)
+
+    @field_validator("limits")
+    @classmethod
+    def _limits_in_order(cls, limits: dict[str, list[float | None]]) -> dict[str, list[float | None]]:
+        """Check the bounds of each count."""
+        for name, bounds in limits.items():
+            try:
+                _ordered(bounds)
+            except InputError as error:
+                raise InputError(f".{name}", error.problem, error.expected) from None
+        return limits

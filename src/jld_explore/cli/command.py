@@ -10,6 +10,7 @@ from typing import Annotated, Any, Final
 import typer
 from typer.core import TyperGroup
 
+from jld_core import plugins
 from jld_core._version import __version__
 from jld_explore.cli import overview
 from jld_explore.cli.ending import run
@@ -44,11 +45,17 @@ def _imported(name: str) -> Any:
         from jld_explore.cli.samples import commands
 
         return typer.main.get_command(commands())
-    if name not in _FUNCTIONS:
+    if name in _FUNCTIONS:
+        module, function = _FUNCTIONS[name]
+        command = getattr(import_module(f"jld_explore.cli.{module}"), function)
+    elif name in plugins.entry_points("jld.commands"):
+        command = plugins.load("jld.commands", name)
+        if not callable(command):
+            raise plugins.refuse_type("jld.commands", name, "a function whose parameters are annotated for typer")
+    else:
         return None
-    module, function = _FUNCTIONS[name]
     one = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
-    one.command(name=name)(getattr(import_module(f"jld_explore.cli.{module}"), function))
+    one.command(name=name)(command)
     return typer.main.get_command(one)
 
 
@@ -60,7 +67,7 @@ class _Group(TyperGroup):
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Return the names of all commands."""
-        return list(overview.COMMANDS)
+        return [*overview.COMMANDS, *plugins.entry_points("jld.commands")]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """Import a command; return None if there is none of that name."""

@@ -8,7 +8,7 @@ from typing import Annotated, Any, get_type_hints
 
 import typer
 
-from jld_explore.drivers import DRIVERS
+from jld_explore.drivers import driver_kinds
 from jld_explore.drivers.registry import owners
 
 
@@ -18,7 +18,7 @@ def with_driver_options(command: Callable[..., None]) -> Callable[..., None]:
     The command gets their values, texts or None, as further keyword arguments. The help texts come from the drivers,
     which also validate the values.
     """
-    kinds = {name: list(owners(name)) for kind in DRIVERS.values() for name in kind.Options.model_fields}
+    kinds = {name: list(owners(name)) for kind in driver_kinds().values() for name in kind.Options.model_fields}
     types = {name: hint for name, hint in get_type_hints(command, include_extras=True).items() if name != "own"}
     stated = inspect.signature(command).parameters
     parameters = [p.replace(annotation=types[name]) for name, p in stated.items() if name in types]

@@ -1,8 +1,10 @@
-"""Provide the text of `jld --help` without other imports, so that it appears at once."""
+"""Provide the text of `jld --help` without slow imports, so that it appears at once."""
 
 from __future__ import annotations
 
 from typing import Final
+
+from jld_core import plugins
 
 COMMANDS: Final = {
     "new": "write a scene by name: arch, wall, corner, vault, dome, flat-arch, buttress, grid",
@@ -50,11 +52,27 @@ _EXAMPLE = """  jld new wall --length 1.2 --courses 6 -o wall.json
   jld export out/wall --format dxf -o wall.dxf"""
 
 
+def _added(group: str) -> dict[str, str]:
+    """Return what installed plug-ins add to a group, with the package of each."""
+    return {name: f"of the package {plugins.package(one)}" for name, one in plugins.entry_points(group).items()}
+
+
 def text() -> str:
     """Return the text of `jld --help`: commands, drivers and an example."""
     parts = [_HEAD]
-    tables = {"Options": _OPTIONS, "Commands": COMMANDS, "Drivers of jld explore (--driver)": DRIVERS}
+    tables = {
+        "Options": _OPTIONS,
+        "Commands": COMMANDS | _added("jld.commands"),
+        "Drivers of jld explore (--driver)": DRIVERS | _added("jld.drivers"),
+        "Objectives of plug-ins (--objective)": _added("jld.objectives"),
+        "Counts of plug-ins (search.front, search.limits)": _added("jld.counts"),
+        "Criteria of plug-ins (materials.inner.criterion, materials.dry.criterion)": _added("jld.criteria"),
+        "Formats of plug-ins (jld import, jld export --format)": _added("jld.formats"),
+        "Steps of plug-ins (after jld explore)": _added("jld.steps"),
+    }
     for title, lines in tables.items():
+        if not lines:
+            continue
         width = max(map(len, lines))
         parts.append("\n".join([f"{title}:", *(f"  {name:<{width}}  {words}" for name, words in lines.items())]) + "\n")
     return "\n".join([*parts, "Example:", _EXAMPLE, ""])

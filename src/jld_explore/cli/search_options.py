@@ -7,19 +7,16 @@ from typing import Annotated
 
 import typer
 
-from jld_explore.settings import (
-    ObjectiveName,
-)
-
 OutFolder = Annotated[Path, typer.Option(help="Folder for tables and pictures.", show_default=False)]
 DriverName = Annotated[
     str | None, typer.Option(help="Search driver; default: one that proves where the proof is in reach.")
 ]
 Objective = Annotated[
-    ObjectiveName,
+    str,
     typer.Option(
+        metavar="[associative|zero-dilation|zero-dilation-floor|experiment|reliability|PLUG-IN]",
         help="What is maximised: λ; without dilation the lowest found, or a proven bound below it (-floor); or "
-        "what a virtual experiment carries; or the reliability index of the best by λ."
+        "what a virtual experiment carries; or the reliability index of the best by λ.",
     ),
 ]
 ExperimentOf = Annotated[

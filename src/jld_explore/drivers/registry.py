@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, Final
 
+from jld_core import plugins
 from jld_core.errors import ParameterError
 from jld_explore.drivers.anneal import Anneal
 from jld_explore.drivers.base import Driver
@@ -20,7 +21,27 @@ from jld_explore.space import SearchSpace
 DRIVERS: Final[dict[str, type[Driver]]] = {
     kind.name: kind for kind in (Enumeration, Random, HillClimb, Anneal, Genetic, Optuna, Exact)
 }
-"""Driver classes by name; a class added to this dictionary can be chosen by its name."""
+"""Driver classes of jld by name."""
+
+
+def driver_kinds() -> dict[str, type[Driver]]:
+    """Return all driver classes by name: those of jld, then those of installed plug-ins.
+
+    Returns
+    -------
+    dict of str to type
+        Subclasses of `Driver`.
+
+    Raises
+    ------
+    InputError
+        If a plug-in cannot be loaded, is no driver, or has a name that is taken.
+    """
+    added = plugins.load_all("jld.drivers", tuple(DRIVERS))
+    for name, kind in added.items():
+        if not (isinstance(kind, type) and issubclass(kind, Driver) and getattr(kind, "name", None) == name):
+            raise plugins.refuse_type("jld.drivers", name, f"a subclass of jld_explore.Driver with name = {name!r}")
+    return DRIVERS | added
 
 
 def owners(option: str) -> Iterator[type[Driver]]:
@@ -36,7 +57,7 @@ def owners(option: str) -> Iterator[type[Driver]]:
     iterator of type
         Driver classes with a field of that name in `Options`.
     """
-    return (kind for kind in DRIVERS.values() if option in kind.Options.model_fields)
+    return (kind for kind in driver_kinds().values() if option in kind.Options.model_fields)
 
 
 def make_driver(name: str, space: SearchSpace, seed: int, **options: Any) -> Driver:
@@ -47,7 +68,7 @@ def make_driver(name: str, space: SearchSpace, seed: int, **options: Any) -> Dri
     Parameters
     ----------
     name : str
-        A key of `DRIVERS`.
+        A name of `driver_kinds`.
     space : SearchSpace
         The search space.
     seed : int
@@ -63,16 +84,17 @@ def make_driver(name: str, space: SearchSpace, seed: int, **options: Any) -> Dri
     Raises
     ------
     InputError
-        If an option has a wrong value or belongs to another driver.
-    KeyError
-        If no driver has the name.
+        If no driver has the name, an option has a wrong value or belongs to another driver.
     """
+    kinds = driver_kinds()
+    if name not in kinds:
+        raise ParameterError("driver", f"no driver is named {name!r}", plugins.suggestion(name, list(kinds)))
     given = {key: value for key, value in options.items() if value is not None}
     for key in given:
-        if key not in DRIVERS[name].Options.model_fields:
+        if key not in kinds[name].Options.model_fields:
             others = " or ".join(f'`driver="{kind.name}"`' for kind in owners(key)) or "an option that it has"
             raise ParameterError(key, f"the driver {name} has no such option", others)
-    kind = DRIVERS[name]
+    kind = kinds[name]
     if kind is Exact and space.search.require is not None:
         # with a required load factor the exact driver optimises a count
         return MinimumCount.made(space, seed, given)

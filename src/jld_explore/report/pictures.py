@@ -22,6 +22,7 @@ from matplotlib.ticker import MaxNLocator
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.limit import LimitAnalysisResult, Status
+from jld_core.scene.search import Front
 from jld_core.sub_assembly import with_members
 from jld_core.views import figures as core
 from jld_core.views.annotations import frame
@@ -32,7 +33,7 @@ from jld_explore.report.evidence import known_front
 from jld_explore.space import Count, count_named, registered
 from jld_explore.space.void import cut, dry_of
 
-FIRST: Final = registered()[0].name
+FIRST: Final[str] = Front().count
 """Default count of the front in pictures."""
 
 SHARE: Final = LinearSegmentedColormap.from_list("share", ["#C9C9C9", "#D89A2B", "#8C2300"])

@@ -171,7 +171,7 @@ def _refuse_shapes_and_sawing(
             known[count.name] = (float(max(numbers.least, 1) * count.least_of_block[dimension]), np.inf, f"of {why}")
         elif count.least_of_shape:
             known[count.name] = (float(alone * count.least_of_shape[dimension]), np.inf, f"of at least {alone} shapes")
-        elif not count.integer:
+        elif count.monotone:
             low, high = (float(value) for value in values_of(count, assembly, ends, graph))
             known[count.name] = (low, high, "from all faces inner to all faces dry")
     for count, bounds in asked:

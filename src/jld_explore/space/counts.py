@@ -1,18 +1,19 @@
 """Define counts of labellings for tables, fronts, pictures and proofs.
 
 A registered count is a column of the results and may be an axis of a scene's front.
-It is also a limit if "search" has a key of its name. `register` adds a count.
+`"search": {"limits": {NAME: [least, most]}}` bounds any count. Plug-ins bring counts; `register` adds one to a process.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Final
 
 import numpy as np
 
+from jld_core import plugins
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
@@ -127,6 +128,8 @@ class Count:
         True if the count is the number of different shapes among the blocks.
     outlines : bool
         True if the count needs the outlines of blocks; tables leave it blank where time ends.
+    monotone : bool
+        True if a further dry face never lowers the count: its range is known from the ends.
     least_of_block, least_of_shape : mapping of int to int, or None
         By dimension, what each block (each different shape) adds at least; None where unknown.
     """
@@ -141,6 +144,7 @@ class Count:
     terms: Callable[[Assembly], Terms] | None = None
     kinds: bool = False
     outlines: bool = False
+    monotone: bool = False
     least_of_block: Mapping[int, int] | None = None
     least_of_shape: Mapping[int, int] | None = None
 
@@ -230,6 +234,7 @@ _COUNTS: Final[dict[str, Count]] = {
             axis=lambda assembly: "dry length" if _planar(assembly) else "dry area",
             noun="dry",
             integer=False,
+            monotone=True,
             unit=lambda assembly: assembly.units[0] + ("" if _planar(assembly) else "²"),
         ),
         Count(
@@ -260,6 +265,7 @@ _COUNTS: Final[dict[str, Count]] = {
             axis=lambda assembly: "sawn length" if _planar(assembly) else "sawn area",
             noun="sawn",
             integer=False,
+            monotone=True,
             unit=lambda assembly: assembly.units[0] + ("" if _planar(assembly) else "²"),
         ),
         Count(
@@ -300,14 +306,28 @@ _COUNTS: Final[dict[str, Count]] = {
 }
 
 
+_BUILT_IN: Final = tuple(_COUNTS)
+"""Names of the counts of jld."""
+
+
+@cache
+def _add_plugins() -> None:
+    """Register the counts of installed plug-ins, once; InputError for one that is no count."""
+    for name, count in plugins.load_all("jld.counts", _BUILT_IN).items():
+        if not isinstance(count, Count) or count.name != name or not name.isidentifier():
+            raise plugins.refuse_type("jld.counts", name, f"a jld_explore.space.Count with name={name!r}")
+        _COUNTS.setdefault(name, count)
+
+
 def registered() -> tuple[Count, ...]:
     """Return all counts in the order of their columns.
 
     Returns
     -------
     tuple of Count
-        Built-in and added counts.
+        Counts of jld, of plug-ins, and those of `register`.
     """
+    _add_plugins()
     return tuple(_COUNTS.values())
 
 
@@ -365,7 +385,7 @@ def count_named(name: str, where: str = "search.front.count") -> Count:
     InputError
         If no count has this name.
     """
+    _add_plugins()
     if name not in _COUNTS:
-        known = ", ".join(f'"{other}"' for other in _COUNTS)
-        raise InputError(where, f'"{name}" is no count', f"one of {known}")
+        raise InputError(where, f'"{name}" is no count', plugins.suggestion(name, list(_COUNTS)))
     return _COUNTS[name]

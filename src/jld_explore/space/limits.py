@@ -20,7 +20,7 @@ from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.scene import Search
 from jld_explore.space.count_values import values_of
-from jld_explore.space.counts import Count, Terms, registered
+from jld_explore.space.counts import Count, Terms, count_named, registered
 from jld_explore.space.labelling import Connectivity, blocks_of, numbers_of
 from jld_explore.space.measures import CELLS, EXEMPT, MEASURES, Measure, Range, Sized, SizeOf, block_sizes
 from jld_explore.space.shapes import BlockShapes
@@ -60,8 +60,10 @@ class Limits:
     @cached_property
     def on_counts(self) -> tuple[tuple[Count, Range], ...]:
         """Given limits on counts."""
-        known = (count for count in registered() if count.name in type(self.search).model_fields)
-        ranges = ((count, Range.of(getattr(self.search, count.name), whole=count.integer)) for count in known)
+        keys = type(self.search).model_fields.keys()
+        given = [(count, getattr(self.search, count.name)) for count in registered() if count.name in keys]
+        given += [(count_named(name, f"search.limits.{name}"), pair) for name, pair in self.search.limits.items()]
+        ranges = ((count, Range.of(pair, whole=count.integer)) for count, pair in given)
         return tuple((count, bounds) for count, bounds in ranges if bounds.given)
 
     @cached_property

@@ -1,0 +1,154 @@
+"""What a stranger's package brings works without a change here: `tests/plugin`, installed into a folder of its own."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import jld_core as jc
+import jld_explore as je
+from jld_core import plugins
+from jld_explore.drivers import make_driver
+from jld_explore.space import registered, search_space, unregister
+from paths import ROOT, SCENES
+from plugged_in import install
+
+SCENE = SCENES / "flat_beam_arch.json"
+
+
+def forget() -> None:
+    """Forget which plug-ins were found."""
+    from jld_explore.space import counts
+
+    for function in (plugins.entry_points, plugins.load, counts._add_plugins):
+        function.cache_clear()
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return install(tmp_path_factory.mktemp("site"))
+
+
+@pytest.fixture
+def plugged(site: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    monkeypatch.syspath_prepend(site)
+    forget()
+    yield
+    for name in plugins.entry_points("jld.counts"):
+        if name in [count.name for count in registered()]:
+            unregister(name)
+    monkeypatch.undo()
+    forget()
+
+
+def run(site: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    path = os.pathsep.join([str(site), str(ROOT / "src")])
+    command = [sys.executable, "-m", "jld_explore", *words]
+    return subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ | {"PYTHONPATH": path})
+
+
+def small(**search: Any) -> dict[str, Any]:
+    """A wall of nine cells that is pushed, with a search."""
+    return {
+        "grid": {"cell": [0.2, 0.1], "thickness": 0.1, "rows": ["abc", "def", "ghi", "###"]},
+        "materials": {
+            "density": 2000,
+            "dry": {"friction_coefficient": 0.6},
+            "inner": {"tensile_strength": 2e3, "shear_strength": 2e3, "friction_coefficient": 0.5},
+        },
+        "loads": {"live": [{"body": [1, 0]}]},
+        "search": {"block_cells": [1, 3], **search},
+    }
+
+
+@pytest.mark.usefixtures("plugged")
+def test_a_driver_is_found_by_its_name_with_its_options(tmp_path: Path) -> None:
+    found = je.explore(SCENE, tmp_path / "out", driver="sweep", options={"step": 2}, budget=40, pictures=False)
+    assert (found.summary.driver, found.summary.evaluated) == ("sweep", 40)
+    space = search_space(jc.load_scene(SCENE), jc.build_assembly(jc.load_scene(SCENE)))
+    with pytest.raises(jc.InputError, match="step: 0 is wrong"):
+        make_driver("sweep", space, 0, step=0)
+    with pytest.raises(jc.InputError, match=r"driver: no driver is named 'sweeep'; expected 'sweep'"):
+        make_driver("sweeep", space, 0)
+
+
+@pytest.mark.usefixtures("plugged")
+@pytest.mark.parametrize("driver", ["enumeration", "random", "genetic", "anneal", "hillclimb", "exact", "sweep"])
+def test_a_count_is_column_limit_and_front_of_every_driver(driver: str, tmp_path: Path) -> None:
+    document = small(limits={"long_faces": [None, 3]}, front={"count": "long_faces"})
+    found = je.explore(jc.parse_scene(document), tmp_path / "out", driver=driver, budget=60, pictures=False)
+    assert found.results["long_faces"].max() <= 3
+    assert {point["count"] for point in found.summary.to_json()["front"]} <= {0, 1, 2, 3}
+    assert "long_faces" in (tmp_path / "out" / "pareto.csv").read_text("utf-8").splitlines()[0]
+
+
+@pytest.mark.usefixtures("plugged")
+def test_proofs_respect_a_limit_on_a_count(tmp_path: Path) -> None:
+    """The best of the exact driver is the best of all layouts, and smaller than without the limit."""
+    best = {}
+    for limit in (2, None):
+        scene = jc.parse_scene(small(limits={"long_faces": [None, limit]}))
+        for driver in ("enumeration", "exact"):
+            done = je.explore(scene, tmp_path / f"{driver}{limit}", driver=driver, pictures=False)
+            assert done.summary.proven
+            best[driver, limit] = done.summary.best
+    for limit in (2, None):
+        assert best["exact", limit] == pytest.approx(best["enumeration", limit], rel=1e-6)
+
+
+@pytest.mark.usefixtures("plugged")
+def test_an_objective_is_maximised_by_its_name(tmp_path: Path) -> None:
+    scene = jc.parse_scene(small())
+    named = je.explore(scene, tmp_path / "a", objective="strength_per_block", driver="enumeration", pictures=False)
+    function = plugins.load("jld.objectives", "strength_per_block")
+    given = je.explore(scene, tmp_path / "b", objective=function, driver="enumeration", pictures=False)
+    assert named.summary.best == given.summary.best
+    assert not named.summary.proven
+    with pytest.raises(jc.InputError, match="objective: no objective is named 'stiffness'"):
+        je.explore(scene, tmp_path / "c", objective="stiffness")
+
+
+def test_the_command_line_has_all_of_them(site: Path, tmp_path: Path) -> None:
+    overview = run(site, "--help").stdout
+    for name in ("count-stones", "sweep", "strength_per_block", "long_faces"):
+        assert f"  {name} " in overview
+    done = run(site, "count-stones", str(SCENE), "--supports")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert int(done.stdout) == len(jc.build_assembly(jc.load_scene(SCENE)).elements)
+    out = tmp_path / "out"
+    options = ("--driver", "sweep", "--step", "3", "--objective", "strength_per_block", "--budget", "20", "--json")
+    done = run(site, "explore", str(SCENE), "--out", str(out), *options)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["driver"] == "sweep"
+    assert "long_faces" in (out / "results.csv").read_text("utf-8").splitlines()[0]
+
+
+@pytest.mark.parametrize(
+    ("group", "name", "value", "words"),
+    [
+        ("jld.drivers", "broken", "no_such_module:Driver", "cannot be loaded"),
+        ("jld.drivers", "broken", "json:dumps", "is not a search driver"),
+        ("jld.drivers", "genetic", "json:dumps", "jld itself has a search driver of that name"),
+        ("jld.counts", "broken", "json:dumps", "is not a count of layouts"),
+        ("jld.counts", "dry_faces", "json:dumps", "jld itself has a count of layouts of that name"),
+        ("jld.objectives", "broken", "json:__name__", "is not an objective"),
+    ],
+)
+def test_a_broken_plug_in_is_one_line(group: str, name: str, value: str, words: str, tmp_path: Path) -> None:
+    facts = tmp_path / "site" / "stranger-1.dist-info"
+    facts.mkdir(parents=True)
+    (facts / "METADATA").write_text("Metadata-Version: 2.1\nName: stranger\nVersion: 1\n")
+    (facts / "entry_points.txt").write_text(f"[{group}]\n{name} = {value}\n")
+    option = "--objective" if group == "jld.objectives" else "--driver"
+    done = run(facts.parent, "explore", str(SCENE), "--out", str(tmp_path / "out"), option, name)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.count("\n") == 1
+    assert words in done.stderr
+    assert "stranger" in done.stderr
