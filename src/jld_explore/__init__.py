@@ -11,6 +11,8 @@
 - `Progress`: state of a running search
 - `SearchMethod`: which labellings are tried, and in which order
 - `SearchSpace`: labellings that may be searched
+- `Step`: what follows a search, and adds to its summary
+- `StepContext`: what a step may use beside the search
 - `StopReason`: reason why a search ended
 - `Summary`: outcome of a search by named fields
 - `explore`: search the labellings of a scene and write the results into a folder
@@ -38,6 +40,7 @@ if TYPE_CHECKING:
         SearchMethod,
     )
     from jld_explore.space import SearchSpace, search_space
+    from jld_explore.steps import Step, StepContext
     from jld_explore.study_state import Progress, StopReason
 
 __all__ = [
@@ -52,6 +55,8 @@ __all__ = [
     "Progress",
     "SearchMethod",
     "SearchSpace",
+    "Step",
+    "StepContext",
     "StopReason",
     "Summary",
     "explore",
@@ -75,6 +80,7 @@ export_lazily(
             "SearchMethod",
         ],
         "space": ["SearchSpace", "search_space"],
+        "steps": ["Step", "StepContext"],
         "study": ["Progress", "StopReason"],
     },
 )

@@ -7,10 +7,9 @@ layout whose λ is below the load that another has carried needs no experiment i
 
 from __future__ import annotations
 
-import json
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -22,12 +21,14 @@ from jld_core.deadline import Deadline
 from jld_core.errors import InputError
 from jld_core.files import write_text
 from jld_core.limit import SolveOptions, Status
+from jld_core.scene import Scene
 from jld_explore.drivers import make_driver
 from jld_explore.evaluation import Evaluation, EvaluatorSettings
 from jld_explore.evaluation.evaluator import Evaluator
-from jld_explore.report import Exploration, Summary, csv_of
-from jld_explore.report.result_files import write_results
+from jld_explore.report import Exploration, csv_of
+from jld_explore.settings import ExploreSettings
 from jld_explore.space import SearchSpace, from_string, to_string
+from jld_explore.steps import Step, StepContext, with_entries
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -224,41 +225,36 @@ def _below(evaluation: Evaluation) -> Evaluation:
     return Evaluation(Status.COLLAPSE, evaluation.low, evaluation.high, 0.5 * evaluation.associative)
 
 
-def add_experiments(
-    done: Exploration,
-    space: SearchSpace,
-    experiments: Experiments,
-    count: int,
-    objective: tuple[SolveOptions, int] | None,
-) -> Exploration:
-    """Run experiments and add them to the tables and the summary on disk.
+class ExperimentStep(Step):
+    """Virtual experiments on the best layouts of a search, or a search by experiment; column `experiment`."""
 
-    Parameters
-    ----------
-    done : Exploration
-        Finished search.
-    space : SearchSpace
-        Space of the search.
-    experiments : Experiments
-        Experiments of the results folder.
-    count : int
-        Number of experiments.
-    objective : tuple of (SolveOptions, int) or None
-        Model and seed of a search by experiment; None tests the best layouts by λ.
+    name = "experiment"
 
-    Returns
-    -------
-    Exploration
-        The search with a column `experiment` and a summary of the experiments.
-    """
-    if objective is None:
-        experiments.run(best_by_load_factor(done, count))
-    else:
-        search_by_experiment(experiments, done, space, objective[0], count, objective[1])
-    found = with_experiments(done, experiments, objective is not None)
-    write_results(done.folder, found.results)
-    write_text(done.folder / "summary.json", json.dumps(found.summary.to_json(), indent=1))
-    return found
+    def wanted(self, settings: ExploreSettings) -> bool:
+        """Return whether layouts are to be tested."""
+        return bool(settings.experiment or settings.by_experiment)
+
+    def refuse(self, scene: Scene, assembly: Assembly, settings: ExploreSettings) -> None:
+        """Raise InputError for a structure with several loads, or without the optional package."""
+        from jld_experiment import require_one_load
+
+        require_one_load(assembly)
+
+    def entries(self, done: Exploration, context: StepContext) -> Mapping[str, Any]:
+        """Return facts of the experiments that the table of the folder holds after `run`."""
+        entries: dict[str, Any] = self.run(done, context).summary.facts[self.name]
+        return entries
+
+    def run(self, done: Exploration, context: StepContext) -> Exploration:
+        """Run experiments, and return the search with their column and entries."""
+        settings = context.settings
+        experiments = Experiments(done.assembly, done.folder, settings.jobs, context.deadline)
+        count = settings.experiment or DEFAULT
+        if settings.by_experiment:
+            search_by_experiment(experiments, done, context.space, settings.model, count, settings.seed)
+        else:
+            experiments.run(best_by_load_factor(done, count))
+        return with_experiments(done, experiments, settings.by_experiment)
 
 
 def _most_over_load_factor(ranked: pd.DataFrame) -> float | None:
@@ -276,7 +272,6 @@ def with_experiments(done: Exploration, experiments: Experiments, objective: boo
     """
     rows = experiments.rows
     values = [rows[name]["experiment"] if name in rows else np.nan for name in done.results["labelling"]]
-    results = done.results.assign(experiment=values)
     table = experiments.table()
     ranked = table[table["status"] == "collapse"]
     # A layout without λ has no upper bound on its experiment.
@@ -301,5 +296,4 @@ def with_experiments(done: Exploration, experiments: Experiments, objective: boo
         "none_better_assumes": ASSUMPTION if none_better and len(left) else None,
         "searched": objective,
     }
-    summary = Summary.of({**done.summary.facts, "experiment": facts})
-    return replace(done, results=results, summary=summary)
+    return with_entries(done, {"experiment": facts}, {"experiment": values})

@@ -9,7 +9,7 @@ from contextlib import nullcontext, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly, build_robust
@@ -35,20 +35,24 @@ from jld_explore.evaluation.own_objective import OwnObjectiveEvaluator
 from jld_explore.evaluation.record_file import recorded_driver
 from jld_explore.evaluation.records import RECORDS_FILE
 from jld_explore.evaluation.void_cells import VoidCellsEvaluator
-from jld_explore.experiments import DEFAULT, Experiments, add_experiments
+from jld_explore.experiments import ExperimentStep
 from jld_explore.field_check import CheckPlan, add_check, plan_check, time_for
 from jld_explore.field_study import FieldStudy
 from jld_explore.refusals import refuse_beside_void, refuse_together, refuse_unfit
-from jld_explore.reliability_study import add_reliability, kept_back
+from jld_explore.reliability_study import ReliabilityStep
 from jld_explore.report import Exploration, check_folder, write_pictures, write_report
 from jld_explore.report.folder import check_certificate_file, write_tables
 from jld_explore.settings import ExploreSettings, Objective
 from jld_explore.space import SearchSpace, from_string, search_space
+from jld_explore.steps import StepContext, run_steps, steps_of
 from jld_explore.study import Study
 from jld_explore.study_run import STOPPING, run_study
 from jld_explore.study_state import Interrupted, Progress
 from jld_explore.uncut import add_uncut
 from jld_explore.writing_time import PAGE, PICTURES, TABLES, busy_factor, field_seconds, later, search_deadline
+
+STEPS: Final = (ExperimentStep(), ReliabilityStep())
+"""Steps of jld that follow a search, in order."""
 
 
 def explore(
@@ -208,6 +212,9 @@ def _search(
     said.append(f"driver: {chosen.name}" + (f", {total} {CLASSES}" if total is not None else ""))
     said += [] if scene.cracks == "faces" else [f"cracks: {cracks_in_words(scene.cracks)}"]
     refuse_unfit(scene, assembly, settings, chosen)
+    steps = steps_of(settings, STEPS)
+    for step in steps:
+        step.refuse(scene, space.assembly, settings)
     kind, make = _makers(scene, assembly, settings)
     if space.void is not None:
         refuse_beside_void(settings, chosen)
@@ -230,7 +237,7 @@ def _search(
         total=total,
         report=report,
         found_first=say,
-        deadline=until.earlier(time_for(checked, settings) + kept_back(settings)),
+        deadline=until.earlier(time_for(checked, settings) + sum(step.seconds(settings) for step in steps)),
         make=make,
     )
     write_text(folder / "scene.json", scene.model_dump_json(indent=1, exclude_defaults=True))
@@ -284,10 +291,7 @@ def _completed(
     if checked is not None:
         done = add_check(done, study.space, checked, late)
     done = add_uncut(done, study.space, settings, late)
-    if settings.experiment or settings.by_experiment:
-        done = _experimented(study, done)
-    if settings.reliability is not None:
-        done = add_reliability(done, settings, late)
+    done = run_steps(done, steps_of(settings, STEPS), StepContext(study.space, settings, late))
     if settings.pictures:
         _draw(done, deadline, settings, announce)
     return done
@@ -333,14 +337,6 @@ def _by_cracks(scene: Scene, assembly: Assembly) -> tuple[type[Study], MakeEvalu
     if isinstance(scene.cracks, FieldCracks):
         return FieldStudy, FieldEvaluator
     return Study, evaluator_of
-
-
-def _experimented(study: Study, done: Exploration) -> Exploration:
-    """Add virtual experiments to a finished study: on the best layouts, or as a search."""
-    settings = study.settings
-    experiments = Experiments(study.assembly, study.folder, settings.jobs, study.deadline)
-    objective = (settings.model, settings.seed) if settings.by_experiment else None
-    return add_experiments(done, study.space, experiments, settings.experiment or DEFAULT, objective)
 
 
 def _draw(

@@ -14,7 +14,6 @@ from jld_explore.drivers import Driver
 from jld_explore.drivers.exact.certifying import check_certifiable
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.field_exact import FieldExact
-from jld_explore.reliability_study import refuse_beside_reliability
 from jld_explore.settings import ExploreSettings
 
 
@@ -33,7 +32,6 @@ def refuse_together(scene: Scene, settings: ExploreSettings, assembly: Assembly)
     if settings.certificate is not None and settings.by_experiment:
         raise ParameterError("certificate", "an experiment is no proof", '`objective="associative"`')
     refuse_beside_own_objective(scene, settings)
-    refuse_beside_reliability(scene, settings)
 
 
 def refuse_beside_own_objective(scene: Scene, settings: ExploreSettings) -> None:
@@ -99,10 +97,6 @@ def refuse_unfit(scene: Scene, assembly: Assembly, settings: ExploreSettings, dr
     space = driver.space
     dry = (space.candidates | space.fixed) & (space.assembly.interfaces.b != space.assembly.sink)
     require_model(space.assembly, settings.model, dry)
-    if settings.experiment or settings.by_experiment:
-        from jld_experiment import require_one_load  # optional; raises its error here if missing
-
-        require_one_load(assembly)
     if settings.certificate is not None:
         check_certifiable(driver, settings.model, scene)
         if isinstance(driver, Exact):

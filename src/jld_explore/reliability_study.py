@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import replace
+from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
 
+from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline
 from jld_core.errors import ParameterError
 from jld_core.files import write_text
@@ -15,10 +15,10 @@ from jld_core.limit import Status
 from jld_core.scene import Scene
 from jld_explore.reliability.analysis import ReliabilityOptions, analyse
 from jld_explore.reliability.structure import random_structure
-from jld_explore.report import Exploration, Summary, csv_of
-from jld_explore.report.result_files import write_results
+from jld_explore.report import Exploration, csv_of
 from jld_explore.settings import ExploreSettings
 from jld_explore.space import from_string
+from jld_explore.steps import Step, StepContext, with_entries
 
 FILE: Final = "reliability.csv"
 """Name of the table of reliability indices in a results folder."""
@@ -36,46 +36,60 @@ _SHARE: Final = 0.25
 """Share of a time limit that is kept back for the ranking."""
 
 
-def refuse_beside_reliability(scene: Scene, settings: ExploreSettings) -> None:
-    """Raise InputError for settings or scenes without a ranking by reliability."""
-    if settings.reliability is None:
-        return
-    for name, asked in (
-        ("objective", settings.model.friction != "associative" or settings.own_objective is not None),
-        ("robust", settings.robust),
-        ("contact", settings.model.contact != "convex"),
-        ("effective_area", settings.model.effective_area),
-        ("inner_bending", settings.model.inner_bending != "uncoupled"),
-        ("cracks", scene.cracks != "faces"),
-        ("search.void", scene.search.void is not None),
-    ):
-        if asked:
-            raise ParameterError(name, "reliability supports rigid faces and associative friction only", "its default")
-    random_structure(scene)
+class ReliabilityStep(Step):
+    """Ranking of the best layouts of a search by reliability; columns `beta_form` and `beta_monte_carlo`."""
+
+    name = "reliability"
+
+    def wanted(self, settings: ExploreSettings) -> bool:
+        """Return whether a number of layouts is to be ranked."""
+        return settings.reliability is not None
+
+    def refuse(self, scene: Scene, assembly: Assembly, settings: ExploreSettings) -> None:
+        """Raise InputError for settings or scenes without a ranking by reliability."""
+        for name, asked in (
+            ("objective", settings.model.friction != "associative" or settings.own_objective is not None),
+            ("robust", settings.robust),
+            ("contact", settings.model.contact != "convex"),
+            ("effective_area", settings.model.effective_area),
+            ("inner_bending", settings.model.inner_bending != "uncoupled"),
+            ("cracks", scene.cracks != "faces"),
+            ("search.void", scene.search.void is not None),
+        ):
+            if asked:
+                problem = "reliability supports rigid faces and associative friction only"
+                raise ParameterError(name, problem, "its default")
+        random_structure(scene)
+
+    def seconds(self, settings: ExploreSettings) -> float:
+        """Return the part of the time limit that is kept back for the ranking, s."""
+        return _SHARE * (settings.seconds or 0.0)
+
+    def entries(self, done: Exploration, context: StepContext) -> Mapping[str, Any]:
+        """Return the rows of the ranking, most reliable first."""
+        rows, asked = _ranked(done, context.settings, context.deadline)
+        return {
+            "layouts": rows,
+            "left_out": asked - len(rows),
+            "best_labelling": rows[0]["labelling"] if rows else None,
+        }
+
+    def run(self, done: Exploration, context: StepContext) -> Exploration:
+        """Write the table of indices, and return the search with its columns and entries."""
+        import pandas as pd  # slow to import and needed for tables only
+
+        entries = self.entries(done, context)
+        write_text(done.folder / FILE, csv_of(pd.DataFrame(entries["layouts"])))
+        by_labelling = {row["labelling"]: row for row in entries["layouts"]}
+        rows = [by_labelling.get(str(labelling), {}) for labelling in done.results["labelling"]]
+        columns = {
+            name: np.array([row.get(name) for row in rows], dtype=float) for name in ("beta_form", "beta_monte_carlo")
+        }
+        return with_entries(done, {self.name: entries}, columns)
 
 
-def kept_back(settings: ExploreSettings) -> float:
-    """Return the part of the time limit that is kept back for the ranking, s; 0 without one."""
-    return 0.0 if settings.reliability is None else _SHARE * (settings.seconds or 0.0)
-
-
-def add_reliability(done: Exploration, settings: ExploreSettings, deadline: Deadline) -> Exploration:
-    """Compute the reliability of the best layouts of a search, and add it to its files.
-
-    Parameters
-    ----------
-    done : Exploration
-        Finished search.
-    settings : ExploreSettings
-        Settings of the search; `reliability` is the number of layouts, `seed` that of the samples.
-    deadline : Deadline
-        Time after which no layout is begun; the first is always computed.
-
-    Returns
-    -------
-    Exploration
-        The search with columns `beta_form` and `beta_monte_carlo`, and a summary of the ranking.
-    """
+def _ranked(done: Exploration, settings: ExploreSettings, deadline: Deadline) -> tuple[list[dict[str, Any]], int]:
+    """Return the rows of the best layouts, most reliable first, and how many layouts were to be ranked."""
     structure = random_structure(done.scene)
     options = ReliabilityOptions(samples=SAMPLES, seed=settings.seed, jobs=settings.jobs)
     ranked = done.results[done.results["status"] == str(Status.COLLAPSE)].head(settings.reliability or 0)
@@ -87,7 +101,7 @@ def add_reliability(done: Exploration, settings: ExploreSettings, deadline: Dead
         own = (number, str(labelling), float(load), *(told[key] for key in _KEPT))
         rows.append(dict(zip(COLUMNS, own, strict=True)))
     rows.sort(key=lambda row: (-_index(row), row["row"]))
-    return _written(done, rows, len(ranked))
+    return rows, len(ranked)
 
 
 def _index(row: dict[str, Any]) -> float:
@@ -99,28 +113,3 @@ def _index(row: dict[str, Any]) -> float:
         if row[name] is not None:
             return float(row[name])
     return -np.inf if row["probability"] == 1.0 else np.inf
-
-
-def _written(done: Exploration, rows: list[dict[str, Any]], asked: int) -> Exploration:
-    """Write the table, the results and the summary; return the search with both.
-
-    rows: of the table, most reliable first. asked: layouts that were to be ranked.
-    """
-    import pandas as pd  # slow to import and needed for tables only
-
-    by_labelling = {row["labelling"]: row for row in rows}
-    columns = {
-        name: [by_labelling[one][name] if one in by_labelling else None for one in done.results["labelling"]]
-        for name in ("beta_form", "beta_monte_carlo")
-    }
-    results = done.results.assign(**{name: np.array(values, dtype=float) for name, values in columns.items()})
-    facts = {
-        "layouts": rows,
-        "left_out": asked - len(rows),
-        "best_labelling": rows[0]["labelling"] if rows else None,
-    }
-    found = replace(done, results=results, summary=Summary.of({**done.summary.facts, "reliability": facts}))
-    write_results(done.folder, results)
-    write_text(done.folder / FILE, csv_of(pd.DataFrame(rows)))
-    write_text(done.folder / "summary.json", json.dumps(found.summary.to_json(), indent=1))
-    return found

@@ -115,6 +115,14 @@ def test_an_objective_is_maximised_by_its_name(tmp_path: Path) -> None:
         je.explore(scene, tmp_path / "c", objective="stiffness")
 
 
+@pytest.mark.usefixtures("plugged")
+def test_a_step_adds_its_entries_to_the_summary(tmp_path: Path) -> None:
+    done = je.explore(jc.parse_scene(small()), tmp_path / "out", driver="random", budget=20, pictures=False)
+    assert done.summary.facts["mean_blocks"]["layouts"] == 10
+    read = je.read_folder(tmp_path / "out")
+    assert read.summary.facts["mean_blocks"]["blocks"] == pytest.approx(done.results["blocks"].head(10).mean())
+
+
 def test_the_command_line_has_all_of_them(site: Path, tmp_path: Path) -> None:
     overview = run(site, "--help").stdout
     for name in ("count-stones", "sweep", "strength_per_block", "long_faces"):

@@ -33,6 +33,7 @@ ORDER = [
     ["jld_explore.notebook_kernel"],
     ["jld_explore.driver_choice", "jld_explore.refusals", "jld_explore.writing_time"],
     ["jld_explore.experiments", "jld_explore.field_check", "jld_explore.reliability_study", "jld_explore.uncut"],
+    ["jld_explore.steps"],
     ["jld_explore.report"],
     ["jld_explore.reliability"],
     ["jld_explore.field_study"],
@@ -273,11 +274,8 @@ def test_every_package_lists_its_exports(wing: str) -> None:
 
 def test_files_of_tests_have_names_of_their_own() -> None:
     """Helpers and tests are imported by their base names: of two files with one name pytest takes one for the other."""
-    names = Counter(
-        path.name
-        for path in (ROOT / "tests").rglob("*.py")
-        if path.name != "conftest.py" and "plugin" not in path.parts
-    )
+    paths = [path for path in (ROOT / "tests").rglob("*.py") if "plugin" not in path.parts]
+    names = Counter(path.name for path in paths if path.name != "conftest.py")
     assert [name for name, count in names.items() if count > 1] == []
 
 
@@ -288,6 +286,7 @@ def test_public_names() -> None:
     core = """blocks_of Scene load_scene parse_scene Assembly build_assembly SolveOptions solve solve_many BatchResult
     geometry_sensitivities LimitAnalysis LimitAnalysisResult Status InputError SolverError samples views solvers"""
     explore = """explore ModelSettings BudgetSettings ParallelSettings SearchMethod OutputSettings ExploreSettings
-    Exploration Summary read_folder SearchSpace search_space Driver Evaluation Progress StopReason"""
+    Exploration Summary read_folder SearchSpace search_space Driver Evaluation Progress
+    Step StepContext StopReason"""
     assert sorted(jld_core.__all__) == sorted(core.split())
     assert sorted(jld_explore.__all__) == sorted(explore.split())
