@@ -132,7 +132,7 @@ def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
         fill=boundary.backing.outlines() if boundary.backing is not None else (),
     )
     warnings = (*geometry.warnings, *implausible(scene, assembly))
-    assembly = replace(assembly, warnings=warnings, notes=_means(scene))
+    assembly = replace(assembly, warnings=warnings, notes=_means(scene), cracks=scene.cracks, scene=scene)
     assembly = with_bond(assembly, scene.materials, of_faces)
     pressures = None if boundary.backing is None else boundary.backing.pressures()
     return with_members(assembly, scene.members, pressures)
