@@ -47,7 +47,8 @@ ORDER = [
     ["jld_core"],
     ["jld_core.exchange"],
     ["jld_core.geometry_optimisation"],
-    ["jld_core.models", "jld_core.views"],
+    ["jld_core.views"],
+    ["jld_core.models"],
     ["jld_core.assembly_sequence"],
     ["jld_core.limit"],
     ["jld_core.solvers"],
@@ -58,7 +59,8 @@ ORDER = [
     ["jld_core.mechanics", "jld_core.build"],
     ["jld_core.geometry", "jld_core.samples"],
     ["jld_core.sub_assembly"],
-    ["jld_core.scene", "jld_core.assembly"],
+    ["jld_core.assembly"],
+    ["jld_core.scene"],
     ["jld_core.linalg", "jld_core.files", "jld_core.shape_loads", "jld_core.members"],
     [
         "jld_core.notebook_repr",
@@ -154,7 +156,7 @@ def test_imports_run_downwards() -> None:
     assert against == []
 
 
-MOST_EXPORTED = 200
+MOST_EXPORTED = 260
 """Exported names of all packages together; version 0.2 had 439, of which most were used by one sub-package."""
 
 
@@ -281,8 +283,9 @@ def test_public_names() -> None:
     import jld_core
     import jld_explore
 
-    core = """Scene load_scene parse_scene Assembly build_assembly SolveOptions solve solve_many BatchResult
-    geometry_sensitivities LimitAnalysis LimitAnalysisResult Status InputError SolverError samples views solvers"""
+    core = """Scene load_scene parse_scene Assembly build_assembly Model SolveOptions solve solve_many BatchResult
+    geometry_sensitivities LimitAnalysis LimitAnalysisResult Result Status InputError SolverError samples views
+    solvers"""
     explore = """explore ModelSettings BudgetSettings ParallelSettings SearchMethod OutputSettings ExploreSettings
     Exploration Summary read_folder SearchSpace search_space Driver Evaluation Progress StopReason"""
     assert sorted(jld_core.__all__) == sorted(core.split())

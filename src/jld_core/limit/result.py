@@ -282,8 +282,8 @@ class LimitAnalysisResult(Result):
         """Return the contact model, "convex" or "concave"."""
         return self.model.contact
 
-    @property  # type: ignore[override]
-    def reason(self) -> str | None:
+    @property
+    def reason(self) -> str | None:  # type: ignore[override]
         """Say which bound of an uncertified result is missing, and why.
 
         One sentence; None where no bound is missing.

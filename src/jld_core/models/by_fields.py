@@ -82,31 +82,31 @@ class FieldResult(Result):
             raise InputError("cracks", "fields in space have no picture", "a planar scene")
         return self.assembly.by_case[case], self.labels, bounds
 
-    @property  # type: ignore[override]
-    def status(self) -> Status:
+    @property
+    def status(self) -> Status:  # type: ignore[override]
         """Return the outcome of the bounds by fields.
 
         It is collapse where the gap is reached, unstable where an upper bound is below 0, else uncertified.
         """
         return self.governing.status
 
-    @property  # type: ignore[override]
-    def load_factor(self) -> float:
+    @property
+    def load_factor(self) -> float:  # type: ignore[override]
         """Return the lower bound on λ; with load cases the least of λ / required."""
         return self.governing.low
 
-    @property  # type: ignore[override]
-    def bracket(self) -> tuple[float, float]:
+    @property
+    def bracket(self) -> tuple[float, float]:  # type: ignore[override]
         """Return the proven bounds on λ, NaN where one is missing."""
         return self.governing.low, self.governing.high
 
-    @property  # type: ignore[override]
-    def gap(self) -> float:
+    @property
+    def gap(self) -> float:  # type: ignore[override]
         """Return the relative width of the bracket."""
         return _width(*self.bracket)
 
-    @property  # type: ignore[override]
-    def facts(self) -> dict[str, Any]:
+    @property
+    def facts(self) -> dict[str, Any]:  # type: ignore[override]
         """Return no further facts."""
         return {}
 
@@ -118,8 +118,8 @@ class FieldResult(Result):
             for alone, bounds in zip(self.assembly.by_case, self.cases.values(), strict=True)
         ]
 
-    @property  # type: ignore[override]
-    def stands_at_zero(self) -> bool | None:
+    @property
+    def stands_at_zero(self) -> bool | None:  # type: ignore[override]
         """Return True if the structure stands without live load in every load case.
 
         False if it does not in one of them; None where it is undecided.
@@ -127,8 +127,8 @@ class FieldResult(Result):
         known = [stands_by(bounds, least) for bounds, least in zip(self.cases.values(), self._reversed, strict=True)]
         return False if False in known else None if None in known else True
 
-    @property  # type: ignore[override]
-    def least_bracket(self) -> tuple[float, float]:
+    @property
+    def least_bracket(self) -> tuple[float, float]:  # type: ignore[override]
         """Return the proven bounds on the least λ from which on the structure stands, NaN where unknown."""
         if self.stands_at_zero:
             return 0.0, 0.0
@@ -136,8 +136,8 @@ class FieldResult(Result):
         low, high = np.maximum(ends, 0.0).max(axis=0).tolist()
         return low, high
 
-    @property  # type: ignore[override]
-    def reason(self) -> str | None:
+    @property
+    def reason(self) -> str | None:  # type: ignore[override]
         """Explain in one sentence why the bounds of the governing case did not reach the gap; None where they did."""
         if self.status is not Status.UNCERTIFIED:
             return None

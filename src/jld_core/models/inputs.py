@@ -13,7 +13,7 @@ from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.errors import ParameterError, error_context
-from jld_core.scene import Scene, load_scene, parse_scene
+from jld_core.scene import Scene, load_scene
 from jld_core.sub_assembly import with_members
 
 Structure = str | Path | Mapping[str, Any] | Scene | Assembly
@@ -49,7 +49,7 @@ def assembly_of(structure: Structure) -> Assembly:
     if isinstance(structure, Scene):
         return build_assembly(structure)
     if isinstance(structure, Mapping):
-        return build_assembly(parse_scene(structure))
+        return build_assembly(structure)
     if not isinstance(structure, str | Path):
         problem = f"{type(structure).__name__!r} is no structure"
         raise ParameterError("structure", problem, "the name of a scene file, a dict, a Scene or an Assembly")

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import inspect
+from collections.abc import Callable
 from dataclasses import fields, replace
 from difflib import get_close_matches
-from typing import Any, cast
+from typing import Any, ParamSpec, TypeVar, cast
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
@@ -16,6 +18,9 @@ from jld_core.models.crack_models import require_cracks, rigid, under
 from jld_core.models.inputs import Labels, Structure, assembly_of, labels_of
 from jld_core.models.labelling import require_model
 from jld_core.threads import one_thread
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 def model_of(model: Model | None, options: dict[str, Any]) -> Model:
@@ -49,6 +54,28 @@ def model_of(model: Model | None, options: dict[str, Any]) -> Model:
     return replace(model or Model(), **options)
 
 
+def options_of_model(function: Callable[P, R]) -> Callable[P, R]:
+    """Let a function that takes the fields of `Model` as keywords state them in its signature, for editors.
+
+    Parameters
+    ----------
+    function : callable
+        Function whose last parameter is `**options`.
+
+    Returns
+    -------
+    callable
+        The same function.
+    """
+    signature = inspect.signature(function)
+    own = [one for one in signature.parameters.values() if one.kind is not inspect.Parameter.VAR_KEYWORD]
+    kind = inspect.Parameter.KEYWORD_ONLY
+    stated = [inspect.Parameter(one.name, kind, default=one.default, annotation=one.type) for one in fields(Model)]
+    function.__dict__["__signature__"] = signature.replace(parameters=own + stated)
+    return function
+
+
+@options_of_model
 def solve(
     structure: Structure, labels: Labels | None = None, model: Model | None = None, **options: Any
 ) -> LimitAnalysisResult:

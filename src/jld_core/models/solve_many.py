@@ -16,7 +16,7 @@ from jld_core.mechanics import require_materials
 from jld_core.models.crack_models import require_cracks, rigid, under
 from jld_core.models.inputs import Labels, Structure, assembly_of, labellings_of
 from jld_core.models.labelling import limit_analysis, solve_labelling
-from jld_core.models.solve import model_of, solve_cracked
+from jld_core.models.solve import model_of, options_of_model, solve_cracked
 from jld_core.scene.cracks import FieldCracks, cracks_in_words
 from jld_core.threads import one_thread
 
@@ -120,6 +120,7 @@ class BatchResult:
         return pd.DataFrame(columns)
 
 
+@options_of_model
 @one_thread()
 def solve_many(
     structure: Structure, labellings: ArrayLike | Iterable[Labels], model: Model | None = None, **options: Any
