@@ -60,7 +60,7 @@ def test_a_result_has_the_options_of_its_model() -> None:
         ({"contact": "glued"}, "contact: no contact is named 'glued'"),
         ({"inner_bending": "elastic"}, "uncoupled or kern"),
         ({"effective_area": True, "contact": "concave"}, "point contacts have no effective area"),
-        ({"gap": 0.0}, "gap: 0.0 is no relative width"),
+        ({"gap": 0.0}, "gap: 0 is no relative width"),
         ({"solver": "simplex"}, "no solver is named"),
     ],
 )

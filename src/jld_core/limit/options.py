@@ -107,12 +107,12 @@ class Model:
             )
         if not (_is_number(self.floor_seconds) and self.floor_seconds >= 0.0):
             raise ParameterError(
-                "floor_seconds", f"{self.floor_seconds!r} is no number of seconds", "seconds, 0 for no bound"
+                "floor_seconds", f"{_shown(self.floor_seconds)} is no number of seconds", "seconds, 0 for no bound"
             )
         if not (_is_number(self.gap) and 0.0 < self.gap < math.inf):
-            raise ParameterError("gap", f"{self.gap!r} is no relative width", "a number above 0")
+            raise ParameterError("gap", f"{_shown(self.gap)} is no relative width", "a number above 0")
         if self.seconds is not None and not (_is_number(self.seconds) and self.seconds >= 0.0):
-            raise ParameterError("seconds", f"{self.seconds!r} is no time", "seconds, at least 0")
+            raise ParameterError("seconds", f"{_shown(self.seconds)} is no time", "seconds, at least 0")
         if isinstance(self.solver, str):
             require_solver(self.solver)
 
@@ -165,3 +165,8 @@ SolveOptions = Model
 def _is_number(value: object) -> bool:
     """Return True for a real number, and False for truth values and other objects."""
     return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+
+
+def _shown(value: object) -> str:
+    """Return a number in short, and any other object as Python writes it."""
+    return f"{value:g}" if _is_number(value) else repr(value)
